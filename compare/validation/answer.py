@@ -1,4 +1,7 @@
-"""The results of a validation in sentences, and a judgement of the paper's argument about rho."""
+"""The results of a validation in sentences: what to take, what it costs, how accurate it is; and the paper's argument.
+
+Accuracy decides, and where a closure is accurate the counted work of both sides; no time that a clock measured.
+"""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -6,16 +9,16 @@ from collections.abc import Iterable, Sequence
 import pandas as pd
 
 from rattle.closure import refusals
-from rattle.compare.validation.advice import advice, cost_sentence
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.correlation import SIMULATED, first_failure
 from rattle.compare.validation.physical import duration_words, motion_sentence
 from rattle.compare.validation.section_errors import BY_SIZE
-from rattle.compare.validation.speed import measure_speeds, simulation_costs
+from rattle.compare.validation.speed import WANTED, measure_speeds, simulation_costs
 from rattle.compare.validation.validity import find_validities
 from rattle.compare.validation.validity_range import in_words, join_words, span, unbroken
 from rattle.compare.validation.verdict import JUDGED
 from rattle.scene.scene import Scene
+from rattle.scene.text import duration_text
 
 SECTION = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
@@ -29,6 +32,84 @@ def sigma_text(v: Comparison) -> str:
 def _largest_rho(validations: Sequence[Comparison], closure: str) -> float:
     rows = (v.correlation[v.correlation["closure"] == closure]["rho"].abs().max() for v in validations)
     return max((float(r) for r in rows if r == r), default=0.0)
+
+
+def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
+    """What to take for a gear pair at each noise intensity that was asked for, in one sentence.
+
+    Examples
+    --------
+    >>> rows = [("saltation", 0.01, 12, 12), ("saltation", 0.1, 3, 3)]
+    >>> table = pd.DataFrame(rows, columns=["closure", "sigma", "accurate", "not_inaccurate"])
+    >>> work = pd.DataFrame([("saltation", 0.01, 12, True, 1e-3, 900.0)],
+    ...     columns=["closure", "sigma", "impacts", "resolved", "closure_seconds", "speed_up"])
+    >>> print(advice(table, 12, work).replace("; ", ";\\n"))
+    For this gear pair take `saltation` at σ = 0.01 (all means and sds at 12 impacts are accurate);
+    simulate at σ = 0.1 (no closure is accurate at all 12 impacts, `saltation` at the first 3).
+    """
+    said = []
+    for sigma, rows in validity.groupby("sigma", sort=False):
+        own = speed[(speed["sigma"] == sigma) & (speed["impacts"] == impacts)].sort_values("closure_seconds")
+        slower = own["resolved"] & (own["speed_up"] < 1.0)
+        worth, dearer = ([f"`{c}`" for c in own[which]["closure"]] for which in (~slower, slower))
+        if worth:
+            said.append(f"take {worth[0]} at σ = {sigma:.4g} (all {_moments(impacts)} are accurate)")
+        else:
+            said.append(f"simulate at σ = {sigma:.4g} ({_none(rows, impacts, dearer)})")
+    return f"For this gear pair {'; '.join(said)}."
+
+
+def _none(rows: pd.DataFrame, impacts: int, dearer: list[str]) -> str:
+    """Why no closure is taken at a noise intensity; what is undecided must not be called wrong."""
+    if dearer:
+        takes = "is accurate, but takes" if len(dearer) == 1 else "are accurate, but take"
+        return f"{join_words(dearer)} {takes} more work than an equally accurate simulation"
+    undecided = [f"`{c}`" for c in rows[rows["not_inaccurate"] == impacts]["closure"]]
+    if undecided:
+        verb = "is" if len(undecided) == 1 else "are"
+        return f"{join_words(undecided)} {verb} undecided: more paths would settle it"
+    if impacts == 1:
+        return "no closure is accurate at the first impact"
+    best = rows.sort_values("accurate", ascending=False, kind="stable").iloc[0]
+    part = f", `{best['closure']}` at the first {best['accurate']}" if best["accurate"] > 0 else ""
+    return f"no closure is accurate at all {impacts} impacts{part}"
+
+
+def _moments(impacts: int) -> str:
+    return f"means and sds at {impacts} impacts" if impacts > 1 else "means and sds at the first impact"
+
+
+def cost_sentence(
+    simulation: pd.DataFrame, speed: pd.DataFrame, impacts: int, duration: str = "", over: pd.DataFrame | None = None
+) -> str:
+    """What a simulation and the closures cost in counted work.
+
+    `duration`: How long the motion is in physical units, as "24 ms of rattling", if that is known.
+    """
+    what = (
+        f"{impacts} impact{'s' if impacts > 1 else ''}{f' ({duration})' if duration else ''} to {WANTED:.0%} of an sd"
+    )
+    each = [
+        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'])})"
+        for row in simulation.to_dict("records")
+    ]
+    whole = speed[speed["impacts"] == impacts].groupby("closure", sort=False)["closure_seconds"].max()
+    closures = (
+        join_words([f"`{name}` {duration_text(seconds, 2)}" for name, seconds in whole.items()]) if len(whole) else ""
+    )
+    said = f"Nominal time on one core, from counted work: a simulation of {what} takes {join_words(each)}"
+    said += f"; {closures}" if closures else ""
+    if over is not None:
+        slower = over[over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)]
+        for closure, rows in slower.groupby("closure", sort=False):
+            at = join_words([f"{sigma:.4g}" for sigma in rows["sigma"]])
+            said += f"; at σ = {at} an equally accurate simulation takes less than `{closure}`"
+    return f"{said}."
+
+
+def _paths(paths: float) -> str:
+    number = f"{paths:,.0f}" if paths < 1e4 else f"{float(f'{paths:.2g}'):,.0f}" if paths < 1e12 else f"{paths:.2g}"
+    return f"{number} path{'s' if paths > 1 else ''}"
 
 
 def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
@@ -117,12 +198,9 @@ def _agreement(validations: Sequence[Comparison]) -> list[str]:
         best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
         if best < 1.0:
             shares.append(f"{f'{best:.1%}' if best < 0.9995 else f'{100.0 * best:.6g}%'} at σ = {sigma_text(v)}")
-    if not shares:
-        return []
-    return [
-        f"After {impacts} impacts the share of paths that still follow a closure's itinerary is {join_words(shares)}: "
-        "a closure along a single orbit says nothing about the others."
-    ]
+    said = f"After {impacts} impacts the share of paths that still follow a closure's itinerary is "
+    others = "a closure along a single orbit says nothing about the others."
+    return [f"{said}{join_words(shares)}: {others}"] if shares else []
 
 
 def by_size_sentence(validations: Sequence[Comparison]) -> list[str]:

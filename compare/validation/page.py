@@ -15,22 +15,12 @@ from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT
 from rattle.compare.report.provenance import command_line, provenance, source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.report.style import caption_of
+from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.figures import FIGURES, agreement_figure, has_something
 from rattle.compare.validation.physical import motion_blocks
 from rattle.compare.validation.schemes import NOTE, scheme_table
-from rattle.compare.validation.tables import (
-    MARKS,
-    count_table,
-    distance_table,
-    failure_table,
-    impact_table,
-    reach_table,
-    simulation_text,
-    speed_table,
-    validity_table,
-)
 from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 
@@ -62,32 +52,38 @@ WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
 PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
-def _add(drawings: dict[str, Drawing], drawing: Drawing, name: str, caption: str) -> Figure:
+def _add(drawings: dict[str, Drawing], drawing: Drawing, name: str, parts: Sequence[tuple[str, str]]) -> Figure:
     """Add a drawing to those that are to be written; the block that shows it."""
-    drawings[f"figures/{name}"] = drawing
+    drawings[f"figures/{name}"], caption = drawing, caption_of(drawing, parts)
     return Figure(f"figures/{name}.svg", caption, caption)
 
 
 def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSection:
     """One noise intensity of the page; its figures are added to the drawings."""
     name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
-    figures = []
-    for kind, (draw, caption) in FIGURES.items():
-        if has_something(kind, v):
-            drawing = draw(v)
-            figures.append(_add(drawings, drawing, f"{kind}-{name}", caption_of(drawing, caption)))
-    failures = failure_table(v)
+    figures = [
+        _add(drawings, draw(v), f"{kind}-{name}", parts)
+        for kind, (draw, parts) in FIGURES.items()
+        if has_something(kind, v)
+    ]
+    failures = tables.failure_table(v)
     found: list[Block] = [Text(FAILURES, note=True), failures] if failures.rows else [Text("Every check holds.")]
     errors: list[Block] = []
     for closure, prediction in v.predictions.items():
-        errors.append(impact_table(v, closure, f"Errors of the {closure} closure per impact, {sigma}"))
+        errors.append(tables.impact_table(v, closure, f"Errors of the {closure} closure per impact, {sigma}"))
         if prediction.stopped:
             errors.append(Text(f"The {closure} closure cannot be continued: {prediction.stopped}.", note=True))
     return PageSection(
         sigma,
-        (Text(simulation_text(v), note=True), reach_table(v), count_table(v), *motion_blocks(v), *figures),
         (
-            PageSection(f"Realizability at {sigma}", (*found, Text(DISTANCE, note=True), distance_table(v))),
+            Text(tables.simulation_text(v), note=True),
+            tables.reach_table(v),
+            tables.count_table(v),
+            *motion_blocks(v),
+            *figures,
+        ),
+        (
+            PageSection(f"Realizability at {sigma}", (*found, Text(DISTANCE, note=True), tables.distance_table(v))),
             PageSection(f"Errors per impact at {sigma}", tuple(errors)),
         ),
     )
@@ -103,17 +99,16 @@ def _page(
 ) -> Page:
     """The page of the report; its figures are added to the drawings."""
     caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
-    agreement = _add(drawings, agreement_figure(validations), "agreement", caption)
+    agreement = _add(drawings, agreement_figure(validations), "agreement", ((caption, ""),))
     words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=validations[0].scene.gears)
     if swept:
         paths = (
             f"{settings.validity_paths:,} paths of exact flights at each σ (no step bias), all with the same random "
             "numbers. Each σ: `validity.csv`; what a simulation takes there: `simulation.csv`."
         )
-        drawing = validity_figure(swept.validity, settings.impacts)
-        figure = _add(drawings, drawing, "validity", caption_of(drawing, VALIDITY))
-        opening: tuple[Block, ...] = (figure, validity_table(swept.validity), Text(paths, note=True), words)
-        speeds = speed_table(swept.speed)
+        figure = _add(drawings, validity_figure(swept.validity, settings.impacts), "validity", VALIDITY)
+        opening: tuple[Block, ...] = (figure, tables.validity_table(swept.validity), Text(paths, note=True), words)
+        speeds = tables.speed_table(swept.speed)
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
         none = NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is")
         blocks = (Text(note, note=True), speeds) if speeds.rows else (Text(none),)
@@ -123,16 +118,18 @@ def _page(
         ]
     else:
         opening, sections = (agreement, words), []
-    marks = ", ".join(f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items() if verdict != NOT_JUDGED)
+    marks = ", ".join(
+        f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in tables.MARKS.items() if verdict != NOT_JUDGED
+    )
     legend = (
         f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
         f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
     if schemes is not None:
-        tables: list[Block] = [Text(NOTE, note=True)]
+        ensembles: list[Block] = [Text(NOTE, note=True)]
         for v in validations:
-            tables += [Text(f"At σ = {sigma_text(v)}:"), scheme_table(schemes, v.scene.sigma)]
-        sections.append(PageSection("Euler–Maruyama beside exact flights and the closures", tuple(tables)))
+            ensembles += [Text(f"At σ = {sigma_text(v)}:"), scheme_table(schemes, v.scene.sigma)]
+        sections.append(PageSection("Euler–Maruyama beside exact flights and the closures", tuple(ensembles)))
     if claim := correlation_claim(validations):
         sections.append(PageSection("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
     sections.append(PageSection("How the tables are read", (Text(legend),)))
@@ -156,15 +153,15 @@ def write_report(
     schemes: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
     """Write the report folder, whole or not at all."""
-    tables = {
+    frames = {
         name: pd.concat([getattr(v, name).assign(sigma=v.scene.sigma) for v in validations])
         for name in ("table", "correlation")
     }
-    tables["table"] = tables["table"][["sigma", *validations[0].table]]
-    tables |= swept._asdict() if swept else {}
-    tables |= {} if schemes is None else {"schemes": schemes}
+    frames["table"] = frames["table"][["sigma", *validations[0].table]]
+    frames |= swept._asdict() if swept else {}
+    frames |= {} if schemes is None else {"schemes": schemes}
     digests = {
-        name: manifest.digest(csv_text(tables[name], index=False)) for name in ("table", "validity") if name in tables
+        name: manifest.digest(csv_text(frames[name], index=False)) for name in ("table", "validity") if name in frames
     }
     record = {
         "version": manifest.VERSION,
@@ -176,7 +173,7 @@ def write_report(
     }
     drawings: dict[str, Drawing] = {}
     page = _page(settings, validations, swept, record, drawings, schemes)
-    save(out, "report", page, record, allowed=CONTENTS, figures=drawings, tables=tables, overwrite=overwrite)
+    save(out, "report", page, record, allowed=CONTENTS, figures=drawings, tables=frames, overwrite=overwrite)
     return record
 
 

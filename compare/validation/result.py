@@ -50,8 +50,7 @@ class Validation(Comparison):
     @property
     def accurate(self) -> bool:
         """Whether all moments that are predicted and judged are accurate; the rule is in ``verdict.RULE``."""
-        judged = self.table[self.table["verdict"].isin(JUDGED)]
-        return bool((judged["verdict"] == "accurate").all())
+        return not self.table["verdict"].isin(("inaccurate", "undecided")).any()
 
     @property
     def counts(self) -> pd.DataFrame:

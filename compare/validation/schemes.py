@@ -14,16 +14,10 @@ from rattle.compare.validation.section_errors import section_errors
 from rattle.montecarlo import Ensemble, simulate
 
 PATHS = 32_768
-FORMS = {  # columns that the page shows after the name of the method, and their formats
-    "dt": ".4g",
-    "paths": ",.0f",
-    "bias_mean": ".3g",
-    "bias_sd": ".3g",
-    "error_mean": ".3g",
-    "error_sd": ".3g",
-    "core_seconds": ".3g",
-}
-MOMENTS = ("mean", "sd")
+SHARES = ("bias_mean", "bias_sd", "error_mean", "error_sd")  # in sds of the quantity
+FORMS = {"dt": ".4g", "paths": ",.0f", **dict.fromkeys(SHARES, ".3g"), "core_seconds": ".3g"}
+"""Columns after noise intensity and method, and how the page shows their numbers."""
+
 NOTE = (
     f"Each scheme with {PATHS:,} paths, and each closure, compared with the simulation of this report: the largest "
     "difference of a mean and of an sd over all impacts, in sds of the quantity, and the processor time (for closures "
@@ -71,7 +65,7 @@ def _largest(table: pd.DataFrame, column: str) -> list[float]:
     """The largest value of a mean and of an sd, in sds of the quantity, over the rows that are judged."""
     rows = table[table["judged"] & (table["unit"] > 0.0)]
     shares = rows[column].abs() / rows["unit"]
-    return [float(shares[rows["moment"] == moment].max()) for moment in MOMENTS]
+    return [float(shares[rows["moment"] == moment].max()) for moment in ("mean", "sd")]
 
 
 def scheme_table(found: pd.DataFrame, sigma: float) -> Table:

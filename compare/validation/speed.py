@@ -66,8 +66,6 @@ def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
 def measure_speed(v: Comparison, closure: str) -> Speed | None:
     """Count the work of a closure up to the last impact at which it is accurate; None if there is none, or no sd."""
     reached, prediction = find_validity(v, closure).accurate, v.predictions[closure]
-    if reached == 0:
-        return None
     rows = rows_to_judge(v, closure)
     rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
     if rows.empty:

@@ -93,9 +93,7 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
         [excluded, absent, inside, outside], [NOT_JUDGED, "not predicted", "accurate", "inaccurate"], "undecided"
     )
     low, high = out["low"] + out["unseen_low"], out["high"] - out["unseen_high"]  # of what the sample has seen
-    fixed = (
-        out["rest"].astype(float) if "rest" in out else 0.5 * (high - low) - out["noise"]
-    )  # that paths do not reduce
+    fixed = out.get("rest", 0.5 * (high - low) - out["noise"]).astype(float)  # what more paths do not reduce
     margin = (out["error"].abs() - tolerance).abs() - fixed
     with np.errstate(invalid="ignore", divide="ignore"):
         needed = out["paths"] * (out["noise"] / margin) ** 2

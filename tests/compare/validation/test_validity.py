@@ -22,7 +22,7 @@ def test_right_closures_reach_the_end_at_small_noise(validations):
     table = find_validities(validations).set_index(["sigma", "closure"])
     for closure in ("saltation", "branching"):
         assert table.loc[(0.01, closure), "accurate"] == 6
-        assert "holds" in table.loc[(0.01, closure), "why"]
+        assert table.loc[(0.01, closure), "cause"] == "holds"
     for closure in ("published", "corrected"):
         assert table.loc[(0.01, closure), "not_inaccurate"] == 0
     assert (table["accurate"] <= table["not_inaccurate"]).all()
