@@ -6,7 +6,6 @@ starts at zero and is only ever mapped linearly.  So only the covariance has to 
 follow from it, and ``|rho| <= 1`` always.  The means are shifted by the window means of Eqs. 20 and 21.
 """
 
-import math
 from functools import partial
 
 import numpy as np
@@ -15,17 +14,16 @@ from rattle.closure.edgeworth import coefficients, has_series, window_means
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, Ints, Orbit, follow
 from rattle.closure.raw_moments import stage_raw_moments
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
 from rattle.scene.moments import semidefinite
+from rattle.scene.products import product, transform
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import congruence, put, times
-from rattle.scene.small_vectors import put_row
 
 
-@jit
+@internal
 def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
     """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for walls at ``+-half_window``.
 
@@ -48,39 +46,19 @@ def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stage
     return shift
 
 
-@jit
 def _fly(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> tuple[Floats, Floats]:
     """Covariance a time t after an impact, from that before it; and the sds of its terms, for rounding."""
-    j, noise = times(jacobian(c, t), contact_matrix(c, mesh)), noise_covariance(c, tau, t)
-    flown, scale = congruence(j, covariance), np.zeros(4)
-    for i in range(4):
-        scale[i] = math.sqrt(noise[i, i])
-        for k in range(4):
-            scale[i] += abs(j[i, k]) * math.sqrt(abs(covariance[k, k]))
-            flown[i, k] += noise[i, k]
-    return flown, scale
+    j, noise = product(jacobian(c, t), contact_matrix(c, mesh)), noise_covariance(c, tau, t)
+    terms = np.column_stack([np.sqrt(np.diagonal(noise)), np.abs(j) * np.sqrt(np.abs(np.diagonal(covariance)))])
+    return transform(j, covariance) + noise, np.add.accumulate(terms, axis=1)[:, -1]
 
 
-@jit
 def _propagate(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Floats, Floats]:
     """Covariance just before each impact, shape (impacts + 1, 4, 4), and the sds of its terms, for rounding."""
     covariance, scale = np.zeros((tau.size, 4, 4)), np.zeros((tau.size, 4))
     for k in range(1, found + 1):
-        flown, terms = _fly(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
-        put(covariance[k], flown)
-        put_row(scale[k], terms)
+        covariance[k], scale[k] = _fly(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
     return covariance, scale
-
-
-@jit
-def _means(before: Floats, raw: Floats, windows: tuple[float, float], stages: int) -> Floats:
-    """Means just before each impact: the orbit's states plus their window shifts."""
-    mean = before.copy()
-    for k in range(1, len(before)):
-        shift = stage_shifts(raw[k], before[k], windows, stages)
-        for i in range(4):
-            mean[k, i] += shift[i]
-    return mean
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
@@ -91,7 +69,9 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     computed[orbit.found + 1 :] = np.nan
     covariance = np.array([semidefinite(p, s) for p, s in zip(computed, scale, strict=True)])
     raw = stage_raw_moments(covariance, order)
-    mean = _means(orbit.before, raw, windows, c.stages)
+    mean = orbit.before.copy()
+    for k in range(1, impacts + 1):
+        mean[k] += stage_shifts(raw[k], orbit.before[k], windows, c.stages)
     sd = np.full((impacts + 1, 6), np.nan)  # no sd of tau or flight: this closure has no spread of impact times
     sd[:, 2:] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     skew = np.where(sd > 0.0, 0.0, np.nan)

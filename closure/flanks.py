@@ -20,8 +20,8 @@ from rattle.scene.compiled import jit
 from rattle.scene.constants import CUT, Constants
 from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.parts import Tolerance
+from rattle.scene.products import transform
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import congruence
 
 PLAIN = 5  # components of the section state where no flank varies
 NARROWEST = 0.01  # smallest half gap, as a share of the nominal one: the tail of a Gaussian must not close the gap
@@ -104,7 +104,7 @@ def start_covariance(scene: Scene) -> Floats:
     flanks = np.diag(variance)
     if tolerance.draw == "path":  # both flanks of a mesh have one deviation
         flanks[[0, 1], [1, 0]], flanks[[2, 3], [3, 2]] = variance[0], variance[2]
-    return congruence(_place(scene), flanks)
+    return transform(_place(scene), flanks)
 
 
 def start_pieces(scene: Scene) -> Pieces:

@@ -26,7 +26,7 @@ from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import put
-from rattle.scene.small_vectors import beyond, put_row
+from rattle.scene.small_vectors import beyond
 
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
 LONGEST = 20.0  # longest flight; the map ends if there is no counter mesh in it
@@ -79,25 +79,16 @@ def _in_flight(
     return mean_t, shift_t, raw_t
 
 
-@jit
 def _after_impact(c: Constants, raw: Floats) -> Floats:
     """Eqs. 15 and 17 for ``p != 0``; what has ``p = 0`` stays (a single stage follows Eq. 15)."""
-    out = raw.copy()
-    kappa = (1.0 + c.epsilon) * c.mu
-    for n in range(raw.shape[1]):
-        for p in range(1, raw.shape[2] - n):
-            if c.stages == 1:
-                out[0, n, p] = -c.epsilon * raw[0, n, p]
-            else:
-                out[0, n, p] = raw[0, n, p] - kappa * raw[1, n, p]
-                out[1, n, p] = -c.epsilon * raw[1, n, p]
+    out, (n, p) = raw.copy(), np.indices(raw.shape[1:])
+    changed = (p > 0) & (n + p < raw.shape[1])
+    if c.stages == 1:
+        out[0, changed] = -c.epsilon * raw[0, changed]
+    else:
+        out[0, changed] = raw[0, changed] - (1.0 + c.epsilon) * c.mu * raw[1, changed]
+        out[1, changed] = -c.epsilon * raw[1, changed]
     return out
-
-
-@jit
-def _sum(v: Floats, w: Floats) -> Floats:
-    """The sum of two vectors."""
-    return beyond(v, 1.0, w)
 
 
 @jit
@@ -106,10 +97,10 @@ def _counter_mesh(
 ) -> tuple[float, int]:
     """The smaller time at which ``E[x_i] = -E[x_i]_k``, and its stage; stage 0 if there is none."""
     earlier = 0.0
-    before = _sum(mean, mean)
+    before = beyond(mean, 1.0, mean)
     while earlier < LONGEST:
         later = earlier + SCAN
-        now = _sum(_in_flight(c, tau, mean, shift, raw, later, windows)[0], mean)
+        now = beyond(_in_flight(c, tau, mean, shift, raw, later, windows)[0], 1.0, mean)
         best, stage = np.inf, 0
         for i in range(c.stages):
             f_low, f_high = before[2 * i], now[2 * i]
@@ -145,7 +136,6 @@ class Map(NamedTuple):
     after: Floats
 
 
-@jit
 def _iterate(c: Constants, windows: Windows, m: Map) -> int:
     """Iterate the map from its first row, and write the others; returns how many impacts were found."""
     for k in range(1, m.tau.size):
@@ -153,13 +143,9 @@ def _iterate(c: Constants, windows: Windows, m: Map) -> int:
         t, stage = _counter_mesh(c, m.tau[last], m.mean[last], m.shift[last], m.after[last], windows)
         if stage == 0:
             return last
-        mean, shift, raw = _in_flight(c, m.tau[last], m.mean[last], m.shift[last], m.after[last], t, windows)
-        hit = _after_impact(c, raw)
-        put_row(m.mean[k], mean)
-        put_row(m.shift[k], shift)
-        for i in range(2):
-            put(m.before[k, i], raw[i])
-            put(m.after[k, i], hit[i])
+        at = m.tau[last], m.mean[last], m.shift[last], m.after[last], t, windows
+        m.mean[k], m.shift[k], m.before[k] = _in_flight(c, *at)
+        m.after[k] = _after_impact(c, m.before[k])
         m.tau[k], m.mesh[k] = m.tau[last] + t, stage
     return m.tau.size - 1
 

@@ -14,25 +14,21 @@ from rattle.scene.compiled import jit
 from rattle.scene.damping import decay, phi1
 from rattle.scene.flight import NODES, PANEL, WEIGHTS
 from rattle.scene.moments import gaussian_raw_moments
-from rattle.scene.small_matrices import put
 
 Floats = NDArray[np.float64]
 
 BINOMIAL = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=float)
 
 
-@jit
 def stage_raw_moments(covariance: Floats, order: int) -> Floats:
     """Raw moments of both stages of Gaussian perturbations.
 
     Shapes: `covariance` (count, 4, 4); result (count, 2, order + 1, order + 1).
     """
     raw = np.empty((len(covariance), 2, order + 1, order + 1))
-    for k in range(len(covariance)):
-        for i in range(2):
-            j = 2 * i
-            c = covariance[k]
-            put(raw[k, i], gaussian_raw_moments(c[j, j], c[j, j + 1], c[j + 1, j + 1], order))
+    for k, c in enumerate(covariance):
+        for i, j in ((0, 0), (1, 2)):
+            raw[k, i] = gaussian_raw_moments(c[j, j], c[j, j + 1], c[j + 1, j + 1], order)
     return raw
 
 

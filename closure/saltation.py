@@ -7,28 +7,27 @@ section 6).  From order 3 on, the second derivatives add the shift of the mean, 
 cumulants.
 """
 
+import math
 from functools import partial
 
 import numpy as np
 
-from rattle.closure.flanks import column, forget, random_tolerance, start_covariance
+from rattle.closure.flanks import column, random_tolerance, start_covariance
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import Floats, Ints, Orbit, follow
 from rattle.closure.raw_moments import stage_raw_moments
-from rattle.closure.section_map import derivatives, flight_third_cumulant, hit_matrix, noise_slope, third_cumulants
-from rattle.scene.compiled import jit
+from rattle.closure.section_map import derivatives, hit_matrix
+from rattle.closure.third_cumulants import after_impact, flight_third_cumulant, noise_slope, third_cumulants
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.moments import SMALLEST, semidefinite
+from rattle.scene.products import image, product, total, transform
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import apply, block, congruence, inner, put, times
-from rattle.scene.small_vectors import dot
 
 SLOWEST = 1e-6
 """Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no derivatives there."""
 
 
-@jit
 def propagate(
     c: Constants,
     tau: Floats,
@@ -48,14 +47,12 @@ def propagate(
     (d, d); `variance` (4,); result (impacts + 1, 6); result (impacts + 1, d, d).
     """
     count, d = tau.size, start.shape[0]
-    shift = np.full((count, 6), np.nan)
-    sd = np.full((count, 6), np.nan)
-    skew = np.full((count, 6), np.nan)
-    covariance = np.full((count, d, d), np.nan)  # after the impact
-    section = np.full((count, d, d), np.nan)  # before it
-    put(covariance[0], start)
-    put(section[0], start)
+    shift, sd, skew = np.full((3, count, 6), np.nan)
+    section, covariance = np.full((2, count, d, d), np.nan)  # before the impact, and after it
+    section[0] = covariance[0] = start
     moved, third = np.zeros(d), np.zeros((d, d, d))
+    states = np.arange(5)
+    places = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
     fastest = max(c.alpha, c.gamma1, abs(before[0, 1]), abs(before[0, 3]))
     for k in range(1, found + 1):
         speed = before[k, 1] if mesh[k] == 1 else before[k, 3]
@@ -65,49 +62,35 @@ def propagate(
         first, hessian = derivatives(c, mesh[k], side[k], tau[k - 1], after[k - 1], t, before[k], d)
         q = noise_covariance(c, tau[k - 1], t)
         p = covariance[k - 1]
-        linear = block(first, d, 0, d)
-        flown, noise = congruence(linear, p), congruence(block(first, d, d, d + 4), q)
-        for i in range(d):
-            for j in range(d):
-                section[k, i, j] = flown[i, j] + noise[i, j]
-        cross = dot(linear[0], p[0])  # cov(tau_k, tau_k-1)
+        linear = first[:, :d]
+        section[k] = transform(linear, p) + transform(first[:, d:], q)
+        cross = total(linear[0] * p[0])  # cov(tau_k, tau_k-1)
         spread = section[k, 0, 0] + p[0, 0] - 2.0 * cross  # variance of the flight time
-        for i in range(5):
-            sd[k, i if i == 0 else i + 1] = np.sqrt(max(section[k, i, i], 0.0))
-        sd[k, 1] = np.sqrt(max(spread, 0.0))
+        sd[k, places] = np.sqrt(np.maximum(np.diagonal(section[k])[:5], 0.0))
+        sd[k, 1] = math.sqrt(max(spread, 0.0))
         last = moved[0]
-        moved = apply(linear, moved)
+        moved = image(linear, moved)
         if second:
             slope = noise_slope(c, tau[k - 1], t)
-            if sd[k, 1] ** 3 > SMALLEST:
-                skew[k, 1] = flight_third_cumulant(first, hessian, p, q, slope, third) / sd[k, 1] ** 3
+            cube = sd[k] * sd[k] * sd[k]
+            if cube[1] > SMALLEST:
+                skew[k, 1] = flight_third_cumulant(first, hessian, p, q, slope, third) / cube[1]
             third = third_cumulants(c, tau[k - 1] + t, first, hessian, p, q, slope, third)
-            for i in range(5):
-                moved[i] += 0.5 * (inner(hessian[i], p, 0) + inner(hessian[i], q, d))
-                place = 0 if i == 0 else i + 1
-                shift[k, place] = moved[i]
-                if sd[k, place] ** 3 > SMALLEST:
-                    skew[k, place] = third[i, i, i] / sd[k, place] ** 3
-            shift[k, 1] = moved[0] - last
+            for i in states:
+                moved[i] += 0.5 * (total(hessian[i, :d, :d] * p) + total(hessian[i, d:, d:] * q))
+            shift[k, places], shift[k, 1] = moved[:5], moved[0] - last
+            clear = cube[places] > SMALLEST
+            skew[k, places[clear]] = third[states, states, states][clear] / cube[places[clear]]
         hit = hit_matrix(c, mesh[k], d)
-        put(covariance[k], congruence(hit, section[k]))
-        moved = apply(hit, moved)
-        third_after = np.zeros((d, d, d))  # third cumulants after the impact
-        for a in range(d):
-            mapped = congruence(hit, third[a])
-            for i in range(d):
-                if hit[i, a] != 0.0:
-                    for m in range(d):
-                        for n in range(d):
-                            third_after[i, m, n] += hit[i, a] * mapped[m, n]
-        third = third_after
+        covariance[k] = transform(hit, section[k])
+        moved = image(hit, moved)
+        if second:
+            third = after_impact(hit, third)
         if redraw:
             flank = column(mesh[k], -side[k])
-            forget(flank, moved, covariance[k])
+            moved[flank] = covariance[k, flank] = covariance[k, :, flank] = 0.0
             covariance[k, flank, flank] = variance[flank - 5]
-            for i in range(d):
-                for j in range(d):
-                    third[flank, i, j] = third[i, flank, j] = third[i, j, flank] = 0.0
+            third[flank] = third[:, flank] = third[:, :, flank] = 0.0
     return found, shift, sd, skew, section, covariance
 
 
@@ -157,6 +140,6 @@ def _in_flight(c: Constants, orbit: Orbit, found: int, after: Floats, time: floa
 
 def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
     """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight, shape (4, 4)."""
-    fixed = times(flown, np.concatenate([-rate[:, None], np.eye(4)], axis=1))
+    fixed = product(flown, np.concatenate([-rate[:, None], np.eye(4)], axis=1))
     sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
-    return semidefinite(congruence(fixed, section), apply(np.abs(flown), sd[1:] + np.abs(rate) * sd[0]))
+    return semidefinite(transform(fixed, section), image(np.abs(flown), sd[1:] + np.abs(rate) * sd[0]))

@@ -21,13 +21,11 @@ from rattle.closure.mean_map import CLOSURES, mean_map
 from rattle.closure.orbit import Floats, Ints
 from rattle.closure.saltation import SLOWEST, propagate
 from rattle.closure.section_map import derivatives, hit_matrix
-from rattle.scene.compiled import jit
-from rattle.scene.constants import Constants
 from rattle.scene.errors import InputError
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import SECTION
+from rattle.scene.products import transform
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import block, congruence, put
 
 MAPPED = 4000  # impacts of a mean map whose average is taken
 DROPPED = 400  # of those, before the average begins
@@ -59,26 +57,23 @@ class Law(NamedTuple):
     se: float = 0.0  # relative standard error of averages over a mean map's orbit; 0 for a law that is not an average
 
 
-@jit
-def _linear(
-    c: Constants, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats
-) -> tuple[Floats, Floats, Floats]:
+def _linear(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats]:
     """Of each impact of a cycle: derivative of the section map, covariance of its noise, restitution map."""
-    n = tau.size - 1
-    flown, noise, hit = np.zeros((n, 5, 5)), np.zeros((n, 5, 5)), np.zeros((n, 5, 5))
-    for k in range(n):
-        t = tau[k + 1] - tau[k]
-        first, _ = derivatives(c, mesh[k + 1], side[k + 1], tau[k], after[k], t, before[k + 1], 5)
-        put(flown[k], block(first, 5, 0, 5))
-        put(noise[k], congruence(block(first, 5, 5, 9), noise_covariance(c, tau[k], t)))
-        put(hit[k], hit_matrix(c, mesh[k + 1], 5))
+    c, size = scene.constants, 1 + 2 * scene.stages
+    flown, noise, hit = np.zeros((3, a.impacts, size, size))
+    for k in range(a.impacts):
+        t = a.tau[k + 1] - a.tau[k]
+        first, _ = derivatives(c, a.mesh[k + 1], a.side[k + 1], a.tau[k], a.after[k], t, a.before[k + 1], 5)
+        flown[k] = first[:size, :size]
+        noise[k] = transform(first[:size, 5:], noise_covariance(c, a.tau[k], t))
+        hit[k] = hit_matrix(c, a.mesh[k + 1], 5)[:size, :size]
     return flown, noise, hit
 
 
 def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Map and noise of a whole cycle on the section state after an impact, and those of each impact."""
     size = 1 + 2 * scene.stages
-    flown, noise, hit = (m[:, :size, :size] for m in _linear(scene.constants, a.tau, a.mesh, a.side, a.before, a.after))
+    flown, noise, hit = _linear(scene, a)
     whole, added = np.eye(size), np.zeros((size, size))
     for f, q, h in zip(flown, noise, hit, strict=True):
         step = h @ f

@@ -6,7 +6,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numba
 from numba.np import linalg
 
-from rattle.scene.machine_code import keep_by_source, seal
+from rattle.scene.machine_code import keep, keep_by_source
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -30,28 +30,8 @@ _without_blas()
 keep_by_source()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
-TESTED = "0.68."  # numba's versions whose internals `rattle.scene.deferred` and `rattle.scene.dispatcher` are made for
-
-
-def _shared() -> Any:
-    """Dispatcher that optimises a function with all that it calls, once; None: numba as it is, or disabled."""
-    if getattr(numba.config, "DISABLE_JIT", False) or not numba.__version__.startswith(TESTED):
-        return None
-    try:
-        from rattle.scene.dispatcher import Shared
-    except ImportError:
-        return None
-    return Shared
-
-
-SHARED = _shared()
-
-
-def _compile(function: Callable[P, R], options: dict[str, Any]) -> Callable[P, R]:
-    """A function that numba compiles; the function itself where numba is disabled."""
-    if SHARED is None:
-        return cast(Callable[P, R], seal(numba.njit(**options)(function)))
-    return cast(Callable[P, R], seal(SHARED(function, targetoptions={"nopython": True} | options)))
+INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}
+INLINE: dict[str, Any] = LEAN | {"forceinline": True}
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
@@ -60,17 +40,22 @@ def jit(function: Callable[P, R]) -> Callable[P, R]:
     Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
     vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is cut.
     """
-    return _compile(function, OPTIONS)
+    return cast(Callable[P, R], keep(numba.njit(**OPTIONS)(function)))
 
 
 def lean(function: Callable[P, R]) -> Callable[P, R]:
     """As `jit`, without reference counting: for functions that allocate no arrays and take views only."""
-    return _compile(function, LEAN)
+    return cast(Callable[P, R], keep(numba.njit(**LEAN)(function)))
+
+
+def internal(function: Callable[P, R]) -> Callable[P, R]:
+    """As `jit`, for a function that compiled code alone calls: Python cannot call it, and its callers keep its code."""
+    return cast(Callable[P, R], numba.njit(**INTERNAL)(function))
 
 
 def inline(function: Callable[P, R]) -> Callable[P, R]:
     """As `lean`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
-    return _compile(function, LEAN | {"forceinline": True})
+    return cast(Callable[P, R], numba.njit(**INLINE)(function))
 
 
 def splice(function: Callable[P, R]) -> Callable[P, R]:

@@ -5,14 +5,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 
 Floats = NDArray[np.float64]
 
 SWEEPS = 30  # at most; Jacobi's rotations converge quadratically, usually in six
 
 
-@jit
+@internal
 def _rotate(a: Floats, vectors: Floats, p: int, q: int) -> None:
     """Jacobi's rotation that makes ``a[p, q]`` zero, applied to a symmetric matrix and to the vectors, in place."""
     theta = 0.5 * (a[q, q] - a[p, p]) / a[p, q]

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.damping import Pair, pair
 from rattle.scene.elementary import gauss_legendre
@@ -31,7 +31,7 @@ def wheel_speeds(c: Constants, tau: float, y1: float, y2: float) -> tuple[float,
     return u1, u1 + y2
 
 
-@jit
+@internal
 def _t_minus_sine(t: float, sine: float) -> float:
     """``t - sin t`` for a given ``sine = sin t``; by its series where the difference would cancel."""
     z = t * t
@@ -148,7 +148,7 @@ def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
     return -math.sin(tau) + c.beta1 * cosine, (c.beta1 - c.beta2) * cosine
 
 
-@jit
+@internal
 def _relative_coordinates(c: Constants, t: float) -> bool:
     """Whether noise is integrated in ``(x1, y1, x2 - x1, y2 - y1)``, which decouples the two wheels.
 
@@ -159,7 +159,7 @@ def _relative_coordinates(c: Constants, t: float) -> bool:
     return c.stages == 2 and abs(c.beta1 - c.beta2) * (min(t, 1.0 / most) if most > 0.0 else t) > 0.5
 
 
-@jit
+@internal
 def _responses(c: Constants, p: Pair, sine: float, cosine: float, relative: bool) -> State:
     """Response of ``(x1, y1, x2, y2)`` to unit noise a lag earlier (`relative`: see `_relative_coordinates`).
 
@@ -176,7 +176,7 @@ def _responses(c: Constants, p: Pair, sine: float, cosine: float, relative: bool
     return p.e1 * m1, p.d1 * m1, -cosine * p.d12 - sine * p.e12, cosine * faster - sine * p.d12
 
 
-@jit
+@internal
 def _harmonics(c: Constants, h: float, relative: bool) -> Floats:
     """Covariance of unit noise over a time h: the terms in ``sin^2``, ``sin cos`` and ``cos^2`` of the initial phase.
 
@@ -200,7 +200,7 @@ def _harmonics(c: Constants, h: float, relative: bool) -> Floats:
     return q
 
 
-@jit
+@internal
 def _double(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
     """`_harmonics` of twice the time: first half propagated through the second, plus the second, its phase shifted."""
     j, s, k = jacobian(c, h), math.sin(h), math.cos(h)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import Floats, flow, wheel_speeds
 
@@ -79,7 +79,7 @@ def safe_time(distance: float, speed: float, acceleration: float, most: float, j
     return step
 
 
-@jit
+@internal
 def _within(distance: float, speed: float, most: float) -> float:
     """`safe_time` for an acceleration of at most `most`, without a bound on its rate."""
     root = math.sqrt(speed * speed + 2.0 * most * distance)
@@ -88,7 +88,7 @@ def _within(distance: float, speed: float, most: float) -> float:
     return (root - speed) / most if most > 0.0 else math.inf
 
 
-@jit
+@internal
 def _touching(t: float, high: float, low: float, to_high: float, to_low: float, speed: float) -> int:
     """The side of the wall that is reached, or 0: at zero distance, or at a distance too short to change the time."""
     if high <= 0.0 or (t + to_high == t and speed > 0.0):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rattle.scene.compiled import jit
 from rattle.scene.eigen import eigen
 from rattle.scene.elementary import powers
-from rattle.scene.small_matrices import times_transposed
+from rattle.scene.products import product
 
 Floats = NDArray[np.float64]
 
@@ -85,7 +85,6 @@ def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
     return scale * (mean - half if mean <= 0.0 else (a * d - b * b) / (mean + half))
 
 
-@jit
 def _is_clear(a: Floats, scale: Floats) -> bool:
     """Whether a covariance is positive definite beyond rounding: its variances against `scale`, its Cholesky pivots."""
     n = len(a)
@@ -129,7 +128,7 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     size = np.where(resolved, scale, 1.0)
     values, vectors = eigen(np.where(resolved & resolved[:, None], covariance / size[:, None] / size, 0.0))
     root = size[:, None] * vectors * np.sqrt(np.where(values > 0.0, values, 0.0))
-    return np.where(resolved & resolved[:, None], times_transposed(root, root), 0.0)
+    return np.where(resolved & resolved[:, None], product(root, root.T), 0.0)
 
 
 @jit

@@ -8,40 +8,28 @@ the processor, and with them the order of sums.
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal
 from rattle.scene.small_vectors import dot
 
 Floats = NDArray[np.float64]
 
 
-@jit
+@internal
 def put(to: Floats, values: Floats) -> None:
     """Copy a matrix into another one, or into a block of one.
 
     Shapes: `to` (m, n); `values` (m, n).
-
-    Examples
-    --------
-    >>> to = np.zeros((2, 3))
-    >>> put(to[:, 1:], np.eye(2))
-    >>> to.tolist()
-    [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
     for i in range(to.shape[0]):
         for j in range(to.shape[1]):
             to[i, j] = values[i, j]
 
 
-@jit
+@internal
 def apply(matrix: Floats, v: Floats) -> Floats:
     """``A v``, a vector after a linear map.
 
     Shapes: `matrix` (m, n); `v` (n,); result (m,).
-
-    Examples
-    --------
-    >>> apply(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([3.0, 4.0])).tolist()
-    [11.0, 4.0]
     """
     out = np.empty(matrix.shape[0])
     for i in range(matrix.shape[0]):
@@ -49,16 +37,11 @@ def apply(matrix: Floats, v: Floats) -> Floats:
     return out
 
 
-@jit
+@internal
 def times(a: Floats, b: Floats) -> Floats:
     """``A B``.
 
     Shapes: `a`, `b` (m, k) and (k, n); result (m, n).
-
-    Examples
-    --------
-    >>> times(np.array([[1.0, 2.0]]), np.array([[3.0], [4.0]])).tolist()
-    [[11.0]]
     """
     out = np.zeros((a.shape[0], b.shape[1]))
     for i in range(a.shape[0]):
@@ -68,16 +51,11 @@ def times(a: Floats, b: Floats) -> Floats:
     return out
 
 
-@jit
+@internal
 def times_transposed(a: Floats, b: Floats) -> Floats:
     """``A B'``.
 
     Shapes: `a`, `b` (m, k) and (n, k); result (m, n).
-
-    Examples
-    --------
-    >>> times_transposed(np.array([[1.0, 2.0]]), np.array([[3.0, 4.0]])).tolist()
-    [[11.0]]
     """
     out = np.empty((a.shape[0], b.shape[0]))
     for i in range(a.shape[0]):
@@ -86,16 +64,11 @@ def times_transposed(a: Floats, b: Floats) -> Floats:
     return out
 
 
-@jit
+@internal
 def block(matrix: Floats, rows: int, first: int, last: int) -> Floats:
     """Copy of a block of a matrix.
 
     Shapes: result (rows, last - first).
-
-    Examples
-    --------
-    >>> block(np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), 1, 1, 3)
-    array([[2., 3.]])
     """
     out = np.empty((rows, last - first))
     for i in range(rows):
@@ -104,30 +77,20 @@ def block(matrix: Floats, rows: int, first: int, last: int) -> Floats:
     return out
 
 
-@jit
+@internal
 def congruence(linear: Floats, form: Floats) -> Floats:
     """``T A T'``, the covariance A after a linear map T.
 
     Shapes: `linear` (m, n); `form` (n, n); result (m, m).
-
-    Examples
-    --------
-    >>> congruence(np.array([[1.0, 2.0]]), np.eye(2)).tolist()
-    [[5.0]]
     """
     return times_transposed(times(linear, form), linear)
 
 
-@jit
+@internal
 def quadratic(form: Floats, axes: Floats) -> Floats:
     """``T' A T``, the quadratic form A in the coordinates along the columns of T.
 
     Shapes: `form` (n, n); `axes` (n, m); result (m, m).
-
-    Examples
-    --------
-    >>> quadratic(np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[1.0], [2.0]])).tolist()
-    [[4.0]]
     """
     mapped, out = times(form, axes), np.zeros((axes.shape[1], axes.shape[1]))
     for k in range(axes.shape[0]):
@@ -137,16 +100,11 @@ def quadratic(form: Floats, axes: Floats) -> Floats:
     return out
 
 
-@jit
+@internal
 def inner(matrix: Floats, other: Floats, first: int) -> float:
     """Sum of the products of corresponding entries of a matrix and of a block of another one.
 
     Shapes: `other` (m, n).
-
-    Examples
-    --------
-    >>> inner(np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[10.0]]), 1)
-    40.0
     """
     total = 0.0
     for i in range(other.shape[0]):

@@ -15,7 +15,7 @@ no longer than `CHATTER` and the contact acceleration changes by no more than th
 
 import math
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import State, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
@@ -26,14 +26,14 @@ Sides = tuple[int, int]
 CHATTER = 1e-6  # longest time, and largest relative change of the contact acceleration, of chatter that is summed up
 
 
-@jit
+@internal
 def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float, float]:
     """``(p1, p2)`` and the acceleration of the driver, ``-alpha sin tau``."""
     u1, u2 = wheel_speeds(c, tau, y1, y2)
     return c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2, -c.alpha * math.sin(tau)
 
 
-@jit
+@internal
 def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, float]:
     """Contact forces of the sticking meshes, as accelerations: positive while a contact pushes, 0 for an open mesh."""
     p1, p2, driver = _pulls(c, tau, y1, y2)
@@ -74,7 +74,7 @@ def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Side
     return (first if press1 > 0.0 else 0), (second if press2 > 0.0 else 0)
 
 
-@jit
+@internal
 def _until_driver(side: int, beta: float, gamma: float, alpha: float, tau: float) -> float:
     """Time until ``side (gamma + alpha (beta cos tau - sin tau))`` falls to zero; infinite if it never does."""
     most = alpha * math.sqrt(1.0 + beta * beta)
@@ -117,13 +117,13 @@ def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
     return (e if beta == 0.0 else -math.log1p(-beta * e) / beta), 2
 
 
-@jit
+@internal
 def _as_one(c: Constants) -> tuple[float, float]:
     """Damping and drag of both wheels moving together."""
     return (1.0 - c.mu) * c.beta1 + c.mu * c.beta2, (1.0 - c.mu) * c.gamma1 + c.mu * c.gamma2
 
 
-@jit
+@internal
 def open_stage(c: Constants, sides: Sides) -> Constants:
     """The single stage that remains while one mesh sticks.
 
@@ -150,7 +150,7 @@ def stick_on(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: floa
     return x1, y1, x2, y2
 
 
-@jit
+@internal
 def next_contact(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, horizon: float
 ) -> tuple[float, int, int, float, float, float, float, Sides]:
@@ -185,7 +185,7 @@ def next_contact(
     return t, mesh, side, x1, y1, x2, y2, (first, second)
 
 
-@jit
+@internal
 def stuck_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int, place: float) -> State:
     """The state with a mesh put on its wall at zero speed, everything that its contact does not act on kept.
 
@@ -209,7 +209,7 @@ def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides
     return x1, y1, x2, y2
 
 
-@jit
+@internal
 def complete_chatter(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, side: int
 ) -> tuple[float, Sides]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
 from rattle.scene.flight import field
@@ -70,7 +70,7 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
     return xi
 
 
-@jit
+@internal
 def carry_frame(c: Constants, t: float, frame: Floats) -> None:
     """Propagate all columns of a tangent frame through a flight, in place.
 
@@ -86,7 +86,7 @@ def carry_frame(c: Constants, t: float, frame: Floats) -> None:
             frame[3, k] = p.d12 * v1 + p.d2 * v2
 
 
-@jit
+@internal
 def _across(frame: Floats, size: int, k: int) -> float:
     """Gram-Schmidt step, applied twice: remove the earlier columns from column k; returns the length that is left."""
     for _ in range(2):
@@ -108,7 +108,7 @@ def _across(frame: Floats, size: int, k: int) -> float:
     return float(largest * np.sqrt(length))
 
 
-@jit
+@internal
 def _replace(frame: Floats, size: int, k: int) -> float:
     """Replace column k by the coordinate axis furthest from the span of the earlier columns; returns its length."""
     best, axis = -1.0, 0
@@ -123,7 +123,7 @@ def _replace(frame: Floats, size: int, k: int) -> float:
     return _across(frame, size, k)
 
 
-@jit
+@internal
 def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
     """Gram-Schmidt on the first `size` rows and columns, in place; adds the logarithms of the lengths to `growth`."""
     for k in range(size):

@@ -18,11 +18,12 @@ from rattle.closure.branching.refine import Buffers, Level
 from rattle.closure.branching.split import event, half
 from rattle.closure.flanks import PLAIN, start_covariance
 from rattle.closure.orbit import Floats, Ints, Orbit
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.eigen import eigen
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.moments import semidefinite
+from rattle.scene.products import transform
 from rattle.scene.scene import Scene
 from rattle.scene.small_matrices import apply, congruence, put, times
 from rattle.scene.small_vectors import beyond, put_scaled
@@ -36,7 +37,7 @@ LACKING = 0.05  # weight too little or too much, above which there are no moment
 FURTHER = 2, 8  # flights followed, at most: per impact asked for, and besides
 
 
-class Flight(NamedTuple):
+class InFlight(NamedTuple):
     """Components between two impacts."""
 
     # weight, mean, covariance: at the start, after splitting, the noise of the flight included; (n,), (n, d), (n, d,
@@ -52,7 +53,7 @@ class Flight(NamedTuple):
     time: Floats  # time of its mean's flight, whose noise was added; 0 if it does not end; (parents,)
 
 
-@jit
+@internal
 def _inverse(covariance: Floats) -> Floats:
     """Inverse of a covariance on its range."""
     d = covariance.shape[0]
@@ -68,7 +69,7 @@ def _inverse(covariance: Floats) -> Floats:
 
 @jit
 def _regressions(c: Constants, whole: Mixture) -> tuple[Floats, Floats]:
-    """`Flight.regression` and `Flight.time` of components before splitting."""
+    """`InFlight.regression` and `InFlight.time` of components before splitting."""
     n, d = whole.mean.shape
     inverse, flown, before = np.zeros((n, d, d)), np.zeros(n), np.empty(4)
     for i in range(n):
@@ -78,7 +79,7 @@ def _regressions(c: Constants, whole: Mixture) -> tuple[Floats, Floats]:
     return inverse, flown
 
 
-def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> Flight:
+def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> InFlight:
     """Copies of the components of a flight; those that a boundary halves as their halves."""
     section = b.image.section
     place = np.flatnonzero(section.weight[: 2 * count] > 0.0)
@@ -92,12 +93,12 @@ def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> Flight:
     end = np.column_stack([section.mean[place, 0], section.covariance[place, 0, 0]])
     end[section.label[place] == 0] = np.inf, 0.0
     inverse, flown = _regressions(c, whole)
-    return Flight(
+    return InFlight(
         section.weight[place], mean, covariance, end, b.image.crossing[place], b.parent[of], whole.mean, inverse, flown
     )
 
 
-@jit
+@internal
 def _below(depth: float) -> tuple[float, float, float]:
     """Weight, mean and variance of a standard normal below `depth`."""
     if depth >= REACH:
@@ -108,7 +109,7 @@ def _below(depth: float) -> tuple[float, float, float]:
     return weight, (rate if depth >= 0.0 else -rate), variance
 
 
-@jit
+@internal
 def _depth(gap: float, variance: float) -> float:
     """A gap in sds."""
     if variance > 0.0:
@@ -116,9 +117,9 @@ def _depth(gap: float, variance: float) -> float:
     return math.inf if gap >= 0.0 else -math.inf
 
 
-@jit
+@internal
 def _at(
-    c: Constants, f: Flight, parent: int, mean: Floats, covariance: Floats, time: float, out: Floats, spread: Floats
+    c: Constants, f: InFlight, parent: int, mean: Floats, covariance: Floats, time: float, out: Floats, spread: Floats
 ) -> None:
     """State at a time, of the starts with the time `mean[0]` and this Gaussian: its mean and covariance."""
     d, t = mean.size, f.time[parent]
@@ -146,7 +147,7 @@ def _at(
     put(spread, congruence(jacobian(c, left), spread))
 
 
-@jit
+@internal
 def _cut(mean: Floats, covariance: Floats, along: Floats, shift: float, narrow: float) -> None:
     """Cut a Gaussian in place: a standard normal, whose covariance with it is `along`, gets this mean and variance."""
     for i in range(mean.size):
@@ -156,7 +157,7 @@ def _cut(mean: Floats, covariance: Floats, along: Floats, shift: float, narrow: 
 
 
 @jit
-def _add(c: Constants, f: Flight, time: float, weight: Floats, mean: Floats, covariance: Floats) -> float:
+def _add(c: Constants, f: InFlight, time: float, weight: Floats, mean: Floats, covariance: Floats) -> float:
     """Gaussians of the state at a time on a flight, three for each component; returns the share of started paths."""
     started, d = 0.0, f.mean.shape[1]
     for j in range(f.weight.size):
@@ -208,7 +209,7 @@ class FixedTimes:
         self.start = start_covariance(scene)[1:PLAIN, 1:PLAIN].copy()
         self.most = FURTHER[0] * impacts + FURTHER[1]
         self.run = Advance(scene, orbit, level)
-        self.flights: list[Flight] = []
+        self.flights: list[InFlight] = []
 
     def __call__(self, time: float) -> tuple[Floats, Floats]:
         """Mean and covariance of the state at a local time, shapes (4,) and (4, 4); NaN where `LACKING`.
@@ -219,7 +220,7 @@ class FixedTimes:
             self._follow()
         tau, end = self.orbit.tau[0], self.flights[0].end
         if time == tau or (end[:, 0] - time > REACH * np.sqrt(end[:, 1])).all():
-            flown = congruence(jacobian(self.constants, time - tau), self.start)
+            flown = transform(jacobian(self.constants, time - tau), self.start)
             return self.orbit.state(time), flown + noise_covariance(self.constants, tau, time - tau)
         weight, mean, covariance = self.gaussians(time)
         total = weight.sum()

@@ -6,7 +6,7 @@ import numpy as np
 
 from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.eigen import eigen
 from rattle.scene.small_vectors import largest
 
@@ -28,7 +28,7 @@ def empty(size: int, d: int = PLAIN) -> Mixture:
     return Mixture(np.zeros(size), np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64))
 
 
-@jit
+@internal
 def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> float:
     """Largest principal scatter (weight times variance) of the members' means.
 
@@ -54,7 +54,7 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
     return float(values[d - 1])
 
 
-@jit
+@internal
 def _by_label(label: Ints, count: int) -> Ints:
     """Indices of the first components, by label; in their order within each."""
     lowest = highest = label[0] if count > 0 else 0

@@ -10,7 +10,7 @@ from rattle.closure.branching.split import event
 from rattle.closure.flanks import PLAIN, column
 from rattle.closure.orbit import Floats
 from rattle.closure.section_map import derivatives
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.eigen import eigen
 from rattle.scene.flight import field, jacobian
@@ -64,7 +64,7 @@ def _derivatives(
     return linear, curve
 
 
-@jit
+@internal
 def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     """Largest ratio of second-order to first-order variance over the outputs, and the direction of that curvature."""
     u = np.zeros(linear.shape[1])
@@ -83,7 +83,7 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     return worst, u
 
 
-@jit
+@internal
 def _trace(square: Floats) -> float:
     """Trace of a square matrix."""
     total = 0.0
@@ -92,7 +92,7 @@ def _trace(square: Floats) -> float:
     return total
 
 
-@jit
+@internal
 def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, before: Floats) -> tuple[float, Floats]:
     """Propagate a Gaussian to its next impact, to second order in its spread.
 

@@ -17,7 +17,7 @@ from rattle.closure.branching.propagate import Image, propagate
 from rattle.closure.branching.split import THIRD_CENTRE, THIRD_WEIGHT, THIRD_WIDTH, cut_plane, event, half, root
 from rattle.closure.flanks import PLAIN
 from rattle.closure.orbit import Floats, Ints
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.small_matrices import apply, block, congruence
@@ -74,13 +74,13 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
     )
 
 
-@jit
+@internal
 def _bend_error(weight: float, bend: float, flat: float) -> float:
     """Estimated error of a component for the ratio `bend` of second-order to first-order variance."""
     return weight * bend**POWER if bend > flat else 0.0
 
 
-@jit
+@internal
 def _narrow(axes: Floats, n: Floats, narrow: float) -> Floats:
     """The axes, scaled by the factor `narrow` along the unit vector n."""
     along, out = apply(axes, n), np.empty((axes.shape[0], axes.shape[1]))
@@ -90,7 +90,7 @@ def _narrow(axes: Floats, n: Floats, narrow: float) -> Floats:
     return out
 
 
-@jit
+@internal
 def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
     """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian describes the return."""
     m1, m2 = noise_rate(c, e[0] + t)
@@ -99,7 +99,7 @@ def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float
     return made / (made + speed * speed) if code != 0 and made > 0.0 else 0.0
 
 
-@jit
+@internal
 def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> None:
     """Compute the image of component `i`, whole or in halves beside a boundary, and how it would best be split.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rattle.closure.flanks import PLAIN, between
 from rattle.closure.orbit import Floats
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.eigen import eigen
 from rattle.scene.impact import next_impact
@@ -38,7 +38,7 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     return t, (mesh * side if mesh > 0 else 0)
 
 
-@jit
+@internal
 def root(sigma: Floats) -> tuple[int, Floats]:
     """Square root of a covariance by its principal axes.
 
@@ -70,7 +70,7 @@ def root(sigma: Floats) -> tuple[int, Floats]:
     return rank, columns
 
 
-@jit
+@internal
 def _boundary(
     c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, far: float, before: Floats
 ) -> tuple[float, int]:

@@ -20,7 +20,7 @@ from rattle.montecarlo.schemes.short_flight import short_flight, sine_cosine
 from rattle.montecarlo.schemes.step_size import accurate_flight
 from rattle.montecarlo.schemes.step_state import Noise
 from rattle.montecarlo.schemes.whole_step import flight_forcing
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.errors import InputError
 from rattle.scene.impact import struck
@@ -93,7 +93,7 @@ class TreeRoom(NamedTuple):
     node: NDArray[np.int64]
 
 
-@jit
+@internal
 def new_room(depth: int) -> TreeRoom:
     """Buffers for a tree of given depth."""
     size = depth + 2
@@ -113,7 +113,7 @@ def fly(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats
     return margins(c, phase[0], phase[1], h)
 
 
-@jit
+@internal
 def _is_near(c: Constants, h: float, s: Floats, end: Floats, margin1: float, margin2: float) -> bool:
     third = h / 3.0
     if near_wall(third, s[0], s[1], end[0], end[1], c.wall1, c.wall1, margin1):
@@ -121,7 +121,7 @@ def _is_near(c: Constants, h: float, s: Floats, end: Floats, margin1: float, mar
     return c.stages == 2 and near_wall(third, s[2], s[3], end[2], end[3], c.wall2, c.wall2, margin2)
 
 
-@jit
+@internal
 def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, int]:
     """Share of a leaf after which the first wall is met, and its ``mesh * side``; 1 and 0 if none is."""
     share, code = 1.0, 0
@@ -140,7 +140,7 @@ def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, 
     return share, code
 
 
-@jit
+@internal
 def _leaf(
     c: Constants, tau: float, offset: float, h: float, noise: Noise, s: Floats, end: Floats, hits: Floats, n: int
 ) -> int:
@@ -172,7 +172,7 @@ def _leaf(
     return n
 
 
-@jit
+@internal
 def walk_step(
     c: Constants,
     w: Clockwork,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Clockwork, clockwork, new_room, walk_step
 from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_rate
 from rattle.scene.impact import struck
@@ -24,7 +24,7 @@ EARLIEST, LATEST = 0.2, 0.6  # shares of a step between which an impact is used:
 TINY = 1e-16  # least distance of two paths, for logarithms
 
 
-@jit
+@internal
 def _two_normals(c: Constants, key: Key, path: Word, step: int) -> tuple[float, float]:
     if c.sigma == 0.0:
         return 0.0, 0.0
@@ -105,7 +105,7 @@ def after_impact(
     return apart[:n], place[:n], missed
 
 
-@jit
+@internal
 def _distance(c: Constants, a: Floats, b: Floats) -> float:
     """Distance of two states, of the stages that there are."""
     square = 0.0
@@ -114,7 +114,7 @@ def _distance(c: Constants, a: Floats, b: Floats) -> float:
     return math.sqrt(square)
 
 
-@jit
+@internal
 def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
     """Put b at the distance `delta` from a, in its present direction or opposite to it; False if walls forbid both."""
     d = _distance(c, a, b)

@@ -21,8 +21,8 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.moments import SECTION
+from rattle.scene.products import image, product, transform
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import apply, congruence, times, times_transposed
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -84,7 +84,7 @@ def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
         before = field(c, tau, y1, y2)
         r = contact_matrix(c, mesh)
         y1, y2 = struck(c, mesh, y1, y2)
-        jump = field(c, tau, y1, y2) - apply(r, before)
+        jump = field(c, tau, y1, y2) - image(r, before)
         delay = np.zeros(5)
         delay[struck_x] = -1.0 / before[struck_x]
         read = np.zeros((len(SECTION), 5))
@@ -136,21 +136,23 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     covariance, k = np.zeros((5, 5)), 0
     for n in range(steps):
         tau, at = scene.phase + n * dt, 0.0
-        carry, noise = np.eye(5), np.zeros((2, 5))
+        carry, noise, first = np.eye(5), np.zeros((2, 5)), k
         while k < len(orbit) and (orbit[k].tau < tau + dt or n == steps - 1):  # the last in spite of rounding
             span = orbit[k].tau - tau - at
             linear, pushed = _flight(c, tau, at, dt, span)
-            carry, noise = times(linear, carry), times_transposed(noise, linear) + pushed
+            carry, noise = product(linear, carry), product(noise, linear.T) + pushed
             program.at_step[k] = n
-            program.read[k], program.read_noise[k] = times(orbit[k].read, carry), times_transposed(noise, orbit[k].read)
-            program.variance[k] = np.diagonal(congruence(program.read[k], covariance))
+            program.read[k], program.read_noise[k] = product(orbit[k].read, carry), product(noise, orbit[k].read.T)
+            program.variance[k] = np.diagonal(transform(program.read[k], covariance))
             program.variance[k] += (program.read_noise[k] ** 2).sum(axis=0)
-            carry, noise = times(orbit[k].carry, carry), times_transposed(noise, orbit[k].carry)
+            carry, noise = product(orbit[k].carry, carry), product(noise, orbit[k].carry.T)
             at, k = at + span, k + 1
         linear, pushed = _flight(c, tau, at, dt, dt - at)
-        program.carry[n], program.noise[n] = times(linear, carry), times_transposed(noise, linear) + pushed
+        if k > first:
+            linear, pushed = product(linear, carry), product(noise, linear.T) + pushed
+        program.carry[n], program.noise[n] = linear, pushed
         drawn = program.noise[n]
-        covariance = congruence(program.carry[n], covariance) + sum(np.multiply.outer(v, v) for v in drawn)
+        covariance = transform(program.carry[n], covariance) + sum(np.multiply.outer(v, v) for v in drawn)
     return program
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.schemes.short_flight import Phase, sine_cosine
-from rattle.scene.compiled import inline, jit
+from rattle.scene.compiled import inline, internal
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 
@@ -69,7 +69,7 @@ def _piece(
     return pulled - start, 0.5 * (pulled * pulled - start * start - variance * square)
 
 
-@jit
+@internal
 def add_noise_work(
     c: Constants,
     rows: Floats,

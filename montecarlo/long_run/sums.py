@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.long_run.noise_work import CONTROLS
-from rattle.scene.compiled import inline, jit
+from rattle.scene.compiled import inline, internal
 from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss
 
@@ -169,7 +169,7 @@ def _add_states(c: Constants, states: Floats, sine: Floats, cosine: Floats, main
     main[WORK + 3] += moved2
 
 
-@jit
+@internal
 def add_stretch(
     c: Constants,
     rows: Floats,

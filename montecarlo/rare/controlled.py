@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.schemes.short_flight import Phase, State, short_flight, sine_cosine
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 
@@ -34,7 +34,7 @@ class Question(NamedTuple):
     flank: int  # ``mesh * side`` of the flank that is to be struck first; the orbit's own if it is to be missed
 
 
-@jit
+@internal
 def _peak(x0: float, y0: float, x1: float, y1: float, h: float) -> float:
     """Largest x of a step at whose end or turning point x is largest, by the cubic through its ends."""
     if y0 > 0.0 and y1 < 0.0:
@@ -44,14 +44,14 @@ def _peak(x0: float, y0: float, x1: float, y1: float, h: float) -> float:
     return x1
 
 
-@jit
+@internal
 def _look_at(s: State, flank: int) -> tuple[float, float]:
     """Displacement and velocity towards a flank."""
     side = 1.0 if flank > 0 else -1.0
     return (side * s[0], side * s[1]) if abs(flank) == 1 else (side * s[2], side * s[3])
 
 
-@jit
+@internal
 def _crossing(c: Constants, phase: Phase, h: float, s: State, e: State, increment: float, flank: int) -> float:
     """Time within a step from s to e at which a flank is crossed outward; infinite for none."""
     wall = c.wall1 if abs(flank) == 1 else c.wall2

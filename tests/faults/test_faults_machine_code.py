@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from small_disks import disk
 
-from rattle.scene.machine_code import PACKAGES, TAKEN, source_digest
+from rattle.scene.machine_code import PACKAGES, TAKEN, source_digest, strip
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = (
@@ -71,7 +71,7 @@ def test_without_room_it_is_compiled_every_time(tmp_path):
 # --- sources
 
 
-DECORATORS = {"inlined", "jit", "lean", "spliced"}
+DECORATORS = {"inline", "internal", "jit", "lean", "splice"}
 
 
 def test_the_digest_changes_with_every_source_of_compiled_code_and_with_no_other(tmp_path):
@@ -88,12 +88,33 @@ def test_the_digest_changes_with_every_source_of_compiled_code_and_with_no_other
     assert 50 < len(compiled) < len(sources) - 30
     for path in sources:
         with path.open("a") as file:
-            file.write("# touched\n")
+            file.write("# a comment\n")
+    assert source_digest(tmp_path) in seen
+    for path in sources:
+        with path.open("a") as file:
+            file.write("touched = 1\n")
         before = len(seen)
         seen.add(source_digest(tmp_path))
         assert len(seen) == before + (path in compiled), path
     nested.rename(nested.with_name("other.py"))
     assert source_digest(tmp_path) not in seen
+
+
+def test_only_comments_and_docstrings_are_left_out_of_the_digest():
+    for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*.py")):
+        source = path.read_bytes()
+        if imports(path, "rattle.scene.compiled") or path.relative_to(ROOT).as_posix() in TAKEN:
+            assert code(strip(source)) == code(source), path
+
+
+def code(source):
+    """The syntax tree without docstrings."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [p for p in body if not (isinstance(p, ast.Expr) and isinstance(p.value, ast.Constant))]
+    return ast.dump(tree)
 
 
 def imports(path, module):

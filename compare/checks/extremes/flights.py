@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rattle.closure import section_map
+from rattle.closure import third_cumulants
 from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.extremes.extreme import extreme, farthest, spread
 from rattle.scene import damping, flight
@@ -120,7 +120,7 @@ def noise_phase_derivative() -> Iterator[float]:
         ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
         exact = (ahead - behind) / math.sin(2.0 * h)  # exact derivative of A + B cos 2 tau + C sin 2 tau
         most = np.sqrt(np.maximum(ahead.diagonal(), np.array(truth.noise(c, tau + 0.5 * math.pi, t)).diagonal()))
-        found = section_map.noise_slope(c, tau, t)
+        found = third_cumulants.noise_slope(c, tau, t)
         yield farthest(found, exact, np.maximum(np.outer(most, most), 1e-300))
 
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rattle import closure, montecarlo
-from rattle.closure import edgeworth, long_orbit, orbit, section_map
+from rattle.closure import edgeworth, long_orbit, orbit, third_cumulants
 from rattle.compare.checks.extremes import flights, run, runs, sampling, scaling, truth
 from rattle.compare.checks.extremes.extreme import extreme, farthest, worst_of
 from rattle.compare.checks.extremes.run import ROWS
@@ -170,7 +170,7 @@ NEGATIVE_CONTROLS = {
     "flight_state": (flight, "displacement", plain_displacement),
     "flight_jacobian": (flight, "jacobian", cancelling),
     "flight_noise": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
-    "noise_phase_derivative": (section_map, "noise_slope", differenced),
+    "noise_phase_derivative": (third_cumulants, "noise_slope", differenced),
     "saltation": (tangent, "saltation_matrix", harder),
     "grazing": (impact, "next_impact", early(impact.next_impact)),
     "simultaneous": (orbit, "follow", swapped),
