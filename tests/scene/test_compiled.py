@@ -76,6 +76,7 @@ CODE = (
 )
 
 
+@pytest.mark.slow
 @COMPILED
 def test_two_processes_fill_one_cache(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
