@@ -60,6 +60,7 @@ def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     assert found.why
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_a_search_along_three_hundred_impacts_overflows_nowhere():
     scene = Scene(alpha=14.583, epsilon=0.7, beta1=0.0, gamma1=5.0712, sigma=0.03, stages=1)
@@ -88,6 +89,7 @@ def test_one_search_serves_all_probabilities(monkeypatch):
     assert together == len(flights)
 
 
+@pytest.mark.slow
 def test_the_search_is_bounded_whatever_the_number_of_impacts(monkeypatch):
     """It took 45 seconds of an answer whose budget was 2; beyond what is searched, branches count as unknown."""
     flights, one = [], branches.events

@@ -129,6 +129,7 @@ def test_require_accurate(tmp_path):
     rattle(*SMALL, "--sigma", 0, "--closure", "corrected", "--out", tmp_path / "yes", "--dt", 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_scene_file_in_either_form(tmp_path):
     scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.05, sigma=0.2, stages=1)
@@ -240,15 +241,6 @@ def test_missing_and_foreign_files(tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("")
     assert "other things" in rattle(*SMALL, "--out", tmp_path / "full", "--overwrite", code=2).stderr
-
-
-def test_published_needs_a_mesh_1_start(tmp_path):
-    scene = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
-    (tmp_path / "flight.toml").write_text(scene.to_toml())
-    result = rattle(tmp_path / "flight.toml", *SMALL, "--closure", "published", "--out", tmp_path / "o", code=2)
-    assert "start.mesh = 0" in result.stderr
-    rattle(tmp_path / "flight.toml", *SMALL, "--out", tmp_path / "o")
-    assert "published" not in set(pd.read_csv(tmp_path / "o" / "table.csv")["closure"])
 
 
 @pytest.mark.slow

@@ -20,6 +20,7 @@ def pictures(cell):
     return [set(o.data) for o in cell.outputs if "image/png" in o.get("data", {})]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_notebook_shows_a_figure_once():
     sources = [

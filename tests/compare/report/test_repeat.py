@@ -125,6 +125,7 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path, left):
     assert "Only digests could be compared: no table.csv with the manifest's digest lies beside it" in found
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_table_that_was_altered_beside_its_manifest_is_named(first, tmp_path):
     shutil.copytree(first, tmp_path / "there")
@@ -136,6 +137,7 @@ def test_a_table_that_was_altered_beside_its_manifest_is_named(first, tmp_path):
     assert "bit for bit" not in said.output
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_requirement_that_is_not_met_counts_more_than_rounding(first, tmp_path):
     earlier = elsewhere(first, tmp_path / "there", rounded)

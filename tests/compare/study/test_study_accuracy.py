@@ -25,6 +25,7 @@ def asked(folder, accuracy, sigmas):
     return CliRunner().invoke(main, ["study", str(folder / "study.toml")])
 
 
+@pytest.mark.slow
 def test_a_point_without_noise_comes_to_the_page(tmp_path):
     found = asked(tmp_path, 0.1, (0.0, 0.1, 0.2))
     assert found.exit_code == 0, found.output
