@@ -89,6 +89,7 @@ def test_workers_that_differ_are_seen(monkeypatch):
         fuzz_checks.check("exact-flight", SIMPLE, settings)
 
 
+@pytest.mark.slow
 def test_a_changed_number_in_a_cell_is_seen_where_there_is_no_seal(monkeypatch):
     """A changed footer renumbers the impacts in silence; where in the file that is differs from run to run."""
 
