@@ -21,7 +21,7 @@ from rattle.closure.third_cumulants import after_impact, flight_third_cumulant, 
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.moments import SMALLEST, semidefinite
-from rattle.scene.products import image, product, total, transform
+from rattle.scene.products import image, product, total, totals, transform
 from rattle.scene.scene import Scene
 
 SLOWEST = 1e-6
@@ -76,8 +76,7 @@ def propagate(
             if cube[1] > SMALLEST:
                 skew[k, 1] = flight_third_cumulant(first, hessian, p, q, slope, third) / cube[1]
             third = third_cumulants(c, tau[k - 1] + t, first, hessian, p, q, slope, third)
-            for i in states:
-                moved[i] += 0.5 * (total(hessian[i, :d, :d] * p) + total(hessian[i, d:, d:] * q))
+            moved[:5] += 0.5 * (totals(hessian[:, :d, :d] * p) + totals(hessian[:, d:, d:] * q))
             shift[k, places], shift[k, 1] = moved[:5], moved[0] - last
             clear = cube[places] > SMALLEST
             skew[k, places[clear]] = third[states, states, states][clear] / cube[places[clear]]

@@ -54,10 +54,8 @@ def third_cumulants(
     out = out + _over_pairs(varied, since)
     out = out + _over_pairs(kicks, late)
     linear = first[:, :d]
-    mapped = transform(linear, third)
-    for a in range(d):
-        out = out + linear[:, a, None, None] * mapped[a]
-    return np.asarray(out)
+    mapped = linear.T[:, :, None, None] * transform(linear, third)[:, None]
+    return np.asarray(np.add.accumulate(np.concatenate([out[None], mapped]))[-1])
 
 
 def _over_pairs(pair: Floats, other: Floats) -> Floats:
@@ -86,8 +84,4 @@ def flight_third_cumulant(first: Floats, hessian: Floats, p: Floats, q: Floats, 
 
 def after_impact(hit: Floats, third: Floats) -> Floats:
     """Third cumulants after an impact with the restitution map `hit`; shapes (d, d) and (d, d, d)."""
-    out, mapped = np.zeros_like(third), transform(hit, third)
-    for a in range(len(hit)):
-        acts = hit[:, a] != 0.0
-        out[acts] += hit[acts, a, None, None] * mapped[a]
-    return out
+    return product(hit, transform(hit, third).reshape(len(hit), -1)).reshape(third.shape)

@@ -46,6 +46,19 @@ def image(matrix: Floats, v: Floats) -> Floats:
     return product(matrix, v[:, None])[..., 0]
 
 
+def totals(terms: Floats) -> Floats:
+    """Sum of all numbers of each matrix, in order.
+
+    Shapes: `terms` (..., m, n); result (...).
+
+    Examples
+    --------
+    >>> totals(np.array([[[1.0, 2.0], [3.0, 4.0]]])).tolist()
+    [10.0]
+    """
+    return np.asarray(np.add.accumulate(terms.reshape(*terms.shape[:-2], -1), axis=-1)[..., -1] + 0.0)
+
+
 def total(terms: Floats) -> float:
     """Sum of all numbers, in order.
 

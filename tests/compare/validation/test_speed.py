@@ -50,7 +50,7 @@ def test_speed_up_is_the_ratio_of_the_work():
     )
     found = measure_speed(v, "saltation")
     assert found.impacts == 2
-    assert found.closure_seconds == pytest.approx(2 * 50e-6)
+    assert found.closure_seconds == pytest.approx(2 * 250e-6)
     assert found.simulation_seconds == pytest.approx(cost_of(v.run, found.paths).core_seconds)
     assert found.speed_up == pytest.approx(found.simulation_seconds / found.closure_seconds)
 
