@@ -34,7 +34,7 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
     >>> print("\\n".join(summary_lines([("test_a", facts)])))
     checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
     excluded   1 row more (at the wall): displacements that are the position of the wall
-    by size    2 of the rows: sd is 0, or below what doubles resolve: compared with 1e-06 of the quantity's size
+    by size    2 of the rows: sd is 0, or too small for doubles: compared with 1e-06 of the quantity's size
     intervals  3.29 standard errors, so that a test whose claim is true fails with a probability of at most 0.01
     ensembles  1 simulated in 1.5 s, 1 from the cache cache
 

@@ -43,6 +43,7 @@ def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     assert "--overwrite" in again.output
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
     scene = tmp_path / "one.toml"
@@ -59,6 +60,7 @@ def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
 PAIR = Path(__file__).parents[1] / "cli" / "pair.toml"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(tmp_path):
     out = tmp_path / "out"

@@ -8,6 +8,7 @@ from rattle.scene import DAT21, InputError, Scene
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
 
 
+@pytest.mark.slow
 def test_the_square_root_law_has_its_exponent_and_its_prefactor():
     """Seven ratios whose 95 % intervals are widened to 99.9 % together: 1.96 -> 3.8 standard errors."""
     law = sqrt_law(DAT, impacts=3000, seed=2)

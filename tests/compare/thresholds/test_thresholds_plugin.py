@@ -258,6 +258,7 @@ def test_other(rattle, n):
 """
 
 
+@pytest.mark.slow
 def test_rare_bursts_are_shown_and_more_paths_taken(run, said, tmp_path):
     alone = run(BURSTS, "-k", "wrong or near", cache=tmp_path)
     alone.assert_outcomes(failed=2, deselected=9)

@@ -126,6 +126,7 @@ def test_negative_mass_follows_rho_alone(closure):
     assert (mass["holds"] == (np.array(expected) <= QUADRATURE)).all()
 
 
+@pytest.mark.slow
 def test_quadrature_is_good_to_a_thousandth():
     for rho in (0.3, 0.9):
         assert series_mass(rho) == pytest.approx(series_mass(rho, points=2401), rel=1e-3)
