@@ -111,7 +111,8 @@ def stationary_bifurcation(
     ends = [v for (orbit, _), _ in found if orbit.size for v in (orbit.min(), orbit.max())]
     ends += [edge for _, (noisy, _) in found if noisy for edge in noisy[0][[0, -1]]]
     if not ends:
-        raise InputError("over", list(at), "mesh 1 is not struck in the long run at any of these values")
+        rest = "mesh 1 is not struck in the long run at any of these values; choose some at which it rattles"
+        raise InputError("over", list(at), rest)
     edges = np.linspace(min(ends), max(ends), DENSITY_BINS + 1)
     width = edges[1] - edges[0]
     quiet = np.array([np.histogram(o, edges)[0] / max(o.size, 1) / width for (o, _), _ in found])

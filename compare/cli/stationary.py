@@ -124,8 +124,8 @@ def stationary(
         "closures": [] if no_closures else list(closures or CLOSURES_JUDGED),
     }
     watch = Stopwatch()
-    found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
     view = stationary_bifurcation(base, at, field=field, seed=seed, workers=workers) if at else None
+    found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
     record = {
         "name": name,
         "scene": base.to_dict(),

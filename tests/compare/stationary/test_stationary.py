@@ -221,6 +221,15 @@ def test_command_draws_the_bifurcation_with_noise(tmp_path):
     assert sides == {"without noise", "with noise"}
 
 
+def test_a_diagram_without_impacts_is_refused_before_the_long_run(monkeypatch, tmp_path):
+    monkeypatch.setattr("rattle.compare.stationary.measure.stationary", None)
+    scene = tmp_path / "resting.toml"
+    scene.write_text(Scene(**RESTING | {"sigma": 0.01}).to_toml())
+    done = run(scene, "--over", "0.1:0.2:2", "--out", tmp_path / "report")
+    assert done.exit_code == 2, done.output
+    assert "mesh 1 is not struck" in done.output
+
+
 def test_verdicts_allow_for_errors_that_rest_on_few_paths():
     """The same error and standard error decide where it rests on all paths, and leave open where it does on two."""
     table = pd.DataFrame({"value": [1.0], "se": [0.002], "effective_paths": [256.0]}, index=["rate"])
