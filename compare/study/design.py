@@ -71,7 +71,7 @@ class Study:
     gears : Gears or None
         Those of its scene, in whose units the page explains what it shows.
     kind : str
-        Name in `KINDS`.
+        ``impacts``, or ``stationary`` for studies of the long run.
 
     Examples
     --------
