@@ -68,7 +68,7 @@ def _scheme_points(
     for accuracy in accuracies:
         bar.set_postfix_str(f"{model.scheme}, {accuracy:g}")
         point, measured = model.at(accuracy), None
-        if point.core_seconds <= budget:
+        if point.work <= budget:  # counted, so that no clock decides which rows are measured
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", AccuracyWarning)  # a run that misses it is replaced by the model
                 call = partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
