@@ -38,7 +38,7 @@ nitpick_ignore = [  # modules and functions that are no part of the reference
     ("py:obj", f"rattle.{name}")
     for name in (
         "compare.validation.correlation.judge_correlation",
-        "montecarlo.diagnostics",
+        "montecarlo.diagnostics.diagnostics",
         "montecarlo.schemes.sticking",
         "montecarlo.statistics.section_statistics.FEWEST",
         "scene.gears_table",

@@ -5,16 +5,16 @@ Two Euler-Maruyama schemes and exact flights (`SCHEMES`) advance the paths.  `si
 whatever else a `Record` asks for.  `simulate_rare` draws a part of the paths near rare branches.
 """
 
-from rattle.montecarlo.ensemble import simulate
+from rattle.montecarlo.accuracy.simulate_to import simulate_to
+from rattle.montecarlo.diagnostics.reach import AccuracyWarning
+from rattle.montecarlo.ensemble.result import Ensemble
+from rattle.montecarlo.ensemble.simulate import simulate
 from rattle.montecarlo.rare.simulate_rare import RareEnsemble, simulate_rare
-from rattle.montecarlo.reach import AccuracyWarning
-from rattle.montecarlo.record import Record
-from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.step_size import default_step, largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import check_settings
-from rattle.montecarlo.simulate_to import simulate_to
+from rattle.montecarlo.settings.plan import check_settings
+from rattle.montecarlo.settings.record import Record
+from rattle.montecarlo.settings.sampling import Sampling
 
 __all__ = [
     "SCHEMES",

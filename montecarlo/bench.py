@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
-from rattle.montecarlo.record import Record
-from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.euler import FORCING, QUAD, four_euler_steps, step_forcing
-from rattle.montecarlo.settings import plan_of
+from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings.record import Record
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.compiled import jit, lean
 from rattle.scene.constants import Constants
 from rattle.scene.gears import DAT21

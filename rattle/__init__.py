@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         simulate_rare,
         simulate_to,
     )
-    from rattle.montecarlo.reach import Reach
+    from rattle.montecarlo.diagnostics.reach import Reach
     from rattle.scene import DAT21, FileError, Gears, InputError, OutputError, RattleError, Scene, Start, Tolerance
 
 __all__ = [
@@ -103,7 +103,7 @@ _MODULES = {
         "simulate_rare",
         "simulate_to",
     ),
-    "montecarlo.reach": ("Reach",),
+    "montecarlo.diagnostics.reach": ("Reach",),
     "compare": ("Tolerances", "Validation", "validate"),
     "compare.stationary.measure": ("Stationary", "stationary"),
     "compare.study": ("Study", "Tables", "load_study"),

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from rattle.closure.orbit import Orbit, follow
 from rattle.montecarlo import Record, default_step, simulate
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.settings import is_random
+from rattle.montecarlo.settings.plan import is_random
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count

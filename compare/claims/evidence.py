@@ -15,7 +15,7 @@ from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch

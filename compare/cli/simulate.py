@@ -155,7 +155,7 @@ def _estimates_shown() -> "Iterator[None]":
     The command itself prints that the accuracy was not reached.
     """
     from rattle.montecarlo import AccuracyWarning
-    from rattle.montecarlo.simulate_to import ESTIMATES
+    from rattle.montecarlo.accuracy.simulate_to import ESTIMATES
 
     handler, level = _OnStderr(), ESTIMATES.level
     ESTIMATES.addHandler(handler)

@@ -23,7 +23,7 @@ def tasks() -> dict[str, Task]:
     from rattle.closure import CLOSURES
     from rattle.compare.chaos.exponents import lyapunov
     from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
-    from rattle.montecarlo.branches import rare_events
+    from rattle.montecarlo.branches.search import rare_events
     from rattle.montecarlo.coupling.long_path import LongPath
     from rattle.montecarlo.coupling.pairs import growths
     from rattle.montecarlo.long_run import long_run

@@ -11,7 +11,7 @@ from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.verdicts import judge_predictions, predictions
 from rattle.compare.study.store import Content
 from rattle.compare.study.version import cell_key
-from rattle.montecarlo.blocks import Blocks
+from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.parts import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import ACCURACY, PATHS
 from rattle.scene.errors import InputError

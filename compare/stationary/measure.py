@@ -15,7 +15,7 @@ from rattle.compare.stationary.units import PLAIN, in_units, kind_of
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_predictions, laws, predictions
 from rattle.montecarlo.long_run import AtRest, BurnInError, LongRun, SectionDensity, long_run
 from rattle.montecarlo.long_run.run import ASKED, PATHS
-from rattle.montecarlo.settings import is_random
+from rattle.montecarlo.settings.plan import is_random
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.shown import as_html

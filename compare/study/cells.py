@@ -17,9 +17,9 @@ from rattle.closure.cost import most_seconds
 from rattle.compare.study.store import Content
 from rattle.compare.study.version import cell_key
 from rattle.montecarlo import SCHEMES, Ensemble, Record, default_step, simulate, simulate_to
-from rattle.montecarlo.accuracy import small_noise
-from rattle.montecarlo.blocks import Blocks
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.diagnostics.accuracy import small_noise
+from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene

@@ -1,6 +1,6 @@
 """Cost of a study before it runs: counted work, memory, and what more cores would gain.
 
-Work is counted by `rattle.montecarlo.cost` from short runs of the study's own scenes, and for closures by
+Work is counted by `rattle.montecarlo.accuracy.cost` from short runs of the study's own scenes, and for closures by
 `rattle.closure.cost`; compiling is not part of it.
 """
 
@@ -14,14 +14,14 @@ from rattle.compare.study.cells import Sample
 from rattle.compare.study.cluster import SHARE
 from rattle.compare.study.store import Cell
 from rattle.montecarlo import SCHEMES, Record, simulate
-from rattle.montecarlo.accuracy import LEAST, small_noise
-from rattle.montecarlo.budget import Budget
-from rattle.montecarlo.cost import cost_of
+from rattle.montecarlo.accuracy.cost import cost_of
+from rattle.montecarlo.accuracy.pilots import choose_scheme
+from rattle.montecarlo.diagnostics.accuracy import LEAST, small_noise
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.kernel import COLUMNS
-from rattle.montecarlo.pilots import choose_scheme
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.settings import count_followed
+from rattle.montecarlo.settings.budget import Budget
+from rattle.montecarlo.settings.plan import count_followed
+from rattle.montecarlo.settings.sampling import Sampling
 
 PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
 PILOTS = 20  # most pilot runs for accuracies; other cells are taken to be like the one before

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from rattle.compare.report.folder import describe_refusal
 from rattle.compare.study.cells import Sampled
 from rattle.compare.study.store import Cell
-from rattle.montecarlo.accuracy import sampling_error
+from rattle.montecarlo.diagnostics.accuracy import sampling_error
 from rattle.scene.text import line
 
 LOG = "study.log"

@@ -6,8 +6,8 @@ from itertools import islice
 from typing import Any, Self
 
 from rattle.compare.study.store import Cell, Content
-from rattle.montecarlo.blocks import Floats
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
+from rattle.montecarlo.kernel.blocks import Floats
 from rattle.scene.errors import InputError
 
 

@@ -20,7 +20,7 @@ from filelock import FileLock, SoftFileLock, Timeout
 
 from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path, within, write_whole
 from rattle.compare.report.json_text import json_text
-from rattle.montecarlo.blocks import Blocks
+from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene.errors import OutputError
 from rattle.scene.text import harmless, line
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from rattle.compare.thresholds.settings import UNDECIDED
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import SCHEMES, check_settings, default_step
-from rattle.montecarlo.settings import MOST_PATHS
+from rattle.montecarlo.settings.plan import MOST_PATHS
 from rattle.scene.errors import FileError, InputError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene

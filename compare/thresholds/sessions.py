@@ -12,7 +12,7 @@ import pytest
 
 from rattle.compare.study.store import Cell, Content, Store, print_on_stderr
 from rattle.compare.thresholds.settings import Settings
-from rattle.montecarlo.blocks import in_threads
+from rattle.montecarlo.kernel.blocks import in_threads
 
 
 class TimedRun(NamedTuple):

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from rattle.montecarlo import SCHEMES, Ensemble, Record
-from rattle.montecarlo.accuracy import LEAST, sampling_error, share_of_look
-from rattle.montecarlo.cost import LOOKS, cost_of, expect_paths
+from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths
+from rattle.montecarlo.accuracy.pilots import pilot
+from rattle.montecarlo.accuracy.step_error import step_error
+from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, share_of_look
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.pilots import pilot
-from rattle.montecarlo.step_error import step_error
 from rattle.scene.scene import Scene
 
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts

@@ -1,8 +1,8 @@
 """Cost of accuracy: every scheme at every accuracy, measured or extrapolated, and every closure.
 
 The error of a scheme is what with 95 % probability no section mean or sd is off by more than, in units of each
-quantity's sd (`rattle.montecarlo.accuracy`).  The error of a closure is its worst difference from the reference
-simulation, the run of exact flights with most paths.  Time is processor time, summed over threads.
+quantity's sd (`rattle.montecarlo.diagnostics.accuracy`).  The error of a closure is its worst difference from the
+reference simulation, the run of exact flights with most paths.  Time is processor time, summed over threads.
 """
 
 import math
@@ -24,7 +24,7 @@ from rattle.compare.tradeoff.cost_model import CostModel, CostPoint, time_run
 from rattle.compare.tradeoff.multilevel import Levels, measure_levels
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, simulate, simulate_to
-from rattle.montecarlo.accuracy import LEAST, units
+from rattle.montecarlo.diagnostics.accuracy import LEAST, units
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene

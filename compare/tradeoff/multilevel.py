@@ -2,7 +2,7 @@
 
 Every run at dt also simulates 2 dt on the same Brownian paths.  So one run per level provides all that the analysis of
 Giles needs: mean and variance of the difference between neighbouring levels, and its time.  Errors are in units of
-each quantity's sd, as in `rattle.montecarlo.accuracy`.
+each quantity's sd, as in `rattle.montecarlo.diagnostics.accuracy`.
 
 References
 ----------
@@ -23,7 +23,7 @@ from scipy import stats
 from tqdm import tqdm
 
 from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.montecarlo.accuracy import units
+from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
 from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.statistics.central_sums import CentralSums

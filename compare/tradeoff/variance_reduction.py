@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from rattle.montecarlo import default_step, simulate
-from rattle.montecarlo.accuracy import smallest_sd
+from rattle.montecarlo.diagnostics.accuracy import smallest_sd
 from rattle.montecarlo.kernel.block import Plan, sample
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.settings import plan_of
+from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 

@@ -21,7 +21,7 @@ from tqdm import tqdm
 from rattle.compare.tradeoff.slopes import CONFIDENCE, changes_from, find_settled, slope_from
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
-from rattle.montecarlo.accuracy import ROUNDED, units
+from rattle.montecarlo.diagnostics.accuracy import ROUNDED, units
 from rattle.scene.scene import Scene
 from rattle.scene.validate import count
 

@@ -7,7 +7,7 @@ import pandas as pd
 
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.verdict import JUDGED
-from rattle.montecarlo.diagnostics import list_counted
+from rattle.montecarlo.diagnostics.diagnostics import list_counted
 from rattle.scene.errors import InputError
 from rattle.scene.shown import as_html
 from rattle.scene.units import with_units

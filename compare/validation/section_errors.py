@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
-from rattle.montecarlo.accuracy import skewness_gain, smallest_sd
+from rattle.montecarlo.diagnostics.accuracy import skewness_gain, smallest_sd
+from rattle.montecarlo.diagnostics.unseen import Unseen, unseen, unseen_text
 from rattle.montecarlo.long_run.intervals import half_width
-from rattle.montecarlo.settings import is_random
-from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
+from rattle.montecarlo.settings.plan import is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
@@ -28,7 +28,7 @@ TOO_FEW = f"too few paths for an interval; that of an sd needs {FEWEST}"
 """Remark on a row whose interval the sample cannot have."""
 
 ABSOLUTE = 1e-6
-"""Tolerance, relative to its size, of a quantity that does not vary (`rattle.montecarlo.accuracy.smallest_sd`)."""
+"""Tolerance, relative to size, where nothing varies (`rattle.montecarlo.diagnostics.accuracy.smallest_sd`)."""
 
 BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the quantity's size"
 """Remark on the rows of such quantities."""
@@ -80,8 +80,8 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     flight), and 0 where it varies. ``agreement`` is the share of paths on the closure's itinerary if the run has
     it, else on the noise-free one. ``judged`` is False for the rows that `RULE` excludes. ``unseen_low`` and
     ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
-    ``unseen_paths`` how many paths would show them (`rattle.montecarlo.unseen`); ``remark`` says so in words
-    where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled
+    ``unseen_paths`` how many paths would show them (`rattle.montecarlo.diagnostics.unseen`); ``remark`` says so in
+    words where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled
     value is longer on the side to which its own sampling distribution is skewed (`widen_for_skewness`); ``lean`` is
     that skewness over sqrt(n). Verdicts are those of `judge`.
     """
@@ -149,7 +149,7 @@ def remarks(table: pd.DataFrame) -> list[str]:
 
 
 def widen_for_skewness(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> NDArray[np.float64]:
-    """`rattle.montecarlo.accuracy.skewness_gain` of the rows of a table.
+    """`rattle.montecarlo.diagnostics.accuracy.skewness_gain` of the rows of a table.
 
     Shapes: result (rows,).
     """

@@ -1,7 +1,8 @@
 """Work of a closure compared with that of a simulation of equal accuracy, and what an accuracy takes by simulation.
 
 An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
-Work is counted at nominal costs (`rattle.montecarlo.cost`, `rattle.closure.cost`): no clock decides what is advised.
+Work is counted at nominal costs (`rattle.montecarlo.accuracy.cost`, `rattle.closure.cost`): no clock decides what is
+advised.
 """
 
 import math
@@ -15,7 +16,7 @@ from rattle.closure.cost import closure_seconds
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.validity import find_validity, rows_to_judge
 from rattle.compare.validation.verdict import widest
-from rattle.montecarlo.cost import cost_of, cost_to
+from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
 

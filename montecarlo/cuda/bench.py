@@ -17,8 +17,8 @@ import pandas as pd
 
 from rattle.montecarlo.cuda.launch import ROUNDS, check_gpu, follow, launch_size, prepare, resident_threads
 from rattle.montecarlo.kernel.block import Plan
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.settings import plan_of
+from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.gears import DAT21
 from rattle.scene.scene import Scene

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from rattle.montecarlo.budget import HOUR, Budget, clock
 from rattle.montecarlo.long_run.burn_in import (
     FIRST,
     LEAST_IMPACTS,
@@ -29,6 +28,7 @@ from rattle.montecarlo.long_run.paths import LongPaths
 from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.result import LongReach
 from rattle.montecarlo.long_run.sums import NUMBER
+from rattle.montecarlo.settings.budget import HOUR, Budget, clock
 from rattle.scene.errors import InputError
 from rattle.scene.text import duration_text
 

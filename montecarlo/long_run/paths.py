@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from rattle.montecarlo.budget import Budget, clock
 from rattle.montecarlo.long_run.collected import Collected, collect
 from rattle.montecarlo.long_run.pilot import no_scales
 from rattle.montecarlo.long_run.sums import CONTACT, Scales, new_sums
 from rattle.montecarlo.long_run.walk import LANES, PERIOD, SAMPLES, Walk
+from rattle.montecarlo.settings.budget import Budget, clock
 from rattle.scene.scene import Scene
 
 __all__ = ["BATCHES", "LongPaths"]

@@ -10,12 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from tqdm import tqdm
 
-from rattle.montecarlo.budget import Budget
 from rattle.montecarlo.long_run.names import all_names
 from rattle.montecarlo.long_run.parts import Parts
 from rattle.montecarlo.long_run.paths import BATCHES, LongPaths
 from rattle.montecarlo.long_run.result import LongRun
-from rattle.montecarlo.settings import check_settings
+from rattle.montecarlo.settings.budget import Budget
+from rattle.montecarlo.settings.plan import check_settings
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.text import line

@@ -20,7 +20,7 @@ from rattle.montecarlo.rare.kernel import run_weighted
 from rattle.montecarlo.rare.mixture import BranchMixture, choose_branches, mixture_of, targets
 from rattle.montecarlo.rare.weighted_moments import ORDERS, add, moments
 from rattle.montecarlo.schemes.step_size import default_step
-from rattle.montecarlo.settings import NOISE_FREE, plan_of
+from rattle.montecarlo.settings.plan import NOISE_FREE, plan_of
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene

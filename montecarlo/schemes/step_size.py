@@ -160,7 +160,8 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
 def trusted_step(scene: Scene, scheme: str) -> Limit:
     """The longest step at which noise within a step biases no mean by 5 % of its sd, and the reason for the limit.
 
-    The effect of the step on the noise-free motion is not included: `rattle.montecarlo.diagnostics` measures that.
+    The effect of the step on the noise-free motion is not included: that is measured by
+    `rattle.montecarlo.diagnostics.diagnostics`.
     `rattle check stability` finds these limits to hold over all of its axes.
 
     Examples

@@ -64,7 +64,7 @@ def rattle(*words, code=0):
 
 @pytest.mark.parametrize("command", WRITERS)
 def test_no_room_is_said_before_any_work(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.blocks.run", lambda *_: pytest.fail("paths were followed"))
+    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
     with disk(tmp_path / "disk", "64k") as place:
         found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
         assert "MB are free there; make room" in found.stderr

@@ -10,7 +10,7 @@ from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
 from settings import recorded
 
 from rattle.montecarlo import Ensemble, simulate, simulate_to
-from rattle.montecarlo.settings import is_random
+from rattle.montecarlo.settings.plan import is_random
 from rattle.scene import Scene
 from rattle.scene.moments import SECTION
 

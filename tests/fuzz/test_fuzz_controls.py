@@ -12,7 +12,7 @@ from fuzz_plan import SIMPLE
 from fuzz_watched import Watched
 
 from rattle.compare.study import store
-from rattle.montecarlo.result import Ensemble
+from rattle.montecarlo.ensemble.result import Ensemble
 
 
 def test_the_watch_tells_hangs_deaths_and_warnings_and_goes_on():

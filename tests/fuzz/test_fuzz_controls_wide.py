@@ -17,8 +17,8 @@ from fuzz_wide import LEAST, Numbers, wide_scene
 from fuzz_wide_plan import WIDE, job
 
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.ensemble.result import Ensemble
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.scene import DAT21, Scene
 
@@ -135,7 +135,7 @@ def test_a_flight_without_noise_that_is_none_of_eq_3_is_seen(scheme):
 
 def test_identical_paths_behind_an_accuracy_and_what_is_not_said_of_it_are_seen(monkeypatch):
     reached = simulate(SCENE, paths=2048, impacts=1, scheme="exact-flight")
-    from rattle.montecarlo.reach import Candidate, Reach
+    from rattle.montecarlo.diagnostics.reach import Candidate, Reach
 
     candidates = [Candidate("exact-flight", 0.01, 2048, 1e5, 1.0)]
     right = Reach(0.5, 0.1, 0.0, 0.2, "mean of tau at impact 1", candidates, 0.0)

@@ -20,8 +20,8 @@ from rattle.compare.study.tables import load_study
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.correlation import first_failure
 from rattle.montecarlo import Record, simulate, simulate_to
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.settings import _noise_free_step
+from rattle.montecarlo.settings.plan import _noise_free_step
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.files import read_text, read_toml
 from rattle.scene.impact import next_impact, safe_time

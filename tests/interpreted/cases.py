@@ -25,7 +25,7 @@ from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.sums import new_sums
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.montecarlo.statistics.fixed_order import columns_of
 from rattle.scene import DAT21, Scene, Start, Tolerance

@@ -18,7 +18,7 @@ import numpy as np
 from rattle.closure import CLOSURES, mean_map
 from rattle.compare import validate
 from rattle.montecarlo import SCHEMES, Record, simulate
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, Scene, Tolerance
 
 SCENES = {

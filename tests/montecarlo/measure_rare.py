@@ -19,7 +19,7 @@ from rattle.montecarlo.rare.design_points import find_branches, pilot_of
 from rattle.montecarlo.rare.mixture import choose_branches, mixture_of
 from rattle.montecarlo.rare.simulate_rare import run_block
 from rattle.montecarlo.rare.weighted_moments import ORDERS, add, moments
-from rattle.montecarlo.settings import NOISE_FREE, plan_of
+from rattle.montecarlo.settings.plan import NOISE_FREE, plan_of
 from rattle.scene import DAT21, Scene, Start
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "results" / "rare_branches.csv"

@@ -18,8 +18,8 @@ from rattle.compare.validation import section_errors as errors
 from rattle.compare.validation.section_errors import section_errors
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
-from rattle.montecarlo.accuracy import units
-from rattle.montecarlo.unseen import Unseen
+from rattle.montecarlo.diagnostics.accuracy import units
+from rattle.montecarlo.diagnostics.unseen import Unseen
 from rattle.scene import Scene, Start
 from rattle.scene.moments import SECTION
 

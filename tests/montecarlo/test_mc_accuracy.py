@@ -5,9 +5,9 @@ import pytest
 from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Record, simulate, simulate_to
-from rattle.montecarlo.accuracy import sampling_error, units
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.step_error import step_error
+from rattle.montecarlo.accuracy.step_error import step_error
+from rattle.montecarlo.diagnostics.accuracy import sampling_error, units
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import InputError, Scene
 from rattle.scene.moments import SECTION
 
@@ -75,17 +75,17 @@ def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
 def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch):
     ask = {"impacts": 3, "accuracy": 0.05, "rng": 5}
     assert list(simulate_to(dat21(0.5), **ask).reach.schemes.index) == ["exact-flight"]
-    monkeypatch.setattr("rattle.montecarlo.pilots.ENOUGH", 0.0)
+    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.ENOUGH", 0.0)
     run = simulate_to(dat21(0.5), **ask)
     assert set(run.reach.schemes.index) == set(SCHEMES)
     assert run.scheme == run.reach.schemes["core_seconds"].idxmin()
 
 
 def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.pilots.ENOUGH", 0.0)
+    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.ENOUGH", 0.0)
     first = simulate_to(dat21(0.5), 0.05, impacts=3, rng=5).reach.schemes
     ticks = iter(np.arange(1e6) ** 1.1)
-    monkeypatch.setattr("rattle.montecarlo.budget.time.process_time", lambda: next(ticks))
+    monkeypatch.setattr("rattle.montecarlo.settings.budget.time.process_time", lambda: next(ticks))
     assert first.equals(simulate_to(dat21(0.5), 0.05, impacts=3, rng=5).reach.schemes)
 
 

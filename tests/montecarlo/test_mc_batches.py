@@ -4,10 +4,10 @@ import numpy as np
 from mc_checks import dat21, limit
 
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.blocks import in_threads
-from rattle.montecarlo.ensemble import extend
+from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.batches import BATCHES
 from rattle.scene.impact import energy_loss, struck
 

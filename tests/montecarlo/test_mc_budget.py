@@ -10,10 +10,10 @@ import pytest
 from mc_checks import dat21
 
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
-from rattle.montecarlo.blocks import in_threads
-from rattle.montecarlo.budget import Budget
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.settings.budget import Budget
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import InputError, Scene, Start
 from rattle.scene.text import duration_text
 
@@ -23,7 +23,7 @@ class Watched:
 
     def __init__(self, monkeypatch, seconds=lambda paths: 1.0):
         self.now, self.seconds, self.paths = 0.0, seconds, []
-        monkeypatch.setattr("rattle.montecarlo.budget.time.process_time", lambda: self.now)
+        monkeypatch.setattr("rattle.montecarlo.settings.budget.time.process_time", lambda: self.now)
 
     def __call__(self, plan, first):
         for block, result in enumerate(in_threads(1)(plan, first), start=first):
@@ -118,7 +118,7 @@ def test_no_budget_at_all_may_be_asked_for(monkeypatch):
 
 
 def test_other_schemes_are_not_tried_without_a_budget_for_them(monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.pilots.ENOUGH", 0.0)
+    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.ENOUGH", 0.0)
     watched = Watched(monkeypatch, lambda paths: 3.0)
     with pytest.warns(AccuracyWarning):
         run = ask(watched, 1e-3, budget=20.0)
@@ -144,7 +144,7 @@ def test_the_finest_accuracies_are_refused_as_others_are():
 
 def test_what_is_uncounted_costs_nothing(monkeypatch):
     now = iter((0.0, 1.0, 5.0, 6.0))
-    monkeypatch.setattr("rattle.montecarlo.budget.time.process_time", lambda: next(now))
+    monkeypatch.setattr("rattle.montecarlo.settings.budget.time.process_time", lambda: next(now))
     budget = Budget(10.0)
     with budget.pause():
         pass

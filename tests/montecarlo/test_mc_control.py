@@ -8,8 +8,8 @@ from scipy import stats
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.kernel.control_variate import estimate_controlled, linear_path
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.settings import plan_of
+from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import PAIR, CentralSums
 from rattle.scene import InputError, Scene, Start, Tolerance
 from rattle.scene.moments import SECTION

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rattle.montecarlo import cost as module
 from rattle.montecarlo import simulate, simulate_to
-from rattle.montecarlo.accuracy import error_bound, share_of_look
-from rattle.montecarlo.cost import expect_paths
-from rattle.montecarlo.unseen import Added
+from rattle.montecarlo.accuracy import cost as module
+from rattle.montecarlo.accuracy.cost import expect_paths
+from rattle.montecarlo.diagnostics.accuracy import error_bound, share_of_look
+from rattle.montecarlo.diagnostics.unseen import Added
 from rattle.scene import DAT21, Gears, InputError, Scene
 
 GEARS = Gears(

@@ -8,9 +8,9 @@ import pytest
 from mc_checks import dat21, stepped
 
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.diagnostics import motion_units, orbit_shift
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.diagnostics.diagnostics import motion_units, orbit_shift
 from rattle.montecarlo.schemes.step_size import time_scales, trusted_step
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 
 LOCATED, PLAIN, EXACT = "euler-maruyama-located", "euler-maruyama", "exact-flight"

@@ -10,8 +10,8 @@ from rattle.closure.orbit import follow
 from rattle.montecarlo import Record
 from rattle.montecarlo.kernel import block as kernel_block
 from rattle.montecarlo.kernel.lanes import lanes_of
-from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.section_statistics import FEWEST
 from rattle.montecarlo.statistics.step_bias import estimate_remainder
 from rattle.scene import InputError, Tolerance

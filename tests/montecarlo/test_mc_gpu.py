@@ -16,7 +16,7 @@ from settings import recorded
 from rattle.montecarlo import simulate
 from rattle.montecarlo.cuda import bench
 from rattle.montecarlo.cuda import launch as gpu
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import InputError
 
 HERE = Path(__file__).resolve().parent

@@ -8,8 +8,9 @@ from mc_checks import dat21
 from mc_checks import stepped as simulate
 from settings import recorded
 
-from rattle.montecarlo import Sampling, blocks, largest_step, simulate_to
-from rattle.montecarlo import settings as validation
+from rattle.montecarlo import Sampling, largest_step, simulate_to
+from rattle.montecarlo.kernel import blocks
+from rattle.montecarlo.settings import plan as validation
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
 BAD = {

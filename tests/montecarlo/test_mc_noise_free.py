@@ -5,10 +5,10 @@ import pytest
 from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
-from rattle.montecarlo.blocks import in_threads
-from rattle.montecarlo.ensemble import extend
+from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Tolerance
 from rattle.scene.moments import SECTION
 

@@ -10,7 +10,7 @@ from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.rare.mixture import PLAIN, choose_branches, mixture_of
 from rattle.montecarlo.rare.simulate_rare import run_block
 from rattle.montecarlo.rare.weighted_moments import ORDERS, add, moments
-from rattle.montecarlo.settings import plan_of
+from rattle.montecarlo.settings.plan import plan_of
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)

@@ -5,7 +5,8 @@ import pytest
 from mc_checks import TOLERANT, dat21
 from settings import recorded
 
-from rattle.montecarlo import SCHEMES, ensemble, simulate
+from rattle.montecarlo import SCHEMES, simulate
+from rattle.montecarlo.ensemble import simulate as ensemble
 from rattle.montecarlo.kernel import block
 from rattle.montecarlo.kernel.block import BLOCK
 

@@ -3,9 +3,10 @@
 import pytest
 
 import rattle
-from rattle.montecarlo import accuracy, branches, diagnostics
+from rattle.montecarlo.branches import search as branches
+from rattle.montecarlo.diagnostics import accuracy, diagnostics
 from rattle.montecarlo.kernel import block
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 
 SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
 STEPPED = {"scheme": "euler-maruyama-located", "dt": 0.01, "record": rattle.Record(step_bias=False)}

@@ -5,7 +5,7 @@ import pytest
 
 from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 
 SCENES = {

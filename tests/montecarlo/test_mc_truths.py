@@ -11,7 +11,7 @@ from scipy.special import gamma, hyp2f1
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 

@@ -8,7 +8,7 @@ from settings import recorded
 
 from rattle.montecarlo import Record
 from rattle.montecarlo.noise.philox import Word, fill_signs, fill_words, key_of
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import InputError
 
 

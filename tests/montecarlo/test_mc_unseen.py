@@ -8,9 +8,10 @@ import pytest
 from rattle.compare.validation import section_errors as errors
 from rattle.compare.validation.section_errors import section_errors
 from rattle.compare.validation.verdict import Tolerances, widest
-from rattle.montecarlo import branches, simulate
-from rattle.montecarlo.branches import BranchSearch, rare_events
-from rattle.montecarlo.unseen import Unseen
+from rattle.montecarlo import simulate
+from rattle.montecarlo.branches import search as branches
+from rattle.montecarlo.branches.search import BranchSearch, rare_events
+from rattle.montecarlo.diagnostics.unseen import Unseen
 from rattle.scene import DAT21, Scene
 from tests.montecarlo.measure_unseen import PAIR
 

@@ -12,7 +12,7 @@ from rattle.compare.checks.published import returning
 from rattle.compare.checks.published.exit_time import mean_exit_time
 from rattle.montecarlo import SCHEMES, Record
 from rattle.montecarlo.kernel.kernel import PLAIN
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
 PATHS = 3_000

@@ -13,8 +13,8 @@ import numpy as np
 
 from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.ensemble.result import Ensemble
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 
 BETA, SIGMA, HALF = 0.5, 1.0, 0.5

@@ -8,7 +8,7 @@ from scipy.special import gamma, hyp2f1
 
 from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 
 SIGMA = 1.0

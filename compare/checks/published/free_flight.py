@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from rattle.compare.checks.check import Check, Result
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from rattle.compare.checks.stability.reference import IMPACTS, Reference, horizon_of
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import Ensemble
-from rattle.montecarlo.blocks import in_threads
-from rattle.montecarlo.diagnostics import diagnose_rare_branch, diagnose_short_step
-from rattle.montecarlo.ensemble import extend
+from rattle.montecarlo.diagnostics.diagnostics import diagnose_rare_branch, diagnose_short_step
+from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.settings import is_random, plan_of
+from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.settings.plan import is_random, plan_of
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene
 from rattle.scene.moments import SECTION
 

@@ -12,7 +12,7 @@ from rattle.compare.checks.stability.cell import BIASED, UNSTABLE, judge, looks
 from rattle.compare.checks.stability.reference import IMPACTS, reference
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, default_step, largest_step
-from rattle.montecarlo.diagnostics import COLLAPSE
+from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene.moments import SECTION
 

@@ -8,7 +8,7 @@ import pandas as pd
 from rattle.compare.checks.stability.axes import AXES
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import Record, largest_step, simulate
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import STATE

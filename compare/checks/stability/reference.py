@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from rattle.compare.validation.verdict import at_wall
 from rattle.montecarlo import Ensemble, default_step, simulate
-from rattle.montecarlo.diagnostics import motion_units
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.diagnostics.diagnostics import motion_units
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene
 from rattle.scene.impact import next_impact, struck
 from rattle.scene.moments import SECTION
@@ -26,7 +26,7 @@ class Reference(NamedTuple):
     """Reference section moments of a cell."""
 
     columns: Mapping[str, NDArray[Any]]  # means, sds and their standard errors, as `Ensemble.columns`
-    # units of the errors, see `rattle.montecarlo.diagnostics.motion_units`; NaN where a quantity is not judged
+    # units of the errors, see `rattle.montecarlo.diagnostics.diagnostics.motion_units`; NaN where none is judged
     unit: dict[str, Floats]
     late: float  # share of the paths that did not complete their impacts before the horizon
 

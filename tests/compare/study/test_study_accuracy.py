@@ -12,7 +12,7 @@ from rattle.compare.cli.main import main
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import Work, expect_work, scaling
 from rattle.montecarlo import simulate_to
-from rattle.montecarlo.cost import cost_to
+from rattle.montecarlo.accuracy.cost import cost_to
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene import DAT21, Scene
 

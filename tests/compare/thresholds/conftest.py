@@ -9,7 +9,7 @@ from rattle.compare.thresholds import (
     summary,  # noqa: F401
 )
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, Scene
 
 

@@ -24,10 +24,10 @@ from rattle.compare.thresholds.sessions import TimedRun
 from rattle.compare.thresholds.settings import Settings
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
-from rattle.montecarlo.blocks import in_threads
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.scene import DAT21, Scene
 from rattle.scene.moments import SECTION

@@ -19,11 +19,11 @@ from rattle.compare.tradeoff.page import CONTENTS, orders_said, orders_table
 from rattle.compare.tradeoff.variance_reduction import antithetic_gain, control_table
 from rattle.compare.tradeoff.weak_order import orders_over
 from rattle.montecarlo import Record, simulate, simulate_to
-from rattle.montecarlo.accuracy import units
-from rattle.montecarlo.cost import cost_of
+from rattle.montecarlo.accuracy.cost import cost_of
+from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.kernel.block import sample
-from rattle.montecarlo.sampling import Sampling
-from rattle.montecarlo.settings import plan_of
+from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, InputError, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.3)

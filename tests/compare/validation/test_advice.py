@@ -11,7 +11,7 @@ from rattle.compare.validation.figures import error_figure
 from rattle.compare.validation.speed import WANTED, simulation_costs
 from rattle.compare.validation.sweep import sweep
 from rattle.montecarlo import simulate_to
-from rattle.montecarlo.cost import cost_of
+from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.scene import DAT21, InputError, Scene
 
 SIGMAS = (0.01, 0.1, 1.0)

@@ -14,8 +14,8 @@ from rattle.compare.validation.section_errors import ABSOLUTE, BY_SIZE, section_
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import JUDGED, Tolerances, widest
 from rattle.montecarlo import simulate
-from rattle.montecarlo.accuracy import error_bound, units
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.diagnostics.accuracy import error_bound, units
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, Scene
 
 IMPACTS = 3

@@ -10,7 +10,7 @@ from rattle.closure.cost import closure_seconds, most_seconds
 from rattle.compare.validation.speed import measure_speed, paths_for
 from rattle.compare.validation.validate import validate
 from rattle.montecarlo import simulate
-from rattle.montecarlo.cost import cost_of
+from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.scene import DAT21, Scene
 
 

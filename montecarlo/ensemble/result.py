@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, BlockResult, Plan
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.noise.philox import LEVELS
-from rattle.montecarlo.reach import Reach
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import NOISE_FREE, is_random
+from rattle.montecarlo.settings.plan import NOISE_FREE, is_random
 from rattle.montecarlo.statistics.batches import Batches
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.montecarlo.statistics.section_statistics import FEWEST, pair_statistics, single_statistics
@@ -78,7 +78,7 @@ class Ensemble(SectionResult):
 
     def __repr__(self) -> str:
         """What was simulated, and what was counted on the way, on a few lines."""
-        from rattle.montecarlo.diagnostics import list_counted
+        from rattle.montecarlo.diagnostics.diagnostics import list_counted
 
         last = {name: self.columns[name][-1] for name in ("tau", "se_tau", "sd_tau", "agreement")}
         lines = [
@@ -149,11 +149,11 @@ class Ensemble(SectionResult):
 
     @cached_property
     def diagnostics(self) -> tuple[str, ...]:
-        """What may be wrong with these numbers, a sentence each: see `rattle.montecarlo.diagnostics`.
+        """What may be wrong with these numbers, a sentence each: see `rattle.montecarlo.diagnostics.diagnostics`.
 
         It looks for rare branches that may be missing, and follows the noise-free path at a shorter step.
         """
-        from rattle.montecarlo.diagnostics import diagnose
+        from rattle.montecarlo.diagnostics.diagnostics import diagnose
 
         return diagnose(self)
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.accuracy import HasColumns, error_bound
+from rattle.montecarlo.diagnostics.accuracy import HasColumns, error_bound
+from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.kernel.control_variate import no_control
-from rattle.montecarlo.reach import Reach
 from rattle.montecarlo.schemes.step_size import default_step, largest_step, trusted_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import STEPS, is_random
+from rattle.montecarlo.settings.plan import STEPS, is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 

@@ -5,9 +5,9 @@ It is measured from dt, 2 dt and 4 dt on the same Brownian paths, or, where noth
 
 import numpy as np
 
-from rattle.montecarlo.accuracy import units_by_quantity
-from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.settings import exact_orbit, is_random
+from rattle.montecarlo.diagnostics.accuracy import units_by_quantity
+from rattle.montecarlo.ensemble.result import Ensemble
+from rattle.montecarlo.settings.plan import exact_orbit, is_random
 from rattle.scene.moments import SECTION
 
 NO_SUCH_IMPACT = 1e3  # error of a path that has an impact more, or less, than it should

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.control_variate import linear_path, no_control
 from rattle.montecarlo.noise.philox import LEVELS
-from rattle.montecarlo.record import Record
-from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.step_size import accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.settings.record import Record
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
 from rattle.scene.validate import choice, count, finite, positive

@@ -11,17 +11,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rattle.montecarlo.accuracy import share_of_look, small_noise
-from rattle.montecarlo.budget import Budget, clock
-from rattle.montecarlo.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expect_paths
+from rattle.montecarlo.accuracy.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expect_paths
+from rattle.montecarlo.diagnostics.accuracy import share_of_look, small_noise
+from rattle.montecarlo.diagnostics.reach import Candidate
+from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.reach import Candidate
-from rattle.montecarlo.record import Record
-from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.sampling import Sampling
 from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import count_followed, default_horizon, is_random
+from rattle.montecarlo.settings.budget import Budget, clock
+from rattle.montecarlo.settings.plan import count_followed, default_horizon, is_random
+from rattle.montecarlo.settings.record import Record
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.scene import Scene
 
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget

@@ -17,20 +17,20 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
-from rattle.montecarlo.blocks import Blocks, in_threads
-from rattle.montecarlo.budget import HOUR, Budget, clock
-from rattle.montecarlo.cost import expect_paths
-from rattle.montecarlo.ensemble import extend, simulate
+from rattle.montecarlo.accuracy.cost import expect_paths
+from rattle.montecarlo.accuracy.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, choose_scheme
+from rattle.montecarlo.accuracy.step_error import step_error
+from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
+from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
+from rattle.montecarlo.ensemble.result import Ensemble
+from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, choose_scheme
-from rattle.montecarlo.reach import AccuracyWarning, Reach
-from rattle.montecarlo.record import Record
-from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import MOST_STEPS, check_settings, count_followed, default_horizon, is_random
-from rattle.montecarlo.step_error import step_error
+from rattle.montecarlo.settings.budget import HOUR, Budget, clock
+from rattle.montecarlo.settings.plan import MOST_STEPS, check_settings, count_followed, default_horizon, is_random
+from rattle.montecarlo.settings.record import Record
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.keywords import moved
 from rattle.scene.scene import Scene

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.accuracy import (
+from rattle.montecarlo.accuracy.step_error import step_error
+from rattle.montecarlo.diagnostics.accuracy import (
     LEAST,
     HasColumns,
     absolute_errors,
@@ -24,16 +25,15 @@ from rattle.montecarlo.accuracy import (
     units_by_quantity,
     unseen_shifts,
 )
+from rattle.montecarlo.diagnostics.reach import Candidate
+from rattle.montecarlo.diagnostics.unseen import Added, branches_between, share_of, unseen
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.reach import Candidate
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import count_followed
-from rattle.montecarlo.step_error import step_error
-from rattle.montecarlo.unseen import Added, branches_between, share_of, unseen
+from rattle.montecarlo.settings.plan import count_followed
 from rattle.scene.moments import SECTION
 
 if TYPE_CHECKING:
-    from rattle.montecarlo.result import Ensemble
+    from rattle.montecarlo.ensemble.result import Ensemble
 
 Floats = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ class Candidate(NamedTuple):
     dt: float  # step
     paths: int  # number of paths
     path_steps: float  # their steps, over all step sizes that run side by side
-    core_seconds: float  # nominal processor time of these, see `rattle.montecarlo.cost`
+    core_seconds: float  # nominal processor time of these, see `rattle.montecarlo.accuracy.cost`
 
     @property
     def sentence(self) -> str:

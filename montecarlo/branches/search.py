@@ -1,7 +1,8 @@
 """The branches of the noise-free orbit: paths that leave it, or another branch, by one other event each.
 
-The orbit is searched first (`rattle.montecarlo.rare_events`), then representatives of its branches, the most probable
-first.  Every path that was searched stands for all smaller probabilities too, so that one search serves all of them.
+The orbit is searched first (`rattle.montecarlo.branches.rare_events`), then representatives of its branches, the
+most probable first.  Every path that was searched stands for all smaller probabilities too, so that one search serves
+all of them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.rare_events import Event, SearchedFlight, events, onward
+from rattle.montecarlo.branches.rare_events import Event, SearchedFlight, events, onward
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import saltation_matrix

@@ -9,14 +9,14 @@ from typing import NoReturn
 import numpy as np
 from tqdm import tqdm
 
-from rattle.montecarlo.blocks import Blocks, in_threads
+from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan
-from rattle.montecarlo.record import Record
-from rattle.montecarlo.result import Ensemble
-from rattle.montecarlo.sampling import Sampling
+from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, default_step, is_admissible
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings import count_followed, plan_of
+from rattle.montecarlo.settings.plan import count_followed, plan_of
+from rattle.montecarlo.settings.record import Record
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.batches import Batches
 from rattle.montecarlo.statistics.histogram import Histograms
 from rattle.scene.errors import InputError

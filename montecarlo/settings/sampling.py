@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rattle.montecarlo.blocks import Blocks
+from rattle.montecarlo.kernel.blocks import Blocks
 
 __all__ = ["Sampling"]
 

@@ -3,7 +3,8 @@
 The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %: each row counts
 with its own standard error, so that rows that are much better known cost nothing.  Errors are larger where the sampling
 distribution of a row is skewed (`skewness_gain`), and by what branches that the sample cannot have seen could change
-(`rattle.montecarlo.unseen`).  Looks share the 5 %, so that a run may stop as soon as it holds (`share_of_look`).
+(`rattle.montecarlo.diagnostics.unseen`).  Looks share the 5 %, so that a run may stop as soon as it holds
+(`share_of_look`).
 
 Errors are in units of each quantity's sd; the worst of all section means and sds counts.  Errors are absolute where the
 sd is no scale: where nothing varies, and for the displacement at the mesh that most paths strike, whose spread comes
@@ -19,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from rattle.montecarlo.diagnostics.unseen import Unseen, unseen, unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.unseen import Unseen, unseen, unseen_text
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 

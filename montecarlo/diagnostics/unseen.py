@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.branches import BranchSearch, RareEvents
-from rattle.montecarlo.settings import is_random
+from rattle.montecarlo.branches.search import BranchSearch, RareEvents
+from rattle.montecarlo.settings.plan import is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
