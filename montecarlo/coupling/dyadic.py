@@ -13,12 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.noise.brownian import split
+from rattle.montecarlo.noise.brownian import Noise, split
 from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, normals
 from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
 from rattle.montecarlo.schemes.short_flight import short_flight, sine_cosine
 from rattle.montecarlo.schemes.step_size import accurate_flight
-from rattle.montecarlo.schemes.step_state import Noise
 from rattle.montecarlo.schemes.whole_step import flight_forcing
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from rattle.montecarlo.cuda.launch import ROUNDS, check_gpu, follow, launch_size, prepare, resident_threads
+from rattle.montecarlo.cuda.launch import ROUNDS, follow, launch_size, prepare, resident_threads
 from rattle.montecarlo.kernel.block import Plan
-from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings.plan import check_gpu, plan_of
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.gears import DAT21

@@ -1,10 +1,9 @@
 """Ensembles on a GPU: ``simulate(..., sampling=Sampling(device="cuda"))``.
 
-Only this module and those it imports use CUDA, and nothing imports it before a GPU is asked for.
+Only this folder uses CUDA, and nothing imports it before a GPU is asked for and found (`check_gpu` in the settings).
 """
 
 from collections.abc import Callable, Iterator
-from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from rattle.montecarlo.kernel.kernel import COLUMNS, Job
 from rattle.montecarlo.noise.backlash import backlash_of
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.scene.errors import InputError
 
 Floats = NDArray[np.float64]
 
@@ -27,24 +25,6 @@ ROUNDS = 8
 
 SIMULATED = 8
 """Paths of a launch on numba's simulator, with half as many threads per block."""
-
-
-def check_gpu() -> None:
-    """Raise an error if there is no GPU to run on."""
-    if find_spec("numba_cuda") is None:
-        raise InputError("sampling.device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
-    from numba import cuda
-
-    if cuda.is_available():
-        return
-    try:
-        gpus = len(cuda.gpus)
-    except cuda.CudaSupportError as error:
-        reason = " ".join(str(error).split()).strip(" :")
-        raise InputError("sampling.device", "cuda", f"needs an NVIDIA driver and a GPU; {reason}") from None
-    if gpus == 0:
-        raise InputError("sampling.device", "cuda", "needs a GPU; the driver finds none")
-    raise InputError("sampling.device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")
 
 
 def _is_simulated() -> bool:

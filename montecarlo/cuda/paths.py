@@ -15,13 +15,14 @@ from numba import cuda
 from rattle.montecarlo.kernel.kernel import EXACT, FLANK_DRAWS, LOCATED, PLAIN, next_event
 from rattle.montecarlo.kernel.lanes import CHUNK
 from rattle.montecarlo.noise.backlash import first_half_gap, half_gap
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import STEP, Word, bits_of, normals, sign_of
 from rattle.montecarlo.schemes.crossing import near_wall
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.euler_located import leaves
 from rattle.montecarlo.schemes.exact_flight import PARTS
 from rattle.montecarlo.schemes.short_flight import sine_cosine
-from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.montecarlo.schemes.whole_step import FlightForcing, first_stage, flight_forcing, second_stage
 from rattle.scene.impact import struck

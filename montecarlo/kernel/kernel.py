@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from rattle.montecarlo.kernel.control_variate import LinearPath, carry_along
 from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, join_halves, list_marked, of_level, retire
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
 from rattle.montecarlo.schemes.euler import at_end, step_forcing
 from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, step_located_lanes
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
 from rattle.montecarlo.schemes.short_flight import Phase, State, sine_cosine
-from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.montecarlo.schemes.whole_step import flight_forcing, flight_lanes
 from rattle.scene.compiled import lean, splice

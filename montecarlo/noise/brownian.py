@@ -10,11 +10,20 @@ Foster, Lyons and Oberhauser, "An optimal polynomial approximation of Brownian m
 """
 
 import math
+from typing import NamedTuple
 
-from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene.compiled import lean
 
 ROOT12_INVERSE = 1.0 / math.sqrt(12.0)
+
+
+class Noise(NamedTuple):
+    """Brownian motion on a time h."""
+
+    increment: float  # of variance h
+    # ``int (s / h - 1/2) dB``, of variance h / 12: minus the space-time Lévy area.  The Euler-Maruyama schemes do not
+    # use it and leave it zero
+    area: float
 
 
 @lean

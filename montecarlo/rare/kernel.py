@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.kernel import EXACT, Job, _finish_inside, _step_lanes
 from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, list_marked, of_level
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Word, fill_normals
 from rattle.montecarlo.rare.mixture import BranchMixture
 from rattle.montecarlo.schemes.short_flight import sine_cosine
-from rattle.montecarlo.schemes.step_state import Noise, Progress
+from rattle.montecarlo.schemes.step_state import Progress
 from rattle.scene.compiled import lean
 from rattle.scene.instructions import widest_vectors
 

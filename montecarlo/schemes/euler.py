@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.noise.brownian import Noise
+from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.constants import Constants
 from rattle.scene.flight import noise_rate

@@ -10,8 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
-from rattle.montecarlo.schemes.step_state import TOGETHER, Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
 from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
 

@@ -18,11 +18,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.noise.brownian import join, split
+from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import Key, Word, normals
 from rattle.montecarlo.schemes.crossing import CLOSE, cut_share
 from rattle.montecarlo.schemes.short_flight import Phase, State, short_flight, sine_cosine
-from rattle.montecarlo.schemes.step_state import TOGETHER, Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
 from rattle.scene.compiled import inline, splice
 from rattle.scene.constants import Constants
 

@@ -2,20 +2,13 @@
 
 from typing import NamedTuple
 
+from rattle.montecarlo.noise.brownian import Noise
+
 MOST_IN_A_STEP = 64
 """Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which is counted."""
 
 TOGETHER = 1e-12
 """Time in which impacts at both meshes count as one instant, and mesh 1 comes first: what a flight's rounding adds."""
-
-
-class Noise(NamedTuple):
-    """Brownian motion on a time h."""
-
-    increment: float  # of variance h
-    # ``int (s / h - 1/2) dB``, of variance h / 12: minus the space-time Lévy area.  The Euler-Maruyama schemes do not
-    # use it and leave it zero
-    area: float
 
 
 class Walls(NamedTuple):

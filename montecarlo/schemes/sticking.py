@@ -8,9 +8,10 @@ stage meanwhile is detected at the start of the next step.
 
 import math
 
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
-from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
 from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on

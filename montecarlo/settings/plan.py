@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,8 +120,6 @@ def plan_of(
         why = f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}"
         raise InputError("sampling.increments", sampling.increments, why)
     if choice("sampling.device", sampling.device, ("cpu", "cuda")) == "cuda":
-        from rattle.montecarlo.cuda.launch import check_gpu  # nothing of it is loaded before a GPU is asked for
-
         for name, value in (
             ("record.step_bias", record.step_bias),
             ("sampling.control", sampling.control),
@@ -227,3 +226,21 @@ def _check_itinerary(name: str, itinerary: Sequence[int], impacts: int) -> tuple
     if len(itinerary) != impacts:
         raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts")
     return tuple(count(field, code, least=-2, most=2) for code in itinerary)
+
+
+def check_gpu() -> None:
+    """Raise an error if there is no GPU to run on."""
+    if find_spec("numba_cuda") is None:
+        raise InputError("sampling.device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
+    from numba import cuda  # not loaded before a GPU is asked for
+
+    if cuda.is_available():
+        return
+    try:
+        gpus = len(cuda.gpus)
+    except cuda.CudaSupportError as error:
+        reason = " ".join(str(error).split()).strip(" :")
+        raise InputError("sampling.device", "cuda", f"needs an NVIDIA driver and a GPU; {reason}") from None
+    if gpus == 0:
+        raise InputError("sampling.device", "cuda", "needs a GPU; the driver finds none")
+    raise InputError("sampling.device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")

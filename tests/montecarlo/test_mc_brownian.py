@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mc_checks import agrees
 
-from rattle.montecarlo.noise.brownian import join, split
-from rattle.montecarlo.schemes.step_state import Noise
+from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.scene.compiled import jit
 
 SHARES = (1e-6, 0.1, 0.37, 0.5, 0.9, 1.0 - 1e-6)

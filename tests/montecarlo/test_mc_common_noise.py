@@ -8,9 +8,9 @@ from rattle.montecarlo import simulate
 from rattle.montecarlo.coupling.dyadic import clockwork, fly
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.short_flight import kick
-from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene import InputError, Tolerance
 from rattle.scene.flight import flow, jacobian
 from rattle.scene.impact import next_impact, struck

@@ -10,11 +10,12 @@ from scipy import stats
 from scipy.integrate import quad_vec
 
 from rattle.montecarlo import Record, largest_step, simulate
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
 from rattle.montecarlo.schemes.short_flight import sine_cosine
-from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.montecarlo.schemes.whole_step import flight_forcing
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start, Tolerance

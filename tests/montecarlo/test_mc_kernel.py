@@ -10,9 +10,8 @@ from scipy.integrate import quad_vec
 
 from rattle.montecarlo import Record, largest_step, simulate
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
-from rattle.montecarlo.noise.brownian import join
+from rattle.montecarlo.noise.brownian import Noise, join
 from rattle.montecarlo.noise.philox import CONTACT, key_of, normals, uniforms
-from rattle.montecarlo.schemes.step_state import Noise
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_rate
 

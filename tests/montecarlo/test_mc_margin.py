@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from mc_checks import limit
 
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes import crossing
 from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
 from rattle.montecarlo.schemes.short_flight import sine_cosine
-from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import Scene
 from rattle.scene.compiled import jit
 

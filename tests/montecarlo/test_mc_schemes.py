@@ -10,8 +10,9 @@ from scipy.integrate import quad_vec
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record, simulate
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.euler_located import advance_inside
-from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import Scene, Start
 from rattle.scene.impact import struck
 

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 
+from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
 from rattle.montecarlo.schemes.short_flight import sine_cosine
-from rattle.montecarlo.schemes.step_state import Noise, Progress, Walls
+from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import Scene, Start
 from rattle.scene.compiled import jit
 
