@@ -16,6 +16,7 @@ from settings import recorded
 from rattle.montecarlo import simulate
 from rattle.montecarlo.cuda import bench
 from rattle.montecarlo.cuda import launch as gpu
+from rattle.montecarlo.settings import plan
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import InputError
 
@@ -125,7 +126,7 @@ def test_nothing_of_cuda_is_imported_before_a_gpu_is_asked_for():
 
 
 def test_a_missing_package_is_named(monkeypatch):
-    monkeypatch.setattr(gpu, "find_spec", lambda name: None)
+    monkeypatch.setattr(plan, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"device = 'cuda': needs the package numba-cuda.*rattle\[gpu\]"):
         simulate(dat21(0.1), paths=10, sampling=Sampling(device="cuda"))
 
