@@ -118,8 +118,14 @@ def test_two_processes_share_the_work(slow, tmp_path):
     _, whole = slow
     file = tmp_path / "noise.toml"
     file.write_text(study_text(**SLOW))
-    both = [start(file) for _ in range(2)]
-    for running in both:
+    first = start(file)
+    wait_for_cells(tmp_path / "noise", 1)
+    first.send_signal(signal.SIGSTOP)  # so that the second has something to do, however late it is ready
+    found = len(list((tmp_path / "noise").glob("cells/*.parquet")))
+    second = start(file)
+    wait_for_cells(tmp_path / "noise", found + 1)
+    first.send_signal(signal.SIGCONT)
+    for running in (first, second):
         _, err = running.communicate(timeout=600)
         assert running.returncode == 0, err
     assert digests(tmp_path / "noise") == whole
