@@ -11,16 +11,16 @@ from functools import partial
 import numpy as np
 
 from rattle.closure.edgeworth import coefficients, has_series, window_means
-from rattle.closure.moments import Trace
-from rattle.closure.orbit import Floats, Ints, Orbit, follow
-from rattle.closure.raw_moments import stage_raw_moments
+from rattle.closure.moments import Trace, stage_raw_moments
+from rattle.closure.orbit import Orbit, follow
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
+from rattle.scene.linear_algebra import product, transform
 from rattle.scene.moments import semidefinite
-from rattle.scene.products import product, transform
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats, Ints
 
 
 @internal

@@ -5,23 +5,15 @@ from math import erf, erfc, exp, factorial, pi, sqrt
 
 import numpy as np
 from numpy.polynomial import hermite_e
-from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
 from rattle.scene.elementary import exponentials
 from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST
+from rattle.scene.types import Floats
 
-__all__ = [
-    "Edgeworth",
-    "coefficients",
-    "has_series",
-    "mixture_density",
-    "section_density",
-    "window_means",
-]
+__all__ = ["Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means"]
 
-Floats = NDArray[np.float64]
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
 NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre quadrature

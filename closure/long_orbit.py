@@ -1,26 +1,35 @@
-"""Orbits of any length, computed a stretch of impacts at a time, with the growth of their neighbours.
+"""Orbits of any length, with the growth of their neighbours, and where they end: at rest, on a cycle, or on neither.
 
-Times are kept modulo the period of the excitation, so that the accuracy does not decrease along the orbit.
+Times are kept modulo the period of the excitation, so that the accuracy does not decrease along the orbit.  For its end
+the orbit is looked at once a period (a stroboscopic section), which sees chatter and sticking phases like everything
+else.
 """
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rattle.closure.orbit import HORIZON
+from rattle.closure.orbit import HORIZON, Orbit, follow
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import flow
-from rattle.scene.impact import REST, next_impact, struck
+from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
 from rattle.scene.scene import Scene
 from rattle.scene.sticking import complete_chatter
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rattle.scene.types import Floats, Ints
 
 PERIOD = 2.0 * math.pi
+
+PERIODIC, REST_FOR_GOOD, IRREGULAR = "periodic", "rest", "irregular"
+"""Kinds of attractors; an irregular one is chaotic, or its period is longer than `LONGEST`."""
+
+LONGEST = 64  # periods of the excitation
+TRIES = (400, 4000, 30_000)  # impacts after which a period is looked for
+SAME = 1e-8  # difference of states, relative to the largest, up to which they are the same
+INSTANTS = (0.0, 1.0, 2.5, 4.5)  # phases at which states are compared: at one of them an impact may be due
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 @jit
@@ -124,3 +133,121 @@ def velocities(scene: Scene, s: Stretch, step: float) -> Floats:
     """
     velocity = np.empty((int(s.flight[1:].sum() / step) + 2, 2))
     return velocity[: _sample(scene.noise_free.constants, step, s, velocity)]
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """Where an orbit ends."""
+
+    kind: str  # `PERIODIC`, `REST_FOR_GOOD` or `IRREGULAR`
+    reason: str  # the same as a clause
+    periods: int  # length of a periodic orbit in periods of the excitation; 0 for others
+    # times of the impacts of one cycle, the last of the cycle before it first; empty for others; (impacts + 1,)
+    tau: Floats
+    mesh: Ints  # mesh, side: what is struck; (impacts + 1,)
+    side: Ints
+    before: Floats  # before, after: states just before and just after; (impacts + 1, 4)
+    after: Floats
+    contact: tuple[float, float]  # share of the time in which each mesh is closed
+
+    @property
+    def impacts(self) -> int:
+        """Impacts of a cycle."""
+        return max(self.tau.size - 1, 0)
+
+    @property
+    def sticks(self) -> bool:
+        """Whether a mesh is closed at times."""
+        return max(self.contact) > 0.0
+
+    def same(self, other: "Attractor") -> bool:
+        """Whether this is the same attractor, at another time."""
+        if (self.kind, self.periods, self.impacts) != (other.kind, other.periods, other.impacts):
+            return False
+        if self.impacts == 0:
+            return bool(np.allclose(self.contact, other.contact))
+        own, others = (np.sort(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3])[1:]) for a in (self, other))
+        return bool(np.allclose(own, others, rtol=1e-5, atol=1e-5 * float(np.abs(own).max())))
+
+
+def _none(kind: str, reason: str, contact: tuple[float, float] = (0.0, 0.0)) -> Attractor:
+    nothing, numbers = np.empty((0, 4)), np.empty(0, np.int64)
+    return Attractor(kind, reason, 0, np.empty(0), numbers, numbers, nothing, nothing, contact)
+
+
+def _repeats(orbit: Orbit, end: float, periods: int, stages: int) -> bool:
+    """Whether the orbit repeats itself after a number of periods, at the end."""
+    same = 0
+    for instant in INSTANTS:  # with one stage, what is carried along as the second need not repeat itself
+        last, one, two = (orbit.state(end - instant - k * periods * PERIOD)[: 2 * stages] for k in range(3))
+        allowed = SAME * max(np.abs(last).max(), 1e-12)
+        same += bool(max(np.abs(last - one).max(), np.abs(one - two).max()) <= allowed)
+    return same >= len(INSTANTS) - 1
+
+
+def attractor(scene: Scene, start: int = 0) -> Attractor:
+    """Find where the orbit of a scene ends.
+
+    `start`: 0 for the scene's own start; start number n is the same state at a phase later by n times 0.618
+    periods.
+
+    Examples
+    --------
+    >>> scene = Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1)
+    >>> found = attractor(scene)
+    >>> found.kind, found.periods, found.impacts, round(float(abs(found.before[1, 1])), 6)
+    ('periodic', 1, 2, 0.594973)
+    """
+    own = scene.phase_reduced.noise_free
+    if start:
+        own = replace(own, start=replace(own.start, tau=own.phase + start * GOLDEN * PERIOD % PERIOD))
+    for impacts in TRIES:
+        orbit = follow(own, impacts)
+        if orbit.stopped:
+            return _end(orbit)
+        end = float(orbit.tau[orbit.found])
+        for periods in range(1, LONGEST + 1):
+            if end - own.phase < 4.0 * periods * PERIOD:
+                break
+            if _repeats(orbit, end, periods, own.stages):
+                return _cycle(orbit, end, periods)
+    return _none(IRREGULAR, f"is chaotic, or has a period of more than {LONGEST} of the excitation")
+
+
+def _end(orbit: Orbit) -> Attractor:
+    """An orbit that has no further impact."""
+    for code in (REST, NONE):
+        if orbit.stopped.startswith(MISSES[code]):
+            closed = tuple(float(any(s.mesh == m and math.isinf(s.opened) for s in orbit.sticking)) for m in (1, 2))
+            words = "comes to rest for good: a mesh stays closed" if code == REST else "has no further impact"
+            return _none(REST_FOR_GOOD, f"{words} (after impact {orbit.found})", (closed[0], closed[1]))
+    return _none(IRREGULAR, f"could not be followed: {orbit.stopped}")
+
+
+def _cycle(orbit: Orbit, end: float, periods: int) -> Attractor:
+    """One cycle at the end of an orbit."""
+    begin = end - 0.5 - periods * PERIOD  # half a unit of time before an impact, so that none is at the ends of a cycle
+    first = int(np.searchsorted(orbit.tau[: orbit.found + 1], begin, side="right")) - 1
+    last = int(np.searchsorted(orbit.tau[: orbit.found + 1], end - 0.5, side="right")) - 1
+    part = slice(first, last + 1)
+    closed = [0.0, 0.0]
+    for phase in orbit.sticking:
+        closed[phase.mesh - 1] += max(min(phase.opened, end - 0.5) - max(phase.closed, begin), 0.0)
+    contact = closed[0] / (periods * PERIOD), closed[1] / (periods * PERIOD)
+    reason = f"is periodic with {_times(periods)} and {last - first} impacts"
+    reason += ", closed at times" if max(contact) > 0.0 else ""
+    return Attractor(
+        PERIODIC,
+        reason,
+        periods,
+        orbit.tau[part],
+        orbit.mesh[part],
+        orbit.side[part],
+        orbit.before[part],
+        orbit.after[part],
+        contact,
+    )
+
+
+def _times(periods: int) -> str:
+    return "the period of the excitation" if periods == 1 else f"{periods} periods of the excitation"

@@ -1,53 +1,93 @@
 """The public entry of the closures: one call, four closures, one kind of result."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
-from rattle.closure import corrected as corrected
-from rattle.closure import published as published
-from rattle.closure import saltation
-from rattle.closure.branching import trace as branching
-from rattle.closure.moments import Trace
+from rattle.closure import branching, corrected, published, saltation
+from rattle.closure.branching import LEVELS
+from rattle.closure.closure import NOTE, Closure, describe_error, read_closure, read_closures
+from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
 from rattle.closure.result import MeanMap
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, count, positive
 from rattle.scene.scene import Scene
-from rattle.scene.validate import choice, count, positive
 
 __all__ = ["CLOSURES", "Closure", "closures_for", "mean_map", "refusals"]
 
 
-class Closure(NamedTuple):
-    """A closure: how it is evaluated, and for which scenes.
+@dataclass(frozen=True)
+class BuiltIn(Closure):
+    """A closure of the package: an entry of `CLOSURES`, which answers what one's own answers."""
 
-    Attributes
-    ----------
-    trace : callable
-        ``trace(scene, impacts, order)``, returns a `Trace`.
-    check : callable
-        ``check(scene)``, raises InputError for a scene to which the closure does not apply.
-    refines : bool
-        Whether `trace` takes a tolerance as its last argument, and is then as coarse as that allows.
-    """
-
-    trace: Callable[..., Trace]
-    check: Callable[[Scene], None] = lambda scene: None
+    function: Callable[..., Trace]  # ``function(scene, impacts, order)``, with a tolerance as its last where it refines
+    applies: Callable[[Scene], None] = lambda scene: None  # raises InputError for a scene to which it does not apply
+    color: str = ""
+    marker: str = ""
+    limit: str = "fixed time"
     refines: bool = False
+    impact_microseconds: float = 0.0  # of one core, components not counted; measured once on DAT21 and the examples
+    components: int = 0  # the most that it follows
+
+    own: ClassVar[bool] = False
+
+    def __reduce__(self) -> tuple[Callable[[str], Closure], tuple[str]]:
+        """Pickled by its name."""
+        return built_in, (self.name,)
+
+    @property
+    def digest(self) -> str:
+        """Nothing: its source is in the version of the package."""
+        return ""
+
+    def check(self, scene: Scene) -> None:
+        """Refuse a scene to which it does not apply."""
+        self.applies(scene)
+
+    def trace(self, scene: Scene, impacts: int, order: int, *tolerance: float) -> Trace:
+        """Follow the moments through the impacts."""
+        return self.function(scene, impacts, order, *tolerance)
+
+    def seconds(self, trace: Trace) -> float:
+        """Nominal seconds of one core: counted impacts, and flights of mixture components, at stated costs."""
+        return 1e-6 * (trace.found * self.impact_microseconds + trace.work * COMPONENT_MICROSECONDS)
+
+    def most_seconds(self, impacts: int) -> float:
+        """The most that `seconds` can be: all components that it may have."""
+        return 1e-6 * (impacts * self.impact_microseconds + impacts * self.components * COMPONENT_MICROSECONDS)
 
 
-CLOSURES = {
-    "published": Closure(published.trace, published.check),
-    "corrected": Closure(corrected.trace),
-    "saltation": Closure(saltation.trace),
-    "branching": Closure(branching.trace, refines=True),
-}
-"""The closures, by name."""
+_TABLE = (
+    BuiltIn(
+        "published", published.trace, applies=published.check, color="#D55E00", marker="s", impact_microseconds=200.0
+    ),
+    BuiltIn("corrected", corrected.trace, applies=check_white, color="#0072B2", marker="o", impact_microseconds=50.0),
+    BuiltIn("saltation", saltation.trace, color="#009E73", marker="^", limit="second order", impact_microseconds=250.0),
+    BuiltIn(
+        "branching",
+        branching.trace,
+        applies=check_white,
+        color="#E69F00",
+        marker="v",
+        refines=True,
+        impact_microseconds=300.0,
+        components=sum(level.cut for level in LEVELS[-2:]),
+    ),
+)
+CLOSURES = {closure.name: closure for closure in _TABLE}
+"""The closures of the package, by name."""
+Closure.taken |= set(CLOSURES)
 
 ORDERS = (2, 6)
 MOST_IMPACTS = 100_000  # an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
 
 
 def mean_map(
-    scene: Scene, *, impacts: int = 12, closure: str = "saltation", order: int = 4, tolerance: float | None = None
+    scene: Scene,
+    *,
+    impacts: int = 12,
+    closure: str | Closure | Callable[..., Any] = "saltation",
+    order: int = 4,
+    tolerance: float | None = None,
 ) -> MeanMap:
     """Predict the moments of the first impacts of a scene by a moment closure.
 
@@ -57,9 +97,10 @@ def mean_map(
         What is modelled.
     impacts : int
         How many impacts after the start.
-    closure : {"saltation", "branching", "corrected", "published"}
+    closure : {"saltation", "branching", "corrected", "published"}, Closure or callable
         Which closure (docs/model.md section 6).  ``saltation`` is asymptotically exact for small noise.  ``branching``
         is a mixture over the different itineraries that paths take under larger noise, and predicts their shares too.
+        Or one's own: a `Closure`, a function ``(scene, impacts)``, or ``package.module:function``.
     order : int
         Highest order of the moments in the Edgeworth series, 2 to 6.  ``saltation`` has first-order means and sds at
         order 2, and adds mean shifts and skewness from order 3 on.
@@ -77,7 +118,8 @@ def mean_map(
     ------
     InputError
         For an unknown closure, an order out of range, a scene to which the closure does not apply, or a tolerance that
-        is not positive or is given to a closure that cannot refine itself.
+        is not positive or is given to a closure that cannot refine itself; for a table of one's own closure that lacks
+        impacts, has an unknown column, or holds no numbers.
 
     Examples
     --------
@@ -89,19 +131,45 @@ def mean_map(
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
     count("impacts", impacts, most=MOST_IMPACTS)
-    choice("closure", closure, CLOSURES)
+    method = find_closure("closure", closure)
     count("order", order, *ORDERS)
-    CLOSURES[closure].check(scene)
+    method.check(scene)
     asked: tuple[float, ...] = ()
     if tolerance is not None:
         positive("tolerance", tolerance)
-        if not CLOSURES[closure].refines:
+        if not method.refines:
             able = ", ".join(name for name, of in CLOSURES.items() if of.refines)
             raise InputError(
-                "tolerance", tolerance, f"closure {closure!r} cannot refine itself; leave it out, or use {able}"
+                "tolerance", tolerance, f"closure {method.name!r} cannot refine itself; leave it out, or use {able}"
             )
         asked = (tolerance,)
-    return MeanMap(scene, closure, impacts, order, CLOSURES[closure].trace(scene, impacts, order, *asked), tolerance)
+    trace = method.trace(scene, impacts, order, *asked)
+    return MeanMap(scene, method, impacts, order, trace, tolerance)
+
+
+def predict(scene: Scene, method: Closure, impacts: int, order: int) -> MeanMap:
+    """`mean_map`; where a function of one's own raises an exception, nothing is predicted, and `stopped` says what."""
+    try:
+        return mean_map(scene, impacts=impacts, closure=method, order=order)
+    except Exception as error:
+        if not any(note.startswith(NOTE) for note in getattr(error, "__notes__", ())):
+            raise
+        return MeanMap(scene, method, impacts, order, method.failed(scene, impacts, describe_error(error)))
+
+
+def built_in(name: str) -> Closure:
+    """The closure of the package of a name."""
+    return CLOSURES[name]
+
+
+def find_closure(field: str, given: object) -> Closure:
+    """The closure of a name, of ``package.module:function``, or of a function of one's own."""
+    return read_closure(field, given, CLOSURES)
+
+
+def find_closures(field: str, given: object) -> tuple[Closure, ...]:
+    """Several closures, each once, whose names differ."""
+    return read_closures(field, given, CLOSURES)
 
 
 def refusals(scene: Scene) -> dict[str, str]:
@@ -153,3 +221,8 @@ def closures_for(scene: Scene) -> tuple[str, ...]:
     """
     refused = refusals(scene)
     return tuple(name for name in CLOSURES if name not in refused)
+
+
+def closure_seconds(found: MeanMap) -> float:
+    """Seconds of one core that a prediction takes: nominal, or measured where a user's own function made it."""
+    return found.method.seconds(found.trace)

@@ -1,13 +1,22 @@
-"""The result that every closure returns: means and covariances just before each impact, and between impacts."""
+"""What every closure returns, its moments just before each impact and between impacts, and the bounds of their errors.
+
+`branching` bounds its own error, without simulation.  Three signs of error are added as independent ones: the change
+from the next coarser level (its largest so far, since a change of sign is no accuracy); the largest share so far of the
+squared impact speed that the noise of one flight makes, since a path that leaves a wall so slowly may return at once,
+and the time and the speed of its return are far from Gaussian; and what splitting the components further would be
+worth.  Their factors were found on six random gear sets and DAT21, so that at most a tenth of the errors are larger,
+and tried on six others (docs/theory/closures.md).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rattle.scene.errors import InputError
+from rattle.scene.moments import SECTION, gaussian_raw_moments
+from rattle.scene.scene import Scene
+from rattle.scene.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -52,8 +61,173 @@ class Trace:
     # what splitting its components further would be worth, by its own measure; (impacts + 1,)
     residual: Floats | None = None
     work: int = 0  # how many flights of components the same closure computed
+    # of a closure of one's own: ``rho1, rho2`` as it predicts them, (impacts + 1, 2); the seconds that it took; whether
+    # it raised an exception
+    rho: Floats | None = None
+    seconds: float = float("nan")
+    raised: bool = False
 
     @property
     def span(self) -> tuple[float, float]:
         """First and last local time at which `at` can be evaluated."""
         return float(self.tau[0]), float(self.tau[self.found]) if self.until is None else self.until
+
+
+def stage_raw_moments(covariance: Floats, order: int) -> Floats:
+    """Raw moments of both stages of Gaussian perturbations.
+
+    Shapes: `covariance` (count, 4, 4); result (count, 2, order + 1, order + 1).
+    """
+    raw = np.empty((len(covariance), 2, order + 1, order + 1))
+    for k, c in enumerate(covariance):
+        for i, j in ((0, 0), (1, 2)):
+            raw[k, i] = gaussian_raw_moments(c[j, j], c[j, j + 1], c[j + 1, j + 1], order)
+    return raw
+
+
+CHANGED = 1.0  # error per change from the coarser level
+SLOW = 0.7  # error per share of slow impacts
+BENT = 0.2  # error per unit of what further splits are worth
+COMPONENT_MICROSECONDS = 60.0  # of a component's flight on one core, with splitting and merging; measured once
+FLIGHT_MICROSECONDS = 0.8  # of a path's flight, as the cost model of exact flights has it
+SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
+ALL = 3.5  # standard errors that with 95 % probability no mean or sd of 12 impacts is off by more than
+TINY = 1e-18  # variance of a displacement at its wall: rounding
+SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
+
+
+def bounds(coarse: Trace, fine: Trace) -> Floats:
+    """Bounds of the errors of the finer of two traces.
+
+    Returns: Of mean and sd of the section quantities, in sds; infinite where only the finer one goes on, NaN at
+    the start, at the displacement of the mesh that most paths strike, and where a quantity does not vary. Shapes:
+    result (impacts + 1, 2, 6).
+
+    Examples
+    --------
+    >>> from rattle.closure import mean_map
+    >>> from rattle.scene import DAT21, Scene
+    >>> error = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closure="branching").trace.error
+    >>> bool(np.nanmax(error) < 0.01)
+    True
+    """
+    change = np.full((len(fine.tau), 2, 6), np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        change[:, 0] = np.abs(_means(fine) - _means(coarse)) / fine.sd
+        change[:, 1] = np.abs(coarse.sd / fine.sd - 1.0)
+    change[coarse.found + 1 : fine.found + 1] = np.inf
+    missing = ~(fine.sd > 0.0)
+    for mesh in (1, 2):
+        missing[fine.mesh == mesh, SECTION.index(f"x{mesh}")] = True
+    missing = np.repeat(missing[:, None], 2, axis=1)
+    change[missing] = np.nan
+    change = np.fmax.accumulate(change)
+    common = np.hypot(SLOW * _so_far(fine.slow), BENT * np.minimum(_so_far(fine.residual), 1.0))
+    error = np.asarray(np.hypot(CHANGED * change, common[:, None, None]))
+    error[:, 1] *= 1.0 + np.log(np.fmax(kurtosis(fine) / 3.0, 1.0))
+    if fine.carried is not None:
+        error[:, 1] = np.hypot(error[:, 1], SLOW * fine.carried)
+    error[missing] = np.nan
+    worst = np.fmax.accumulate(np.fmax.reduce(error, axis=2))
+    error[1:] = np.fmax(error[1:], worst[:-1, :, None])
+    error[missing] = np.nan
+    return error
+
+
+def _so_far(sign: Floats | None) -> Floats:
+    """The largest value up to each impact."""
+    return np.zeros(1) if sign is None else np.asarray(np.maximum.accumulate(sign))
+
+
+def _means(found: Trace) -> Floats:
+    """Means of the section quantities, shape (impacts + 1, 6)."""
+    flight = np.concatenate([[np.nan], np.diff(found.tau)])
+    return np.column_stack([found.tau, flight, found.mean])
+
+
+def within(error: Floats, tolerance: float) -> Bools:
+    """Whether the bounds of an impact's errors are within a tolerance.
+
+    Shapes: `error` (impacts + 1, 2, 6); result (impacts + 1,).
+
+    Examples
+    --------
+    >>> error = np.zeros((2, 2, 6))
+    >>> error[1, 0, 3] = 0.06
+    >>> within(error, 0.05).tolist()
+    [True, False]
+    """
+    limits = np.array([tolerance, SDS * tolerance])[:, None]
+    return np.asarray(~(error > limits).any(axis=(1, 2)))
+
+
+def hopeless(found: Trace, tolerance: float) -> bool:
+    """Whether slow impacts alone put the bounds above a tolerance: more components would not help."""
+    return found.slow is not None and bool(SLOW * found.slow.max() > tolerance)
+
+
+def largest_error(errors: Floats) -> float:
+    """The largest of some errors, leaving out those that are NaN.
+
+    Examples
+    --------
+    >>> largest_error(np.array([0.1, np.nan, 0.3]))
+    0.3
+    """
+    return float(np.fmax.reduce(errors, axis=None))
+
+
+def advice(found: Trace, tolerance: float) -> str:
+    """Whether to use the closure or to simulate.
+
+    With 95 % probability none of the errors of a simulation is above `ALL` standard errors.  It is advised where the
+    closure's bounds are above the tolerance, and where as many paths as reach the bounds so are less counted work than
+    the closure's components.
+    """
+    if found.error is None:
+        return ""
+    if found.found == 0:
+        return "no impact could be followed: simulate"
+    error = found.error[1 : found.found + 1]
+    means, sds = largest_error(error[:, 0]), largest_error(error[:, 1])
+    said = f"own bounds of the errors: means {means:.2g}, sds {sds:.2g} of an sd"
+    wrong = np.flatnonzero(np.logical_not(within(error, tolerance)))
+    if wrong.size > 0 and wrong[0] == 0:
+        return f"{said}, above the tolerance {tolerance:g} from impact 1 on: simulate"
+    if wrong.size > 0:
+        return f"{said}, within the tolerance {tolerance:g} up to impact {wrong[0]}; beyond it simulate"
+    paths = paths_as_accurate(found, float(max(np.fmax(means, sds), SMALLEST)))
+    work, simulated = 1e-6 * COMPONENT_MICROSECONDS * found.work, 1e-6 * FLIGHT_MICROSECONDS * paths * found.found
+    if work > simulated:
+        said += f", within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate at less work"
+        return f"{said} ({simulated:.1g} s against {work:.1g} s of a core): simulate"
+    return f"{said}, within the tolerance {tolerance:g}"
+
+
+def paths_as_accurate(found: Trace, error: float) -> float:
+    """Paths whose means and sds are all within an error, in sds, with 95 % probability.
+
+    The standard error of a mean is ``1 / sqrt(n)`` sds, that of an sd ``sqrt((kurtosis - 1) / 4 n)``.
+    """
+    heaviest = float(np.fmax.reduce(kurtosis(found), axis=None, initial=3.0))
+    return (ALL / error) ** 2 * max(1.0, 0.25 * (heaviest - 1.0))
+
+
+def kurtosis(found: Trace) -> Floats:
+    """Kurtosis of the section quantities, shape (impacts + 1, 6); NaN where they do not vary or nothing is known."""
+    out = np.full((len(found.tau), len(SECTION)), np.nan)
+    for k, (weights, means, variances) in (found.parts or {}).items():
+        off = means - weights @ means
+        second, fourth = (
+            weights @ (off**2 + variances),
+            weights @ (off**4 + (6.0 * off**2 + 3.0 * variances) * variances),
+        )
+        varies = second > TINY
+        out[k, varies] = fourth[varies] / second[varies] ** 2
+    return out
+
+
+def check_white(scene: Scene) -> None:
+    """Refuse a scene whose noise has a memory, for a closure that knows white noise alone."""
+    if scene.correlation_time:
+        raise InputError("correlation_time", scene.correlation_time, "this closure is for white noise only, 0")

@@ -5,20 +5,21 @@ contact force pushes, and opens.  The orbit goes through all of these.  Its line
 phase, after which the state no longer depends on the one before.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
-from rattle.scene.flight import flow
+from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.moments import STATE
 from rattle.scene.scene import Scene
 from rattle.scene.sticking import complete_chatter, find_sticking, next_contact, stick_on, stuck
+from rattle.scene.types import Floats, Ints
 from rattle.scene.units import as_dataset
 
 if TYPE_CHECKING:
@@ -27,86 +28,67 @@ if TYPE_CHECKING:
 
 __all__ = ["HORIZON", "Orbit", "StickingPhase", "follow"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 HORIZON = 1e4  # longest flight or sticking phase that is followed, in units of 1 / omega
-LEGS = 8  # room for smooth pieces (legs) per impact; a sticking phase of one mesh takes 3
+LEGS = 8  # most smooth pieces (legs) per impact; a sticking phase of one mesh takes 3
 POINTS = 40  # of a figure's curve from one leg to the next
-LEG = 7  # numbers per leg: tau, x1, y1, x2, y2, side on which mesh 1 sticks, side on which mesh 2 does
+
+Leg = tuple[float, float, float, float, float, int, int]
+"""``tau, x1, y1, x2, y2``, the side on which mesh 1 sticks, and that on which mesh 2 does."""
 
 
 @lean
-def _note(legs: Floats, n: int, tau: float, x1: float, y1: float, x2: float, y2: float, first: int, second: int) -> int:
-    """Write a leg to row n; returns n + 1."""
-    leg = legs[n]
-    leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6] = tau, x1, y1, x2, y2, first, second
-    return n + 1
-
-
-@lean
-def _follow(
-    c: Constants,
-    tau: float,
-    x1: float,
-    y1: float,
-    x2: float,
-    y2: float,
-    mesh: int,
-    taus: Floats,
-    meshes: Ints,
-    sides: Ints,
-    before: Floats,
-    after: Floats,
-    legs: Floats,
-    legs_after: Ints,
-) -> tuple[int, int, int]:
-    """Fill the arrays; returns the numbers of impacts and legs, and the last mesh or a code of `MISSES`."""
-    taus[0], meshes[0] = tau, mesh
-    before[0, 0], before[0, 1], before[0, 2], before[0, 3] = x1, y1, x2, y2
-    side = 0
-    if mesh != 0:
-        side = 1 if (x1 if mesh == 1 else x2) > 0.0 else -1
-        y1, y2 = struck(c, mesh, y1, y2)
-    sides[0] = side
-    after[0, 0], after[0, 1], after[0, 2], after[0, 3] = x1, y1, x2, y2
-    n, k = 0, 0
-    while True:
-        legs_after[k] = n
-        n = _note(legs, n, tau, x1, y1, x2, y2, 0, 0)
-        if k + 1 == taus.size:
-            return k, n, 1
-        closed = (0, 0)
-        if mesh > 0:
-            t, sticking = complete_chatter(c, tau, x1, y1, x2, y2, mesh, side)
-            if t < np.inf:
-                x1, y1, x2, y2 = stuck(c, *flow(c, tau, x1, y1, x2, y2, t), sticking)
-                tau += t
-        while True:  # through sticking phases, to the next impact
-            if closed[0] == 0 and closed[1] == 0:
-                touching1 = int(x1 == c.wall1) - int(x1 == -c.wall1) if y1 == 0.0 else 0
-                touching2 = int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
-                closed = find_sticking(c, tau, y1, y2, (touching1, touching2))
-            if closed[0] != 0 or closed[1] != 0:
-                n = _note(legs, n, tau, x1, y1, x2, y2, *closed)
-                t, mesh, side, x1, y1, x2, y2, closed = next_contact(c, tau, x1, y1, x2, y2, closed, HORIZON)
-                if mesh == NONE:
-                    return k, n, REST
-            else:
-                t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
-            tau += t
-            if mesh != REST:
-                break
-            if n + 2 >= len(legs):
-                return k, n, LOST
-            n = _note(legs, n, tau, x1, y1, x2, y2, *closed)
-        if mesh <= 0:
-            return k, n, mesh
+def _fly(c: Constants, k: int, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats) -> int:
+    """Write the impacts after impact k, as far as no mesh may stick between them; returns the last one."""
+    while k + 1 < tau.size:
+        x1, y1, x2, y2 = after[k, 0], after[k, 1], after[k, 2], after[k, 3]
+        if (y1 == 0.0 and abs(x1) == c.wall1) or (y2 == 0.0 and abs(x2) == c.wall2):
+            break
+        if mesh[k] > 0 and complete_chatter(c, tau[k], x1, y1, x2, y2, mesh[k], side[k])[0] < math.inf:
+            break
+        t, hit, wall, x1, y1, x2, y2 = next_impact(c, tau[k], x1, y1, x2, y2, HORIZON)
+        if hit <= 0:
+            break
         k += 1
-        taus[k], meshes[k], sides[k] = tau, mesh, side
+        tau[k], mesh[k], side[k] = tau[k - 1] + t, hit, wall
         before[k, 0], before[k, 1], before[k, 2], before[k, 3] = x1, y1, x2, y2
-        y1, y2 = struck(c, mesh, y1, y2)
+        y1, y2 = struck(c, hit, y1, y2)
         after[k, 0], after[k, 1], after[k, 2], after[k, 3] = x1, y1, x2, y2
+    return k
+
+
+def _stick(
+    c: Constants, tau: float, state: State, mesh: int, side: int, legs: list[Leg], room: int
+) -> tuple[float, int, int, State]:
+    """Time, mesh, side and state of the next impact, through sticking phases, whose legs are added to the list.
+
+    The mesh is a code of `MISSES` where there is none; `room`: most legs that the list may have.
+    """
+    closed = (0, 0)
+    if mesh > 0:
+        t, sticking = complete_chatter(c, tau, *state, mesh, side)
+        if t < math.inf:
+            state = stuck(c, *flow(c, tau, *state, t), sticking)
+            tau += t
+    while True:
+        if closed == (0, 0):
+            x1, y1, x2, y2 = state
+            touching1 = int(x1 == c.wall1) - int(x1 == -c.wall1) if y1 == 0.0 else 0
+            touching2 = int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
+            closed = find_sticking(c, tau, y1, y2, (touching1, touching2))
+        if closed != (0, 0):
+            legs.append((tau, *state, *closed))
+            t, mesh, side, x1, y1, x2, y2, closed = next_contact(c, tau, *state, closed, HORIZON)
+            if mesh == NONE:
+                return tau, REST, 0, state
+        else:
+            t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, *state, HORIZON)
+        tau, state = tau + t, (x1, y1, x2, y2)
+        if mesh != REST:
+            return tau, mesh, side, state
+        if len(legs) + 2 >= room:
+            return tau, LOST, side, state
+        legs.append((tau, *state, *closed))
 
 
 class StickingPhase(NamedTuple):
@@ -271,26 +253,40 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     >>> [round(value, 5) for value in orbit.sticking[0]]
     [1, 1, 4.97495, 7.21048, 14]
     """
-    c = scene.constants
-    start = scene.start
-    tau, before, after = (
-        np.full(impacts + 1, np.nan),
-        np.full((impacts + 1, 4), np.nan),
-        np.full((impacts + 1, 4), np.nan),
-    )
-    mesh, side = np.zeros(impacts + 1, np.int64), np.zeros(impacts + 1, np.int64)
-    legs, legs_after = np.empty((LEGS * (impacts + 2), LEG)), np.zeros(impacts + 1, np.int64)
-    found, pieces, last = _follow(
-        c, scene.phase, *scene.start_state, start.mesh, tau, mesh, side, before, after, legs, legs_after
-    )
-    legs = legs[:pieces].copy()
-    phases = _sticking_phases(legs, legs_after[: found + 1])
-    stopped = "" if last > 0 else f"{MISSES[last]} after impact {found}"
-    return Orbit(c, tau, mesh, side, before, after, found, stopped, legs, phases)
+    c, first = scene.constants, scene.start.mesh
+    tau, (before, after) = np.full(impacts + 1, np.nan), np.full((2, impacts + 1, 4), np.nan)
+    mesh, side = np.zeros((2, impacts + 1), np.int64)
+    x1, y1, x2, y2 = before[0] = scene.start_state
+    tau[0], mesh[0] = scene.phase, first
+    if first != 0:
+        side[0] = 1 if (x1 if first == 1 else x2) > 0.0 else -1
+        y1, y2 = struck(c, first, y1, y2)
+    after[0] = x1, y1, x2, y2
+    k, code, room = 0, 1, LEGS * (impacts + 2)
+    legs: list[Leg] = []
+    legs_after: list[int] = []
+    while (k := _fly(c, k, tau, mesh, side, before, after)) < impacts:
+        known = len(legs)
+        time, code, flank, state = _stick(c, tau[k], after[k].tolist(), mesh[k], side[k], legs, room - k - 1)
+        legs_after += [k] * (len(legs) - known)
+        if code <= 0:
+            break
+        k += 1
+        x1, y1, x2, y2 = before[k] = state
+        tau[k], mesh[k], side[k] = time, code, flank
+        y1, y2 = struck(c, code, y1, y2)
+        after[k] = x1, y1, x2, y2
+    number = np.arange(k + 1)
+    begun = np.column_stack([tau[: k + 1], after[: k + 1], np.zeros((k + 1, 2))])
+    place = np.searchsorted(number, legs_after, side="right")
+    pieces = np.insert(begun, place, np.reshape(legs, (-1, 7)), axis=0)
+    number = np.insert(number, place, legs_after)
+    stopped = "" if code > 0 else f"{MISSES[code]} after impact {k}"
+    return Orbit(c, tau, mesh, side, before, after, k, stopped, pieces, _sticking_phases(pieces, number))
 
 
-def _sticking_phases(legs: Floats, legs_after: Ints) -> tuple[StickingPhase, ...]:
-    """Runs of legs in which a mesh sticks."""
+def _sticking_phases(legs: Floats, impact: Ints) -> tuple[StickingPhase, ...]:
+    """Runs of legs in which a mesh sticks; `impact` is the last one before each leg."""
     phases = []
     for mesh in (1, 2):
         closed = legs[:, 4 + mesh].astype(int)
@@ -298,6 +294,7 @@ def _sticking_phases(legs: Floats, legs_after: Ints) -> tuple[StickingPhase, ...
         for first, last in pairwise(edges):
             if closed[first] != 0:
                 opened = float(legs[last, 0]) if last < len(legs) else np.inf
-                impact = int(np.searchsorted(legs_after, first, side="right")) - 1
-                phases.append(StickingPhase(mesh, int(closed[first]), float(legs[first, 0]), opened, impact))
+                phases.append(
+                    StickingPhase(mesh, int(closed[first]), float(legs[first, 0]), opened, int(impact[first]))
+                )
     return tuple(sorted(phases, key=lambda phase: phase.closed))

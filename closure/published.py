@@ -10,26 +10,28 @@ whose variance is not positive is left out, and the map goes on.
 """
 
 from functools import partial
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
 
 from rattle.closure.edgeworth import coefficients, has_series, normal_density, window_means
-from rattle.closure.moments import Trace
-from rattle.closure.orbit import Floats, Ints
-from rattle.closure.raw_moments import after_flight, unmodulated_covariance
+from rattle.closure.moments import Trace, check_white
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.damping import decay, phi1
 from rattle.scene.errors import InputError
-from rattle.scene.flight import flow, noise_covariance
+from rattle.scene.flight import NODES, PANEL, WEIGHTS, flow, noise_covariance
 from rattle.scene.impact import struck
+from rattle.scene.linear_algebra import beyond, put
+from rattle.scene.moments import gaussian_raw_moments
+from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import put
-from rattle.scene.small_vectors import beyond
+from rattle.scene.types import Floats, Ints
 
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
 LONGEST = 20.0  # longest flight; the map ends if there is no counter mesh in it
+BINOMIAL = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=float)
 Windows = tuple[float, float]
 
 
@@ -152,15 +154,9 @@ def _iterate(c: Constants, windows: Windows, m: Map) -> int:
 
 def _first(scene: Scene, impacts: int, order: int) -> Map:
     """The map at its start, an impact at mesh 1; NaN where it is to be filled."""
-    raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
-    m = Map(
-        np.full(impacts + 1, np.nan),
-        np.zeros(impacts + 1, np.int64),
-        np.full((impacts + 1, 4), np.nan),
-        np.full((impacts + 1, 4), np.nan),
-        raw,
-        raw.copy(),
-    )
+    tau, mesh = np.full(impacts + 1, np.nan), np.zeros(impacts + 1, np.int64)
+    raw = np.full((2, impacts + 1, 2, order + 1, order + 1), np.nan)
+    m = Map(tau, mesh, *np.full((2, impacts + 1, 4), np.nan), *raw)
     m.tau[0], m.mesh[0], m.mean[0], m.shift[0] = scene.phase, 1, scene.start_state, 0.0
     for moments in (m.before[0], m.after[0]):
         moments[:], moments[:, 0, 0] = 0.0, 1.0
@@ -178,13 +174,12 @@ def _covariance(raw: Floats) -> Floats:
 
 
 def check(scene: Scene) -> None:
-    """Refuse a scene that does not start with an impact at mesh 1, the only start that Eq. 10 covers."""
+    """Refuse what Eq. 10 does not cover: a start without an impact at mesh 1, another drive, noise with a memory."""
+    check_white(scene)
+    if scene.drive != SINE_ALONE:
+        raise InputError("drive", f"{len(scene.drive)} orders", "the published closure is for one order only, sin tau")
     if scene.start.mesh != 1:
-        raise InputError(
-            "start.mesh",
-            scene.start.mesh,
-            "the published closure needs a start at mesh 1 (Eq. 10)",
-        )
+        raise InputError("start.mesh", scene.start.mesh, "the published closure needs a start at mesh 1 (Eq. 10)")
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
@@ -212,3 +207,55 @@ def _at(c: Constants, m: Map, found: int, windows: Windows, time: float) -> tupl
     k = int(np.searchsorted(m.tau[: found + 1], time, side="right")) - 1
     mean, _, raw = _in_flight(c, m.tau[k], m.mean[k], m.shift[k], m.after[k], time - m.tau[k], windows)
     return mean, _covariance(raw)
+
+
+@jit
+def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
+    """Raw moments after a flight.
+
+    Shapes: `raw` (order + 1, order + 1); `q` (2, 2); result (order + 1, order + 1).
+
+    Examples
+    --------
+    >>> raw = gaussian_raw_moments(0.0, 0.0, 1.0, 2)              # zeta ~ N(0, 1), xi = 0
+    >>> float(after_flight(raw, 0.0, 2.0, np.zeros((2, 2)))[2, 0])  # E[(2 zeta)^2]
+    4.0
+    """
+    order = raw.shape[0] - 1
+    e, d = phi1(beta, t), decay(beta, t)
+    flown = np.zeros_like(raw)
+    for n in range(order + 1):
+        for p in range(order + 1 - n):
+            for k in range(n + 1):
+                flown[n, p] += BINOMIAL[n, k] * e**k * d**p * raw[n - k, p + k]
+    noise = gaussian_raw_moments(q[0, 0], q[0, 1], q[1, 1], order)
+    out = np.zeros_like(raw)
+    for n in range(order + 1):
+        for p in range(order + 1 - n):
+            for i in range(n + 1):
+                for j in range(p + 1):
+                    out[n, p] += BINOMIAL[n, i] * BINOMIAL[p, j] * flown[i, j] * noise[n - i, p - j]
+    return out
+
+
+@jit
+def unmodulated_covariance(beta: float, sigma: float, t: float) -> Floats:
+    """Noise covariance of a flight if the noise on the velocity were not modulated, as in Eq. 14.
+
+    Shapes: result (2, 2).
+    """
+    q = np.zeros((2, 2))
+    panel = min(PANEL, 2.0 / beta) if beta > 0.0 else PANEL
+    lag = 0.0
+    while lag < t:
+        h = min(panel, t - lag)
+        for n in range(NODES.size):
+            r = lag + h * NODES[n]
+            e, d, w = phi1(beta, r), decay(beta, r), sigma * sigma * h * WEIGHTS[n]
+            q[0, 0] += w * e * e
+            q[0, 1] += w * e * d
+            q[1, 1] += w * d * d
+        lag += h
+        panel = min(PANEL, 2.0 * panel)
+    q[1, 0] = q[0, 1]
+    return q

@@ -1,27 +1,29 @@
 """What a closure predicts: its moments by impact and at fixed times, where they break down, and its densities."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
-from rattle.closure.branching.error import advice, largest_error, within
+from rattle.closure.closure import Closure
 from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
-from rattle.closure.moments import Trace
-from rattle.scene.errors import InputError
-from rattle.scene.moments import SECTION, SMALLEST, STATE, correlation, realizability
+from rattle.closure.moments import Trace, advice, largest_error, within
+from rattle.scene.errors import InputError, choice, count
+from rattle.scene.moments import ROUNDING, SECTION, SMALLEST, STATE, Realizability, correlation, realizability
 from rattle.scene.scene import Scene
 from rattle.scene.section_result import SectionResult
+from rattle.scene.types import Floats
 from rattle.scene.units import at_times_in, check_units
-from rattle.scene.validate import choice, count
+
+if TYPE_CHECKING:  # tables are made when they are asked for, see `SectionResult`
+    import pandas as pd
 
 __all__ = ["Breakdown", "MeanMap"]
 
-Floats = NDArray[np.float64]
 
 TOLERANCE = 0.05
 """Error of a mean, in sds, above which a bound says "simulate" where no tolerance is given; twice that of an sd."""
@@ -61,8 +63,10 @@ class MeanMap(SectionResult):
 
     Attributes
     ----------
-    scene, closure, impacts, order
+    scene, impacts, order
         Arguments of `mean_map`.
+    method : Closure
+        The closure; ``closure`` is its name.
     trace : Trace
         The arrays behind the tables, in local time.
     tolerance : float, optional
@@ -77,7 +81,7 @@ class MeanMap(SectionResult):
     """
 
     scene: Scene
-    closure: str
+    method: Closure
     impacts: int
     order: int
     trace: Trace
@@ -97,8 +101,13 @@ class MeanMap(SectionResult):
         lines += [f"  {self.advice}"] * bool(self.advice)
         return "\n".join(lines + [f"  ended: {self.stopped}"] * bool(self.stopped))
 
+    @property
+    def closure(self) -> str:
+        """Name of the closure."""
+        return self.method.name
+
     @cached_property
-    def phase_reduced(self) -> "MeanMap":
+    def phase_reduced(self) -> MeanMap:
         """The same result for `Scene.phase_reduced`: tau is in local time, with full precision for a late start."""
         return self if self.scene.phase_reduced is self.scene else replace(self, scene=self.scene.phase_reduced)
 
@@ -136,12 +145,31 @@ class MeanMap(SectionResult):
         j = 2 * (stage - 1)
         return self.trace.covariance[impact, j : j + 2, j : j + 2]
 
+    def stage_realizability(self, impact: int, stage: int) -> Realizability:
+        """Whether a distribution can have the second moments of a stage; of one's own closure, those it predicts."""
+        covariance, t = self.stage_covariance(impact, stage), self.trace
+        if t.rho is None:
+            return realizability(covariance)
+        rho = float(t.rho[impact, stage - 1])
+        sds = {
+            name: float(sd) for name, sd in zip(SECTION, t.sd[impact], strict=True) if (name[-1] == "2") == (stage == 2)
+        }
+        reasons = [f"sd of {name} = {sd:.3g} < 0" for name, sd in sds.items() if sd < 0.0]
+        reasons += [f"|rho| = {abs(rho):.4g} > 1"] * (abs(rho) > 1.0 + ROUNDING)
+        vx, vy = covariance.diagonal()
+        return Realizability(not reasons, ", ".join(reasons), float(vx), float(vy), rho, float("nan"))
+
+    def stage_rho(self, impact: int, stage: int) -> float:
+        """Correlation of displacement and velocity of a stage just before an impact; NaN where there is none."""
+        own = self.trace.rho
+        return correlation(self.stage_covariance(impact, stage)) if own is None else float(own[impact, stage - 1])
+
     @cached_property
     def breakdown(self) -> Breakdown | None:
         """The first impact at which the moments are not realizable, or None; those of a mixture always are."""
         for k in range(1, self.trace.found + 1):
             for stage in self._stages if self.trace.parts is None else ():
-                judged = realizability(self.stage_covariance(k, stage))
+                judged = self.stage_realizability(k, stage)
                 if not judged.realizable:
                     return Breakdown(k, stage, judged.reason)
             flight = float(self.trace.tau[k] - self.trace.tau[k - 1])
@@ -165,6 +193,8 @@ class MeanMap(SectionResult):
         section at the impacts), as simulation samples it.  ``published`` and ``corrected`` approximate it by the state
         at one impact time for all paths.
         """
+        import pandas as pd
+
         t = self.trace
         columns: dict[str, object] = {
             "tau": self.scene.to_absolute_time(t.tau[1:]),
@@ -177,13 +207,11 @@ class MeanMap(SectionResult):
         columns |= {f"skew_{name}": t.skew[1:, i] for i, name in enumerate(SECTION)}
         impacts = range(1, self.impacts + 1)
         for stage in (1, 2):
-            columns[f"rho{stage}"] = [correlation(self.stage_covariance(k, stage)) for k in impacts]
+            columns[f"rho{stage}"] = [self.stage_rho(k, stage) for k in impacts]
         columns["realizable"] = [
             k <= t.found
-            and t.tau[k] >= t.tau[k - 1]
-            and (
-                t.parts is not None or all(realizability(self.stage_covariance(k, s)).realizable for s in self._stages)
-            )
+            and not t.tau[k] < t.tau[k - 1]
+            and (t.parts is not None or all(self.stage_realizability(k, s).realizable for s in self._stages))
             for k in impacts
         ]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
@@ -200,6 +228,8 @@ class MeanMap(SectionResult):
     @property
     def errors(self) -> pd.DataFrame | None:
         """The closure's bounds of its errors by impact and quantity, ``mean`` and ``sd`` in sds; None without."""
+        import pandas as pd
+
         if self.trace.error is None:
             return None
         index = pd.MultiIndex.from_product([range(1, self.impacts + 1), SECTION], names=["impact", "quantity"])
@@ -251,7 +281,13 @@ class MeanMap(SectionResult):
         >>> at[["x1", "y1"]].assign(sd_y1=at["cov_y1_y1"] ** 0.5).round(2).to_numpy().tolist()
         [[-0.5, -0.09, 1.75]]
         """
+        import pandas as pd
+
         check_units(units, self.scene.gears)
+        if self.method.own:
+            local = [float(self.scene.to_local_time(time)) for time in _as_list(times)]
+            table = self.method.fixed_times(self.scene, local).set_axis(pd.Index(_as_list(times), name="time"))
+            return at_times_in(table, self.scene.gears, units)
         low, high = self.trace.span
         rows = []
         for time in _as_list(times):
@@ -302,9 +338,10 @@ class MeanMap(SectionResult):
         skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
         if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
             skew = 0.0  # section moments of first order: Gaussian
-        if np.isfinite(skew) and sd > 0.0:
-            return section_density(values, float(self.phase_reduced.section[quantity].loc[impact]), sd, skew)
-        if quantity not in VELOCITIES:
+        mean = float(self.phase_reduced.section[quantity].loc[impact])
+        if np.isfinite(skew) and sd > 0.0 and np.isfinite(mean):
+            return section_density(values, mean, sd, skew)
+        if quantity not in VELOCITIES or self.trace.rho is not None:
             return None
         stage = VELOCITIES.index(quantity) + 1
         vx, vy = self.stage_covariance(impact, stage).diagonal()

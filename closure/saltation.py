@@ -7,25 +7,30 @@ section 6).  From order 3 on, the second derivatives add the shift of the mean, 
 cumulants.
 """
 
-import math
 from functools import partial
 
 import numpy as np
 
-from rattle.closure.flanks import column, random_tolerance, start_covariance
-from rattle.closure.moments import Trace
-from rattle.closure.orbit import Floats, Ints, Orbit, follow
-from rattle.closure.raw_moments import stage_raw_moments
-from rattle.closure.section_map import derivatives, hit_matrix
-from rattle.closure.third_cumulants import after_impact, flight_third_cumulant, noise_slope, third_cumulants
+from rattle.closure.moments import Trace, stage_raw_moments
+from rattle.closure.orbit import Orbit, follow
+from rattle.closure.section_map import column, hit_matrix, random_tolerance
+from rattle.closure.section_step import Steps, noise_slope, section_start, section_steps
+from rattle.scene import memory
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian, noise_covariance
+from rattle.scene.linear_algebra import add_product, image, product, totals, transform
 from rattle.scene.moments import SMALLEST, semidefinite
-from rattle.scene.products import image, product, total, totals, transform
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats, Ints
 
 SLOWEST = 1e-6
 """Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no derivatives there."""
+
+
+PLACES = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
+STATES = np.arange(5)
+EYE = np.eye(4)
+BLOCK = 256  # impacts whose derivatives are computed at once
 
 
 def propagate(
@@ -51,45 +56,48 @@ def propagate(
     section, covariance = np.full((2, count, d, d), np.nan)  # before the impact, and after it
     section[0] = covariance[0] = start
     moved, third = np.zeros(d), np.zeros((d, d, d))
-    states = np.arange(5)
-    places = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
+    speed = np.where(mesh == 1, before[:, 1], before[:, 3])[1 : found + 1]
     fastest = max(c.alpha, c.gamma1, abs(before[0, 1]), abs(before[0, 3]))
-    for k in range(1, found + 1):
-        speed = before[k, 1] if mesh[k] == 1 else before[k, 3]
-        if abs(speed) < SLOWEST * fastest:
-            return k - 1, shift, sd, skew, section, covariance
-        t = tau[k] - tau[k - 1]
-        first, hessian = derivatives(c, mesh[k], side[k], tau[k - 1], after[k - 1], t, before[k], d)
-        q = noise_covariance(c, tau[k - 1], t)
-        p = covariance[k - 1]
-        linear = first[:, :d]
-        section[k] = transform(linear, p) + transform(first[:, d:], q)
-        cross = total(linear[0] * p[0])  # cov(tau_k, tau_k-1)
-        spread = section[k, 0, 0] + p[0, 0] - 2.0 * cross  # variance of the flight time
-        sd[k, places] = np.sqrt(np.maximum(np.diagonal(section[k])[:5], 0.0))
-        sd[k, 1] = math.sqrt(max(spread, 0.0))
-        last = moved[0]
-        moved = image(linear, moved)
-        if second:
-            slope = noise_slope(c, tau[k - 1], t)
-            cube = sd[k] * sd[k] * sd[k]
-            if cube[1] > SMALLEST:
-                skew[k, 1] = flight_third_cumulant(first, hessian, p, q, slope, third) / cube[1]
-            third = third_cumulants(c, tau[k - 1] + t, first, hessian, p, q, slope, third)
-            moved[:5] += 0.5 * (totals(hessian[:, :d, :d] * p) + totals(hessian[:, d:, d:] * q))
-            shift[k, places], shift[k, 1] = moved[:5], moved[0] - last
-            clear = cube[places] > SMALLEST
-            skew[k, places[clear]] = third[states, states, states][clear] / cube[places[clear]]
-        hit = hit_matrix(c, mesh[k], d)
-        covariance[k] = transform(hit, section[k])
-        moved = image(hit, moved)
-        if second:
-            third = after_impact(hit, third)
-        if redraw:
-            flank = column(mesh[k], -side[k])
-            moved[flank] = covariance[k, flank] = covariance[k, :, flank] = 0.0
-            covariance[k, flank, flank] = variance[flank - 5]
-            third[flank] = third[:, flank] = third[:, :, flank] = 0.0
+    found = int(np.append(np.abs(speed) < SLOWEST * fastest, True).argmax())
+    hits = {m: hit_matrix(c, m, d) for m in (1, 2)}
+    for low in range(0, found, BLOCK):
+        high = min(low + BLOCK, found)
+        ends, part = slice(low, high + 1), slice(low + 1, high + 1)
+        steps = section_steps(c, tau[ends], mesh[ends], side[ends], before[ends], after[ends], d)
+        first, hessian, q = steps.first, steps.hessian, steps.noise
+        linear, added = first[:, :, :d], transform(first[:, :, d:], q)
+        for k, flown, noise in zip(range(low + 1, high + 1), linear, added, strict=True):
+            section[k] = transform(flown, covariance[k - 1]) + noise
+            covariance[k] = transform(hits[mesh[k]], section[k])
+            if redraw:
+                flank = column(mesh[k], -side[k])
+                covariance[k, flank] = covariance[k, :, flank] = 0.0
+                covariance[k, flank, flank] = variance[flank - 5]
+        p = covariance[low:high]
+        cross = _dot(linear[:, 0], p[:, 0])  # cov(tau_k, tau_k-1)
+        spread = section[part, 0, 0] + p[:, 0, 0] - 2.0 * cross  # variance of the flight time
+        own = np.diagonal(section[part], axis1=1, axis2=2)[:, :5]
+        sd[part] = np.sqrt(np.maximum(np.column_stack([own[:, 0], spread, own[:, 1:]]), 0.0))
+        if not second:
+            continue
+        slope = np.array([noise_slope(c, s, t) for s, t in zip(tau[low:high], np.diff(tau[ends]), strict=True)])
+        made = produced_cumulants(steps, p, slope)
+        bent = 0.5 * (totals(hessian[:, :, :d, :d] * p[:, None]) + totals(hessian[:, :, d:, d:] * q[:, None]))
+        thirds, cubes = np.empty((high - low, d, d, d)), np.empty((high - low, 5))
+        for n, k in enumerate(range(low + 1, high + 1)):
+            last, moved, thirds[n] = moved[0], image(linear[n], moved), third
+            third = mapped_cumulants(linear[n], third, made[n])
+            moved[steps.bent] += bent[n]
+            shift[k, PLACES], shift[k, 1], cubes[n] = moved[:5], moved[0] - last, third[STATES, STATES, STATES]
+            moved, third = image(hits[mesh[k]], moved), after_impact(hits[mesh[k]], third)
+            if redraw:
+                flank = column(mesh[k], -side[k])
+                moved[flank] = 0.0
+                third[flank] = third[:, flank] = third[:, :, flank] = 0.0
+        cube = sd[part] * sd[part] * sd[part]
+        flight = flight_cumulants(first, hessian, p, q, slope, thirds)
+        found_cubes = np.column_stack([cubes[:, 0], flight, cubes[:, 1:]])
+        np.divide(found_cubes, cube, out=skew[part], where=cube > SMALLEST)
     return found, shift, sd, skew, section, covariance
 
 
@@ -107,7 +115,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         orbit.before,
         orbit.after,
         orbit.found,
-        start_covariance(scene),
+        section_start(scene),
         variance,
         redraw,
         order >= 3,
@@ -119,7 +127,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     covariance = np.full((impacts + 1, 4, 4), np.nan)
     for k in range(found + 1):
         rate = field(c, orbit.tau[k], orbit.before[k, 1], orbit.before[k, 3]) if k else np.zeros(4)
-        covariance[k] = _at_one_time(rate, section[k, :5, :5], np.eye(4))
+        covariance[k] = _at_one_time(rate, section[k, :5, :5], EYE)
     raw = stage_raw_moments(covariance, order)
 
     at = partial(_in_flight, c, orbit, found, after)
@@ -133,12 +141,82 @@ def _in_flight(c: Constants, orbit: Orbit, found: int, after: Floats, time: floa
     k = int(np.searchsorted(orbit.tau[: found + 1], time, side="right")) - 1
     rate = field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3])
     t = time - orbit.tau[k]
+    if c.memory:
+        known = [0, 1, 2, 3, 4, len(after[k]) - 1]
+        section = after[k][np.ix_(known, known)]
+        flown = _at_one_time(np.append(rate, 0.0), section, memory.propagator(c, orbit.tau[k], t)[0][:4])
+        return orbit.state(time), flown + memory.covariance(c, orbit.tau[k], t)[0][:4, :4]
     flown = _at_one_time(rate, after[k, :5, :5], jacobian(c, t))
     return orbit.state(time), flown + noise_covariance(c, orbit.tau[k], t)
 
 
 def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
-    """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight, shape (4, 4)."""
-    fixed = product(flown, np.concatenate([-rate[:, None], np.eye(4)], axis=1))
+    """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight, shape (4, 4).
+
+    Shapes: `rate` (n,); `section` (n + 1, n + 1); `flown` (4, n), n = 5 with noise that has a memory.
+    """
+    fixed = product(flown, np.concatenate([-rate[:, None], np.eye(len(rate))], axis=1))
     sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
     return semidefinite(transform(fixed, section), image(np.abs(flown), sd[1:] + np.abs(rate) * sd[0]))
+
+
+def produced_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
+    """Third cumulants that the flights from an orbit's impacts produce in the next section states.
+
+    Shapes: `p`, `slope` (n, d, d) and (n, m, m); result (n, d, d, d).
+    """
+    first, (n, d, size) = steps.first, steps.first.shape
+    spread = np.zeros((n, size, size))  # covariance of (s, n)
+    spread[:, :d, :d], spread[:, d:, d:] = p, steps.noise
+    reach = product(first, spread)  # cov(s', (s, n))
+    varied, since = transform(first[:, :, d:], slope), reach[:, :, 0]  # d cov(s' | s) / d tau_k
+    late = product(reach[:, :1], first.mT)[:, 0] - since  # cov(delta, s'), delta = tau' - tau - t
+    bent = np.zeros((n, d, d, d))  # bent[:, l, i, j]: contribution of the quadratic part of component l
+    bent[:, steps.bent] = transform(reach[:, None], steps.hessian)
+    out = bent.transpose(0, 2, 3, 1) + bent.transpose(0, 2, 1, 3) + bent
+    out = out + _over_pairs(varied, since)
+    return out + _over_pairs(steps.kick[:, :, None] * steps.kick[:, None], late)
+
+
+def _over_pairs(pair: Floats, other: Floats) -> Floats:
+    """``A_ij b_k + A_ik b_j + A_jk b_i``."""
+    one, two, three = other[:, None, None], other[:, None, :, None], other[:, :, None, None]
+    return pair[:, :, :, None] * one + pair[:, :, None] * two + pair[:, None] * three
+
+
+def mapped_cumulants(linear: Floats, third: Floats, produced: Floats) -> Floats:
+    """Third cumulants after a linear map, added to others; shapes (d, d), (d, d, d) and (d, d, d)."""
+    d, out = len(linear), produced.copy()
+    along = product(linear, third.transpose(1, 0, 2).reshape(d, -1)).reshape(d * d, d)
+    turned = product(along, linear.T).reshape(d, d, d).transpose(1, 0, 2)
+    add_product(np.ascontiguousarray(linear), turned.reshape(d, -1), out.reshape(d, -1))
+    return out
+
+
+def flight_cumulants(first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats) -> Floats:
+    """Third cumulants of the flight times, the difference of the next tau and the last one.
+
+    Only the next tau is nonlinear.  The noise beyond the orbit's flight time does not enter, because it acts on
+    velocities.
+
+    Shapes: `p`, `q`, `slope` (n, d, d) and (n, m, m); `third` (n, d, d, d); result (n,).
+    """
+    d = p.shape[1]
+    own = first[:, 0].copy()  # derivative of the flight time with respect to (s, n)
+    own[:, 0] -= 1.0
+    past, noise = own[:, :d], own[:, d:]
+    reach = np.concatenate([image(p, past), image(q, noise)], axis=1)  # its covariance with (s, n)
+    varied = _dot(noise, image(slope, noise))  # d var(flight | s) / d tau_k
+    found = 3.0 * _dot(reach, image(hessian[:, 0], reach)) + 3.0 * varied * reach[:, 0]
+    carried = past * image(image(third, past[:, None]), past)
+    return np.asarray(np.add.accumulate(np.column_stack([found, carried]), axis=1)[:, -1])
+
+
+def _dot(v: Floats, w: Floats) -> Floats:
+    """``v' w`` of each of several vectors, in order of the components."""
+    return np.asarray(np.add.accumulate(v * w, axis=1)[:, -1])
+
+
+def after_impact(hit: Floats, third: Floats) -> Floats:
+    """Third cumulants after an impact with the restitution map `hit`; shapes (d, d) and (d, d, d)."""
+    return mapped_cumulants(hit, third, np.zeros(third.shape))

@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
-from rattle.closure.attractor import PERIODIC, Attractor
+from rattle.closure.long_orbit import PERIODIC, Attractor
 from rattle.closure.mean_map import CLOSURES, mean_map
-from rattle.closure.orbit import Floats, Ints
 from rattle.closure.saltation import SLOWEST, propagate
-from rattle.closure.section_map import derivatives, hit_matrix
+from rattle.closure.section_map import PLAIN, derivatives_along, hit_matrix
 from rattle.scene.errors import InputError
 from rattle.scene.flight import noise_covariance
+from rattle.scene.linear_algebra import transform
 from rattle.scene.moments import SECTION
-from rattle.scene.products import transform
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats, Ints
 
 MAPPED = 4000  # impacts of a mean map whose average is taken
 DROPPED = 400  # of those, before the average begins
@@ -60,14 +60,11 @@ class Law(NamedTuple):
 def _linear(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats]:
     """Of each impact of a cycle: derivative of the section map, covariance of its noise, restitution map."""
     c, size = scene.constants, 1 + 2 * scene.stages
-    flown, noise, hit = np.zeros((3, a.impacts, size, size))
-    for k in range(a.impacts):
-        t = a.tau[k + 1] - a.tau[k]
-        first, _ = derivatives(c, a.mesh[k + 1], a.side[k + 1], a.tau[k], a.after[k], t, a.before[k + 1], 5)
-        flown[k] = first[:size, :size]
-        noise[k] = transform(first[:size, 5:], noise_covariance(c, a.tau[k], t))
-        hit[k] = hit_matrix(c, a.mesh[k + 1], 5)[:size, :size]
-    return flown, noise, hit
+    first, _ = derivatives_along(c, a.tau, a.mesh, a.side, a.before, a.after, PLAIN)
+    flights = zip(a.tau[:-1], np.diff(a.tau), strict=True)
+    noise = transform(first[:, :size, PLAIN:], np.array([noise_covariance(c, tau, t) for tau, t in flights]))
+    hit = np.array([hit_matrix(c, mesh, PLAIN)[:size, :size] for mesh in a.mesh[1:]])
+    return first[:, :size, :size], noise, hit
 
 
 def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floats, Floats]:
@@ -94,7 +91,7 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
 
     Examples
     --------
-    >>> from rattle.closure.attractor import attractor
+    >>> from rattle.closure.long_orbit import attractor
     >>> scene = Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=1e-3)
     >>> law = linear_law(scene, attractor(scene))
     >>> round(law.rate * math.pi, 12), bool(np.all(law.sd_speed < 2e-3))
@@ -102,6 +99,8 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     """
     if a.kind != PERIODIC:
         raise NotPredicted(f"the orbit {a.reason}")
+    if scene.correlation_time:
+        raise NotPredicted("the noise has a memory; the stationary covariance is that of white noise")
     if a.sticks:
         raise NotPredicted("the orbit sticks at times: its linearisation ends there")
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
@@ -183,12 +182,17 @@ def _since_same_mesh(a: Attractor, flown: Floats, hit: Floats, section: Floats, 
     return mean, sd
 
 
-def orbit_average(scene: Scene, closure: str) -> Law:
-    """The average over the orbit of a closure's mean map, which the paper takes for the stationary law."""
+def _check(scene: Scene, closure: str) -> None:
+    """Say why a closure that does not apply to a scene predicts nothing."""
     try:
         CLOSURES[closure].check(scene)
     except InputError as error:
         raise NotPredicted(str(error)) from None
+
+
+def orbit_average(scene: Scene, closure: str) -> Law:
+    """The average over the orbit of a closure's mean map, which the paper takes for the stationary law."""
+    _check(scene, closure)
     t = mean_map(scene.phase_reduced, impacts=MAPPED, closure=closure, order=2).trace
     if t.found < MAPPED:
         raise NotPredicted(f"the mean map ends at impact {t.found}: {t.stopped}")
@@ -218,6 +222,7 @@ def orbit_average(scene: Scene, closure: str) -> Law:
 
 def branching_law(scene: Scene) -> Law:
     """The mixture of `branching` once it no longer changes from impact to impact."""
+    _check(scene, "branching")
     t = mean_map(scene.phase_reduced, impacts=BRANCHED, closure="branching").trace
     if t.found < BRANCHED or t.parts is None or t.discarded is None:
         raise NotPredicted(f"it ends at impact {t.found}: {t.stopped}")

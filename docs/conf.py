@@ -37,7 +37,7 @@ nitpick_ignore_regex = [
 nitpick_ignore = [  # modules and functions that are no part of the reference
     ("py:obj", f"rattle.{name}")
     for name in (
-        "compare.validation.correlation.judge_correlation",
+        "compare.validation.errors.judge_correlation",
         "montecarlo.diagnostics.diagnostics",
         "montecarlo.schemes.sticking",
         "montecarlo.statistics.section_statistics.FEWEST",

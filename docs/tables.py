@@ -96,9 +96,11 @@ def validity(reports: Path) -> Table:
 def coverage(reports: Path) -> Table:
     """How often the intervals of the long run hold the truth, and how often naive ones would."""
     found = pd.read_csv(Path(__file__).parent / "results" / "coverage.csv")
+    rate = found[found["quantity"] == "rate"].set_index(["paths", "periods"])["value"]
     rows = [
         [
             f"{r['paths']} × {r['periods']}",
+            short(float(f"{rate[r['paths'], r['periods']] * r['paths'] * r['periods'] * 2.0 * math.pi:.2g}")),
             f"{r['seeds']}",
             r["quantity"],
             short(r["value"], 4),
@@ -109,8 +111,48 @@ def coverage(reports: Path) -> Table:
         ]
         for r in found.sort_values(["paths", "periods"], kind="stable").to_dict("records")
     ]
-    head = ["paths × periods", "runs", "quantity", "mean of all runs", "intervals that hold it", "naive ones"]
+    head = [
+        "paths × periods",
+        "impacts",
+        "runs",
+        "quantity",
+        "mean of all runs",
+        "intervals that hold it",
+        "naive ones",
+    ]
     return [*head, "autocorrelation (impacts)", "stated error / spread of the runs"], rows
+
+
+@table
+def energy_law(reports: Path) -> Table:
+    """What ``rattle check published --result energy-law --all --json`` has printed, kept beside the page."""
+    found = json.loads((Path(__file__).parent / "results" / "energy_law.json").read_text())["results"][0]
+    heads = ["long run", "energy lost per unit of time", "by the law", "relative standard error", "off by [se]"]
+    return [*heads, "allowed"], [
+        [
+            c["quantity"].removeprefix("loss per time, ").replace("eps", "ε").replace("sigma", "σ ="),
+            short(c["found"], 4),
+            short(c["truth"], 4),
+            f"{c['se'] / c['truth']:.2%}",
+            short(c["z"], 2),
+            short(found["allowed"], 2),
+        ]
+        for c in found["checks"]
+    ]
+
+
+@table
+def long_restitution(reports: Path) -> Table:
+    """The long run over the restitution."""
+    found = pd.read_parquet(reports / "studies" / "long-restitution" / "quantities.parquet")
+    names = ["rate", "energy_per_period", "slow_share"]
+    rows = []
+    for epsilon, of in list(found.groupby("epsilon"))[::2]:
+        by = of.set_index("quantity")
+        main = (f"{by['value'][n]:.3g} ± {0.5 * (by['high'][n] - by['low'][n]):.1g}" for n in names)
+        rows.append([short(epsilon), *main, short(by["autocorrelation"]["slow_share"])])
+    heads = ["ε", "impacts per unit of time", "energy lost per period", "share of slow impacts"]
+    return [*heads, "their autocorrelation (impacts)"], rows
 
 
 @table
@@ -128,23 +170,30 @@ def random_gears(reports: Path) -> Table:
 
 @table
 def rare_branches(reports: Path) -> Table:
-    """What sampling rare branches gains at equal processor time, kept beside the page."""
+    """What sampling rare branches gains, and whether its intervals hold, kept beside the page."""
     found = pd.read_csv(Path(__file__).parent / "results" / "rare_branches.csv")
-    rows = [
-        [
-            f"{r['scene']}, σ = {r['sigma']:g}, {r['impacts']} impacts",
-            r["branches"],
-            f"{r['worst_row']} ({r['kurtosis']:,.0f})",
-            f"{r['gain']:,.0f}",
-            short(r["median_gain"], 2),
-            short(r["least_gain"], 2),
-            f"{r['largest_z']:.1f} ({r['allowed_z']:.1f})",
-            f"{r['coverage']:.1%}",
-        ]
-        for r in found.to_dict("records")
-    ]
-    heads = ["scene", "branches sampled (impact: struck instead)", "worst row (kurtosis)", "its variance falls"]
-    return [*heads, "median row", "least", "largest z (allowed)", "intervals that hold"], rows
+    rows = []
+    for r in found.to_dict("records"):
+        scene = f"{r['scene']}, {r['impacts']} impacts"
+        if not r["parts"] > 0.0:
+            rows.append([scene, "none is worth it", *["–"] * 8])
+            continue
+        rows.append(
+            [
+                scene,
+                r["branch"],
+                short(r["first_order"], 2),
+                f"{short(r['near'], 3)} ± {short(r['se_near'], 1)}",
+                short(r["plain"], 3),
+                f"{r['worst_row']} ({r['kurtosis']:,.0f})",
+                f"{r['gain']:,.0f}",
+                short(r["median_gain"], 2),
+                f"{r['largest_z']:.1f}",
+                f"{r['coverage']:.1%} ({r['least_coverage']:.1%})",
+            ]
+        )
+    heads = ["scene", "branch (impact: struck instead)", "first order", "near", "plain", "worst row (kurtosis)"]
+    return [*heads, "its variance falls", "median row", "largest z", "intervals that hold (worst row)"], rows
 
 
 @table

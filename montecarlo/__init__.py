@@ -6,10 +6,10 @@ whatever else a `Record` asks for.  `simulate_rare` draws a part of the paths ne
 """
 
 from rattle.montecarlo.accuracy.simulate_to import simulate_to
+from rattle.montecarlo.branches.simulate_rare import simulate_rare
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import simulate
-from rattle.montecarlo.rare.simulate_rare import RareEnsemble, simulate_rare
 from rattle.montecarlo.schemes.step_size import default_step, largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import check_settings
@@ -20,7 +20,6 @@ __all__ = [
     "SCHEMES",
     "AccuracyWarning",
     "Ensemble",
-    "RareEnsemble",
     "Record",
     "Sampling",
     "check_settings",

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
@@ -27,8 +26,7 @@ from rattle.scene.constants import Constants
 from rattle.scene.gears import DAT21
 from rattle.scene.parts import Start, Tolerance
 from rattle.scene.scene import Scene
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 REPEATS = 25  # turns of slices
 STEP = 2.0 * math.pi / 1000.0

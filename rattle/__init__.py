@@ -16,15 +16,30 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from typing import Any
 
-    from rattle.closure import CLOSURES, Breakdown, Edgeworth, MeanMap, Orbit, closures_for, follow, mean_map, refusals
+    from rattle.closure import (
+        CLOSURES,
+        Breakdown,
+        Closure,
+        Edgeworth,
+        MeanMap,
+        Orbit,
+        closures_for,
+        follow,
+        mean_map,
+        refusals,
+    )
     from rattle.compare import Tolerances, Validation, validate
-    from rattle.compare.stationary.measure import Stationary, stationary
-    from rattle.compare.study import Study, Tables, load_study
+    from rattle.compare.boundary.boundary import Boundary, boundary
+    from rattle.compare.sensitivity.sensitivity import Sensitivity, sensitivity
+    from rattle.compare.stationary.measure import stationary
+    from rattle.compare.stationary.result import Stationary
+    from rattle.compare.study.design import Study
+    from rattle.compare.study.folder import load_study
+    from rattle.compare.study.impacts import Tables
     from rattle.montecarlo import (
         SCHEMES,
         AccuracyWarning,
         Ensemble,
-        RareEnsemble,
         Record,
         Sampling,
         default_step,
@@ -34,14 +49,27 @@ if TYPE_CHECKING:
         simulate_to,
     )
     from rattle.montecarlo.diagnostics.reach import Reach
-    from rattle.scene import DAT21, FileError, Gears, InputError, OutputError, RattleError, Scene, Start, Tolerance
+    from rattle.scene import (
+        DAT21,
+        FileError,
+        Gears,
+        InputError,
+        Order,
+        OutputError,
+        RattleError,
+        Scene,
+        Start,
+        Tolerance,
+    )
 
 __all__ = [
     "CLOSURES",
     "DAT21",
     "SCHEMES",
     "AccuracyWarning",
+    "Boundary",
     "Breakdown",
+    "Closure",
     "Edgeworth",
     "Ensemble",
     "FileError",
@@ -49,13 +77,14 @@ __all__ = [
     "InputError",
     "MeanMap",
     "Orbit",
+    "Order",
     "OutputError",
-    "RareEnsemble",
     "RattleError",
     "Reach",
     "Record",
     "Sampling",
     "Scene",
+    "Sensitivity",
     "Start",
     "Stationary",
     "Study",
@@ -63,6 +92,7 @@ __all__ = [
     "Tolerance",
     "Tolerances",
     "Validation",
+    "boundary",
     "closures_for",
     "default_step",
     "follow",
@@ -70,6 +100,7 @@ __all__ = [
     "load_study",
     "mean_map",
     "refusals",
+    "sensitivity",
     "simulate",
     "simulate_rare",
     "simulate_to",
@@ -78,10 +109,22 @@ __all__ = [
 ]
 
 _MODULES = {
-    "scene": ("DAT21", "FileError", "Gears", "InputError", "OutputError", "RattleError", "Scene", "Start", "Tolerance"),
+    "scene": (
+        "DAT21",
+        "FileError",
+        "Gears",
+        "InputError",
+        "Order",
+        "OutputError",
+        "RattleError",
+        "Scene",
+        "Start",
+        "Tolerance",
+    ),
     "closure": (
         "CLOSURES",
         "Breakdown",
+        "Closure",
         "Edgeworth",
         "MeanMap",
         "Orbit",
@@ -94,7 +137,6 @@ _MODULES = {
         "SCHEMES",
         "AccuracyWarning",
         "Ensemble",
-        "RareEnsemble",
         "Record",
         "Sampling",
         "default_step",
@@ -105,8 +147,13 @@ _MODULES = {
     ),
     "montecarlo.diagnostics.reach": ("Reach",),
     "compare": ("Tolerances", "Validation", "validate"),
-    "compare.stationary.measure": ("Stationary", "stationary"),
-    "compare.study": ("Study", "Tables", "load_study"),
+    "compare.boundary.boundary": ("Boundary", "boundary"),
+    "compare.sensitivity.sensitivity": ("Sensitivity", "sensitivity"),
+    "compare.stationary.measure": ("stationary",),
+    "compare.stationary.result": ("Stationary",),
+    "compare.study.design": ("Study",),
+    "compare.study.folder": ("load_study",),
+    "compare.study.impacts": ("Tables",),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -3,7 +3,7 @@
 from rattle.scene.constants import Constants
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.gears import DAT21, Gears
-from rattle.scene.parts import Start, Tolerance
+from rattle.scene.parts import Order, Start, Tolerance
 from rattle.scene.scene import Scene
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "FileError",
     "Gears",
     "InputError",
+    "Order",
     "OutputError",
     "RattleError",
     "Scene",

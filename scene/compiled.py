@@ -1,15 +1,255 @@
-"""The numba options under which scalar physics is compiled, in one place."""
+"""How physics is compiled: the numba options, where machine code is kept, instructions that numba has no name for.
 
-from collections.abc import Callable
+Machine code is kept in a folder of the user's own, named by the sources that it was made from.  Cached files are
+unpickled and executed, so whoever can write to the folder can run code as you: it is used only where you own it and
+nobody else has access (mode 0700).  What is missing, damaged or cannot be read is compiled again.
+
+A compiler that may contract ``a * b + c`` does so on one processor and not on another.  Here the source says where it
+happens (`fma`), and every processor gives the same bits: by an instruction where there is one, by its emulation
+elsewhere.
+"""
+
+import hashlib
+import math
+import multiprocessing
+import os
+import pickle
+import platform
+import re
+import shutil
+import stat
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
+import llvmlite
+import llvmlite.binding
 import numba
+import numpy as np
+from numba.core import types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
+from numba.core.runtime.nrt import rtsys
+from numba.extending import intrinsic, register_jitable
 from numba.np import linalg
 
-from rattle.scene.machine_code import keep, keep_by_source
+PACKAGES = ("scene", "closure", "montecarlo")
+TAKEN = (  # beside the sources that import the compiler, what compiled code takes
+    "scene/compiled.py",
+    "scene/constants.py",
+    "montecarlo/schemes/step_state.py",
+)
+COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this source is not compiled
+UNCOMPILED = re.compile(rb'"{3}(?:.|\n)*?"{3}|[ \t]*\x23[^\n]*')  # docstrings and comments
+NUMBAS_PLACE: Any = UserProvidedCacheLocator  # typed as Any: numba has no type hints
+NUMBAS_STORE: Any = CompileResultCacheImpl
+NUMBAS_CACHE: Any = FunctionCache
 
+D = TypeVar("D")
 P = ParamSpec("P")
 R = TypeVar("R")
+
+_folder: Path | None = None  # the cache folder; None where there is none
+_warnings: list[str] = []  # about the cache folder and the processor; printed when the first function is compiled
+_compiled = 0  # functions that this process has compiled
+
+
+def strip(source: bytes) -> bytes:
+    """A source without its comments and empty lines, and with empty docstrings."""
+    stripped = UNCOMPILED.sub(lambda found: b'""' if found[0].startswith(b'"') else b"", source)
+    return b"\n".join(line for line in stripped.splitlines() if line.strip())
+
+
+def source_digest(root: Path) -> str:
+    """Digest of the sources of all compiled code and of the versions of the libraries that compile it.
+
+    Sources of compiled code import `rattle.scene.compiled`, or are named in `TAKEN`; all others may change freely, and
+    so may comments and docstrings.  The processor is not part of it: numba's index records its features by entry.
+    """
+    digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {np.__version__}".encode())
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            name, source = path.relative_to(root).as_posix(), path.read_bytes()
+            if COMPILED in source or name in TAKEN:
+                digest.update(name.encode() + strip(source))
+    return digest.hexdigest()[:16]
+
+
+def keep_by_source() -> None:
+    """Choose the folder for machine code, named by user, installation and sources.
+
+    Numba by itself checks only the file of the function that is called: after a change in a file that it calls
+    into, it would go on with the old machine code, and the results would be those of other sources.
+
+    The folder is the first of these that can be created and is private: in NUMBA_CACHE_DIR, in this installation, in
+    the user's cache, among the system's temporary files.  Folders of earlier sources are removed; a process that still
+    uses one compiles what it has not loaded.
+    """
+    global _folder
+    root = Path(__file__).resolve().parent.parent
+    mine = f"rattle-{os.geteuid()}-{hashlib.sha256(os.fsencode(root)).hexdigest()[:8]}-"
+    name, places = mine + source_digest(root), [*_places(root)]
+    _folder = next((place / name for place in places if _is_private(place / name)), None)
+    if _folder is None:
+        _warnings.append(f"{places[0]} cannot be written: machine code is not kept")
+        _warn()
+        return
+    if _folder.parent != places[0]:
+        _warnings.append(f"{places[0]} cannot be written: machine code is kept in {_folder}")
+    for other in _folder.parent.glob(mine + "*"):
+        if other != _folder:
+            shutil.rmtree(other, ignore_errors=True)
+
+
+def _places(root: Path) -> Iterator[Path]:
+    """Parents of the cache folder, in order of preference."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(os.environ["NUMBA_CACHE_DIR"]).absolute()
+    yield root / "scene" / "__pycache__"
+    with suppress(RuntimeError):  # a user without a home
+        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache").absolute()
+    with suppress(FileNotFoundError):  # a system without one
+        yield Path(tempfile.gettempdir())
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether a folder is owned by this user, closed to others and writable; it is created if missing.
+
+    Links are refused.  A folder of ours that was open to others is emptied: they may have put something into it.
+    """
+    with suppress(OSError):
+        for _ in range(2):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            found = folder.lstat()
+            if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
+                return False
+            if not found.st_mode & 0o077:
+                tempfile.TemporaryFile(dir=folder).close()
+                return True
+            shutil.rmtree(folder)
+    return False
+
+
+def has_fma() -> bool:
+    """Whether compiled code may use AVX2 and a fused multiply-add; every processor but an old x86-64 has its like.
+
+    Without them the results are right and slower, since each multiply-add calls a function.
+    """
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        return True
+    features = getattr(numba.config, "CPU_FEATURES", None) or llvmlite.binding.get_host_cpu_features().flatten()
+    return {"+avx2", "+fma"} <= set(features.split(","))
+
+
+@cache
+def _check_processor() -> None:
+    """Warn of a slow processor, once."""
+    if not has_fma():
+        _warnings.append("this processor has no AVX2 or no FMA: simulations take several times as long as they might")
+
+
+def _warn() -> None:
+    """Print the warnings about the cache folder and the processor to standard error, once."""
+    _check_processor()
+    while _warnings:
+        print(f"rattle: {_warnings.pop()}", file=sys.stderr)
+
+
+def folder() -> Path | None:
+    """Folder that machine code is kept in."""
+    return _folder
+
+
+def count_compiled() -> int:
+    """How many functions this process has compiled, because they were not in the cache."""
+    return _compiled
+
+
+def _count() -> None:
+    """Count a function that has to be compiled; with the first one, say on a terminal that this takes a while."""
+    global _compiled
+    _compiled += 1
+    _warn()
+    if _compiled == 1 and sys.stderr.isatty() and multiprocessing.parent_process() is None:
+        print("rattle: compiling for this processor, about a minute, once (rattle warm-up: for all)", file=sys.stderr)
+
+
+class BySource(NUMBAS_PLACE):  # type: ignore[misc]
+    """Numba's place of a function's files: in our folder, whose name stands for the sources."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._py_file, self._cache_path = file, os.path.join(str(_folder), self.get_suitable_cache_subpath(file))
+
+    def get_source_stamp(self) -> str:
+        """What numba compares."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """What tells functions of one name in one file apart: numba's index has a digest of their bytecode."""
+        return ""
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> Any:
+        """Where the machine code of a function is kept."""
+        return cls(function, file)
+
+
+class Checked(NUMBAS_STORE):  # type: ignore[misc]
+    """Numba's form of a compiled function, with a checksum."""
+
+    _locator_classes = (BySource,)
+
+    def reduce(self, compiled: Any) -> tuple[bytes, bytes]:
+        """What is written."""
+        content = pickle.dumps(super().reduce(compiled))
+        return hashlib.sha256(content).digest(), content
+
+    def rebuild(self, target_context: Any, stored: tuple[bytes, bytes]) -> Any:
+        """The function from what was read; with numba's runtime, for functions that call it."""
+        checksum, content = stored
+        if hashlib.sha256(content).digest() != checksum:
+            raise ValueError("machine code is damaged")
+        rtsys.initialize(target_context)
+        return super().rebuild(target_context, pickle.loads(content))
+
+
+class OnDisk(NUMBAS_CACHE):  # type: ignore[misc]
+    """Numba's cache of a function, for a folder that may be full, damaged, or removed by another version."""
+
+    _impl_class = Checked
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Machine code from the cache; None where it has to be compiled, which is announced once.
+
+        Numba would first describe all that it can compile (0.3 s), which only a function that is not here needs.
+        """
+        found = None
+        try:
+            found = self._load_overload(signature, target_context)
+        except Exception:  # whatever a damaged file raises: all of the function is compiled again
+            with suppress(OSError):
+                self.flush()
+        if found is None:
+            _count()
+        return found
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Write machine code to the cache, where that is possible: otherwise it is compiled again next time."""
+        if _folder is not None and _is_private(_folder):
+            with suppress(OSError):
+                super().save_overload(signature, compiled)
+
+
+def keep(function: D) -> D:
+    """Have the machine code of a function kept on disk."""
+    made: Any = function
+    if _folder is not None and hasattr(made, "py_func"):
+        made._cache = OnDisk(made.py_func)
+    return function
 
 
 def _without_blas() -> None:
@@ -53,6 +293,16 @@ def internal(function: Callable[P, R]) -> Callable[P, R]:
     return cast(Callable[P, R], numba.njit(**INTERNAL)(function))
 
 
+def shared(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function for its compiled callers alone; in Python it runs as it stands: for what is called rarely."""
+    return register_jitable(**OPTIONS)(function)
+
+
+def shared_inline(function: Callable[P, R]) -> Callable[P, R]:
+    """As `shared`, and always inlined as `inline` does: for a formula that both Python and loops over paths need."""
+    return register_jitable(**INLINE)(function)
+
+
 def inline(function: Callable[P, R]) -> Callable[P, R]:
     """As `lean`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
     return cast(Callable[P, R], numba.njit(**INLINE)(function))
@@ -64,3 +314,92 @@ def splice(function: Callable[P, R]) -> Callable[P, R]:
     For no other reason: the copy is typed again in each caller.
     """
     return cast(Callable[P, R], numba.njit(inline="always")(function))
+
+
+HALVES = 2.0**27 + 1.0  # Veltkamp's factor: splits the 53 bits of a float into two parts of at most 26
+PLAIN = 1e-250, 1e250  # sizes of a product, and of its factors, between which the splitting is exact
+
+
+def emulate_fma(a: float, b: float, c: float) -> float:
+    """``a * b + c`` rounded once, in ordinary floating-point arithmetic.
+
+    The product is split into two floats whose sum it is (Dekker 1971), and the three are added with one rounding;
+    where a part could underflow or overflow, in fractions.
+
+    Examples
+    --------
+    >>> emulate_fma(1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0) == -(2.0**-60)
+    True
+    """
+    a, b, c = float(a), float(b), float(c)
+    product = a * b
+    if not all(map(math.isfinite, (a, b, c))):
+        return product + c
+    if not all(PLAIN[0] < abs(size) < PLAIN[1] for size in (a, b, product)):
+        exact = Fraction(a) * Fraction(b) + Fraction(c)
+        try:
+            return float(exact)
+        except OverflowError:
+            return math.inf if exact > 0 else -math.inf
+    high_a, high_b = HALVES * a - (HALVES * a - a), HALVES * b - (HALVES * b - b)
+    low_a, low_b = a - high_a, b - high_b
+    error = low_a * low_b - (((product - high_a * high_b) - low_a * high_b) - high_a * low_b)
+    return math.fsum((product, error, c))
+
+
+@intrinsic
+def _fma(_context: Any, a: Any, b: Any, c: Any) -> Any:
+    def emit(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), emit
+
+
+@intrinsic
+def _widest_vectors(_context: Any) -> Any:
+    def emit(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # llvmlite's own `add` knows fewer names
+        return context.get_dummy_value()
+
+    return types.void(), emit
+
+
+def _nothing() -> None:
+    """Stands for `widest_vectors` where the compiler is off."""
+
+
+INTERPRETED = bool(getattr(numba.config, "DISABLE_JIT", False))
+
+fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
+"""``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where numba is off."""
+
+widest_vectors = cast(Callable[[], None], _nothing if INTERPRETED else _widest_vectors)
+"""Ask the compiler for vectors of 512 bits in the calling function, where the processor has them.
+
+It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops over paths win in spite
+of that.  Numbers do not depend on it.
+"""
+
+
+@inline
+def float_of(word: np.uint64) -> np.float64:
+    """The float that has these bits.
+
+    Examples
+    --------
+    >>> float(float_of(np.uint64(0x3FF0000000000000)))
+    1.0
+    """
+    return np.uint64(word).view(np.float64)
+
+
+@inline
+def word_of(x: float) -> np.uint64:
+    """The bits of a float.
+
+    Examples
+    --------
+    >>> hex(word_of(1.0))
+    '0x3ff0000000000000'
+    """
+    return np.float64(x).view(np.uint64)

@@ -1,8 +1,30 @@
 """The numbers of a scene, and of its model, as compiled code takes them."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from rattle.scene.types import Floats, Ints
 
 CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
+
+
+class Orders(NamedTuple):
+    """The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)`` for compiled code (docs/model.md section 1)."""
+
+    order: Floats  # j, ascending; (orders,)
+    gap: Ints  # j less the order before it, or 0 where that is too far; (orders,)
+    odd: Floats  # odd, even: a_j cos phi_j and a_j sin phi_j, of sin j tau and cos j tau; (orders,)
+    even: Floats
+    highest: float  # the largest j
+    most1: float  # most1, most2, most3: bounds of the first three derivatives of f
+    most2: float
+    most3: float
+    # scratch of `rattle.montecarlo.schemes.short_flight.driven_flight`: of one thread, so `Scene.constants` makes
+    # a new one each time; (2, orders)
+    waves: Floats
+
+
+SINE: tuple[()] = ()
+"""The drive ``f = sin tau``, in place of `Orders`: another type, so that its machine code knows no sum."""
 
 
 class Constants(NamedTuple):
@@ -21,3 +43,5 @@ class Constants(NamedTuple):
     wall2: float
     sigma: float
     stages: int
+    drive: Any = SINE  # `SINE` or `Orders`
+    memory: float = 0.0  # correlation time of the noise; 0 for white noise

@@ -2,7 +2,7 @@
 
 In exponential integrators ``phi1(z) = (exp(z) - 1) / z`` and ``phi2(z) = (exp(z) - 1 - z) / z^2``.  Everything here is
 accurate to rounding.  No formula divides by beta where beta is small, so ``beta = 0``, ``beta_1 = beta_2`` and dampings
-that differ by little need no special case.  Times may be negative: `rattle.closure.branching.refine` flies backwards.
+that differ by little need no special case.  Times may be negative: `rattle.closure.branching.advance` flies backwards.
 """
 
 import math

@@ -12,11 +12,10 @@ from itertools import accumulate, repeat
 from operator import mul
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rattle.scene.compiled import jit
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 
 def each(function: Callable[[float], float], values: ArrayLike) -> Floats:

@@ -1,46 +1,38 @@
 """Exact free flight (Eq. 3), its Jacobian, its drift, and the noise that drives it (Eqs. 5, 8).
 
 A wheel's speed ``u_i = R_i phi_i' / (nu_1 omega)`` obeys ``u_i' = -beta_i u_i - gamma_i`` independently of the other,
-and ``y_1 = alpha cos tau - u_1``, ``y_2 = u_2 - u_1``.  Increments over a flight are summed from terms that vanish with
+and ``y_1 = alpha f' - u_1``, ``y_2 = u_2 - u_1``, f the driver's motion, ``sin tau`` or a sum of orders
+(`rattle.scene.drive`).  Increments over a flight are summed from terms that vanish with
 the flight time, so the relative accuracy is the same for flight times of 1e-12 and of 1e6.
 """
 
 import math
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, shared
 from rattle.scene.constants import Constants
 from rattle.scene.damping import Pair, pair
+from rattle.scene.drive import acceleration, excite, highest_order, jerk, velocity, velocity_acceleration
 from rattle.scene.elementary import gauss_legendre
+from rattle.scene.linear_algebra import congruence
+from rattle.scene.types import Floats
 
-Floats = NDArray[np.float64]
 State = tuple[float, float, float, float]
 
 # Gauss-Legendre on [0, 1]: 16 nodes are exact to rounding on panels of at most PANEL time units.
 _nodes, _weights = gauss_legendre(16)
 NODES, WEIGHTS = 0.5 * (_nodes + 1.0), 0.5 * _weights
 PANEL = 2.0
+TURN = 2.0 * math.pi
 
 
 @jit
 def wheel_speeds(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float]:
     """Speeds ``(u_1, u_2)`` of the two wheels at their base circles."""
-    u1 = c.alpha * math.cos(tau) - y1
+    u1 = c.alpha * velocity(c.drive, tau) - y1
     return u1, u1 + y2
-
-
-@internal
-def _t_minus_sine(t: float, sine: float) -> float:
-    """``t - sin t`` for a given ``sine = sin t``; by its series where the difference would cancel."""
-    z = t * t
-    if z > 1.0:
-        return t - sine
-    total = 1.0
-    for k in (16.0, 14.0, 12.0, 10.0, 8.0, 6.0, 4.0):
-        total = 1.0 - z / (k * (k + 1.0)) * total
-    return z * t / 6.0 * total
 
 
 @jit
@@ -57,17 +49,13 @@ def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> St
     >>> round(dx1 / 1e-21, 4)  # 1e-9 t, plus half the drag acceleration times t^2
     1.0001
     """
-    sine, cosine = math.sin(tau), math.cos(tau)
-    sh, ch = math.sin(0.5 * t), math.cos(0.5 * t)
-    versine, sine_t = 2.0 * sh * sh, 2.0 * sh * ch  # 1 - cos t, sin t
     p = pair(c.beta1, c.beta2, t)
-    # alpha (sin(tau + t) - sin tau - cos tau e1), with sin t - e1 = beta_1 g1 - (t - sin t)
-    ahead = c.beta1 * p.g1 - _t_minus_sine(t, sine_t) if t < 1.0 else sine_t - p.e1
-    dx1 = y1 * p.e1 + c.gamma1 * p.g1 + c.alpha * (cosine * ahead - sine * versine)
-    z1 = y1 * p.d1 + c.gamma1 * p.e1 + c.alpha * (cosine * (c.beta1 * p.e1 - versine) - sine * sine_t)
+    moved, gained, driver = excite(c.drive, c.beta1, p, tau, t)
+    dx1 = y1 * p.e1 + c.gamma1 * p.g1 + c.alpha * moved
+    z1 = y1 * p.d1 + c.gamma1 * p.e1 + c.alpha * gained
     if c.stages == 1:
         return dx1, z1, 0.0, y2
-    u1 = c.alpha * cosine - y1
+    u1 = c.alpha * driver - y1
     dx2 = y2 * p.e2 - u1 * p.e12 + (c.gamma1 * p.g1 - c.gamma2 * p.g2)
     return dx1, z1, dx2, y2 * p.d2 - u1 * p.d12 + (c.gamma1 * p.e1 - c.gamma2 * p.e2)
 
@@ -87,7 +75,7 @@ def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t
     return x1 + dx1, y1, x2 + dx2, y2
 
 
-@jit
+@shared
 def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
     """The drift, ``d(x1, y1, x2, y2) / d tau`` in flight without noise (Eq. 3).
 
@@ -96,26 +84,27 @@ def field(c: Constants, tau: float, y1: float, y2: float) -> Floats:
     u1, _ = wheel_speeds(c, tau, y1, y2)
     drag1 = c.beta1 * u1 + c.gamma1
     f = np.zeros(4)
-    f[0], f[1] = y1, -c.alpha * math.sin(tau) + drag1
+    f[0], f[1] = y1, c.alpha * acceleration(c.drive, tau) + drag1
     if c.stages == 2:
         f[2], f[3] = y2, (c.beta1 - c.beta2) * u1 - c.beta2 * y2 + (c.gamma1 - c.gamma2)
     return f
 
 
-@jit
+@shared
 def field_rate(c: Constants, tau: float) -> Floats:
     """Partial derivative of the drift `field` with respect to time.
 
     Shapes: result (4,).
     """
     f = np.zeros(4)
-    f[1] = -c.alpha * (math.cos(tau) + c.beta1 * math.sin(tau))
+    second = acceleration(c.drive, tau)
+    f[1] = c.alpha * (jerk(c.drive, tau) + c.beta1 * second)
     if c.stages == 2:
-        f[3] = c.alpha * (c.beta2 - c.beta1) * math.sin(tau)
+        f[3] = c.alpha * (c.beta1 - c.beta2) * second
     return f
 
 
-@jit
+@shared
 def system_matrix(c: Constants) -> Floats:
     """``A`` of the linear flight ``s' = A s + ...`` (Eq. 8).
 
@@ -134,18 +123,18 @@ def jacobian(c: Constants, t: float) -> Floats:
 
     Shapes: result (4, 4).
     """
-    j = np.eye(4)
+    j = np.zeros((4, 4))
     p = pair(c.beta1, c.beta2, t)
-    j[0, 1], j[1, 1], j[2, 3], j[3, 3] = p.e1, p.d1, p.e2, p.d2
+    j[0, 0], j[0, 1], j[1, 1], j[2, 2], j[2, 3], j[3, 3] = 1.0, p.e1, p.d1, 1.0, p.e2, p.d2
     j[2, 1], j[3, 1] = p.e12, p.d12
     return j
 
 
-@jit
+@shared
 def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
     """Noise coefficients of ``(y_1, y_2)`` for the one white noise ``sigma eta`` (Eq. 5), for ``sigma = 1``."""
-    cosine = math.cos(tau)
-    return -math.sin(tau) + c.beta1 * cosine, (c.beta1 - c.beta2) * cosine
+    first, second = velocity_acceleration(c.drive, tau)
+    return second + c.beta1 * first, (c.beta1 - c.beta2) * first
 
 
 @internal
@@ -163,7 +152,7 @@ def _relative_coordinates(c: Constants, t: float) -> bool:
 def _responses(c: Constants, p: Pair, sine: float, cosine: float, relative: bool) -> State:
     """Response of ``(x1, y1, x2, y2)`` to unit noise a lag earlier (`relative`: see `_relative_coordinates`).
 
-    `sine` and `cosine` are of the phase at which the noise acts.
+    `sine` and `cosine` are of the phase at which the noise acts, or ``-f''`` and ``f'`` of several orders there.
     """
     m1 = c.beta1 * cosine - sine
     if c.stages == 1:
@@ -222,13 +211,88 @@ def _double(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
     return out
 
 
+@internal
+def _covariance(drive: Any, c: Constants, tau: float, t: float, relative: bool) -> Floats:
+    """`noise_covariance` in the coordinates of `_responses`."""
+    fastest, square = max(c.beta1, c.beta2), c.sigma * c.sigma
+    panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
+    if len(drive) != 0:
+        out = _over_orders(c, tau, t, min(panel, PANEL / highest_order(drive)), relative)
+        for i in range(4):
+            for j in range(4):
+                out[i, j] *= square
+        return out
+    h, doublings = t, 0
+    while h > panel:
+        h *= 0.5
+        doublings += 1
+    q = _harmonics(c, h, relative)
+    for _ in range(doublings):
+        q = _double(c, q, h, relative)
+        h *= 2.0
+    sine, cosine = math.sin(tau), math.cos(tau)
+    out = np.empty((4, 4))
+    for i in range(4):
+        for j in range(4):
+            out[i, j] = square * (sine * (sine * q[0, i, j] + cosine * q[1, i, j]) + cosine * cosine * q[2, i, j])
+    return out
+
+
+@internal
+def _forward(c: Constants, t: float, relative: bool) -> Floats:
+    """`jacobian` in the coordinates of `_responses`."""
+    j = jacobian(c, t)
+    if relative:
+        j[2, 1] = j[3, 1] = 0.0
+    return j
+
+
+@internal
+def _over_panels(c: Constants, tau: float, t: float, panel: float, relative: bool) -> Floats:
+    """Covariance of unit noise by Gauss-Legendre quadrature on panels, each propagated through the next."""
+    panels = max(1, math.ceil(t / panel))
+    h = t / panels
+    j, q, g = _forward(c, h, relative), np.zeros((4, 4)), np.zeros(4)
+    for k in range(panels):
+        if k > 0:
+            q = congruence(j, q)
+        for n in range(NODES.size):
+            first, second = velocity_acceleration(c.drive, tau + (k + NODES[NODES.size - 1 - n]) * h)
+            p = pair(c.beta1, c.beta2, h * NODES[n])
+            g[0], g[1], g[2], g[3] = _responses(c, p, -second, first, relative)
+            for a in range(2 * c.stages):
+                for b in range(2 * c.stages):
+                    q[a, b] += h * WEIGHTS[n] * (g[a] * g[b])
+    return q
+
+
+@internal
+def _over_orders(c: Constants, tau: float, t: float, panel: float, relative: bool) -> Floats:
+    """Covariance of unit noise for a drive of several orders: whole periods by doubling, then the rest of the time."""
+    periods = int(t / TURN)
+    rest = t - periods * TURN
+    out = np.zeros((4, 4))
+    if periods > 0:
+        q, h = _over_panels(c, tau, TURN, panel, relative), TURN
+        while True:
+            if periods & 1:
+                out = congruence(_forward(c, h, relative), out) + q
+            periods >>= 1
+            if periods == 0:
+                break
+            q = congruence(_forward(c, h, relative), q) + q
+            h *= 2.0
+        out = congruence(_forward(c, rest, relative), out)
+    return out + _over_panels(c, tau, rest, panel, relative)
+
+
 @jit
 def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     """Covariance of ``(x1, y1, x2, y2)`` that the noise adds in a flight of time `t` from `tau`.
 
     ``sigma^2 int exp(A r) m m' exp(A' r) dr`` over the lag r before the end of the flight, ``m`` the modulation of
     Eq. 5.  The flight is halved until Gauss-Legendre quadrature is exact to rounding, then doubled again: a flight of
-    time 1e6 takes twenty doublings.
+    time 1e6 takes twenty doublings.  With several orders a period is summed panel by panel, and then doubled.
 
     Shapes: result (4, 4).
 
@@ -239,21 +303,8 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     >>> float(noise_covariance(c, 0.0, 0.5)[1, 1].round(8))
     0.00023253
     """
-    fastest, relative = max(c.beta1, c.beta2), _relative_coordinates(c, t)
-    panel = min(PANEL, 2.0 / fastest) if fastest > 0.0 else PANEL
-    h, doublings = t, 0
-    while h > panel:
-        h *= 0.5
-        doublings += 1
-    q = _harmonics(c, h, relative)
-    for _ in range(doublings):
-        q = _double(c, q, h, relative)
-        h *= 2.0
-    sine, cosine, square = math.sin(tau), math.cos(tau), c.sigma * c.sigma
-    out = np.empty((4, 4))
-    for i in range(4):
-        for j in range(4):
-            out[i, j] = square * (sine * (sine * q[0, i, j] + cosine * q[1, i, j]) + cosine * cosine * q[2, i, j])
+    relative = _relative_coordinates(c, t)
+    out = _covariance(c.drive, c, tau, t, relative)
     if relative:  # back to x2 and y2
         for i in range(2):
             for j in range(4):

@@ -4,11 +4,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
-from rattle.scene.errors import InputError
-from rattle.scene.keywords import suggesting
-from rattle.scene.shown import as_call
+from rattle.scene.errors import InputError, check_range, finite, non_negative, positive, suggesting, unit_interval
+from rattle.scene.text import as_call
 from rattle.scene.units import Units
-from rattle.scene.validate import check_range, finite, non_negative, positive, unit_interval
 
 __all__ = ["DAT21", "Gears"]
 

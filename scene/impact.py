@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, shared
 from rattle.scene.constants import Constants
-from rattle.scene.flight import Floats, flow, wheel_speeds
+from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
+from rattle.scene.flight import flow, wheel_speeds
+from rattle.scene.types import Floats
 
 # Codes that `next_impact` returns in place of a mesh.
 NONE = 0  # no impact within the horizon
@@ -105,10 +107,10 @@ def next_impact(
     """The earliest outward wall crossing of a flight.
 
     The flight is followed by steps within which no crossing is possible.  With ``p_i = beta_i u_i + gamma_i``, which
-    only decays along a flight, the acceleration ``x_1''`` towards a wall is at most ``alpha`` plus the part of ``p_1``
-    that acts towards it.  ``x_2''`` is at most the part of ``p_1 - p_2`` that acts towards the wall, plus what the
-    difference of the dampings can add.  Near a transversal crossing these steps are Newton steps from the safe side; an
-    excursion beyond the wall and back cannot be missed.
+    only decays along a flight, the acceleration ``x_1''`` towards a wall is at most that of the driver plus the part of
+    ``p_1`` that acts towards it.  ``x_2''`` is at most the part of ``p_1 - p_2`` that acts towards the wall, plus what
+    the difference of the dampings can add.  Near a transversal crossing these steps are Newton steps from the safe
+    side; an excursion beyond the wall and back cannot be missed.
 
     Distances are computed from the initial distance and the displacement since, so that a flight of time 1e-12 from a
     wall back to it is resolved as well as any other.
@@ -120,14 +122,16 @@ def next_impact(
     """
     high1, low1, high2, low2 = c.wall1 - x1, c.wall1 + x1, c.wall2 - x2, c.wall2 + x2
     u1, u2 = wheel_speeds(c, tau, y1, y2)
-    rate = abs(u1) + abs(u2) + c.alpha  # the rounding error of a displacement is about 1e-16 times this times t
+    force, jolt = c.alpha * most_acceleration(c.drive), c.alpha * most_jerk(c.drive)
+    # the rounding error of a displacement is about 1e-16 times this times t
+    rate = abs(u1) + abs(u2) + c.alpha * most_velocity(c.drive)
     mismatch = abs(c.beta1 - c.beta2) / max(c.beta1, c.beta2) if c.beta1 != c.beta2 else 0.0
     t, d1, d2, b1, b2 = 0.0, 0.0, 0.0, y1, y2
     for _ in range(MOST_STEPS):
         u1, u2 = wheel_speeds(c, tau + t, b1, b2)
         pull1, pull2 = c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2  # -u_i'
-        f1, f2 = pull1 - c.alpha * math.sin(tau + t), pull1 - pull2  # accelerations
-        up, down, jerk = c.alpha + max(pull1, 0.0), c.alpha + max(-pull1, 0.0), c.alpha + c.beta1 * abs(pull1)
+        f1, f2 = pull1 + c.alpha * acceleration(c.drive, tau + t), pull1 - pull2  # accelerations
+        up, down, jerk = force + max(pull1, 0.0), force + max(-pull1, 0.0), jolt + c.beta1 * abs(pull1)
         to_high1 = safe_time(high1 - d1, b1, f1, up, jerk)
         to_low1 = safe_time(low1 + d1, -b1, -f1, down, jerk)
         side1 = _touching(t, high1 - d1, low1 + d1, to_high1, to_low1, b1)
@@ -165,13 +169,15 @@ def next_impact(
     return t, LOST, 0, x1 + d1, b1, x2 + d2, b2
 
 
-@jit
+@shared
 def contact_matrix(c: Constants, mesh: int) -> Floats:
     """The restitution map as a matrix on ``(x1, y1, x2, y2)``.
 
     Shapes: result (4, 4).
     """
-    r = np.eye(4)
+    r = np.zeros((4, 4))
+    for i in range(4):
+        r[i, i] = 1.0
     if mesh == 1:
         r[1, 1], r[3, 1] = -c.epsilon, -(1.0 + c.epsilon)
     elif mesh == 2:

@@ -4,14 +4,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.scene.compiled import jit
-from rattle.scene.eigen import eigen
 from rattle.scene.elementary import powers
-from rattle.scene.products import product
-
-Floats = NDArray[np.float64]
+from rattle.scene.linear_algebra import eigen, product
+from rattle.scene.types import Floats
 
 STATE = ("x1", "y1", "x2", "y2")
 SECTION = ("tau", "flight", *STATE)

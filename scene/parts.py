@@ -4,10 +4,9 @@ import math
 from dataclasses import dataclass
 
 from rattle.scene.constants import CUT
-from rattle.scene.keywords import suggesting
-from rattle.scene.validate import check_range, choice, count, finite, non_negative
+from rattle.scene.errors import check_range, choice, count, finite, non_negative, suggesting
 
-__all__ = ["DRAWS", "GAPS", "SPEED", "TIME", "TINY", "UNIT_VARIANCE", "Start", "Tolerance"]
+__all__ = ["DRAWS", "GAPS", "SINE_ALONE", "SPEED", "TIME", "TINY", "UNIT_VARIANCE", "Order", "Start", "Tolerance"]
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {
@@ -21,6 +20,8 @@ DRAWS = ("path", "contact")
 TINY = 1e-30
 """Smallest size of a parameter that is not 0: its sixth moments do not underflow."""
 GAPS = (1e-9, 1e6)
+HIGHEST = 1000  # order of a drive
+MEMORY = (1e-4, 1e6)  # correlation times of noise that is not white
 SPEED, TIME = 1e6, 1e12  # largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
 
 
@@ -71,13 +72,57 @@ class Tolerance:
 
 @suggesting
 @dataclass(frozen=True)
+class Order:
+    """One order of the driver's motion, ``amplitude sin(order tau + phase)`` (docs/model.md section 1).
+
+    Parameters
+    ----------
+    order : int
+        How often it repeats in a period of the excitation: 1 to 1000.
+    amplitude : float
+        Relative to the excitation amplitude ``alpha`` of the scene, 0 or between 1e-30 and 1e6 in size.
+    phase : float
+        At ``tau = 0``, in radians, up to 1e6 in size.
+
+    Raises
+    ------
+    InputError
+        If the order is no positive whole number, or a value is not a finite number in its range.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21, Scene
+    >>> engine = Scene.from_gears(DAT21, drive=(Order(1), Order(2, 0.4, 0.3), Order(4, 0.1, -1.0)))
+    >>> [order.amplitude for order in engine.drive]
+    [1.0, 0.4, 0.1]
+    """
+
+    order: int
+    amplitude: float = 1.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "order", count("drive.order", self.order, least=1, most=HIGHEST))
+        for name in ("amplitude", "phase"):
+            object.__setattr__(self, name, finite(f"drive.{name}", getattr(self, name)))
+        check_range("drive.amplitude", self.amplitude, TINY, GAPS[1])
+        check_range("drive.phase", self.phase, 0.0, GAPS[1])
+
+
+SINE_ALONE = (Order(1),)
+"""The drive ``sin tau``."""
+
+
+@suggesting
+@dataclass(frozen=True)
 class Start:
     """The state from which every path starts (dimensionless).
 
     Parameters
     ----------
     tau : float
-        Time of the start, up to 1e12 in size; the excitation is ``alpha sin tau``.
+        Time of the start, up to 1e12 in size; the excitation is ``alpha f(tau)``, ``f = sin tau`` where
+        the scene gives no other drive.
     x1, y1, x2, y2 : float
         Relative displacement and velocity of both stages; velocities up to 1e6 in size.
     mesh : {1, 2, 0}

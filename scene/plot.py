@@ -1,21 +1,32 @@
 """Figures of section moments, predicted or sampled, and of an orbit between its walls."""
 
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from rattle.scene.constants import Constants
-from rattle.scene.figure import ShownFigure
+from rattle.scene.errors import choice
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats, Ints
 from rattle.scene.units import units_of
-from rattle.scene.validate import choice
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+class ShownFigure(Figure):
+    """A figure of matplotlib that a notebook shows, once, as the value of a cell."""
+
+    def _repr_png_(self) -> bytes:
+        """The picture that a notebook asks for."""
+        picture = BytesIO()
+        self.savefig(picture, format="png")
+        return picture.getvalue()
 
 
 def plot_section(
@@ -47,11 +58,11 @@ def plot_section(
 
 def plot_orbit(
     c: Constants,
-    times: NDArray[np.float64],
-    states: NDArray[np.float64],
-    tau: NDArray[np.float64],
-    mesh: NDArray[np.int64],
-    before: NDArray[np.float64],
+    times: Floats,
+    states: Floats,
+    tau: Floats,
+    mesh: Ints,
+    before: Floats,
     sticking: Sequence[tuple[int, int, float, float, int]],
 ) -> ShownFigure:
     """Draw displacements over time, the walls, the impacts at each mesh, and the times in which a mesh sticks.

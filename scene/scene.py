@@ -8,26 +8,35 @@ from typing import Any, TypeVar
 
 import numpy as np
 import tomli_w
-from numpy.typing import NDArray
 
-from rattle.scene.constants import Constants
-from rattle.scene.errors import InputError
+from rattle.scene.constants import SINE, Constants, Orders
+from rattle.scene.errors import (
+    InputError,
+    check_keys,
+    check_range,
+    count,
+    finite,
+    non_negative,
+    positive,
+    suggesting,
+    unit_interval,
+)
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears
-from rattle.scene.gears_table import read_gears, read_tolerance
-from rattle.scene.keywords import suggesting
-from rattle.scene.parts import GAPS, TINY, Start, Tolerance
-from rattle.scene.plausible import check_plausible, of_gears
-from rattle.scene.shown import as_call, as_html
-from rattle.scene.validate import check_keys, check_range, count, finite, non_negative, positive, unit_interval
+from rattle.scene.gears_input import check_plausible, of_gears, own_amplitude, read_drive, read_gears, read_tolerance
+from rattle.scene.parts import GAPS, MEMORY, SINE_ALONE, TINY, Order, Start, Tolerance
+from rattle.scene.text import as_call, as_html
+from rattle.scene.types import Floats
 
 __all__ = ["LARGEST", "Scene"]
 
-Times = TypeVar("Times", float, NDArray[np.float64])
+Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")
 
 LARGEST = {"alpha": 1e6, "beta1": 1e4, "beta2": 1e4, "gamma1": 1e6, "gamma2": 1e6, "sigma": 1e6}
-FREE = ("sigma", "tolerance", "start", "stages")
+FAR = 8
+"""Gap between orders above which the sine of the next one is not computed from that of the last."""
+FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
 
 
@@ -54,7 +63,7 @@ class Scene:
     gap1, gap2 : float
         Half gaps, 1e-9 to 1e6.
     sigma : float
-        Intensity of the white noise that modulates the excitation, 0 to 1e6.
+        Intensity of the noise that modulates the excitation, 0 to 1e6.
     tolerance : Tolerance, optional
         Random part of the half gaps.
     start : Start, optional
@@ -63,6 +72,11 @@ class Scene:
         each path's own flank.
     stages : {2, 1}
         1 is the single-stage rattler: mesh 1 alone; ``beta2, gamma2, mu, gap2`` are then unused.
+    drive : sequence of Order, optional
+        The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)``, in place of the default ``sin tau``.
+    correlation_time : float
+        Memory of the noise, in units of ``1 / omega``: the modulation is an Ornstein-Uhlenbeck process with the
+        spectrum of white noise of the same `sigma` at frequency 0.  0 (white noise), or 1e-4 to 1e6.
     gears : Gears, optional
         The physical gears that the scene was made from, by `from_gears`; None once a value that gears fix is another.
 
@@ -92,6 +106,8 @@ class Scene:
     tolerance: Tolerance | None = None
     start: Start = None  # type: ignore[assignment]  # the paper's start, filled in below
     stages: int = 2
+    drive: tuple[Order, ...] = SINE_ALONE
+    correlation_time: float = 0.0
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -108,6 +124,8 @@ class Scene:
         if self.stages == 2 and not 0.0 < self.mu < 1.0:
             raise InputError("mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1")
         check_range("mu", self.mu, TINY, 1.0)
+        check_range("correlation_time", non_negative("correlation_time", self.correlation_time), *MEMORY)
+        self._check_drive()
         self._check_tolerance()
         if self.start is None:
             object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
@@ -128,6 +146,23 @@ class Scene:
 
     def _repr_html_(self) -> str:
         return as_html(repr(self))
+
+    def _check_drive(self) -> None:
+        """Put the orders in ascending order, or say what is wrong with them."""
+        try:
+            orders = tuple(self.drive)
+        except TypeError:
+            raise InputError("drive", self.drive, "give a sequence of Order") from None
+        for one in orders:
+            if not isinstance(one, Order):
+                raise InputError("drive", one, "give a sequence of Order")
+        numbers = [one.order for one in orders]
+        twice = [number for number in numbers if numbers.count(number) > 1]
+        if twice:
+            raise InputError("drive.order", twice[0], "is given twice; give one amplitude and phase to each order")
+        if not any(one.amplitude for one in orders):
+            raise InputError("drive", orders, "has no order with an amplitude; for a driver at rest give alpha = 0")
+        object.__setattr__(self, "drive", tuple(sorted(orders, key=lambda one: one.order)))
 
     def _check_tolerance(self) -> None:
         if self.tolerance is None:
@@ -172,7 +207,8 @@ class Scene:
         gears : Gears
             Physical data.
         **settings
-            The fields of Scene that gears do not fix: `sigma`, `tolerance`, `start`, `stages`.
+            The fields of Scene that gears do not fix: `sigma`, `tolerance`, `start`, `stages`, `drive`,
+            `correlation_time`.
 
         Returns
         -------
@@ -335,6 +371,23 @@ class Scene:
             wall2,
             self.sigma,
             self.stages,
+            self._orders,
+            self.correlation_time,
+        )
+
+    @property
+    def _orders(self) -> Orders | tuple[()]:
+        """The drive for compiled code."""
+        moving = tuple(one for one in self.drive if one.amplitude)
+        if moving == SINE_ALONE:
+            return SINE
+        j = np.array([one.order for one in moving])
+        a, phase = (np.array([getattr(one, name) for one in moving]) for name in ("amplitude", "phase"))
+        gap, order = np.diff(j, prepend=0), j.astype(float)
+        most1, most2, most3 = (float((abs(a) * order**n).sum()) for n in (1, 2, 3))
+        odd, even = (a * np.array([turn(p) for p in phase.tolist()]) for turn in (math.cos, math.sin))
+        return Orders(
+            order, np.where(gap > FAR, 0, gap), odd, even, order[-1], most1, most2, most3, np.empty((2, len(j)))
         )
 
     @property
@@ -357,18 +410,22 @@ class Scene:
         Returns
         -------
         dict
-            With a table ``scene``, and ``gears`` in the gear form.
+            With a table ``scene``, ``gears`` in the gear form, and ``drive`` where it is not the sine alone.
         """
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "gears"}
         values["start"] = asdict(self.start)
+        orders = [asdict(one) for one in values.pop("drive")]
+        drive = {} if self.drive == SINE_ALONE else {"drive": orders}
+        if not self.correlation_time:
+            del values["correlation_time"]
         if self.tolerance is None:
             del values["tolerance"]
         else:
             values["tolerance"] = asdict(self.tolerance)
         if self.gears is None:
-            return {"scene": values}
+            return drive | {"scene": values}
         kept = {k: v for k, v in values.items() if k in FREE}
-        return {"gears": self.gears.values, "scene": kept}
+        return {"gears": self.gears.values} | drive | {"scene": kept}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Scene":
@@ -377,7 +434,8 @@ class Scene:
         Parameters
         ----------
         data : dict
-            Tables ``scene`` and, in the gear form, ``gears``; see `rattle.scene.gears_table` for what that may hold.
+            Tables ``scene`` and, in the gear form, ``gears``, and the list ``drive``; ``rattle.scene.gears_input`` says
+            what these may hold.
 
         Returns
         -------
@@ -389,8 +447,10 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        check_keys("top level", _table("scene", data), ("gears", "scene"))
+        check_keys("top level", _table("scene", data), ("gears", "scene", "drive"))
         settings = _table("scene", data.get("scene", {}))
+        if "drive" in settings:
+            raise InputError("scene.drive", settings["drive"], "write each order as a table [[drive]] beside [scene]")
         parts = {"tolerance": Tolerance, "start": Start}
         for name, kind in parts.items():
             if name in settings:
@@ -398,15 +458,21 @@ class Scene:
                 check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
                 settings[name] = kind(**table)
         if "gears" in data:
-            gears = _table("gears", data["gears"])
+            gears = own_amplitude(_table("gears", data["gears"]), data.get("drive"))
             check_keys("scene", settings, FREE)
             pair = read_gears(gears, settings.get("stages", 2))
             drawn = read_tolerance(gears, pair)
             if drawn is not None and "tolerance" in settings:
                 raise InputError("gears.tolerance", drawn, "give it once: here in mm, or in [scene.tolerance]")
-            return cls.from_gears(pair, **settings, **({} if drawn is None else {"tolerance": Tolerance(**drawn)}))
+            if drawn is not None:
+                settings["tolerance"] = Tolerance(**drawn)
+            if "drive" in data:
+                settings["drive"] = read_drive(data["drive"], pair, gears.get("driver_radius"))
+            return cls.from_gears(pair, **settings)
         check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
         _all_given("scene", settings, ("alpha", "epsilon", "beta1", "gamma1"))
+        if "drive" in data:
+            settings["drive"] = read_drive(data["drive"])
         return cls(**settings)
 
     def to_toml(self) -> str:
@@ -426,7 +492,8 @@ class Scene:
         Parameters
         ----------
         text : str
-            With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do not fix.
+            With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do not fix.  Each
+            order of the drive is a table ``[[drive]]``.
 
         Returns
         -------
@@ -459,8 +526,8 @@ class Scene:
         FileError
             If the file cannot be read.
         InputError
-            If its content is not admissible, or its gears cannot exist (`rattle.scene.plausible`); names the file, and
-            the line and key where they are known.
+            If its content is not admissible, or its gears cannot exist (``rattle.scene.gears_input``); names the file,
+            and the line and key where they are known.
         """
         text = read_text("scene file", path)
         with in_file(path, text):

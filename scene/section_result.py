@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rattle.scene.shown import as_html
+from rattle.scene.text import as_html
 from rattle.scene.units import as_dataset, in_units
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest

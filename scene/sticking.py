@@ -2,7 +2,7 @@
 
 A mesh sticks on a side while its contact force pushes.  The contact at mesh 1 changes the accelerations of ``(y1, y2)``
 in the proportion (1, 1), that at mesh 2 in the proportion (mu, 1), as their impulses do (docs/model.md section 3).
-With ``p_i = beta_i u_i + gamma_i`` and the free accelerations ``f1 = p1 - alpha sin tau``, ``f2 = p1 - p2``:
+With ``p_i = beta_i u_i + gamma_i`` and the free accelerations ``f1 = p1 + alpha f''``, ``f2 = p1 - p2``:
 
 - mesh 1 sticks: wheel 1 moves with the driver, and ``-x2`` is a single stage with the damping and drag of wheel 2;
 - mesh 2 sticks: both wheels move as one, and x1 is a single stage with damping ``(1 - mu) beta1 + mu beta2`` and the
@@ -14,9 +14,19 @@ no longer than `CHATTER` and the contact acceleration changes by no more than th
 """
 
 import math
+from typing import Any
 
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import shared
 from rattle.scene.constants import Constants
+from rattle.scene.drive import (
+    acceleration,
+    jerk,
+    most_acceleration,
+    most_jerk,
+    most_modulation,
+    most_modulation_rate,
+    velocity_acceleration,
+)
 from rattle.scene.flight import State, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
 
@@ -26,14 +36,14 @@ Sides = tuple[int, int]
 CHATTER = 1e-6  # longest time, and largest relative change of the contact acceleration, of chatter that is summed up
 
 
-@internal
+@shared
 def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float, float]:
-    """``(p1, p2)`` and the acceleration of the driver, ``-alpha sin tau``."""
+    """``(p1, p2)`` and the acceleration of the driver, ``alpha f''``."""
     u1, u2 = wheel_speeds(c, tau, y1, y2)
-    return c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2, -c.alpha * math.sin(tau)
+    return c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2, c.alpha * acceleration(c.drive, tau)
 
 
-@internal
+@shared
 def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, float]:
     """Contact forces of the sticking meshes, as accelerations: positive while a contact pushes, 0 for an open mesh."""
     p1, p2, driver = _pulls(c, tau, y1, y2)
@@ -44,7 +54,7 @@ def presses(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
     return first * f1, second * f2
 
 
-@jit
+@shared
 def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Sides) -> Sides:
     """Which meshes stick, of those that touch a wall at zero speed.
 
@@ -74,9 +84,11 @@ def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Side
     return (first if press1 > 0.0 else 0), (second if press2 > 0.0 else 0)
 
 
-@internal
-def _until_driver(side: int, beta: float, gamma: float, alpha: float, tau: float) -> float:
-    """Time until ``side (gamma + alpha (beta cos tau - sin tau))`` falls to zero; infinite if it never does."""
+@shared
+def _until_driver(drive: Any, side: int, beta: float, gamma: float, alpha: float, tau: float) -> float:
+    """Time until ``side (gamma + alpha (beta f' + f''))`` falls to zero; infinite if it never does."""
+    if len(drive) != 0:
+        return _until_orders(drive, side, beta, gamma, alpha, tau)
     most = alpha * math.sqrt(1.0 + beta * beta)
     if side * gamma >= most:
         return math.inf
@@ -84,7 +96,26 @@ def _until_driver(side: int, beta: float, gamma: float, alpha: float, tau: float
     return (falls + math.atan(beta) - tau) % (2.0 * math.pi)
 
 
-@jit
+@shared
+def _until_orders(drive: Any, side: int, beta: float, gamma: float, alpha: float, tau: float) -> float:
+    """The same for several orders, by steps within which there is no zero: near one they are Newton steps."""
+    bend = alpha * drive.highest * most_modulation_rate(drive, beta)  # bound of the second derivative
+    rounding = 1e-15 * (abs(gamma) + alpha * most_modulation(drive, beta))
+    t = 0.0
+    while t < 2.0 * math.pi:
+        first, second = velocity_acceleration(drive, tau + t)
+        force = side * (gamma + alpha * (second + beta * first))
+        if force <= rounding:
+            return t
+        slope = side * alpha * (jerk(drive, tau + t) + beta * second)
+        if bend == 0.0:
+            break
+        root = math.sqrt(slope * slope + 2.0 * bend * force)
+        t += 2.0 * force / (root - slope) if slope < 0.0 else (slope + root) / bend
+    return math.inf
+
+
+@shared
 def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, int]:
     """Time until the first of the sticking meshes opens, because its contact force has fallen to zero.
 
@@ -99,11 +130,11 @@ def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
     first, second = sides
     if first != 0 and second != 0:
         beta, gamma = _as_one(c)
-        t1 = _until_driver(first, beta, gamma, c.alpha, tau)
-        t2 = _until_driver(-second, c.beta2, c.gamma2, c.alpha, tau)
+        t1 = _until_driver(c.drive, first, beta, gamma, c.alpha, tau)
+        t2 = _until_driver(c.drive, -second, c.beta2, c.gamma2, c.alpha, tau)
         return (t1, 1) if t1 <= t2 else (t2, 2)
     if first != 0:
-        return _until_driver(first, c.beta1, c.gamma1, c.alpha, tau), 1
+        return _until_driver(c.drive, first, c.beta1, c.gamma1, c.alpha, tau), 1
     # mesh 2 sticks: it opens at the common speed at which both wheels decelerate alike
     beta, gamma = _as_one(c)
     u, _ = wheel_speeds(c, tau, y1, y2)
@@ -117,25 +148,27 @@ def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tup
     return (e if beta == 0.0 else -math.log1p(-beta * e) / beta), 2
 
 
-@internal
+@shared
 def _as_one(c: Constants) -> tuple[float, float]:
     """Damping and drag of both wheels moving together."""
     return (1.0 - c.mu) * c.beta1 + c.mu * c.beta2, (1.0 - c.mu) * c.gamma1 + c.mu * c.gamma2
 
 
-@internal
+@shared
 def open_stage(c: Constants, sides: Sides) -> Constants:
     """The single stage that remains while one mesh sticks.
 
     Returns: A single stage for ``-x2`` if mesh 1 sticks, for ``x1`` if mesh 2 does.
     """
     if sides[0] != 0:
-        return Constants(c.alpha, c.epsilon, c.beta2, 0.0, c.gamma2, 0.0, 0.0, c.wall2, c.wall2, c.sigma, 1)
+        return Constants(
+            c.alpha, c.epsilon, c.beta2, 0.0, c.gamma2, 0.0, 0.0, c.wall2, c.wall2, c.sigma, 1, c.drive, c.memory
+        )
     beta, gamma = _as_one(c)
-    return Constants(c.alpha, c.epsilon, beta, 0.0, gamma, 0.0, 0.0, c.wall1, c.wall1, c.sigma, 1)
+    return Constants(c.alpha, c.epsilon, beta, 0.0, gamma, 0.0, 0.0, c.wall1, c.wall1, c.sigma, 1, c.drive, c.memory)
 
 
-@jit
+@shared
 def stick_on(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, t: float) -> State:
     """State after a time in which the same meshes stick and no wall is struck."""
     first, second = sides
@@ -150,7 +183,7 @@ def stick_on(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: floa
     return x1, y1, x2, y2
 
 
-@internal
+@shared
 def next_contact(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, sides: Sides, horizon: float
 ) -> tuple[float, int, int, float, float, float, float, Sides]:
@@ -185,7 +218,7 @@ def next_contact(
     return t, mesh, side, x1, y1, x2, y2, (first, second)
 
 
-@internal
+@shared
 def stuck_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int, place: float) -> State:
     """The state with a mesh put on its wall at zero speed, everything that its contact does not act on kept.
 
@@ -196,7 +229,7 @@ def stuck_on(c: Constants, x1: float, y1: float, x2: float, y2: float, mesh: int
     return x1 + c.mu * (place - x2), y1 - c.mu * y2, place, 0.0
 
 
-@jit
+@shared
 def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides) -> State:
     """The state with all sticking meshes put on their walls at zero speed, see `stuck_on`."""
     first, second = sides
@@ -209,7 +242,7 @@ def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides
     return x1, y1, x2, y2
 
 
-@internal
+@shared
 def complete_chatter(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, side: int
 ) -> tuple[float, Sides]:
@@ -227,7 +260,8 @@ def complete_chatter(
     if c.epsilon == 1.0:
         return math.inf, (0, 0)
     p1, p2, driver = _pulls(c, tau, y1, y2)
-    jerk1, jerk2 = c.alpha + c.beta1 * abs(p1), c.beta1 * abs(p1) + c.beta2 * abs(p2)
+    force, jolt = c.alpha * most_acceleration(c.drive), c.alpha * most_jerk(c.drive)
+    jerk1, jerk2 = jolt + c.beta1 * abs(p1), c.beta1 * abs(p1) + c.beta2 * abs(p2)
     longest = 2.0 / (1.0 - c.epsilon)
     if c.stages == 2:
         sides = (1 if x1 > 0.0 else -1), (1 if x2 > 0.0 else -1)
@@ -240,21 +274,21 @@ def complete_chatter(
             if t <= CHATTER and t * (jerk1 + jerk2) <= CHATTER * weakest:
                 return 0.0, sides
     if mesh == 1:
-        press, speed, jerk = side * (p1 + driver), -side * y1, jerk1
+        press, speed, change = side * (p1 + driver), -side * y1, jerk1
         sides = (side, 0)
     else:
-        press, speed, jerk = side * (p1 - p2), -side * y2, jerk2
+        press, speed, change = side * (p1 - p2), -side * y2, jerk2
         sides = (0, side)
     if not (press > 0.0 and speed >= 0.0):
         return math.inf, (0, 0)
     t = longest * speed / press
-    if t > CHATTER or t * jerk > CHATTER * press:
+    if t > CHATTER or t * change > CHATTER * press:
         return math.inf, (0, 0)
     if c.stages == 2:
         if mesh == 1:
-            x, y, wall, f, most = x2, y2, c.wall2, -(p2 + driver), abs(p2) + c.alpha
+            x, y, wall, f, most = x2, y2, c.wall2, -(p2 + driver), abs(p2) + force
         else:
-            x, y, wall, f, most = x1, y1, c.wall1, p1 + driver - c.mu * (p1 - p2), abs(p1) + abs(p2) + c.alpha
+            x, y, wall, f, most = x1, y1, c.wall1, p1 + driver - c.mu * (p1 - p2), abs(p1) + abs(p2) + force
         if min(safe_time(wall - x, y, f, most, 0.0), safe_time(wall + x, -y, -f, most, 0.0)) < t:
             return math.inf, (0, 0)
     return t, sides

@@ -8,17 +8,13 @@ before and just after, R the restitution map, g the normal of the wall.  ``det X
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
 from rattle.scene.flight import field
 from rattle.scene.impact import contact_matrix, struck
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
+from rattle.scene.types import Floats, Ints
 
 SLOWEST = 1e-150
 """Impact speeds below this are replaced by it in the saltation matrix, whose squares would overflow."""

@@ -1,6 +1,9 @@
-r"""Text for terminals and pages: control characters of files, names and messages escaped, and durations in words."""
+r"""Text for terminals, pages and notebooks: control characters escaped, durations in words, objects as Python text."""
 
+import textwrap
 import unicodedata
+from collections.abc import Mapping
+from html import escape
 
 CONTROL = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 """Unicode categories that are escaped: control characters (Cc); format characters (Cf), which change the direction of
@@ -47,3 +50,30 @@ def duration_text(seconds: float, digits: int = 3) -> str:
     if 0.0 < seconds < 0.1:
         return f"{float(f'{1e3 * seconds:.{digits}g}'):g} ms"
     return f"{float(f'{seconds / units[name]:.{digits}g}'):g} {name}"
+
+
+WIDTH = 100
+
+
+def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> str:
+    """Python text of a call, on as many lines as it needs.
+
+    Examples
+    --------
+    >>> as_call("Start", {"tau": 0.0, "mesh": 1})
+    'Start(tau=0.0, mesh=1)'
+    """
+    listed = ", ".join([first] * bool(first) + [f"{key}={value!r}" for key, value in arguments.items()])
+    text = " ".join(f"{name}({listed})".split())
+    return textwrap.fill(text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+
+
+def as_html(text: str, table: str = "") -> str:
+    """Show a text, and a table below it, in a notebook.
+
+    Examples
+    --------
+    >>> as_html("1 < 2")
+    '<pre>1 &lt; 2</pre>'
+    """
+    return f"<pre>{escape(text)}</pre>{table}"

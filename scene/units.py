@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rattle.scene.errors import InputError
-from rattle.scene.validate import choice
+from rattle.scene.errors import InputError, choice
 
 if TYPE_CHECKING:  # a table is there before it is converted
     import pandas as pd

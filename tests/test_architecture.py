@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from source_tree import circles, import_graph, sources
 
 ROOT = Path(__file__).resolve().parent.parent
 MAY_IMPORT = {
@@ -71,3 +72,9 @@ def test_help_does_not_load_the_scientific_stack():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert out.strip() == "[]"
+
+
+def test_no_imports_run_in_a_circle():
+    """Wherever they stand: at the top of a module, for types only, or within a function."""
+    assert not circles(import_graph(sources()))
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]  # one that is planted

@@ -10,7 +10,7 @@ import pytest
 from rattle.closure import CLOSURES, follow, mean_map
 from rattle.compare import validate
 from rattle.compare.stationary.measure import stationary
-from rattle.compare.study import Study
+from rattle.compare.study.design import Study
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
 

@@ -1,20 +1,239 @@
-"""From impact to impact: the mixture's flight, the restitution map, and the merging of components after it."""
+"""From impact to impact: noise, splitting, the mixture's flight, the restitution map, and merging.
+
+Before the flight the component with the largest error is split first, while there is room.  A component that reaches
+across a boundary between two next impacts has an image in two halves.  Before that, these are split off:
+
+- a tail beyond a boundary, along the boundary's plane: a split in three first would lose it, and rare events with it;
+- a component over which the section map is nonlinear, in three across the direction of largest curvature.
+"""
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
 from rattle.closure.branching.mixture import Mixture, empty, reduce
-from rattle.closure.branching.propagate import Image
-from rattle.closure.branching.refine import Level, add_noise, buffers, fly
-from rattle.closure.flanks import PLAIN, column, forget, random_tolerance, start_pieces
-from rattle.closure.orbit import Floats, Orbit
-from rattle.closure.section_map import hit_matrix
-from rattle.scene.compiled import jit
+from rattle.closure.branching.propagate import (
+    THIRD_CENTRE,
+    THIRD_WEIGHT,
+    THIRD_WIDTH,
+    Image,
+    cut_plane,
+    event,
+    half,
+    propagate,
+    root,
+)
+from rattle.closure.orbit import Orbit
+from rattle.closure.section_map import PLAIN, column, forget, hit_matrix, random_tolerance, start_pieces
+from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
+from rattle.scene.flight import jacobian, noise_covariance, noise_rate
+from rattle.scene.linear_algebra import apply, beyond, block, congruence, dot, largest, norm, put, put_row, put_scaled
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import apply, congruence, put
-from rattle.scene.small_vectors import put_row
+from rattle.scene.types import Floats, Ints
 
+NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
+LIGHT = 1e-4  # weight of a component above which boundaries are searched for
+TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a tail
+BRANCH = 0.03  # error of a boundary through the centre of a component, relative to its weight
+DAMPED = 15.0  # damping times flight time above which a component is discarded
+POWER = 0.35  # error of a component relative to its weight, as a power of the ratio of variances
 ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
+
+
+class Level(NamedTuple):
+    """A resolution of the closure."""
+
+    components: int  # most components after an impact
+    cut: int  # most components before an impact, not counting halves
+    flat: float  # ratio of second-order to first-order variance below which a component is not split
+    worth: float  # error below which no component is split
+
+
+class Buffers(NamedTuple):
+    """Components at the start of a flight, their images, and how each would be split."""
+
+    start: Mixture  # section states after the last impact, with the noise of the flight included
+    image: Image  # component i has its image at 2 i and, where a boundary halves it, at 2 i + 1
+    ignored: Ints  # bit mask of impacts that were split off already
+    error: Floats  # what splitting a component is worth, weighted
+    axis: Floats  # one sd across the split; (components, d)
+    depth: Floats  # distance of the plane that splits a tail off, in sds; 0 for a split in three
+    beyond: Ints  # the impact (``mesh * side``) beyond that plane
+    slow: Floats  # share of the squared impact speed that noise makes
+    parent: Ints  # the component after the last impact of which it is a part
+    plane: Floats  # one sd across the boundary that halves a component; (components, d)
+    halved: Floats  # distance of that boundary, in sds; 0 for a component that is not halved
+
+
+def buffers(size: int, d: int = PLAIN) -> Buffers:
+    """Empty arrays for the components of a flight."""
+    image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
+    return Buffers(
+        empty(size, d),
+        image,
+        np.zeros(size, np.int64),
+        np.zeros(size),
+        np.zeros((size, d)),
+        np.zeros(size),
+        np.zeros(size, np.int64),
+        np.zeros(size),
+        np.zeros(size, np.int64),
+        np.zeros((size, d)),
+        np.zeros(size),
+    )
+
+
+@internal
+def _bend_error(weight: float, bend: float, flat: float) -> float:
+    """Estimated error of a component for the ratio `bend` of second-order to first-order variance."""
+    return weight * bend**POWER if bend > flat else 0.0
+
+
+@internal
+def _narrow(axes: Floats, n: Floats, narrow: float) -> Floats:
+    """The axes, scaled by the factor `narrow` along the unit vector n."""
+    along, out = apply(axes, n), np.empty((axes.shape[0], axes.shape[1]))
+    for i in range(out.shape[0]):
+        for j in range(n.size):
+            out[i, j] = axes[i, j] + (narrow - 1.0) * (along[i] * n[j])
+    return out
+
+
+@internal
+def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
+    """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian describes the return."""
+    m1, m2 = noise_rate(c, e[0] + t)
+    rate, speed = (m1, before[1]) if abs(code) == 1 else (m2, before[3])
+    made = c.sigma * c.sigma * rate * rate * t
+    return made / (made + speed * speed) if code != 0 and made > 0.0 else 0.0
+
+
+@internal
+def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> None:
+    """Compute the image of component `i`, whole or in halves beside a boundary, and how it would best be split.
+
+    Its error is what that split is worth.
+    """
+    w, centre = b.start.weight[i], b.start.mean[i]
+    b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
+    b.error[i], b.depth[i], b.halved[i] = 0.0, 0.0, 0.0
+    rank, full = root(b.start.covariance[i])
+    axes = block(full, centre.size, 0, rank)
+    t, code = event(c, centre, before)
+    b.slow[i] = _slow(c, centre, t, code, before)
+    n, depth, pieces = np.zeros(rank), 0.0, 1
+    if w > LIGHT and rank > 0 and code != 0:
+        reach = math.sqrt(2.0 * math.log(w / NEGLIGIBLE) - 2.0)
+        other, q = cut_plane(c, centre, axes, code, b.ignored[i], reach, before)
+        if other != code:
+            length = norm(q)
+            put_scaled(n, q, length)
+            depth = 1.0 / length
+            if length * TAIL < 1.0:
+                b.error[i], b.depth[i], b.beyond[i] = w, depth, other
+                put_row(b.axis[i], apply(axes, n))
+            else:
+                pieces = 2
+                b.halved[i] = depth
+                put_row(b.plane[i], apply(axes, n))
+    worst = 0.0
+    for k in range(pieces):
+        share, rate, variance = half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
+        narrow = math.sqrt(variance)
+        b.image.section.weight[2 * i + k] = w * share
+        at, across = centre, axes
+        if pieces == 2:
+            at, across = beyond(centre, rate, apply(axes, n)), _narrow(axes, n, narrow)
+        bend, u = propagate(c, at, across, b.image, 2 * i + k, before)
+        if b.depth[i] > 0.0:
+            return
+        error = _bend_error(w * share, bend, level.flat)
+        b.error[i] += error
+        if pieces == 1 or error > worst:
+            worst = error
+            if pieces == 2:
+                shear = (1.0 / narrow - 1.0) * dot(u, n)
+                for m in range(rank):
+                    u[m] += shear * n[m]  # normal of the same planes, in sds of the whole component
+                put_scaled(u, u, norm(u))
+            put_row(b.axis[i], apply(axes, u))
+    if pieces == 2:
+        crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
+        if crossing > b.error[i]:
+            put_row(b.axis[i], apply(axes, n))
+        b.error[i] += crossing
+
+
+@jit
+def _cut(b: Buffers, i: int, count: int) -> int:
+    """Replace component `i` by two or three across its axis, the others from `count` on; returns the new count."""
+    parts, v = b.start, b.axis[i].copy()
+    w, centre, sigma = parts.weight[i], parts.mean[i].copy(), parts.covariance[i].copy()
+    pieces = 2 if b.depth[i] > 0.0 else 3
+    code = b.image.section.label[2 * i]
+    for k in range(pieces):
+        at = i if k == 0 else count + k - 1
+        if pieces == 2:
+            share, place, variance = half(b.depth[i], k == 0)
+        else:
+            share = THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * THIRD_WEIGHT
+            place, variance = (0.0 if k == 0 else (2 * k - 3) * THIRD_CENTRE), THIRD_WIDTH**2
+        parts.weight[at] = w * share
+        for m in range(v.size):
+            parts.mean[at, m] = centre[m] + place * v[m]
+            for n in range(v.size):
+                parts.covariance[at, m, n] = sigma[m, n] - (1.0 - variance) * (v[m] * v[n])
+        parts.label[at], b.ignored[at], b.parent[at] = parts.label[i], b.ignored[i], b.parent[i]
+    if pieces == 2:
+        b.ignored[count] |= 1 << (code + 2)
+        b.ignored[i] |= 1 << (b.beyond[i] + 2)
+    return count + pieces - 1
+
+
+@jit
+def add_noise(c: Constants, live: int, b: Buffers) -> float:
+    """Add the noise of the next flight to the components, at its start.
+
+    The displacement ``exp(-A t) n`` leads to the same state at the end of the flight.  A component whose flight is
+    damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no digits left.
+    """
+    before, discarded = np.empty(4), 0.0
+    for i in range(live):
+        t, code = event(c, b.start.mean[i], before)
+        if code != 0 and t * max(c.beta1, c.beta2) > DAMPED:
+            discarded += b.start.weight[i]
+            b.start.weight[i] = 0.0
+        elif code != 0:
+            back = jacobian(c, -t)
+            noise = congruence(back, noise_covariance(c, b.start.mean[i, 0], t))
+            for m in range(4):
+                for n in range(4):
+                    b.start.covariance[i, 1 + m, 1 + n] += noise[m, n]
+        b.ignored[i], b.parent[i] = 0, i
+    return discarded
+
+
+@jit
+def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
+    """Propagate components to their next impact, splitting them where that is worth it.
+
+    `b`: Components in ``b.start``, with the noise of the flight; their images are written to ``b.image``.
+    """
+    before = np.empty(4)
+    count, last, seen = live, 0, 0  # seen: components examined already, except the last one that was split
+    while True:
+        for k in range(seen, count + (1 if seen > 0 else 0)):
+            _examine(c, b, last if k == count else k, level, before)
+        seen = count
+        if count + 2 > level.cut:
+            break
+        last = largest(b.error, count)
+        if b.error[last] < level.worth:
+            break
+        count = _cut(b, last, count)
+    return count
 
 
 @jit

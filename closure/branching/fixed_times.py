@@ -12,21 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.closure.branching.advance import Advance
+from rattle.closure.branching.advance import Advance, Buffers, Level
 from rattle.closure.branching.mixture import Mixture
-from rattle.closure.branching.refine import Buffers, Level
-from rattle.closure.branching.split import event, half
-from rattle.closure.flanks import PLAIN, start_covariance
-from rattle.closure.orbit import Floats, Ints, Orbit
+from rattle.closure.branching.propagate import event, half
+from rattle.closure.orbit import Orbit
+from rattle.closure.section_map import PLAIN, start_covariance
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
-from rattle.scene.eigen import eigen
 from rattle.scene.flight import flow, jacobian, noise_covariance
+from rattle.scene.linear_algebra import apply, beyond, congruence, eigen, put, put_scaled, times, transform
 from rattle.scene.moments import semidefinite
-from rattle.scene.products import transform
 from rattle.scene.scene import Scene
-from rattle.scene.small_matrices import apply, congruence, put, times
-from rattle.scene.small_vectors import beyond, put_scaled
+from rattle.scene.types import Floats, Ints
 
 REACH = 6.0  # distance of a cut, in sds, beyond which a Gaussian is on one side of it
 POINTS, SHARES = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0

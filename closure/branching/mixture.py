@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.closure.flanks import PLAIN
-from rattle.closure.orbit import Floats, Ints
+from rattle.closure.section_map import PLAIN
 from rattle.scene.compiled import internal, jit
-from rattle.scene.eigen import eigen
-from rattle.scene.small_vectors import largest
+from rattle.scene.linear_algebra import eigen, largest
+from rattle.scene.types import Floats, Ints
 
 
 class Mixture(NamedTuple):

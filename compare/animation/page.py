@@ -1,24 +1,27 @@
-"""Writes an animation as one HTML file that needs no other: its drawings, its data and its script are inside."""
+"""Writes an animation as one HTML file that needs no other: its drawings, its data and its script are inside.
+
+Involute teeth transmit rotation at a constant ratio, so the play between two wheels, measured along the pitch circle,
+is the same in every position: the teeth of the drawing touch if and only if a displacement is that of its wall.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from rattle.compare.animation.record import SCHEME, Motion, Recording
-from rattle.compare.animation.teeth import PLAY, TOOTH, Wheel, outline
 from rattle.compare.report.folder import check_place, refusals, write_whole
-from rattle.compare.report.html_file import render_html
 from rattle.compare.report.json_text import json_text
+from rattle.compare.report.render import render_html
+from rattle.scene.drive import driver_motion
 from rattle.scene.errors import OutputError
 from rattle.scene.scene import Scene
 from rattle.scene.text import line
-
-Heights = TypeVar("Heights", float, NDArray[np.float64])
+from rattle.scene.types import Floats
 
 LARGEST = 1_000_000
 """Most bytes of an animation."""
@@ -30,19 +33,14 @@ WIDE, HIGH = 10_000, 1000  # inner coordinates of a strip
 ROOM = 1.3  # height of a strip in half gaps
 MOST_TAU = 1e4  # beyond it time is counted from the start
 SUBSCRIPT = {1: "₁", 2: "₂"}
-
-
-class Strip(NamedTuple):
-    """One displacement of both paths over time."""
-
-    mesh: int  # of which mesh
-    label: str  # label, unit: what is drawn, and its unit
-    unit: str
-    ticks: list[tuple[float, str]]  # height of a tick from the top in percent, and its label
-    curves: list[tuple[str, str]]  # name and SVG points of each path
-    # name of the path, number of the impact, and its place from left and top in percent
-    marks: list[tuple[str, int, float, float]]
-    band: float  # half the height of the band in which a flank of a toleranced gap lies, in percent; 0 for none
+TEETH = 12
+PRESSURE = math.radians(25.0)
+"""Pressure angle; with 25 degrees a wheel of 12 teeth needs no undercut."""
+ADDENDUM, DEDENDUM = 0.8, 1.05
+"""Height of a tooth above and depth below the pitch circle, in modules; 1.09 pairs of teeth are in mesh on average."""
+PLAY, TOOTH = 0.3, 0.35
+"""Largest backlash, and width of a tooth of wheel 1, as shares of the pitch."""
+FLANK = 7  # points of a flank
 
 
 def animation(shown: Recording, name: str, command: str = "") -> str:
@@ -56,20 +54,24 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
     >>> page.startswith("<!doctype html>"), page.count('class="mark orbit"')
     (True, 2)
     """
-    scene, walls = shown.scene, shown.scene.noise_free.constants
+    scene, span, walls = shown.scene, shown.span, shown.scene.noise_free.constants
     gaps = (walls.wall1, walls.wall2)[: scene.stages]
+    begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
+    symbol = "τ" if begin == scene.start.tau else "τ − τ₀"
+    ms = None if scene.gears is None else 1000.0 / scene.gears.omega
     first = Wheel(RADIUS, TOOTH)
     scale = PLAY * first.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
     widths = [TOOTH, *(1.0 - TOOTH - 2.0 * gap * scale / first.pitch for gap in gaps)]
     data = {
-        "span": shown.span,
+        "span": span,
         "phase": scene.phase,
         "alpha": scene.alpha,
+        "drive": [[one.order, one.amplitude, one.phase] for one in scene.drive],
         "turn": math.degrees(scale / RADIUS),
         "seconds": SECONDS * shown.orbit.impacts,
-        "offset": _offset(scene),
-        "digits": _digits(shown.span),
-        "ms": None if scene.gears is None else 1000.0 / scene.gears.omega,
+        "offset": begin,
+        "digits": min(max(0, 2 - math.floor(math.log10(span / 10.0))), 15),  # of a time that is shown
+        "ms": ms,
         "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
     }
     return render_html(
@@ -86,10 +88,10 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         wheels=[outline(Wheel(RADIUS, width)) for width in widths],
         turns=_turns(shown, scale),
         strips=[_strip(shown, mesh) for mesh in range(1, scene.stages + 1)],
-        ticks=list(_ticks(shown)),
+        ticks=list(_ticks(begin, span)),
         caption=_caption(shown),
-        clock=_clock(scene),
-        symbol=_symbol(scene),
+        clock=f"time {symbol} = ω t, dimensionless" + (f"; a unit of τ is {ms:.3g} ms" if ms else ""),
+        symbol=symbol,
         sigma=f"{scene.sigma:.4g}",
         WIDE=WIDE,
         HIGH=HIGH,
@@ -141,41 +143,27 @@ def _turns(shown: Recording, scale: float) -> list[float]:
     """Angles of the wheels at the start, in degrees clockwise; see `animation.js`."""
     scene = shown.scene
     x1, x2 = shown.orbit.x1[0], shown.orbit.x2[0]
-    driver = scene.alpha * math.sin(scene.phase)
+    driver = scene.alpha * driver_motion(scene.constants.drive, scene.phase)
     turns = [driver - x1, -driver, x1 - driver - x2][: scene.stages + 1]  # wheel 1, driver, wheel 2
     return [round(math.degrees(scale / RADIUS * float(turn)), 3) for turn in turns]
 
 
-def _offset(scene: Scene) -> float:
-    return scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
-
-
-def _symbol(scene: Scene) -> str:
-    return "τ" if _offset(scene) == scene.start.tau else "τ − τ₀"
-
-
-def _digits(span: float) -> int:
-    """Decimals of a time that is shown."""
-    return min(max(0, 2 - math.floor(math.log10(span / 10.0))), 15)
-
-
-def _clock(scene: Scene) -> str:
-    """Label of the time axis."""
-    unit = "" if scene.gears is None else f"; a unit of τ is {1000.0 / scene.gears.omega:.3g} ms"
-    return f"time {_symbol(scene)} = ω t, dimensionless{unit}"
-
-
-def _ticks(shown: Recording) -> Iterator[tuple[float, str]]:
+def _ticks(begin: float, span: float) -> Iterator[tuple[float, str]]:
     """Ticks of the time axis: place in percent, and label."""
-    begin, span = _offset(shown.scene), shown.span
     power = 10.0 ** math.floor(math.log10(span / 4.0))
     step = next(power * n for n in (1, 2, 5, 10) if span / (power * n) <= 6.5)
     for k in range(math.ceil(begin / step), math.floor((begin + span) / step) + 1):
         yield round(100.0 * (k * step - begin) / span, 3), f"{k * step:.10g}".replace("-", "−")
 
 
-def _strip(shown: Recording, mesh: int) -> Strip:
-    """The displacement at a mesh over time."""
+def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
+    """The displacement at a mesh over time, for the template.
+
+    Returns: ``label, unit`` (what is drawn), ``ticks`` (height of a tick from the top in percent, and its label),
+    ``curves`` (name and SVG points of each path), ``marks`` (name of the path, number of the impact, and its place
+    from left and top in percent) and ``band`` (half the height of the band in which a flank of a toleranced gap lies,
+    in percent; 0 for none).
+    """
     scene, walls = shown.scene, shown.scene.noise_free.constants
     wall, ahead = (walls.wall1, "driver") if mesh == 1 else (walls.wall2, "wheel 2")
     c_max = getattr(scene.tolerance, f"c{mesh}_max") if _has_random_gaps(scene) else 0.0
@@ -189,38 +177,33 @@ def _strip(shown: Recording, mesh: int) -> Strip:
         left, down = 100.0 * motion.impact_time / shown.span, 100.0 * _height(motion.impact_x, top)
         own = np.flatnonzero(motion.mesh == mesh)
         marks += [(name, int(k), round(float(left[k]), 3), round(float(down[k]), 2)) for k in own]
-    return Strip(
-        mesh,
-        f"x{SUBSCRIPT[mesh]}: {ahead} ahead of wheel 1",
-        "mm" if scene.gears else "dimensionless",
-        [(round(100.0 * _height(height, top), 3), text) for text, height in heights.items()],
-        curves,
-        marks,
-        round(50.0 * c_max / top, 3),
-    )
+    return {
+        "label": f"x{SUBSCRIPT[mesh]}: {ahead} ahead of wheel 1",
+        "unit": "mm" if scene.gears else "dimensionless",
+        "ticks": [(round(100.0 * _height(height, top), 3), text) for text, height in heights.items()],
+        "curves": curves,
+        "marks": marks,
+        "band": round(50.0 * c_max / top, 3),
+    }
 
 
 def _has_random_gaps(scene: Scene) -> bool:
     return scene.tolerance is not None and scene.tolerance.distribution != "fixed"
 
 
-def _height(x: Heights, top: float) -> Heights:
+def _height(x: Any, top: float) -> Any:
     """Share of a strip's height from its top."""
     return 0.5 - 0.5 * x / top
 
 
-def _points(left: NDArray[np.float64], down: NDArray[np.float64]) -> str:
+def _points(left: Floats, down: Floats) -> str:
     return " ".join(f"{WIDE * a:.0f},{HIGH * b:.0f}" for a, b in zip(left.tolist(), down.tolist(), strict=True))
-
-
-def _random(scene: Scene) -> str:
-    return "noisy path" if scene.sigma > 0.0 else "path with random backlashes"
 
 
 def _caption(shown: Recording) -> list[str]:
     """What is seen, and what is drawn between the numbers that are known."""
     scene, both = shown.scene, min(shown.orbit.impacts, shown.path.impacts)
-    same = shown.agreement
+    same, random = shown.agreement, "noisy path" if scene.sigma > 0.0 else "path with random backlashes"
     meshes = "at mesh 1 wheel 1 plays against the driver, whose motion is prescribed"
     signs = "Flank + of mesh 1 is the upper one, which the driver strikes from below."
     if scene.stages == 2:
@@ -236,13 +219,84 @@ def _caption(shown: Recording) -> list[str]:
         f"The teeth touch exactly where a backlash ends: {meshes}. {signs} A ring of rays and the word “hit” show an "
         "impact. Backlashes and rotations are drawn larger than they are, by one factor; the wheels are drawn equally "
         "large.",
-        f"The noise-free orbit is exact. The {_random(scene)} is one sample by the scheme {SCHEME}, which has no step "
+        f"The noise-free orbit is exact. The {random} is one sample by the scheme {SCHEME}, which has no step "
         f"bias (seed {shown.seed}). Its states are recorded every {shown.step:.3g} of τ and just before each impact; "
         "between them the drawing interpolates linearly. The impact of the start, number 0, is not shown. " + order,
     ]
     if _has_random_gaps(scene):
         caption.append(
-            f"The {_random(scene)} has gaps of its own, with flanks within the grey bands (the tolerance); its "
-            "wheels are drawn with nominal gaps."
+            f"The {random} has gaps of its own, with flanks within the grey bands (the tolerance); its wheels are "
+            "drawn with nominal gaps."
         )
     return caption
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """A toothed wheel of `TEETH` teeth.
+
+    Examples
+    --------
+    >>> Wheel(6.0, 0.35).module
+    1.0
+    """
+
+    radius: float
+    width: float
+
+    @property
+    def module(self) -> float:
+        """Diameter of the pitch circle over the number of teeth."""
+        return 2.0 * self.radius / TEETH
+
+    @property
+    def pitch(self) -> float:
+        """Distance of two teeth along the pitch circle."""
+        return math.pi * self.module
+
+    @property
+    def tip(self) -> float:
+        """Radius of its tips."""
+        return self.radius + ADDENDUM * self.module
+
+    def half_angle(self, radius: float) -> float:
+        """Half the angle that a tooth spans at a radius.
+
+        `radius`: From the root to the tip; below the base circle the flank is radial.
+
+        Examples
+        --------
+        >>> wheel = Wheel(6.0, 0.35)
+        >>> round(2.0 * wheel.half_angle(6.0) * 6.0 / wheel.pitch, 12)
+        0.35
+        """
+        base = self.radius * math.cos(PRESSURE)
+        at = math.acos(min(base / radius, 1.0))
+        at_pitch = 0.5 * self.width * self.pitch / self.radius
+        return at_pitch + (math.tan(PRESSURE) - PRESSURE) - (math.tan(at) - at)
+
+
+def outline(wheel: Wheel) -> str:
+    """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x axis.
+
+    Examples
+    --------
+    >>> outline(Wheel(96.0, 0.35)).count("A")  # a tip and a root for each tooth
+    24
+    """
+    root, tip = wheel.radius - DEDENDUM * wheel.module, wheel.tip
+    base = wheel.radius * math.cos(PRESSURE)
+    radii = [root, *(base + (tip - base) * (i / (FLANK - 1)) for i in range(FLANK))]
+    flank = [(r, wheel.half_angle(r)) for r in radii]
+    start, path = _point(root, -flank[0][1]), ""
+    for tooth in range(TEETH):
+        middle = 2.0 * math.pi * tooth / TEETH
+        rising = [_point(r, middle - half) for r, half in flank]
+        falling = [_point(r, middle + half) for r, half in reversed(flank)]
+        path += f"A{root:.1f} {root:.1f} 0 0 1 {rising[0]}" if tooth else f"M{start}"
+        path += f"L{' '.join(rising[1:])}A{tip:.1f} {tip:.1f} 0 0 1 {falling[0]}L{' '.join(falling[1:])}"
+    return f"{path}A{root:.1f} {root:.1f} 0 0 1 {start}Z"
+
+
+def _point(radius: float, angle: float) -> str:
+    return f"{radius * math.cos(angle):.2f} {radius * math.sin(angle):.2f}"

@@ -2,20 +2,17 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.closure.orbit import Orbit, follow
 from rattle.montecarlo import Record, default_step, simulate
 from rattle.montecarlo.settings.plan import is_random
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, count
 from rattle.scene.scene import Scene
-from rattle.scene.validate import count
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rattle.scene.types import Floats, Ints
 
 SCHEME = "exact-flight"
 MOST_IMPACTS = 200
@@ -121,9 +118,8 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
         fewer = max(int((times[1 : impacts + 1] + tail <= path.impact_time[MOST_DRAWN]).sum()), 1)
         why = f"the other path has over {MOST_DRAWN} impacts in that time, more than can be told apart"
         raise InputError("impacts", impacts, f"{why}; give " + (f"{fewer}" if fewer < impacts else "a larger epsilon"))
-    return Recording(
-        scene, seed, span, float(instants[0]), _orbit(orbit, scene, impacts, np.append(instants, span)), path
-    )
+    drawn = _orbit(orbit, scene, impacts, np.append(instants, span))
+    return Recording(scene, seed, span, float(instants[0]), drawn, path)
 
 
 def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> Motion:
@@ -143,18 +139,12 @@ def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instant
     """
     local = scene.phase_reduced  # its times keep their digits, however late the start is
     start = np.array(scene.start_state)[::2]  # on the nominal flank, even where the path's own has a tolerance
+    sampling = Sampling(horizon=span + dt)
+    kept = Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True)  # rounded to the step
+    settings: dict[str, Any] = {"dt": dt, "scheme": SCHEME, "rng": seed, "sampling": sampling, "record": kept}
     room = 2 * impacts + 20
     while True:
-        run = simulate(
-            local,
-            paths=1,
-            impacts=room,
-            dt=dt,
-            scheme=SCHEME,
-            rng=seed,
-            sampling=Sampling(horizon=span + dt),
-            record=Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True),  # rounded to the step
-        )
+        run = simulate(local, paths=1, impacts=room, **settings)
         assert run.raw is not None
         rows = run.raw[0]
         if np.isnan(rows[-1, 0]) or rows[-1, 0] - scene.phase > span or room > MOST_DRAWN:
@@ -164,16 +154,8 @@ def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instant
     states = run.at_times()[["x1", "x2"]].to_numpy()
     seen = np.flatnonzero(~np.isnan(states[:, 0]))
     at = np.concatenate([[0.0], run.fixed_times[seen] - local.phase])
-    code = rows[:, 6].astype(np.int64)
-    return _motion(
-        scene,
-        at,
-        np.vstack([start, states[seen]]),
-        rows[:, 0] - scene.phase,
-        rows[:, [2, 4]],
-        np.abs(code),
-        np.sign(code),
-    )
+    x, code = np.vstack([start, states[seen]]), rows[:, 6].astype(np.int64)
+    return _motion(scene, at, x, rows[:, 0] - scene.phase, rows[:, [2, 4]], np.abs(code), np.sign(code))
 
 
 def _motion(scene: Scene, at: Floats, x: Floats, times: Floats, before: Floats, mesh: Ints, side: Ints) -> Motion:

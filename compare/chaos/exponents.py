@@ -1,25 +1,28 @@
-"""Lyapunov exponents of the orbit, and those of the drift's linearisation along a noisy path, with their intervals.
+"""Growth rates of small distances, with their intervals: Lyapunov exponents, and two paths on the same noise.
 
 Growth rates are ratios of sums over a long record (log growth over time).  Their intervals come from batch means.
+
+Two paths on the same noise that reach a wall delta apart leave it about sqrt(delta) apart.  One path rebounds while the
+other still approaches the wall for a time ``delta / |y|``, y being the impact speed.  Noise during that time enters
+their velocities after the impact with different factors (1 and -epsilon).  They differ by ``(1 + epsilon) sigma |m|
+sqrt(delta / |y|) |N(0, 1)|``, where m is the modulation of the noise (docs/model.md section 8).
 """
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
-from rattle.scene.errors import InputError
+from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
+from rattle.montecarlo.coupling.pairs import after_impact, growths
+from rattle.scene.errors import InputError, count
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
-from rattle.scene.validate import count, positive
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 ORBIT = "orbit"
 DRIFT = "drift's linearisation along a noisy path"
@@ -31,6 +34,10 @@ LEAST, MOST = 40_000, 2_000_000  # impacts of a record with one: the first attem
 TOGETHER = 0.4  # below this share of effectively independent batches a record is taken to contain a transient
 LOST = 1e-3  # error of the exponents' sum above which their growth is taken to be lost in rounding
 SPARE = 0.9  # a record is lengthened so as to reach this fraction of the required width
+SMALLEST, LARGEST = 1e-7, 1e-3  # default range of delta
+DISTANCES = 7
+DELTAS = tuple(float(d) for d in np.geomspace(1e-7, 1e-1, 13))  # of the finite-size exponent
+MODULATED = 0.2  # impacts with a smaller |modulation| of the noise are left out: the drift outweighs the noise there
 
 
 class Mean(NamedTuple):
@@ -71,9 +78,7 @@ class Exponents:
     of: str  # the linearised system: `ORBIT` or `DRIFT`
     value: Floats  # value, half: exponents and half widths of their 95 % intervals; NaN without a record; (2 stages,)
     half: Floats
-    # rate, rate_half: impacts per unit of time at both meshes together, and the half width of its 95 % interval
-    rate: float
-    rate_half: float
+    rate: float  # impacts per unit of time at both meshes together
     # sum of the exponents less its exact value ``-(beta1 + beta2) + rate 2 ln epsilon`` on the same record; nothing
     # but rounding
     sum_error: float
@@ -125,9 +130,8 @@ def _blocks(s: Stretch) -> Floats:
     return np.asarray(np.add.reduceat(columns, starts, axis=0))
 
 
-def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> Exponents:
-    """Exponents of a record; NaN without one, and where their sum shows that growth is lost in rounding."""
-    b = np.concatenate([np.empty((0, 6)), *blocks])
+def _exponents(of: str, scene: Scene, b: Floats, regime: Regime) -> Exponents:
+    """Exponents of a record by blocks; NaN without one, and where their sum shows that growth is lost in rounding."""
     size = 2 * scene.stages
     time, impacts = float(b[:, 4].sum()), int(b[:, 5].sum())
     sum_error = np.nan
@@ -141,64 +145,37 @@ def _exponents(of: str, scene: Scene, blocks: list[Floats], regime: Regime) -> E
                 regime.unfollowed = "brings neighbours together faster than double precision resolves"
     if not abs(sum_error) < LOST:
         nothing = np.full(size, np.nan)
-        return Exponents(of, nothing, nothing, np.nan, np.nan, np.nan, impacts, time, 0.0, regime)
-    found = [ratio_mean(b[:, i], b[:, 4]) for i in range(size)]
-    rate = ratio_mean(b[:, 5], b[:, 4])
-    order = np.argsort([-m.value for m in found])
-    ranked = [found[i] for i in order]
-    return Exponents(
-        of,
-        np.array([m.value for m in ranked]),
-        np.array([m.half for m in ranked]),
-        rate.value,
-        rate.half,
-        sum_error,
-        impacts,
-        time,
-        ranked[0].effective,
-        regime,
-    )
-
-
-def _check(scene: Scene) -> None:
-    if scene.epsilon == 0.0:
-        raise InputError(
-            "epsilon", 0.0, "exponents need epsilon > 0: the Jacobian of an impact without rebound is singular"
-        )
+        return Exponents(of, nothing, nothing, np.nan, np.nan, impacts, time, 0.0, regime)
+    found = sorted((ratio_mean(b[:, i], b[:, 4]) for i in range(size)), key=lambda mean: -mean.value)
+    value, half = np.array([(mean.value, mean.half) for mean in found]).T
+    rate = ratio_mean(b[:, 5], b[:, 4]).value
+    return Exponents(of, value, half, rate, sum_error, impacts, time, found[0].effective, regime)
 
 
 def _measure(
-    of: str,
-    scene: Scene,
-    stretches: Iterable[Stretch],
-    regime: Regime,
-    impacts: int | None,
-    width: float | None,
+    of: str, scene: Scene, stretches: Iterable[Stretch], regime: Regime, impacts: int | None, width: float | None
 ) -> Exponents:
     """Exponents of a record that is lengthened until it has `impacts`, or its interval is no wider than `width`."""
+    if scene.epsilon == 0.0:
+        why = "exponents need epsilon > 0: the Jacobian of an impact without rebound is singular"
+        raise InputError("epsilon", 0.0, why)
     least = 2 * BATCHES * BLOCK
-    target = (
-        (FIRST if width is None else LEAST) if impacts is None else count("impacts", impacts, least=least, most=MOST)
-    )
-    if width is not None:
-        positive("width", width)
-    blocks: list[Floats] = []
-    done = 0
+    if impacts is not None:
+        count("impacts", impacts, least=least, most=MOST)
+    target = impacts or (FIRST if width is None else LEAST)
+    blocks, done = np.empty((0, 6)), 0
     for s in stretches:
         kept = s.first(target - done)
-        done += kept.flight.size
-        if kept.flight.size:
-            blocks += list(_blocks(kept)[:, None])
+        blocks, done = np.concatenate([blocks, _blocks(kept)]), done + kept.flight.size
         if done < target:
             continue
         found = _exponents(of, scene, blocks, regime)
         if width is None or found.width <= width or not regime.has_record or regime.computed > MOST:
             return found
         if found.effective < TOGETHER * BATCHES:  # strongly correlated batches: the first half may be a transient
-            half = len(blocks) // 2
-            regime.transient += int(sum(b[0, 5] for b in blocks[:half]))
-            done -= int(sum(b[0, 5] for b in blocks[:half]))
-            blocks = blocks[half:]
+            early, blocks = np.split(blocks, [len(blocks) // 2])
+            regime.transient += int(early[:, 5].sum())
+            done -= int(early[:, 5].sum())
         else:
             target = max(found.impacts_for(width), target + least)
         target = min(target, MOST)
@@ -216,17 +193,12 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
     has no further impact, or brings neighbours together faster than double precision resolves; `regime` gives the
     reason.
     """
-    _check(scene)
     regime = Regime()
     return _measure(ORBIT, scene, orbit_record(scene, 10 * MOST, regime), regime, impacts, width)
 
 
 def drift_exponents(
-    scene: Scene,
-    *,
-    impacts: int | None = None,
-    width: float | None = None,
-    seed: int = 0,
+    scene: Scene, *, impacts: int | None = None, width: float | None = None, seed: int = 0
 ) -> Exponents:
     """Compute the exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.long_path`).
 
@@ -237,7 +209,84 @@ def drift_exponents(
     the largest exponent's interval takes, if that is not too long. Returns: NaN if gaps are random, or the path sticks
     too often; `regime` gives the reason.
     """
-    _check(scene)
     regime = Regime()
     stretches = (s for s, _ in noisy_record(scene, 2**30, seed, regime))
     return _measure(DRIFT, scene, stretches, regime, impacts, width)
+
+
+class SqrtLaw(NamedTuple):
+    """The measured square-root law."""
+
+    # for each ``delta``: ``apart`` (root mean square of the difference of y1 after the impact), ``ratio`` (its mean
+    # square over that of the law; 1 if the law holds), ``low, high`` (95 % interval of the ratio), ``impacts`` and
+    # ``law`` (root mean square by the law)
+    table: pd.DataFrame
+    # exponent, low, high: power of delta to which the difference is proportional, and its 95 % interval
+    exponent: float
+    low: float
+    high: float
+
+
+def _half_width(sample: Floats) -> Any:
+    """Half width of the 95 % interval of the mean of independent values."""
+    n = len(sample)
+    return float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * sample.std(axis=0, ddof=1) / n**0.5
+
+
+def fit(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
+    """Fit the exponent of a power law ``|apart| ~ delta^p`` as the mean of the log-log slopes of all events.
+
+    Shapes: `deltas` (deltas,); `apart` (events, deltas).
+    """
+    x = np.log(deltas) - np.log(deltas).mean()
+    slopes = np.log(np.abs(apart)) @ x / (x @ x)
+    value, half = float(slopes.mean()), float(_half_width(slopes))
+    return value, value - half, value + half
+
+
+def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0) -> SqrtLaw:
+    """Measure exponent and prefactor of the square-root law, at impacts at mesh 1 of a long path.
+
+    The distances before the impact are 7 from 1e-7 to ``1e-3 min(1, sigma^2)``, below the range of the drift.
+
+    `scene`: With a noise intensity of at least 0.03.  The drift alone separates the paths by about ``delta /
+    |y|``, which outweighs weaker noise at all distances that the Brownian tree resolves.
+    """
+    largest = LARGEST * min(1.0, scene.sigma**2)
+    if largest < 9.0 * SMALLEST:
+        raise InputError("sigma", scene.sigma, "is too weak for the square-root law to be seen: give 0.03 or more")
+    deltas = np.geomspace(SMALLEST, largest, DISTANCES)
+    apart, place, _ = after_impact(scene, deltas, impacts, seed)
+    speed, modulation = place[:, 1:2], place[:, 2:3]
+    modulated = np.abs(modulation[:, 0]) > MODULATED
+    if modulated.sum() < 100:
+        raise NoRecord(f"only {modulated.sum()} impacts at mesh 1 are fast enough, and at a phase that has noise")
+    law = (1.0 + scene.epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
+    square = (apart / law)[modulated] ** 2
+    ratio, half = square.mean(axis=0), _half_width(square)
+    measured, expected = (np.sqrt((distance[modulated] ** 2).mean(axis=0)) for distance in (apart, law))
+    table = {"delta": deltas, "apart": measured, "ratio": ratio, "low": ratio - half, "high": ratio + half}
+    return SqrtLaw(pd.DataFrame(table | {"impacts": len(square), "law": expected}), *fit(deltas, apart[modulated]))
+
+
+def finite_size(
+    scene: Scene, *, deltas: tuple[float, ...] = DELTAS, events: int = 4000, seed: int = 0, workers: int = 2
+) -> pd.DataFrame:
+    """Measure the finite-size exponent ``lambda(delta) = E[ln(end / delta)] / E[time]`` of two paths on the same noise.
+
+    ``time`` is the time in which the distance grows from `delta` to at least twice `delta`, and ``end`` is the distance
+    reached, since an impact overshoots (Aurell et al. 1997; Cencini and Vulpiani 2013).  Without noise the exponent
+    tends to the largest Lyapunov exponent as delta decreases; with noise it grows without bound, because of the
+    square-root law.
+
+    Returns: Columns: ``delta, exponent, low, high`` (95 % interval), ``time`` and ``growth`` (means of the time
+    and of ``ln(end / delta)``), ``events``.
+    """
+
+    def at(delta: float) -> tuple[float, ...]:
+        duration, growth = growths(scene, delta, events, seed)
+        m = ratio_mean(growth, duration)
+        return delta, m.value, m.value - m.half, m.value + m.half, duration.mean(), growth.mean(), growth.size
+
+    columns = ["delta", "exponent", "low", "high", "time", "growth", "events"]
+    return pd.DataFrame(in_threads(workers, at, deltas), columns=columns)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,18 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from rattle.compare.chaos.bifurcation import Bifurcation
-from rattle.compare.chaos.exponents import DRIFT, Exponents
+from rattle.compare.chaos.exponents import DRIFT, Exponents, SqrtLaw
 from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
-from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
+from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Bifurcation, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
-from rattle.compare.chaos.two_paths import SqrtLaw
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Bools, Floats
 
 SIDE: Any = {
     ORBIT: {"color": "#0072B2", "marker": "o"},
@@ -30,6 +27,7 @@ SIDE: Any = {
     DRIFT: {"color": "#D55E00", "marker": "D"},
 }
 """Colours of the sides, from Okabe and Ito's palette."""
+STICKS = "orbit sticks often or for good"
 STICKING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
 SHADES, DEEP = "viridis", 1e-4  # colour map of densities, and its lower end relative to the highest density
 NAMES = {
@@ -64,47 +62,43 @@ def _density(ax: Axes, x: Floats, y: Floats, share: Floats, highest: float) -> Q
 
 def section_figure(found: Mapping[str, Section]) -> Figure:
     """Draw the Poincaré sections of all sides on the same axes (Fig. 2 of the paper)."""
-    sides = list(found)
-    stages = len(next(iter(found.values())).counts)
-    figure, axes = new_figure(1.0 + 3.2 * len(sides), 0.7 + 2.9 * stages, stages, len(sides))
-    one = next(iter(found.values()))
+    sections = list(found.values())
+    one, stages = sections[0], len(sections[0].counts)
+    figure, axes = new_figure(1.0 + 3.2 * len(sections), 0.7 + 2.9 * stages, stages, len(sections))
     area = (one.flight[1] - one.flight[0]) * (one.velocity[1] - one.velocity[0])
-    highest = max(float(s.counts.max()) / (s.points * area) for s in found.values() if s.side != MAP)
-    images = []
+    highest = max(float(s.counts.max()) / (s.points * area) for s in sections if s.side != MAP)
     for n, ax in enumerate(axes):
-        stage, side = divmod(n, len(sides))
-        s = found[sides[side]]
-        images.append(_density(ax, s.flight, s.velocity, s.counts[stage] / (max(s.points, 1) * area), highest))
-        ax.set_xlim(s.flight[0], s.flight[-1])
-        ax.set_ylim(s.velocity[0], s.velocity[-1])
+        stage, side = divmod(n, len(sections))
+        s = sections[side]
+        image = _density(ax, s.flight, s.velocity, s.counts[stage] / (max(s.points, 1) * area), highest)
+        ax.set(xlim=s.flight[[0, -1]], ylim=s.velocity[[0, -1]])
         if stage == 0:
             ax.set_title(f"{s.side}\n{s.points:,} points", loc="left", color=SIDE[s.side]["color"], fontweight="bold")
         if stage == stages - 1:
             ax.set_xlabel(FLIGHT)
         if side == 0:
             ax.set_ylabel(_velocity(stage + 1))
-    figure.colorbar(images[0], ax=axes, label=r"density ($1/\nu_1$)", pad=0.01, aspect=40)
+    figure.colorbar(image, ax=axes, label=r"density ($1/\nu_1$)", pad=0.01, aspect=40)
     return figure
 
 
 def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
     """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the paper)."""
-    kinds, names = [TIME, SEQUENCE], sorted({name for _, _, name in found})
+    names = sorted({name for _, _, name in found})
     figure, axes = new_figure(4.6 * len(names), 6.4, 2, len(names))
-    for n, ax in enumerate(axes):
-        kind, name = kinds[n // len(names)], names[n % len(names)]
+    kinds = (
+        (TIME, "frequency / excitation frequency", "excitation frequency", HIGHEST),
+        (SEQUENCE, "frequency (cycles per impact)", "cycle per impact", math.inf),
+    )
+    for ax, ((kind, frequency, unit, highest), name) in zip(axes, product(kinds, names), strict=True):
         for side in (NOISY, ORBIT):
-            s = found.get((side, kind, name))
-            if s is not None:
-                _spectrum(ax, s, side, HIGHEST if kind == TIME else math.inf)
-        ax.set_yscale("log")
+            if (side, kind, name) in found:
+                _spectrum(ax, found[side, kind, name], side, highest)
+        ax.set(yscale="log", xlabel=frequency)
         ax.set_axisbelow(True)  # so that all curves are rasterized as one image; text and axes stay vector graphics
-        unit = "excitation frequency" if kind == TIME else "cycles per impact"
-        ax.set_xlabel(f"frequency ({unit})" if kind == SEQUENCE else f"frequency / {unit}")
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
-        if n % len(names) == 0:
-            per = "excitation frequency" if kind == TIME else "cycle per impact"
-            ax.set_ylabel("power spectral density\n" rf"($\nu_1^2\omega^2$ per {per})", fontsize=8)
+        if name == names[0]:
+            ax.set_ylabel(f"power spectral density\n($\\nu_1^2\\omega^2$ per {unit})", fontsize=8)
     legend_above(figure, axes, 3)
     return figure
 
@@ -136,19 +130,13 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
         ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
         if of == ORBIT:
             sticks = rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy()
-            mark_values(ax, x, sticks, "orbit sticks often or for good", **STICKING)
-            at_times = (rows["regime"] == STICKS_AT_TIMES).to_numpy()
-            ax.plot(
-                x[at_times],
-                rows["largest"].to_numpy()[at_times],
-                ls="none",
-                marker="o",
-                ms=3.5,
-                mfc="none",
-                color=colour,
-                label="orbit that sticks at times: between sticking phases",
-            )
+            mark_values(ax, x, sticks, STICKS, **STICKING)
+            ringed = rows[rows["regime"] == STICKS_AT_TIMES]
+            ring: Any = {"ls": "none", "marker": "o", "ms": 3.5, "mfc": "none", "color": colour}
+            label = "orbit that sticks at times: between sticking phases"
+            ax.plot(ringed[field], ringed["largest"], label=label, **ring)
     ax.axhline(0.0, color="k", lw=0.8)
+    ax.set_ylabel(r"largest exponent ($\omega$)")
 
 
 def field_edges(at: Floats) -> Floats:
@@ -161,7 +149,7 @@ def _half_cell(at: Floats) -> float:
     return 0.5 * float(np.diff(at).min()) if at.size > 1 else 0.5
 
 
-def mark_values(ax: Axes, at: Floats, where: NDArray[np.bool_], label: str, **style: Any) -> None:
+def mark_values(ax: Axes, at: Floats, where: Bools, label: str, **style: Any) -> None:
     """Shade some values of a field, under one label."""
     half = _half_cell(at)
     for n, value in enumerate(at[where]):
@@ -172,16 +160,10 @@ def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float
     """Draw the largest exponent over a field (Fig. 4 of the paper)."""
     figure, (ax,) = new_figure(8.0, 4.4, 1, 1)
     if claimed:
-        ax.axvspan(
-            *claimed,
-            color="#F0E442",
-            alpha=0.25,
-            lw=0,
-            label=f"chaotic according to the paper: {claimed[0]:g} to {claimed[1]:g}",
-        )
+        label = "chaotic according to the paper: {:g} to {:g}".format(*claimed)
+        ax.axvspan(*claimed, color="#F0E442", alpha=0.25, lw=0, label=label)
     _lines(ax, table, field)
     ax.set_xlabel(NAMES.get(field, field))
-    ax.set_ylabel(r"largest exponent ($\omega$)")
     legend_above(figure, [ax], 2)
     return figure
 
@@ -198,44 +180,38 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         if share.any():
             _density(ax, x, b.edges, share, float(share.max()))
-        mark_values(ax, b.at, np.array(b.reasons[side]) != "", "orbit sticks often or for good", **STICKING)
+        mark_values(ax, b.at, np.array(b.reasons[side]) != "", STICKS, **STICKING)
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
         ax.set_ylabel(_velocity(1), fontsize=8)
         ax.set_xlim(x[0], x[-1])
     if table is not None:
         _lines(axes[-1], table, b.field)
-        axes[-1].set_ylabel(r"largest exponent ($\omega$)")
         axes[-1].set_xlim(x[0], x[-1])
         legend_above(figure, [axes[-1]], 2)
     axes[-1].set_xlabel(NAMES.get(b.field, b.field))
     return figure
 
 
-def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents | None = None) -> Figure:
+def _intervals(ax: Axes, table: pd.DataFrame, name: str, **style: Any) -> None:
+    """Draw values over the distance of two paths, with their intervals."""
+    value = table[name]
+    half = [value - table["low"], table["high"] - value]
+    ax.errorbar(table["delta"], value, half, ms=5, capsize=2, **style, **SIDE[NOISY])
+
+
+def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) -> Figure:
     """Draw the finite-size exponent of the noisy system over the distance of two paths."""
     figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
-    value = table["exponent"]
-    ax.errorbar(
-        table["delta"],
-        value,
-        [value - table["low"], table["high"] - value],
-        ls="-",
-        lw=1.0,
-        ms=5,
-        capsize=2,
-        label=r"finite-size exponent $\lambda(\delta)$ of the noisy system",
-        **SIDE[NOISY],
-    )
+    label = r"finite-size exponent $\lambda(\delta)$ of the noisy system"
+    _intervals(ax, table, "exponent", ls="-", lw=1.0, label=label)
     for e, style, name in (
         (orbit, "-", "orbit: largest Lyapunov exponent"),
         (drift, ":", "drift's linearisation: largest"),
     ):
-        if e is not None and np.isfinite(e.value[0]) and e.value[0] > 0.0:
+        if e.value[0] > 0.0:
             ax.axhline(float(e.value[0]), color=SIDE[ORBIT]["color"], ls=style, lw=1.3, label=name)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)")
     ax.set_xlabel(r"distance $\delta$ of two paths on the same noise ($\nu_1$)")
-    ax.set_ylabel(r"growth rate ($\omega$)")
     legend_above(figure, [ax], 1)
     return figure
 
@@ -247,23 +223,11 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     ax.plot(t["delta"], t["apart"], ls="none", ms=5, label="measured, root mean square", **SIDE[NOISY])
     ax.plot(t["delta"], t["law"], color="k", lw=1.0, label=r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$")
     ax.plot(t["delta"], t["delta"], color="0.5", lw=1.0, ls=":", label=r"$\delta$: a differentiable map")
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_ylabel(r"distance of velocities after the impact ($\nu_1\omega$)")
-    half = 0.5 * (law.high - law.low)
-    ax.set_title(f"exponent {law.exponent:.4f} ± {half:.4f}", loc="left")
-    ratio.errorbar(
-        t["delta"],
-        t["ratio"],
-        [t["ratio"] - t["low"], t["high"] - t["ratio"]],
-        ls="none",
-        ms=5,
-        capsize=2,
-        **SIDE[NOISY],
-    )
+    ax.set(xscale="log", yscale="log", ylabel=r"distance of velocities after the impact ($\nu_1\omega$)")
+    ax.set_title(f"exponent {law.exponent:.4f} ± {0.5 * (law.high - law.low):.4f}", loc="left")
+    _intervals(ratio, t, "ratio", ls="none")
     ratio.axhline(1.0, color="k", lw=1.0)
-    ratio.set_xscale("log")
-    ratio.set_ylabel("mean square / that of the square-root law")
+    ratio.set(xscale="log", ylabel="mean square / that of the square-root law")
     for a in (ax, ratio):
         a.set_xlabel(r"distance before the impact $\delta$ ($\nu_1$)")
     legend_above(figure, [ax], 3)
@@ -282,8 +246,7 @@ def draw(study: ChaosStudy) -> dict[str, Figure]:
     if study.law is not None:
         found["sqrt_law"] = sqrt_law_figure(study.law)
     if study.sweep is not None:
-        claimed = CLAIMED if study.field == "alpha" else None
-        found["sweep"] = sweep_figure(study.sweep, study.field, claimed)
+        found["sweep"] = sweep_figure(study.sweep, study.field, CLAIMED if study.field == "alpha" else None)
     if study.view is not None:
         found["bifurcation"] = bifurcation_figure(study.view, study.sweep)
     return found

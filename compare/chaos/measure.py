@@ -1,26 +1,20 @@
 """Measures the chaos of a scene in one call: everything that the page and the folder of ``rattle chaos`` show."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from types import MappingProxyType
 
 import pandas as pd
 
-from rattle.compare.chaos.bifurcation import Bifurcation, bifurcation
-from rattle.compare.chaos.exponents import Exponents, drift_exponents, lyapunov
-from rattle.compare.chaos.mean_maps import mean_maps
-from rattle.compare.chaos.record import NoRecord
-from rattle.compare.chaos.section import Section, sections
+from rattle.compare.chaos.exponents import Exponents, SqrtLaw, drift_exponents, finite_size, lyapunov, sqrt_law
+from rattle.compare.chaos.record import NoRecord, leave_out
+from rattle.compare.chaos.section import Bifurcation, Section, bifurcation, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
-from rattle.compare.chaos.sweep import sweep
-from rattle.compare.chaos.two_paths import SqrtLaw, finite_size, sqrt_law
-from rattle.scene.errors import InputError
+from rattle.compare.chaos.sweep import mean_maps, sweep
 from rattle.scene.scene import Scene
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
-T = TypeVar("T")
-
 WIDTH = 0.01  # default width of the interval of a largest exponent
 
 
@@ -31,11 +25,11 @@ class ChaosStudy:
     scene: Scene
     orbit: Exponents  # orbit, drift: of the orbit, and of the drift's linearisation along a noisy path
     drift: Exponents
-    maps: pd.DataFrame  # as of `rattle.compare.chaos.mean_maps.mean_maps`
+    maps: pd.DataFrame  # as of `rattle.compare.chaos.sweep.mean_maps`
     sections: dict[str, Section]  # as of `rattle.compare.chaos.section.sections`
     spectra: dict[tuple[str, str, str], Spectrum]  # as of `rattle.compare.chaos.spectrum.spectra`
     law: SqrtLaw | None  # the measured square-root law
-    finite_size: pd.DataFrame | None  # as of `rattle.compare.chaos.finite_size.finite_size`
+    finite_size: pd.DataFrame | None  # as of `rattle.compare.chaos.exponents.finite_size`
     field: str  # field of the sweep
     sweep: pd.DataFrame | None  # as of `rattle.compare.chaos.sweep.sweep`
     view: Bifurcation | None  # over the same values
@@ -45,9 +39,8 @@ class ChaosStudy:
 def study(
     scene: Scene,
     *,
-    at: Sequence[float] = (),
     field: str = "alpha",
-    noise: Callable[[Scene], Scene] | None = None,
+    scenes: Mapping[float, Scene] = MappingProxyType({}),
     points: int = 1_000_000,
     impacts: int = 200_000,
     events: int = 4000,
@@ -60,24 +53,11 @@ def study(
 
     What its motion does not have, for instance because a mesh sticks in every period, is left out with the reason.
 
-    `noise`: Maps each scene of the sweep to the same with its noise set; without it, the noise of `scene` is
-    used. `width`: Required width of the interval of each largest exponent; wider ones are reported as they are.
+    `scenes`: Those of the sweep by value of the field, as of `rattle.compare.chaos.sweep.vary`. `width`: Required width
+    of the interval of each largest exponent; wider ones are reported as they are.
     """
     missing: dict[str, str] = {}
-
-    def attempt(what: str, measure: Callable[[], T]) -> T | None:
-        try:
-            return measure()
-        except (InputError, NoRecord) as reason:
-            missing[what] = str(reason)
-            return None
-
-    def finite_sizes() -> pd.DataFrame:
-        if not drift.regime.has_record:  # two paths that stick are one from then on
-            raise NoRecord(f"the noisy path {drift.regime.brief}")
-        return finite_size(scene, events=events, seed=seed, workers=workers)
-
-    common: dict[str, Any] = {"field": field, "noise": noise, "seed": seed, "workers": workers}
+    law, sizes, swept, view = None, None, None, None
     progress("exponents")
     orbit = lyapunov(scene, width=width)
     drift = drift_exponents(scene, width=width, seed=seed)
@@ -87,12 +67,16 @@ def study(
     progress("spectra")
     power = spectra(scene, impacts=impacts, seed=seed, workers=workers, missing=missing)
     progress("two paths on the same noise")
-    law = attempt("the square-root law", lambda: sqrt_law(scene, impacts=events, seed=seed))
-    sizes = attempt("the finite-size exponents", finite_sizes)
-    swept, view = None, None
-    if at:
-        progress(f"exponents at {len(at)} values of {field}")
-        swept = sweep(scene, at, width=width, **common)
-        progress(f"bifurcation diagram at {len(at)} values of {field}")
-        view = attempt("the bifurcation diagram", lambda: bifurcation(scene, at, **common))
+    with leave_out(missing, "the square-root law"):
+        law = sqrt_law(scene, impacts=events, seed=seed)
+    with leave_out(missing, "the finite-size exponents"):
+        if not drift.regime.has_record:  # two paths that stick are one from then on
+            raise NoRecord(f"the noisy path {drift.regime.brief}")
+        sizes = finite_size(scene, events=events, seed=seed, workers=workers)
+    if scenes:
+        progress(f"exponents at {len(scenes)} values of {field}")
+        swept = sweep(scenes, field, width=width, seed=seed, workers=workers)
+        progress(f"bifurcation diagram at {len(scenes)} values of {field}")
+        with leave_out(missing, "the bifurcation diagram"):
+            view = bifurcation(scenes, field, seed=seed, workers=workers)
     return ChaosStudy(scene, orbit, drift, maps, drawn, power, law, sizes, field, swept, view, missing)

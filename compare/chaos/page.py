@@ -1,20 +1,24 @@
-"""The page and the folder of a study of chaos."""
+"""The page and the folder of a study of chaos, with its answer in a few sentences."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from rattle.compare.chaos.answer import answer
+from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, SqrtLaw
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.chaos.spectrum import spectra_tables
-from rattle.compare.chaos.sweep import crossings
-from rattle.compare.report import Block, Figure, Page, PageSection, Text
-from rattle.compare.report.frames import table_of
+from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
+from rattle.compare.chaos.spectrum import TIME, spectra_tables
+from rattle.compare.chaos.sweep import crossings, signs
+from rattle.compare.report import Block, Figure, Page, PageSection, Table, Text, table_of
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
+from rattle.compare.validation.answer import explain_missing
+from rattle.compare.validation.verdict import join_words
 
 FIGURES = {
     "section": "Poincaré sections at the impacts, in the paper's coordinates: flight time against velocity just before "
@@ -36,6 +40,8 @@ CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=TABLES, large=LARGE)
 """Files of such a folder; a folder with any other file is not overwritten."""
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
+ROUNDING = 1e-12  # a smaller error of the exponents' sum is rounding
+
 
 def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     """Collect all tables.
@@ -43,8 +49,7 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     Returns: ``exponents, mean_maps``, and as far as they were measured ``sections, spectra, lines,
     spectra_summary, fsle`` (finite-size exponents), ``sqrt_law, sweep, crossings, bifurcation``.
     """
-    exponents = pd.concat([study.orbit.table, study.drift.table], ignore_index=True)
-    found = {"exponents": exponents, "mean_maps": study.maps}
+    found = {"exponents": pd.concat([study.orbit.table, study.drift.table], ignore_index=True), "mean_maps": study.maps}
     if study.sections:
         found["sections"] = pd.concat([s.table for s in study.sections.values()], ignore_index=True)
     if study.spectra:
@@ -52,9 +57,8 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     if study.finite_size is not None:
         found["fsle"] = study.finite_size
     if study.law is not None:
-        found["sqrt_law"] = study.law.table.assign(
-            exponent=study.law.exponent, exponent_low=study.law.low, exponent_high=study.law.high
-        )
+        law = study.law
+        found["sqrt_law"] = law.table.assign(exponent=law.exponent, exponent_low=law.low, exponent_high=law.high)
     if study.sweep is not None:
         ofs = study.sweep["of"].unique()
         found["sweep"] = study.sweep
@@ -64,18 +68,24 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     return found
 
 
-def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> Page:
+def chaos_page(
+    found: ChaosStudy, tables: dict[str, pd.DataFrame], record: dict[str, Any], drawn: Collection[str]
+) -> Page:
     """Build the page of a study of chaos."""
-    tables = chaos_tables(found)
-    figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
-    shown = ["of", "exponent", "value", "low", "high", "rate", "sum_error", "impacts", "reason"]
-    exponents = table_of(tables["exponents"][shown], ("of", "reason"))
-    shown = ["closure", "map", "exponents", "not_realizable", "ends", "moments"]
-    maps = table_of(tables["mean_maps"][shown], ("closure", "map", "exponents", "moments"))
+
+    def figures(*names: str) -> list[Block]:
+        return [Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in names if name in drawn]
+
+    def left_out(part: str) -> list[Block]:
+        return [Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what]
+
+    def shown(name: str, columns: str, texts: Collection[str], summary: str = "") -> Table:
+        return table_of(tables[name][columns.split()], texts, summary)
+
     key = "section" if found.sweep is None else "sweep"
-    opening: tuple[Block, ...] = (
-        *(figures[n] for n in (key,) if n in figures),
-        exponents,
+    opening = (
+        *figures(key),
+        shown("exponents", "of exponent value low high rate sum_error impacts reason", ("of", "reason")),
         Text(
             "Lyapunov exponents per unit of dimensionless time, by the QR method, with 95 % intervals from batch "
             "means. `sum_error` is their sum less its exact value −(β1 + β2) + rate · 2 ln ε.",
@@ -84,56 +94,160 @@ def chaos_page(found: ChaosStudy, record: dict[str, Any], drawn: list[str]) -> P
         glossary(*WORDS, gears=found.scene.gears),
     )
     said = Text("The map that each closure iterates, and which exponents its means have.", True)
+    texts = ("closure", "map", "exponents", "moments")
+    maps = shown("mean_maps", "closure map exponents not_realizable ends moments", texts)
     parts = [PageSection("The mean maps", (said, maps))]
-
-    def explain_missing(part: str) -> list[Block]:
-        return [Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what]
-
     if found.sweep is not None:
-        blocks = explain_missing("bifurcation") + [figures[n] for n in ("bifurcation",) if n in figures]
-        crossings = table_of(tables["crossings"], ("of",))
-        rows = table_of(tables["sweep"], ("of", "regime", "reason"), summary=f"All values of {found.field}")
         said = Text(f"Where the largest exponent changes its sign over {found.field}: between `low` and `high`.", True)
-        parts.append(PageSection(f"Over {found.field}", (*blocks, said, crossings, rows)))
-    sections: list[Block] = [figures["section"]] if key != "section" and "section" in figures else []
-    sections += explain_missing("Poincaré")
+        rows = table_of(tables["sweep"], ("of", "regime", "reason"), summary=f"All values of {found.field}")
+        blocks = (*left_out("bifurcation"), *figures("bifurcation"), said, table_of(tables["crossings"], ("of",)), rows)
+        parts.append(PageSection(f"Over {found.field}", blocks))
+    sections = (*(figures("section") if key != "section" else ()), *left_out("Poincaré"))
     if sections:
-        parts.append(PageSection("Poincaré sections", tuple(sections)))
-    spectra = explain_missing("spectra")
+        parts.append(PageSection("Poincaré sections", sections))
+    spectra = left_out("spectra")
     if found.spectra:
-        shown = ["side", "kind", "velocity", "frequency", "width", "share", "over", "narrow"]
+        texts = ("side", "kind", "velocity", "narrow")
         spectra += [
-            figures["spectra"],
+            *figures("spectra"),
             Text(
                 "`floor_share` is the share of the continuous part in the power, `narrow` the number of bands no "
                 "wider than a single frequency. False-alarm probability: 1 % for each spectrum.",
                 True,
             ),
             table_of(tables["spectra_summary"], ("side", "kind", "velocity")),
-            table_of(tables["lines"][shown], ("side", "kind", "velocity", "narrow"), summary="All bands"),
+            shown("lines", "side kind velocity frequency width share over narrow", texts, "All bands"),
         ]
     parts.append(PageSection("Spectra", tuple(spectra)))
-    apart: list[Block] = [figures[n] for n in ("finite_size", "sqrt_law") if n in figures]
-    apart += explain_missing("square-root") + explain_missing("finite-size")
+    apart = figures("finite_size", "sqrt_law") + left_out("square-root") + left_out("finite-size")
     if found.finite_size is not None:
         apart.append(table_of(found.finite_size, summary="All distances"))
     parts.append(PageSection("Two paths on the same noise", tuple(apart)))
-    return Page(f"Chaos of {record['name']}", tuple(answer(found)), source_of(record), opening, tuple(parts))
+    return Page(f"Chaos of {record['name']}", tuple(answer(found, tables)), source_of(record), opening, tuple(parts))
 
 
 def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
     """Write the folder of a study of chaos."""
-    figures = draw(found)
-    page = chaos_page(found, record, list(figures))
-    save(
-        out,
-        "chaos",
-        page,
-        record,
-        allowed=CONTENTS,
-        figures=figures,
-        tables=chaos_tables(found),
-        digits="%.10g",
-        overwrite=overwrite,
-    )
+    figures, tables = draw(found), chaos_tables(found)
+    page = chaos_page(found, tables, record, figures)
+    settings: dict[str, Any] = {"allowed": CONTENTS, "digits": "%.10g", "overwrite": overwrite}
+    save(out, "chaos", page, record, figures=figures, tables=tables, **settings)
     return list(page.answer)
+
+
+def _exponents(e: Exponents, name: str) -> str:
+    if not np.isfinite(e.value[0]):
+        return f"The {name} has no exponents: the path {e.regime.reason}."
+    shown = ", ".join(f"{v:.4f} ± {h:.4f}" for v, h in zip(e.value, e.half, strict=True))
+    rounded = abs(e.sum_error) < ROUNDING
+    exact = "is the exact one, to rounding" if rounded else f"differs from the exact one by {abs(e.sum_error):.0e}"
+    return (
+        f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,} impacts, "
+        f"{e.rate:.3f} a unit; their sum {exact}); it {e.regime.reason}."
+    )
+
+
+def _first(study: ChaosStudy) -> str:
+    """Whether the motion without noise is chaotic, here and over the field."""
+    gears, (value, low, high) = study.scene.gears, study.orbit.largest
+    found = f"largest Lyapunov exponent {value:.3g} ± {0.5 * (high - low):.1g}"
+    if gears is not None:
+        found += f" per unit of τ, {gears.omega * value:.3g} per second"
+    if not np.isfinite(value):
+        said = f"Without noise this gear pair has no Lyapunov exponents: it {study.orbit.regime.reason}"
+    elif low > 0.0:
+        said = f"Without noise this gear pair rattles chaotically ({found})"
+    elif high < 0.0:
+        said = f"Without noise this gear pair rattles regularly, not chaotically ({found})"
+    else:
+        said = f"Whether this gear pair rattles chaotically without noise is undecided ({found})"
+    if study.sweep is not None:
+        rows, at = study.sweep[study.sweep["of"] == ORBIT], study.sweep[study.field]
+        said += f"; over {study.field} from {at.min():.3g} to {at.max():.3g} it is chaotic at "
+        said += f"{(signs(rows) > 0).sum()} of {len(rows)} values"
+    return f"{said}."
+
+
+def _maps(maps: pd.DataFrame) -> str:
+    words = []
+    for row in maps.to_dict("records"):
+        said = "has the orbit's"
+        if row["closure"] == "published":
+            clauses = ["has no exponents"]
+            if row["ends"] < row["followed"]:
+                clauses.insert(0, f"ends at impact {row['ends']:g}")
+            if np.isfinite(row["not_realizable"]):
+                clauses.insert(0, f"is not realizable from impact {row['not_realizable']:g} on")
+            said = join_words(clauses)
+        elif np.isnan(row["largest"]):
+            said = "has none, like the orbit"
+        elif np.isfinite(row["too_wide"]):
+            said += f", and from impact {row['too_wide']:g} on its sd of y1 is larger than that of the whole orbit"
+        words.append(f"`{row['closure']}` {said}")
+    lost = " A closure whose sd is that large no longer locates the motion." if maps["too_wide"].notna().any() else ""
+    return f"Exponents of the mean maps: {'; '.join(words)}.{lost}"
+
+
+def _sizes(table: pd.DataFrame) -> str:
+    ends = [
+        f"{row['exponent']:.3g} ± {0.5 * (row['high'] - row['low']):.2g} at {row['delta']:.0e}"
+        for row in table.iloc[[0, -1]].to_dict("records")
+    ]
+    return f"The finite-size exponent is {' and '.join(ends)}."
+
+
+def _law(law: SqrtLaw) -> str:
+    half = 0.5 * (law.high - law.low)
+    return (
+        "The distance of two paths on the same noise after an impact grows as their distance before it to the power "
+        f"{law.exponent:.4f} ± {half:.4f}; its mean square is {law.table['ratio'].min():.3f} to "
+        f"{law.table['ratio'].max():.3f} times that of the square-root law. So the noisy system has no infinitesimal "
+        "exponent."
+    )
+
+
+def _spectra(summary: pd.DataFrame) -> str:
+    rows = summary[summary["kind"] == TIME]
+    parts = [
+        f"{r['side']} {r['velocity']}: {r['lines']} bands ({r['narrow']} as narrow as a single frequency) with "
+        f"{r['line_share']:.1%} of the power"
+        for _, r in rows.iterrows()
+    ]
+    return f"Spectra of the velocities, bands above the continuous floor: {'; '.join(parts)}."
+
+
+def _sweep(table: pd.DataFrame, field: str, of: str, who: str) -> str:
+    rows = table[table["of"] == of]
+    found, decided = signs(rows), rows["low"].notna()
+    counts = ((kind, (rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES))
+    sticking = [f"{kind} at {n}" for kind, n in counts if n]
+    marked = f"; {who} {join_words(sticking)}" if sticking else ""
+    changes = crossings(table, field, of).to_dict("records")
+    where = [f"{'+' if c['to'] > 0 else '-'} between {c['low']:.3g} and {c['high']:.3g}" for c in changes]
+    return (
+        f"Largest exponent, {of}: positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
+        f"{((found == 0) & decided).sum()} of {len(rows)} values of {field}{marked}. Changes of sign: "
+        f"{'; '.join(where) or 'none'}."
+    )
+
+
+def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
+    """Summarise a study of chaos in sentences."""
+    said = [_first(study)]
+    if np.isfinite(study.orbit.value[0]):
+        said.append(_exponents(study.orbit, ORBIT))
+    said += [_exponents(study.drift, DRIFT), _maps(study.maps)]
+    if study.law is not None:
+        said.append(_law(study.law))
+    if study.finite_size is not None:
+        said.append(_sizes(study.finite_size))
+    if study.spectra:
+        said.append(_spectra(tables["spectra_summary"]))
+    if study.sweep is not None:
+        for of, who in ((ORBIT, "the orbit"), (DRIFT, "the noisy path")):
+            said.append(_sweep(study.sweep, study.field, of, who))
+    by_reason: dict[str, list[str]] = {}
+    for what, reason in study.missing.items():
+        by_reason.setdefault(reason, []).append(what)
+    said += [f"Left out: {join_words(names)} ({reason})." for reason, names in by_reason.items()]
+    return said + explain_missing(study.scene, list(study.maps["closure"]))

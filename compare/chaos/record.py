@@ -4,25 +4,29 @@ Chatter is an infinite sequence of impacts at one mesh in finite time; when it i
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
 from rattle.montecarlo.coupling.long_path import LongPath
-from rattle.scene.errors import RattleError
+from rattle.scene.errors import InputError, RattleError, count
 from rattle.scene.impact import MISSES, NONE
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
+from rattle.scene.types import Floats
 
-Floats = NDArray[np.float64]
-
+T = TypeVar("T")
+R = TypeVar("R")
 DISCARD = 1000  # impacts after each start that are discarded as a transient
 CHUNK = 50_000  # impacts of an orbit at a time
 STEPS = 100_000  # steps of a noisy path at a time
+SETTLE = 500.0  # time after which a noisy path is recorded
 TRIAL = 20_000  # computed impacts after which an orbit with too few recorded ones is given up
 ROUNDED = 1e-6  # speed below which rounding breaks the monotonic decrease of impact speeds in chatter
 WORTH = 0.25  # smallest share of the computed impacts that must have been recorded by then
@@ -36,6 +40,22 @@ record of the motion between; a mesh stays closed; there is no further impact; t
 
 class NoRecord(RattleError):
     """A result that the motion of these gears does not have; the message is the reason, as a clause."""
+
+
+@contextmanager
+def leave_out(missing: dict[str, str] | None, what: str) -> Iterator[None]:
+    """Note what these gears do not have, with the reason, in place of an error."""
+    try:
+        yield
+    except (InputError, NoRecord) as reason:
+        if missing is not None:
+            missing[what] = str(reason)
+
+
+def in_threads(workers: int, work: Callable[[T], R], given: Iterable[T]) -> list[R]:
+    """The results of some work on each of what is given, in order, whatever the number of threads."""
+    with ThreadPoolExecutor(count("workers", workers)) as pool:
+        return list(pool.map(work, given))
 
 
 @dataclass
@@ -144,7 +164,7 @@ def _accumulating(s: Stretch) -> int:
 
 
 def noisy_record(
-    scene: Scene, steps: int, seed: int, regime: Regime, *, path: int = 0, tangent: bool = True, settle: float = 500.0
+    scene: Scene, steps: int, seed: int, regime: Regime, *, path: int = 0, tangent: bool = True
 ) -> Iterator[tuple[Stretch, Floats]]:
     """Record a noisy path of a scene in stretches.
 
@@ -155,7 +175,7 @@ def noisy_record(
         regime.unfollowed = "has random gaps; long paths need fixed ones"
         return
     walker = LongPath(scene, seed, path)
-    walker.stretch(math.ceil(settle / walker.step), tangent, velocities=False)
+    walker.stretch(math.ceil(SETTLE / walker.step), tangent, velocities=False)
     settled = walker.sticking_steps
     regime.starts += 1
     done = 0

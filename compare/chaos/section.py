@@ -1,32 +1,47 @@
-"""Poincaré sections in the paper's coordinates (Fig. 2) as histograms.
+"""Poincaré sections in the paper's coordinates (Fig. 2) as histograms, and bifurcation diagrams over a field.
 
 The section is at the impacts: a point is the flight time since the last impact and the velocity just before this one.
-Points are counted as they come, so memory does not grow with their number.
+Points are counted as they come, so memory does not grow with their number.  A bifurcation diagram has the velocity
+alone, as counts or as densities.
 """
 
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import mean_map
-from rattle.compare.chaos.record import NoRecord, Regime, noisy_record, orbit_record
+from rattle.compare.chaos.record import (
+    SILENT,
+    STICKS_FOR_GOOD,
+    STICKS_OFTEN,
+    NoRecord,
+    Regime,
+    in_threads,
+    leave_out,
+    noisy_record,
+    orbit_record,
+)
+from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
+from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
-from rattle.scene.validate import count
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rattle.scene.tangent import Stretch
+from rattle.scene.types import Floats, Ints
 
 ORBIT, MAP, NOISY = "orbit", "mean map (corrected)", "noisy system"
-BINS = 300  # along either axis
+WITHOUT_NOISE, WITH_NOISE = "without noise", "with noise"
+BINS = 300  # of counts, along either axis
 PILOT = 20_000  # points of the pilot run that sets the axes
 PARTS = 8  # noisy paths among which the points are shared, whatever the number of workers
 MARGIN = 0.05  # added to the axes at each end, relative to their length
 MAPPED = 4000  # points of the mean map, which propagates moments as well
+DENSITY_BINS = 240
+DENSITY_POINTS = 6000  # impacts of an orbit behind each density without noise
+PATHS, PERIODS = 64, 64  # of the long run behind each density with noise
 
 
 @dataclass(frozen=True)
@@ -37,70 +52,44 @@ class Section:
     flight: Floats  # flight, velocity: edges of the bins; (bins + 1,)
     velocity: Floats
     counts: Ints  # impacts by flight time and by the velocity of each stage before the impact; (stages, bins, bins)
-    outside: Ints  # impacts outside the edges; (stages,)
-    points: int  # all impacts: the sum of each stage's counts and `outside`
-    reason: str  # what the orbit or path did, see `Regime.reason`
+    points: int  # all impacts, those outside the edges too
 
     @property
     def table(self) -> pd.DataFrame:
         """Bins that are not empty: ``side, stage, flight, velocity`` (middles of the bin), ``count``."""
         stage, i, j = np.nonzero(self.counts)
-        middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (self.flight, self.velocity)]
-        return pd.DataFrame(
-            {
-                "side": self.side,
-                "stage": stage + 1,
-                "flight": middle[0][i],
-                "velocity": middle[1][j],
-                "count": self.counts[stage, i, j],
-            }
-        )
+        flight, velocity = (0.5 * (edges[1:] + edges[:-1]) for edges in (self.flight, self.velocity))
+        found = {"stage": stage + 1, "flight": flight[i], "velocity": velocity[j], "count": self.counts[stage, i, j]}
+        return pd.DataFrame({"side": self.side, **found})
 
 
-class _Counter:
-    """Histogram of a section, filled in as points come."""
-
-    def __init__(self, edges: tuple[Floats, Floats], stages: int) -> None:
-        self.flight, self.velocity = edges
-        self.stages = stages
-        self.counts = np.zeros((stages, edges[0].size - 1, edges[1].size - 1), np.int64)
-        self.outside = np.zeros(stages, np.int64)
-        self.points = 0
-
-    def add(self, flight: Floats, before: Floats) -> None:
-        rows, columns = self.flight.size - 1, self.velocity.size - 1
-        i = np.floor((flight - self.flight[0]) * (rows / (self.flight[-1] - self.flight[0]))).astype(np.int64)
-        for stage in range(self.stages):
-            y = before[:, 2 * stage + 1]
-            j = np.floor((y - self.velocity[0]) * (columns / (self.velocity[-1] - self.velocity[0]))).astype(np.int64)
-            inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
-            found = np.bincount(i[inside] * columns + j[inside], minlength=rows * columns)
-            self.counts[stage] += found.reshape(rows, columns)
-            self.outside[stage] += int((~inside).sum())
-        self.points += flight.size
-
-    def join(self, other: "_Counter") -> None:
-        self.counts += other.counts
-        self.outside += other.outside
-        self.points += other.points
-
-    def section(self, side: str, reason: str) -> Section:
-        return Section(side, self.flight, self.velocity, self.counts, self.outside, self.points, reason)
+def _section(side: str, stages: int, edges: tuple[Floats, Floats], found: Iterable[tuple[Floats, Floats]]) -> Section:
+    """Count points, given as flight times and states before the impact, as they come."""
+    counts, points = np.zeros((stages, *(edge.size - 1 for edge in edges)), np.int64), 0
+    for flight, before in found:
+        points += flight.size
+        for stage in range(stages):
+            counts[stage] += np.histogram2d(flight, before[:, 2 * stage + 1], edges)[0].astype(np.int64)
+    return Section(side, *edges, counts, points)
 
 
-def _orbit_points(scene: Scene, points: int, regime: Regime) -> Iterator[tuple[Floats, Floats]]:
-    for s in orbit_record(scene, points, regime, tangent=False):
-        yield s.flight, s.before
+def _points(stretches: Iterable[Stretch]) -> Iterator[tuple[Floats, Floats]]:
+    return ((s.flight, s.before) for s in stretches)
+
+
+def _orbit_points(scene: Scene, points: int) -> Iterator[tuple[Floats, Floats]]:
+    regime = Regime()
+    yield from _points(orbit_record(scene, points, regime, tangent=False))
     if regime.impacts == 0 or not regime.has_record:
         raise NoRecord(f"the orbit {regime.brief}")
 
 
-def _noisy_points(scene: Scene, points: int, seed: int, path: int, regime: Regime) -> Iterator[tuple[Floats, Floats]]:
-    left = points
+def _noisy_points(scene: Scene, points: int, seed: int, path: int) -> Iterator[tuple[Floats, Floats]]:
+    regime = Regime()
     for s, _ in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
-        yield s.flight[:left], s.before[:left]
-        left -= s.flight[:left].size
-        if left <= 0:
+        yield from _points([s.first(points)])
+        points -= s.flight.size
+        if points <= 0:
             return
     raise NoRecord(f"the noisy path {regime.brief}")
 
@@ -112,9 +101,9 @@ def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Flo
     """
     found: list[tuple[Floats, Floats]] = []
     with suppress(NoRecord):
-        found += _orbit_points(scene, points, Regime())
+        found += _orbit_points(scene, points)
     try:
-        found += _noisy_points(scene, points, seed, PARTS, Regime())
+        found += _noisy_points(scene, points, seed, PARTS)
     except NoRecord:
         if not found:
             raise
@@ -128,36 +117,23 @@ def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Flo
 
 def orbit_section(scene: Scene, points: int, edges: tuple[Floats, Floats]) -> Section:
     """Compute the section of the noise-free orbit."""
-    counter, regime = _Counter(edges, scene.stages), Regime()
-    for flight, before in _orbit_points(scene, points, regime):
-        counter.add(flight, before)
-    return counter.section(ORBIT, regime.reason)
+    return _section(ORBIT, scene.stages, edges, _orbit_points(scene, points))
 
 
 def _noisy_section(scene: Scene, points: int, edges: tuple[Floats, Floats], seed: int, workers: int) -> Section:
-    shares = [points // PARTS + (p < points % PARTS) for p in range(PARTS)]
+    def part(p: int) -> Section:
+        share = points // PARTS + (p < points % PARTS)
+        return _section(NOISY, scene.stages, edges, _noisy_points(scene, share, seed, p))
 
-    def part(p: int) -> tuple[_Counter, Regime]:
-        counter, regime = _Counter(edges, scene.stages), Regime()
-        if shares[p]:
-            for flight, before in _noisy_points(scene, shares[p], seed, p, regime):
-                counter.add(flight, before)
-        return counter, regime
-
-    whole, sticking, computed = _Counter(edges, scene.stages), 0, 0
-    with ThreadPoolExecutor(workers) as pool:
-        for counter, regime in pool.map(part, range(PARTS)):
-            whole.join(counter)
-            sticking, computed = sticking + regime.sticking_steps, computed + regime.computed
-    return whole.section(NOISY, f"{PARTS} paths with {computed:,} impacts, {sticking} sticking steps")
+    parts = in_threads(workers, part, range(PARTS))
+    return Section(NOISY, *edges, np.sum([s.counts for s in parts], axis=0), points)
 
 
 def _map_section(scene: Scene, edges: tuple[Floats, Floats]) -> Section:
     """The section of the corrected mean map, followed from the start of the orbit."""
     t = mean_map(scene, impacts=MAPPED, closure="corrected").trace
-    counter = _Counter(edges, scene.stages)
-    counter.add(np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1])
-    return counter.section(MAP, t.stopped or f"followed through {MAPPED:,} impacts from the start")
+    found = np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1]
+    return _section(MAP, scene.stages, edges, [found])
 
 
 def sections(
@@ -168,23 +144,118 @@ def sections(
     Returns: By side; without the orbit and the mean map if the orbit has no section (see `orbit_section`), and
     without the noisy system if its path has none.
     """
-    count("points", points, least=100)
-    count("workers", workers)
-    missing = {} if missing is None else missing
     found: dict[str, Section] = {}
-    try:
+    with leave_out(missing, "the Poincaré sections"):
         edges = frame(scene, seed)
-    except NoRecord as reason:
-        missing["the Poincaré sections"] = str(reason)
-        return found
-    try:
-        found[ORBIT] = orbit_section(scene, points, edges)
-        if scene.sigma > 0.0:
-            found[MAP] = _map_section(scene, edges)
-    except NoRecord as reason:
-        missing["the Poincaré section of the orbit"] = str(reason)
-    try:
-        found[NOISY] = _noisy_section(scene, points, edges, seed, workers)
-    except NoRecord as reason:
-        missing["the Poincaré section of the noisy system"] = str(reason)
+        with leave_out(missing, "the Poincaré section of the orbit"):
+            found[ORBIT] = orbit_section(scene, points, edges)
+            if scene.sigma > 0.0:
+                found[MAP] = _map_section(scene, edges)
+        with leave_out(missing, "the Poincaré section of the noisy system"):
+            found[NOISY] = _noisy_section(scene, points, edges, seed, workers)
     return found
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """A histogram of the velocity before an impact for each value of a field, of the orbit and with noise."""
+
+    field: str
+    at: Floats  # values of the field; (values,)
+    edges: Floats  # of the velocity; (bins + 1,)
+    cells: dict[str, NDArray[Any]]  # counts or densities by side; zero where there is nothing; (values, bins)
+    reasons: dict[str, list[str]]  # by side and value: why there is nothing; empty where there is something
+    columns: tuple[str, str]  # names of the velocity and of the cells in `table`
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Cells that are not empty: ``side``, the field, the velocity (middle of the bin), the count or density."""
+        velocity, name = self.columns
+        middle, parts = 0.5 * (self.edges[1:] + self.edges[:-1]), []
+        for side, cells in self.cells.items():
+            i, j = np.nonzero(cells)
+            part = {"side": side, self.field: self.at[i], velocity: middle[j], name: cells[i, j]}
+            parts.append(pd.DataFrame(part))
+        return pd.concat(parts, ignore_index=True)
+
+
+def bifurcation(
+    scenes: Mapping[float, Scene], field: str = "alpha", *, points: int = 10_000, seed: int = 0, workers: int = 2
+) -> Bifurcation:
+    """Count the velocity y1 before the impacts of the orbit and of the noisy system at both meshes.
+
+    `scenes`: By value of the field, as of `rattle.compare.chaos.sweep.vary`.
+    """
+
+    def of(s: Scene) -> tuple[tuple[Floats, Regime], tuple[Floats, Regime]]:
+        orbit, path = Regime(), Regime()
+        found = [x.before[:, 1] for x in orbit_record(s, points, orbit, tangent=False)]
+        noisy: list[Floats] = []
+        for x, _ in noisy_record(s, 2**30, seed, path, tangent=False):
+            noisy.append(x.before[:, 1])
+            if path.impacts >= points:
+                break
+        return (_join(found if orbit.has_record else []), orbit), (_join(noisy)[:points], path)
+
+    orbits, paths = zip(*in_threads(workers, of, scenes.values()), strict=True)
+    found = {ORBIT: orbits, NOISY: paths}
+    every = _join([v for side in found.values() for v, _ in side])
+    if every.size == 0:
+        raise NoRecord(f"the noisy path {paths[0][1].brief}")
+    low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
+    edges = np.linspace(low, high, BINS + 1)
+    cells = {side: np.array([np.histogram(v, edges)[0] for v, _ in own]) for side, own in found.items()}
+    named = (STICKS_OFTEN, STICKS_FOR_GOOD, SILENT)
+    reasons = {side: [r.kind if r.kind in named else "" for _, r in own] for side, own in found.items()}
+    return Bifurcation(field, np.array(list(scenes)), edges, cells, reasons, ("y1", "count"))
+
+
+def stationary_bifurcation(
+    scenes: Mapping[float, Scene], field: str = "alpha", *, seed: int = 0, workers: int = 1
+) -> Bifurcation:
+    """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the noisy long run."""
+
+    def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats], str]]:
+        regime = Regime()
+        found = [x.before[np.abs(x.code) == 1, 1] for x in orbit_record(s, DENSITY_POINTS, regime, tangent=False)]
+        orbit = (_join(found), "") if regime.has_record else (_join([]), regime.reason)
+        return orbit, _density(s, seed)
+
+    orbits, runs = zip(*in_threads(workers, of, scenes.values()), strict=True)
+    ends = _join([*(velocity for velocity, _ in orbits), *(own for (own, _), _ in runs)])
+    if ends.size == 0:
+        rest = "mesh 1 is not struck in the long run at any of these values; choose some at which it rattles"
+        raise InputError("over", list(scenes), rest)
+    edges = np.linspace(ends.min(), ends.max(), DENSITY_BINS + 1)
+    width = edges[1] - edges[0]
+    quiet = np.array([np.histogram(velocity, edges)[0] / max(velocity.size, 1) / width for velocity, _ in orbits])
+    noisy = np.array([_rebin(density, edges) for density, _ in runs])
+    cells = {WITHOUT_NOISE: quiet, WITH_NOISE: noisy}
+    reasons = {side: [why for _, why in own] for side, own in zip(cells, (orbits, runs), strict=True)}
+    return Bifurcation(field, np.array(list(scenes)), edges, cells, reasons, ("velocity", "density"))
+
+
+def _join(parts: list[Floats]) -> Floats:
+    return np.concatenate([np.empty(0), *parts])
+
+
+def _density(scene: Scene, seed: int) -> tuple[tuple[Floats, Floats], str]:
+    """Edges and density of the velocity at mesh 1 in the long run, or nothing and the reason why."""
+    nothing = np.empty(0), np.empty(0)
+    try:
+        run = long_run(scene, periods=PERIODS, paths=PATHS, rng=seed)
+    except (AtRest, BurnInError) as error:
+        return nothing, str(error)
+    density = next((d for d in run.densities if d.mesh == 1), None)
+    if density is None:
+        return nothing, "mesh 1 is not struck"
+    return (density.velocity, run.velocity_density(1)[0]), ""
+
+
+def _rebin(density: tuple[Floats, Floats], edges: Floats) -> Floats:
+    """A density over other cells, taken as constant within its own."""
+    own, height = density
+    if own.size == 0:
+        return np.zeros(edges.size - 1)
+    below = np.concatenate([[0.0], np.cumsum(height * np.diff(own))])
+    return np.asarray(np.diff(np.interp(edges, own, below)) / np.diff(edges))

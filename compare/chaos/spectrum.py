@@ -9,24 +9,20 @@ overlapping segments.
 
 import math
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import ndimage, signal
 from scipy.special import chdtri
 
 from rattle.closure.long_orbit import velocities
-from rattle.compare.chaos.record import NoRecord, Regime, noisy_record, orbit_record
+from rattle.compare.chaos.record import NoRecord, Regime, in_threads, leave_out, noisy_record, orbit_record
 from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.scene.scene import Scene
-from rattle.scene.validate import count
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 SEQUENCE, TIME = "velocity before impact, by impact", "velocity in time"
 CONFIDENCE = 0.95
@@ -92,15 +88,9 @@ class Spectrum:
             if p.size == 1 and not (self.power[place] > ALONE * self.threshold * self.floor[place]).any():
                 continue
             width = float(p.sum() / p.max())
-            rows.append(
-                {
-                    "frequency": float((self.frequency[place] * p).sum() / p.sum()),
-                    "width": width,
-                    "share": float(p.sum() / self.power.sum()),
-                    "over": float((self.power[place] / np.maximum(self.floor[place], 1e-300)).max()),
-                    "narrow": width <= NARROW,
-                }
-            )
+            centroid = float((self.frequency[place] * p).sum() / p.sum())
+            over = float((self.power[place] / np.maximum(self.floor[place], 1e-300)).max())
+            rows.append((centroid, width, float(p.sum() / self.power.sum()), over, width <= NARROW))
         table = pd.DataFrame(rows, columns=["frequency", "width", "share", "over", "narrow"])
         return table.sort_values("share", ascending=False, ignore_index=True)
 
@@ -115,12 +105,14 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
 
     Shapes: `pieces` (samples,).
     """
-    total, dof, segments, longest = np.zeros(segment // 2 + 1), 0.0, 0, 0
-    frequency = np.zeros(0)
+    found = list(pieces)
+    if not any(piece.size >= segment for piece in found):
+        longest = max((piece.size for piece in found), default=0)
+        raise NoRecord(f"its longest stretch has {longest:,} samples, and a spectrum needs {segment:,}")
+    total, dof, segments = np.zeros(segment // 2 + 1), 0.0, 0
     window = np.asarray(signal.get_window("hann", segment), dtype=float)
     beside = float((window[segment // 2 :] * window[: segment // 2]).sum() / (window**2).sum()) ** 2
-    for piece in pieces:
-        longest = max(longest, piece.size)
+    for piece in found:
         if piece.size < segment:
             continue
         k = 2 * (piece.size // (segment // 2)) // 2 - 1
@@ -128,22 +120,7 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
         total += k * power
         segments += k
         dof += 2.0 * k / (1.0 + 2.0 * (1.0 - 1.0 / k) * beside)
-    if segments == 0:
-        raise NoRecord(f"its longest stretch has {longest:,} samples, and a spectrum needs {segment:,}")
     return Spectrum(frequency[2:-1], total[2:-1] / segments, dof, segments)
-
-
-def _collect(scene: Scene, parts: Iterable[tuple[list[Floats], list[Floats]]]) -> dict[tuple[str, str], Spectrum]:
-    sequence, time = [], []
-    for a, b in parts:
-        sequence += a
-        time += b
-    found = {}
-    for stage in range(scene.stages):
-        name = f"y{stage + 1}"
-        found[SEQUENCE, name] = welch((p[:, stage] for p in sequence), SEGMENT[SEQUENCE], 1.0)
-        found[TIME, name] = welch((p[:, stage] for p in time), SEGMENT[TIME], 2.0 * math.pi / step_time(scene))
-    return found
 
 
 def spectra(
@@ -156,10 +133,17 @@ def spectra(
     frequencies in cycles per impact; `TIME` is the velocity in time, with frequencies in units of the excitation
     frequency. Without a side whose record is too short, because it sticks, or has no further impact.
     """
-    count("impacts", impacts, least=20_000)
     h = step_time(scene)
 
-    def noisy(path: int) -> tuple[list[Floats], list[Floats]]:
+    def orbit() -> list[tuple[Floats, Floats]]:
+        regime = Regime()
+        record = orbit_record(scene, impacts, regime, tangent=False)
+        pieces = [(s.before[:, 1::2], velocities(scene, s, h)) for s in record]
+        if not regime.has_record:
+            raise NoRecord(f"the orbit {regime.brief}")
+        return pieces
+
+    def noisy(path: int) -> tuple[Floats, Floats]:
         sequence, time, regime = [], [], Regime()
         for s, velocity in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
             sequence.append(s.before[:, 1::2].copy())
@@ -168,27 +152,18 @@ def spectra(
                 break
         if not regime.has_record:
             raise NoRecord(f"the noisy path {regime.brief}")
-        return [np.concatenate(sequence)], [np.concatenate(time)]
-
-    def orbit() -> dict[tuple[str, str], Spectrum]:
-        regime = Regime()
-        record = orbit_record(scene, impacts, regime, tangent=False)
-        pieces = [([s.before[:, 1::2]], [velocities(scene, s, h)]) for s in record]
-        if not regime.has_record:
-            raise NoRecord(f"the orbit {regime.brief}")
-        return _collect(scene, pieces)
-
-    def noisy_system() -> dict[tuple[str, str], Spectrum]:
-        with ThreadPoolExecutor(workers) as pool:
-            return _collect(scene, pool.map(noisy, range(PARTS)))
+        return np.concatenate(sequence), np.concatenate(time)
 
     found: dict[tuple[str, str, str], Spectrum] = {}
-    for side, of_side in ((ORBIT, orbit), (NOISY, noisy_system)):
-        try:
-            found |= {(side, *key): value for key, value in of_side().items()}
-        except NoRecord as reason:
-            if missing is not None:
-                missing[f"the spectra of the {side}"] = str(reason)
+    for side, pieces_of in ((ORBIT, orbit), (NOISY, lambda: in_threads(workers, noisy, range(PARTS)))):
+        with leave_out(missing, f"the spectra of the {side}"):
+            sequence, time = zip(*pieces_of(), strict=True)
+            kinds = ((SEQUENCE, sequence, 1.0), (TIME, time, 2.0 * math.pi / h))
+            found |= {
+                (side, kind, f"y{stage + 1}"): welch((p[:, stage] for p in pieces), SEGMENT[kind], rate)
+                for stage in range(scene.stages)
+                for kind, pieces, rate in kinds
+            }
     return found
 
 
@@ -203,22 +178,12 @@ def spectra_tables(found: dict[tuple[str, str, str], Spectrum]) -> tuple[pd.Data
     for (side, kind, velocity), s in found.items():
         key = {"side": side, "kind": kind, "velocity": velocity}
         low, high = s.band
-        density.append(
-            pd.DataFrame(
-                {
-                    **key,
-                    "frequency": s.frequency,
-                    "power": s.power,
-                    "low": low,
-                    "high": high,
-                    "floor": s.floor,
-                }
-            )
-        )
+        columns = {"frequency": s.frequency, "power": s.power, "low": low, "high": high, "floor": s.floor}
+        density.append(pd.DataFrame(key | columns))
         lines.append(s.lines.assign(**key))
         summary.append(
-            {
-                **key,
+            key
+            | {
                 "variance": float(s.power.sum() * (s.frequency[1] - s.frequency[0])),
                 "lines": len(s.lines),
                 "narrow": int(s.lines["narrow"].sum()),

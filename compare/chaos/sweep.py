@@ -1,28 +1,58 @@
-"""Sweeps of the largest exponent over a field of the scene, of the orbit and along noisy paths; changes of its sign."""
+"""The exponents of the closures as iterated maps, and the largest exponent over a field of the scene, with its sign.
+
+In `corrected`, `saltation` and `branching` the moments depend on the orbit but not the orbit on the moments.  Such a
+skew product has a block-triangular Jacobian, so its exponents are those of the orbit together with those of the moments
+along the orbit.  Only `published` feeds the shifts of its means back into the next impact.
+"""
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from rattle.closure import mean_map
+from rattle.closure import closures_for, mean_map
+from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.chaos.exponents import CONFIDENCE, DRIFT, ORBIT, Exponents, drift_exponents, lyapunov
-from rattle.scene.errors import InputError
+from rattle.compare.chaos.record import in_threads
+from rattle.scene.errors import InputError, choice, count, finite
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
-from rattle.scene.validate import choice, count, finite
+from rattle.scene.types import Ints
 
 ALPHAS = "0.05:2.5:100"
 FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
-T = TypeVar("T")
 PUBLISHED = 30  # impacts through which the published map is followed at each value
+FOLLOWED = 400  # impacts through which moments are followed
+SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
+TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
+MAPS = {
+    "published": (
+        "Eq. 22: means and shifts to means, with its own next impact",
+        "none: the map ends before they could converge",
+        "not realizable",
+    ),
+    "corrected": (
+        "the orbit, its means shifted by the windows of Eqs. 20 and 21",
+        "the orbit's",
+        "0: a restitution map at a fixed time leaves displacements unchanged, so their variance grows by noise alone",
+    ),
+    "saltation": (
+        "the orbit, its means shifted to second order in sigma",
+        "the orbit's",
+        "twice the orbit's: as exp(2 lambda_1 t)",
+    ),
+    "branching": (
+        "a mixture of Gaussian components, each on the orbit of its own mean",
+        "each component has the orbit's",
+        "twice those of each component's orbit, limited by splitting; on densities the map is linear: no chaos",
+    ),
+}
+"""Of each closure the map that it iterates, the exponents of its means, and how its second moments grow along it."""
 
 
 def values(name: str, text: str) -> tuple[float, ...]:
@@ -51,27 +81,55 @@ def paper_noise(scene: Scene) -> Scene:
     return scene.with_sigma(math.sqrt(scene.alpha))
 
 
-def over_field(
-    scene: Scene,
-    at: Sequence[float],
-    field: str,
-    noise: Callable[[Scene], Scene] | None,
-    workers: int,
-    found_at: Callable[[Scene], T],
-) -> list[T]:
-    """Evaluate something of a scene at each value of a field.
+def vary(
+    scene: Scene, field: str, at: Iterable[float], noise: Callable[[Scene], Scene] = lambda scene: scene
+) -> dict[float, Scene]:
+    """The same scene at each value of a field.
 
-    `noise`: Maps each scene to the same with its noise set; without it, the noise of `scene` is used.
+    `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
 
     Examples
     --------
     >>> from rattle.scene import DAT21
-    >>> over_field(Scene.from_gears(DAT21), (0.5, 1.0), "alpha", None, 1, lambda s: s.alpha)
+    >>> [s.alpha for s in vary(Scene.from_gears(DAT21), "alpha", (0.5, 1.0)).values()]
     [0.5, 1.0]
     """
-    changed = [with_field(scene, field, value) for value in at]
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(found_at, map(noise, changed) if noise else changed))
+    return {value: noise(with_field(scene, field, value)) for value in at}
+
+
+def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
+    """Iterate each closure as a map, and report its exponents and where it breaks down.
+
+    Returns: Columns: ``closure, map, exponents`` (which exponents its means have), ``largest, low, high``
+    (largest exponent and its 95 % interval), ``moments, not_realizable`` (first impact whose moments are not
+    realizable), ``leaves_gap`` (first impact whose mean lies beyond a wall), ``too_wide`` (first impact whose sd
+    of y1 exceeds the sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed``
+    (impacts requested). Impacts are NaN if there is none.
+    """
+    along = LongOrbit(scene).stretch(SPREAD, tangent=False).before[:, 1]
+    spread = float(along.std()) if along.size else np.inf
+    walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
+    rows = []
+    for closure in closures_for(scene):
+        own = closure == "published"  # its means have dynamics of their own, different from the orbit's
+        kind, exponents, moments = MAPS[closure]
+        value, low, high = (np.nan,) * 3 if own else orbit.largest
+        row: dict[str, Any] = {"closure": closure, "map": kind, "exponents": exponents}
+        row |= {"largest": value, "low": low, "high": high, "moments": moments}
+        if closure == "branching":  # its cost grows with every impact, and its components follow different orbits
+            rows.append(row | {"followed": 0})
+            continue
+        m = mean_map(scene, impacts=FOLLOWED, closure=closure, order=4)
+        t, ends = m.trace, m.trace.found
+        beyond = (np.abs(t.mean[1 : ends + 1, : 2 * scene.stages : 2]) > walls).any(axis=1)
+        wide = t.sd[1 : ends + 1, 3] > TOO_WIDE * spread
+        row |= {
+            "not_realizable": m.breakdown.impact if m.breakdown else np.nan,
+            "leaves_gap": beyond.argmax() + 1 if beyond.any() else np.nan,
+            "too_wide": wide.argmax() + 1 if wide.any() and not own else np.nan,
+        }
+        rows.append(row | {"ends": ends, "followed": FOLLOWED})
+    return pd.DataFrame(rows)
 
 
 def _row(of: str, e: Exponents) -> dict[str, object]:
@@ -84,39 +142,30 @@ def _exponents_at(scene: Scene, width: float, seed: int) -> list[dict[str, objec
     orbit = lyapunov(scene, width=width)
     drift = drift_exponents(scene, width=width, seed=seed)
     rows = [_row(ORBIT, orbit), _row("mean map (corrected, saltation)", orbit), _row(DRIFT, drift)]
-    if scene.start.mesh == 1 and scene.sigma > 0.0:
+    if scene.sigma > 0.0 and "published" in closures_for(scene):
         m = mean_map(scene, impacts=PUBLISHED, closure="published")
         how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
         reason = f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"
-        empty = dict.fromkeys(("largest", "low", "high", "rate", "sum_error"), np.nan)
-        row = {"of": "mean map (published)", **empty, "impacts": m.trace.found}
-        rows.append(row | {"regime": "breaks down", "reason": reason})
+        row = {"of": "mean map (published)", "impacts": m.trace.found, "regime": "breaks down", "reason": reason}
+        rows.append(row)
     return rows
 
 
 def sweep(
-    scene: Scene,
-    at: Sequence[float],
-    *,
-    field: str = "alpha",
-    noise: Callable[[Scene], Scene] | None = None,
-    width: float = 0.01,
-    seed: int = 0,
-    workers: int = 2,
+    scenes: Mapping[float, Scene], field: str = "alpha", *, width: float = 0.01, seed: int = 0, workers: int = 2
 ) -> pd.DataFrame:
     """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a noisy path.
 
-    `noise`: Maps each scene to the same with its noise set, such as `paper_noise`; without it, the noise of
-    `scene` is used. `width`: Required width of the interval of each largest exponent; wider ones are reported as
+    `scenes`: As of `vary`. `width`: Required width of the interval of each largest exponent; wider ones are reported as
     they are. Returns: Columns: the field, ``of`` (the linearised system), ``largest, low, high`` (largest
     exponent and its 95 % interval; NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`,
     and ``regime, reason`` as of `Regime`.
     """
-    found = over_field(scene, at, field, noise, workers, lambda s: _exponents_at(s, width, seed))
-    return pd.DataFrame([{field: value, **row} for value, rows in zip(at, found, strict=True) for row in rows])
+    found = in_threads(workers, lambda scene: _exponents_at(scene, width, seed), scenes.values())
+    return pd.DataFrame([{field: value, **row} for value, rows in zip(scenes, found, strict=True) for row in rows])
 
 
-def signs(rows: pd.DataFrame) -> NDArray[np.int64]:
+def signs(rows: pd.DataFrame) -> Ints:
     """Determine the sign of the largest exponent in each row, at 95 % simultaneous coverage (Bonferroni).
 
     Returns: 1 or -1; 0 if the widened interval contains zero, or there is none. Shapes: result (rows,).
@@ -149,10 +198,6 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
     rows = table[table["of"] == of].sort_values(field)
     sign = signs(rows)
     x = rows[field].to_numpy()
-    known = np.flatnonzero(sign)
-    found = [
-        {"of": of, "low": x[a], "high": x[b], "to": int(sign[b]), "undecided": int(b - a - 1)}
-        for a, b in pairwise(known)
-        if sign[a] != sign[b]
-    ]
+    changes = [(a, b) for a, b in pairwise(np.flatnonzero(sign)) if sign[a] != sign[b]]
+    found = [(of, x[a], x[b], int(sign[b]), int(b - a - 1)) for a, b in changes]
     return pd.DataFrame(found, columns=["of", "low", "high", "to", "undecided"])

@@ -1,4 +1,4 @@
-"""The evidence for all claims: every simulation and measurement, made once."""
+"""The evidence for all claims, every simulation and measurement made once; and what a judged claim holds."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, ratio_mean
 from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
-from rattle.compare.chaos.sweep import paper_noise
+from rattle.compare.chaos.sweep import paper_noise, vary
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import widest
@@ -19,6 +20,41 @@ from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
+
+REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
+HOLDS_ONLY = "holds only for {}"
+PART = "holds in part"
+KINDS = (NOT_REPRODUCED, UNDECIDED, PART, REPRODUCED)
+"""Kinds of verdicts, from the worst to the best for the claim."""
+
+
+class PaperClaim(NamedTuple):
+    """A claim of the paper with its test, evidence and verdict."""
+
+    name: str  # short title
+    where: str  # place in the paper
+    says: str  # the claim itself, in the paper's own words; ``…`` stands for words left out
+    test: str  # what is measured, and the result for which the claim counts as reproduced
+    evidence: str  # the measured numbers, with their intervals
+    verdict: str  # ``reproduced``, ``not reproduced``, ``holds only for ...`` or ``undecided``
+
+    @property
+    def kind(self) -> str:
+        """The kind of its verdict, one of `KINDS`."""
+        return PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
+
+
+def judge_parts(found: list[str], sought: int, otherwise: str = NOT_REPRODUCED) -> str:
+    """The verdict on a claim that is shown to hold for some of the parts that it is on; `otherwise` if for none."""
+    if len(found) == sought:
+        return REPRODUCED
+    return HOLDS_ONLY.format("; ".join(found)) if found else otherwise
+
+
+def table(claims: list[PaperClaim]) -> pd.DataFrame:
+    """Convert claims to a table."""
+    return pd.DataFrame(claims, index=pd.RangeIndex(1, len(claims) + 1, name="claim"))
+
 
 FLIGHTS = np.array([0.5, 1.5, 3.0])  # times after the start at which a flight without walls is compared
 STEP = 2e-3  # its time step
@@ -102,8 +138,7 @@ def gather(
     )
     chaos = study(
         scene,
-        at=at,
-        noise=paper_noise,
+        scenes=vary(scene, "alpha", at, paper_noise),
         points=points,
         impacts=spectrum_impacts,
         events=events,

@@ -1,4 +1,6 @@
-"""The paper's claims on the motion and its chaos, one function each: the test, the evidence, the verdict."""
+"""The paper's claims on the motion, its chaos and spectra, one function each: the test, the evidence, the verdict."""
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -6,10 +8,19 @@ import pandas as pd
 from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
 from rattle.compare.chaos.measure import CLAIMED
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
-from rattle.compare.chaos.section import Section
+from rattle.compare.chaos.section import NOISY, Section
+from rattle.compare.chaos.spectrum import TIME, spectra_tables
 from rattle.compare.chaos.sweep import crossings
-from rattle.compare.claims.claim import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, PaperClaim
-from rattle.compare.claims.evidence import Evidence
+from rattle.compare.claims.evidence import (
+    HOLDS_ONLY,
+    NOT_REPRODUCED,
+    REPRODUCED,
+    UNDECIDED,
+    Evidence,
+    PaperClaim,
+    judge_parts,
+)
+from rattle.compare.validation.verdict import join_words
 
 FUZZY = 0.05  # smallest share of the noisy section's bins that a fuzzy set fills
 FINITE = 100  # largest number of bins that a periodic orbit of moderate length fills
@@ -77,11 +88,7 @@ def chaotic_range(e: Evidence) -> PaperClaim:
             f"changes of sign: {where or 'none'}"
         )
         if positive[inside].all():
-            chaotic.append(of)
-    if len(chaotic) == 2:
-        verdict = REPRODUCED
-    else:
-        verdict = HOLDS_ONLY.format("the " + "; the ".join(chaotic)) if chaotic else NOT_REPRODUCED
+            chaotic.append(f"the {of}")
     return PaperClaim(
         "The range of chaos (Fig. 4)",
         "section 4, Fig. 4",
@@ -91,7 +98,7 @@ def chaotic_range(e: Evidence) -> PaperClaim:
         "moments follow it) and of the drift's linearisation along noisy paths with σ = √α. Reproduced if positive "
         "throughout the range; of α outside the paper says nothing.",
         "; ".join(shown) + ".",
-        verdict,
+        judge_parts(chaotic, 2),
     )
 
 
@@ -117,10 +124,6 @@ def both_models(e: Evidence) -> PaperClaim:
     signs = {name: _sign(x) for name, x in found.items()}
     text = "; ".join(f"{name}: {_exponent(x)}" for name, x in found.items())
     chaotic = [name for name, s in signs.items() if s > 0]
-    if len(chaotic) == len(found):
-        verdict = REPRODUCED
-    else:
-        verdict = HOLDS_ONLY.format("; ".join(chaotic)) if chaotic else NOT_REPRODUCED
     return PaperClaim(
         "Chaos with one stage and with two",
         "section 5",
@@ -132,7 +135,7 @@ def both_models(e: Evidence) -> PaperClaim:
         "infinitesimal exponent (the distance of two paths after an impact is proportional to the square root of that "
         "before it), so the exponent of the drift's linearisation is used instead.",
         text + ".",
-        verdict,
+        judge_parts(chaotic, len(found)),
     )
 
 
@@ -162,10 +165,7 @@ def control(e: Evidence) -> PaperClaim:
         if positive and negative:
             both_signs.append(f"the {of}")
         sticks = sticks or bool(positive and sticking)
-    if both_signs:
-        verdict = REPRODUCED if len(both_signs) == 2 else HOLDS_ONLY.format(both_signs[0])
-    else:
-        verdict = HOLDS_ONLY.format("the transition from sticking to chaos") if sticks else UNDECIDED
+    transition = HOLDS_ONLY.format("the transition from sticking to chaos") if sticks else UNDECIDED
     return PaperClaim(
         "Control by a parameter",
         "section 5",
@@ -173,5 +173,103 @@ def control(e: Evidence) -> PaperClaim:
         "Whether the largest exponent has both signs over α, with intervals that exclude zero: of the orbit, and of "
         "the drift's linearisation along noisy paths with σ = √α, for the claim is on the stochastic vibration.",
         "; ".join(shown) + ".",
-        verdict,
+        judge_parts(both_signs, 2, transition),
     )
+
+
+def narrow_bands(e: Evidence) -> PaperClaim:
+    """Judge Fig. 3: narrow-band spectra."""
+    rows = _spectra(e)
+    shown = [
+        f"{r['side']} {r['velocity']}: {r['narrow']} narrow of {r['lines']} bands, {r['line_share']:.1%} of the power"
+        for r in rows
+    ]
+    narrow = [_of(side) for side in _sides(rows) if all(r["narrow"] for r in rows if r["side"] == side)]
+    if e.mean.periodic:
+        narrow.append("the ensemble's mean")
+    return PaperClaim(
+        "Narrow bands (Fig. 3)",
+        "section 4, Fig. 3",
+        "Figure 3(a,b) show the power spectra of mean velocity … In the Fig. 3 narrow band spectra are exhibited.",
+        "Bands of the velocity in time that stand above the local floor (1 % false alarm for the whole spectrum) and "
+        "are no wider than a single frequency: of the published map, of the ensemble's mean, of the orbit (which the "
+        "means of the corrected map follow) and of single paths, one by one.",
+        f"{_say_published_map(e)} {_ensemble_mean(e)} " + _sentence("; ".join(shown)),
+        _each(e, narrow, 1 + len(_sides(rows))),
+    )
+
+
+def _each(e: Evidence, found: list[str], sought: int) -> str:
+    """Verdict on a claim about the published map's mean velocity, which of the others show it too."""
+    ended = _end_of_published_map(e)
+    if not found:
+        return UNDECIDED if ended is None else NOT_REPRODUCED
+    if ended is None and len(found) == sought:
+        return REPRODUCED
+    map_ = "; the published map ends before it has a spectrum" if ended is not None else ""
+    return HOLDS_ONLY.format(f"{join_words(found)}{map_}")
+
+
+def _end_of_published_map(e: Evidence) -> int | None:
+    """The impact at which the published map ends; None if it goes on."""
+    row = e.chaos.maps[e.chaos.maps["closure"] == "published"].to_dict("records")[0]
+    return int(row["ends"]) if row["ends"] < row["followed"] else None
+
+
+def _say_published_map(e: Evidence) -> str:
+    ended = _end_of_published_map(e)
+    if ended is None:
+        return "The published map does not end; its spectrum is not measured here."
+    return f"The published map ends at impact {ended} and has no spectrum."
+
+
+def _ensemble_mean(e: Evidence) -> str:
+    share = join_words(
+        [f"{share:.1%} of the variance of y{stage}" for stage, share in enumerate(e.mean.share, start=1)]
+    )
+    found = (
+        "repeats itself with the excitation, so that its spectrum is lines at multiples of that frequency and nothing "
+        "between"
+        if e.mean.periodic
+        else "does not repeat itself with the excitation"
+    )
+    return (
+        f"The mean over {e.mean.paths:,} paths {found} (largest change from period to period {e.mean.largest:.1f} "
+        f"standard errors, {e.mean.allowed:.1f} allowed); it is {share}."
+    )
+
+
+def _sides(rows: list[dict[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(str(r["side"]) for r in rows))
+
+
+def _of(side: str) -> str:
+    return "single noisy paths" if side == NOISY else f"the {side}"
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:] + "."
+
+
+def continuous(e: Evidence) -> PaperClaim:
+    """Judge section 5: continuous spectra."""
+    rows = _spectra(e)
+    shown = [f"{r['side']} {r['velocity']}: {r['floor_share']:.1%}" for r in rows]
+    mostly = [_of(side) for side in _sides(rows) if all(r["floor_share"] > 0.5 for r in rows if r["side"] == side)]
+    if not e.mean.periodic:
+        mostly.append("the ensemble's mean")
+    return PaperClaim(
+        "A continuous spectrum",
+        "section 5",
+        "… the power spectra of mean velocity display the behavior of a continuous spectrum.",
+        "Share of the power that is in no band above the floor, more than half in every spectrum: of the published "
+        "map, of the ensemble's mean, of the orbit (which the means of the corrected map follow) and of single paths, "
+        "one by one.",
+        f"{_say_published_map(e)} {_ensemble_mean(e)} " + _sentence("; ".join(shown)),
+        _each(e, mostly, 1 + len(_sides(rows))),
+    )
+
+
+def _spectra(e: Evidence) -> list[dict[str, Any]]:
+    summary = spectra_tables(e.chaos.spectra)[2]
+    return [dict(row) for _, row in summary[summary["kind"] == TIME].iterrows()]

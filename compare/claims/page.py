@@ -1,6 +1,7 @@
-"""The page and the folder of ``rattle claims``."""
+"""All claims in the order of the paper; the page and the folder of ``rattle claims``."""
 
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,22 +11,62 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
-from rattle.compare.claims.claim import KINDS, NOT_REPRODUCED, PART, REPRODUCED, UNDECIDED, PaperClaim, table
+from rattle.compare.claims.evidence import (
+    KINDS,
+    NOT_REPRODUCED,
+    PART,
+    REPRODUCED,
+    UNDECIDED,
+    Evidence,
+    PaperClaim,
+    table,
+)
+from rattle.compare.claims.of_moments import beyond_one, describes, not_gaussian, solvable, stages_apart
+from rattle.compare.claims.of_motion import (
+    both_models,
+    chaotic_range,
+    continuous,
+    control,
+    counter_meshes,
+    fuzzy,
+    narrow_bands,
+)
 from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text
 from rattle.compare.report.glossary import glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.report.style import new_figure
-from rattle.compare.validation.validity_range import join_words
+from rattle.compare.validation.verdict import join_words
 
-SHOWN = {
-    "fuzzy": "section",
-    "narrow_bands": "spectra",
-    "chaotic_range": "sweep",
-    "control": "bifurcation",
-    "both_models": "sqrt_law",
+CLAIMS: tuple[Callable[[Evidence], PaperClaim], ...] = (
+    solvable,
+    beyond_one,
+    not_gaussian,
+    stages_apart,
+    counter_meshes,
+    fuzzy,
+    narrow_bands,
+    continuous,
+    chaotic_range,
+    describes,
+    both_models,
+    control,
+)
+
+
+def judge(evidence: Evidence) -> list[PaperClaim]:
+    """Judge all claims."""
+    return [claim(evidence) for claim in CLAIMS]
+
+
+SHOWN: dict[Callable[[Evidence], PaperClaim], str] = {
+    fuzzy: "section",
+    narrow_bands: "spectra",
+    chaotic_range: "sweep",
+    control: "bifurcation",
+    both_models: "sqrt_law",
 }
-"""Figure of the study of chaos that shows the evidence of a claim, by the claim's function."""
+"""Figure of the study of chaos that shows the evidence of a claim."""
 SAID = {
     REPRODUCED: ("is reproduced", "are reproduced"),
     PART: ("holds only in part", "hold only in part"),
@@ -71,7 +112,7 @@ def verdict_figure(claims: list[PaperClaim]) -> Drawing:
 
 
 def write_claims(
-    out: Path, claims: list[PaperClaim], names: list[str], chaos: ChaosStudy, record: dict[str, Any], overwrite: bool
+    out: Path, claims: list[PaperClaim], chaos: ChaosStudy, record: dict[str, Any], overwrite: bool
 ) -> list[str]:
     """Write the folder of the claims atomically."""
     said = answer(claims)
@@ -83,21 +124,16 @@ def write_claims(
     ]
     overview = Table.of(["claim", "the paper says", "verdict", "where"], rows)
     sections = []
-    for i, (name, claim) in enumerate(zip(names, claims, strict=True), start=1):
-        shown = SHOWN.get(name, "")
+    for i, (test, claim) in enumerate(zip(CLAIMS, claims, strict=True), start=1):
+        shown = SHOWN.get(test, "")
         pictures = [Figure(f"{shown}.svg", FIGURES[shown], FIGURES[shown])] if shown in drawn else []
-        sections.append(
-            PageSection(
-                f"{i}. {claim.name}",
-                (
-                    Text(f"The paper, {claim.where}: “{claim.says}”"),
-                    Text(f"Verdict: {claim.verdict}."),
-                    Text(f"Test: {claim.test}"),
-                    Text(f"Evidence: {claim.evidence}"),
-                    *pictures,
-                ),
-            )
+        said_of_it = (
+            f"The paper, {claim.where}: “{claim.says}”",
+            f"Verdict: {claim.verdict}.",
+            f"Test: {claim.test}",
+            f"Evidence: {claim.evidence}",
         )
+        sections.append(PageSection(f"{i}. {claim.name}", (*map(Text, said_of_it), *pictures)))
     words = glossary(*WORDS, gears=chaos.scene.gears)
     page = Page(
         "The paper's claims, judged", tuple(said), source_of(record), (opening, overview, words), tuple(sections)

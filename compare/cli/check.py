@@ -1,14 +1,28 @@
-"""The commands ``rattle check``: what checks the installation."""
+"""The commands ``rattle check``, what checks the installation, and ``rattle warm-up``."""
 
 import sys
+import time
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
-from rattle.compare.cli.console import say, say_json
-from rattle.compare.cli.options import AXES, SCHEMES, WHOLE, Name
+from rattle.compare.cli import shared
+from rattle.compare.cli.shared import say, say_json, say_lines
+
+if TYPE_CHECKING:
+    from rattle.scene import Scene
 
 EXIT_BROKEN = 1
+
+
+def exit_if_broken(holds: Iterable[bool]) -> None:
+    """Exit with code 1 unless every check holds."""
+    if not all(holds):
+        sys.exit(EXIT_BROKEN)
 
 
 @click.group()
@@ -17,11 +31,11 @@ def check() -> None:
 
 
 @check.command("published")
-@click.option("--result", "names", multiple=True, metavar="NAME", help="One result alone; repeatable. [default: all]")
+@shared.several("result", "names", str, "One result alone; repeatable. [default: all]")
 @click.option("--all", "all_checks", is_flag=True, help="Print every check and every negative control.")
-@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of all random numbers.")
-@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
-@click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
+@shared.whole("seed", 0, "Seed of all random numbers.")
+@shared.WORKERS
+@shared.json_flag("the record")
 def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, as_json: bool) -> None:
     """Compare this installation with published results.
 
@@ -30,22 +44,20 @@ def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, a
 
     Exit codes: 0 all results hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.published.run import check_results
-    from rattle.compare.checks.table import published_lines, published_record
+    from rattle.compare.checks.check import published_lines, published_record, run_checks
+    from rattle.compare.checks.published import RESULTS
 
-    found = check_results(names, seed=seed, workers=workers)
+    found = run_checks(RESULTS, names, seed=seed, workers=workers)
     if as_json:
         say_json(published_record(found, seed))
     else:
-        for line in published_lines(found, all_checks=all_checks):
-            say(line)
-    if not all(result.holds for result in found):
-        sys.exit(EXIT_BROKEN)
+        say_lines(published_lines(found, all_checks=all_checks))
+    exit_if_broken(result.holds for result in found)
 
 
 @check.command()
 @click.option("--all", "ranges", is_flag=True, help="Print the range and the reference of every row.")
-@click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
+@shared.json_flag("the rows")
 def extremes(ranges: bool, as_json: bool) -> None:
     """Compare extreme values with independent references.
 
@@ -53,31 +65,25 @@ def extremes(ranges: bool, as_json: bool) -> None:
 
     Exit codes: 0 all rows hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.extremes.run import extremes as run_checks
-    from rattle.compare.checks.table import extreme_lines, extreme_record
+    from rattle.compare.checks.check import extreme_lines, extreme_record, run_checks
+    from rattle.compare.checks.extremes import ROWS
 
-    rows = run_checks()
+    rows = run_checks(ROWS)
     if as_json:
         say_json([extreme_record(row) for row in rows])
     else:
-        for line in extreme_lines(rows, ranges=ranges):
-            say(line)
-    if not all(row.holds for row in rows):
-        sys.exit(EXIT_BROKEN)
+        say_lines(extreme_lines(rows, ranges=ranges))
+    exit_if_broken(row.holds for row in rows)
 
 
 @check.command()
-@click.option(
-    "--scheme", "schemes", type=Name("scheme", SCHEMES), multiple=True, help="Scheme; repeatable. [default: all]"
-)
-@click.option("--axis", "axes", type=Name("axis", AXES), multiple=True, help="Axis; repeatable. [default: all]")
-@click.option("--points", type=WHOLE, default=7, show_default=True, help="Values of each axis, 1 to 7.")
-@click.option("--paths", type=WHOLE, default=32_768, show_default=True, help="Most paths of a cell.")
-@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
-@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("reports/stability"), show_default=True, help="Folder."
-)
+@shared.named("scheme", shared.SCHEMES, "Scheme; repeatable. [default: all]", many="schemes")
+@shared.named("axis", shared.AXES, "Axis; repeatable. [default: all]", many="axes")
+@shared.whole("points", 7, "Values of each axis, 1 to 7.")
+@shared.whole("paths", 32_768, "Most paths of a cell.")
+@shared.whole("seed", 0, "Seed.")
+@shared.WORKERS
+@shared.folder(Path("reports/stability"))
 @click.option(
     "--extremes/--no-extremes",
     "extreme",
@@ -85,17 +91,9 @@ def extremes(ranges: bool, as_json: bool) -> None:
     show_default=True,
     help="Try extreme values too (rattle check extremes), and put their table on the page.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+@shared.OVERWRITE
 def stability(
-    schemes: tuple[str, ...],
-    axes: tuple[str, ...],
-    points: int,
-    paths: int,
-    seed: int,
-    workers: int,
-    out: Path,
-    extreme: bool,
-    overwrite: bool,
+    schemes: tuple[str, ...], axes: tuple[str, ...], out: Path, extreme: bool, overwrite: bool, **settings: int
 ) -> None:
     """Measure where each scheme is stable and unbiased.
 
@@ -104,44 +102,37 @@ def stability(
     Exit codes: 0 complete; 1 a run with an admissible step is inaccurate without a diagnostic, or an extreme value
     fails; 2 bad input.
     """
-    from rattle.compare.checks.extremes.run import extremes
-    from rattle.compare.checks.stability.axes import moderate
-    from rattle.compare.checks.stability.chart import chart
-    from rattle.compare.checks.stability.free_flight import covariance_table
+    from rattle.compare.checks.check import run_checks
+    from rattle.compare.checks.extremes import ROWS
+    from rattle.compare.checks.stability.cell import moderate
+    from rattle.compare.checks.stability.chart import chart, covariance_table
     from rattle.compare.checks.stability.page import CONTENTS, write_stability
     from rattle.compare.report.folder import check_free
     from rattle.compare.report.provenance import Stopwatch, provenance
-    from rattle.scene.validate import count
+    from rattle.scene.errors import count
 
-    chosen, along = list(dict.fromkeys(schemes)) or list(SCHEMES), list(dict.fromkeys(axes)) or list(AXES)
-    count("points", points, most=7)
-    count("paths", paths, least=1000)
-    count("seed", seed, least=0)
-    count("workers", workers)
+    chosen, along = list(dict.fromkeys(schemes)) or list(shared.SCHEMES), list(dict.fromkeys(axes)) or list(shared.AXES)
+    for name, least, most in (("points", 1, 7), ("paths", 1000, None), ("seed", 0, None), ("workers", 1, None)):
+        count(name, settings[name], least=least, most=most)
     check_free(out, CONTENTS, overwrite)
     watch = Stopwatch()
-    found = chart(schemes=chosen, axes=along, points=points, paths=paths, seed=seed, workers=workers)
-    covariances = covariance_table(points=points, paths=paths, seed=seed, workers=workers)
-    tried = extremes() if extreme else ()
+    found = chart(schemes=chosen, axes=along, **settings)
+    covariances = covariance_table(**settings)
+    tried = run_checks(ROWS) if extreme else ()
     record = {
         "scene": moderate().to_dict(),
         "schemes": chosen,
         "axes": along,
-        "points": points,
-        "paths": paths,
-        "seed": seed,
-        "workers": workers,
+        **{key: settings[key] for key in ("points", "paths", "seed", "workers")},
         **provenance(watch),
     }
-    for sentence in write_stability(out, found, covariances, tried, record, overwrite):
-        say(sentence)
+    say_lines(write_stability(out, found, covariances, tried, record, overwrite))
     say(f"Page: {out / 'stability.html'}")
-    if len(found.without_diagnostic) or not all(row.holds for row in tried):
-        sys.exit(EXIT_BROKEN)
+    exit_if_broken((not len(found.without_diagnostic), *(row.holds for row in tried)))
 
 
 @check.command()
-@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+@shared.json_flag("the table")
 def speed(as_json: bool) -> None:
     """Measure the time of a step of a path on this machine.
 
@@ -157,3 +148,81 @@ def speed(as_json: bool) -> None:
     say(table.rename(columns=names).to_string(float_format="{:.2f}".format, na_rep=""), keep="\n")
     say("Processor time of one core, the least of several turns; ratios are medians. Floor: one normal and the")
     say("arithmetic of one step. Times as fast: as a path-step of the skilled loop, or as a normal by standard_normal.")
+
+
+RARE_PATHS = 4096  # from which it is known that a branch is worth it
+IMPACTS, PATHS = 2, 64  # a small run compiles the same machine code as a large one
+Task = Callable[[], object]
+
+
+def tasks() -> dict[str, Task]:
+    """Small runs that compile what the commands need, by name: every closure, every scheme, long orbits and runs."""
+    from rattle.closure import CLOSURES
+    from rattle.closure.long_orbit import attractor
+    from rattle.closure.stationary import linear_law
+    from rattle.compare.chaos.exponents import lyapunov
+    from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
+    from rattle.montecarlo.branches.search import rare_events
+    from rattle.montecarlo.coupling.long_path import LongPath
+    from rattle.montecarlo.coupling.pairs import growths
+    from rattle.montecarlo.long_run import long_run
+    from rattle.scene import DAT21, Scene, Tolerance
+
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    single = Scene.from_gears(DAT21, sigma=0.1, stages=1)
+    tolerant = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="contact"))
+    by_path = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="path"))
+    found: dict[str, Task] = {}
+    for name in CLOSURES:
+        found[f"closure {name}"] = partial(_predict, scene, name)
+        found[f"closure {name}, one stage"] = partial(_predict, single, name)
+        found[f"closure {name}, gaps that vary"] = partial(_predict, by_path, name)
+    periodic = Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01)
+    found["closures in the long run"] = lambda: linear_law(periodic, attractor(periodic))
+    for name, scheme in SCHEMES.items():
+        record = Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
+        found[f"scheme {name}"] = partial(simulate, tolerant, paths=PATHS, impacts=IMPACTS, scheme=name, record=record)
+    found["paths near rare branches"] = partial(simulate_rare, scene, paths=RARE_PATHS, impacts=3)
+    for stages, one in (("", scene), (", one stage", single)):
+        found[f"rare branches{stages}"] = partial(rare_events, one, 4)
+        found[f"the long run{stages}"] = partial(long_run, one, paths=16, periods=64)
+    found["gaps that vary by path"] = partial(simulate, by_path, paths=PATHS, impacts=IMPACTS)
+    found["orbits"] = partial(lyapunov, scene, impacts=8192)
+    found["long paths"] = partial(LongPath(scene, 0).stretch, 100)
+    found["pairs of paths"] = partial(growths, scene, 1e-4, 2, seed=0, settle=10)
+    return found
+
+
+def _predict(scene: "Scene", closure: str) -> None:
+    """All that a closure can be asked for."""
+    from rattle.closure import mean_map
+
+    found = mean_map(scene, impacts=IMPACTS, closure=closure)
+    start, end = found.section["tau"].iloc[[0, -1]]
+    found.at_times([0.5 * (start + end)])
+    found.density(IMPACTS, "y1", np.zeros(1))
+
+
+@click.command("warm-up")
+def warm_up() -> None:
+    """Compile all machine code now.
+
+    Then no later command has to; without it each command compiles what it needs when it first runs. Machine code is
+    kept for this user, this installation and this kind of processor.
+
+    Exit codes: 0 done; 2 it cannot be kept.
+    """
+    from tqdm import tqdm
+
+    from rattle.scene.compiled import count_compiled, folder
+    from rattle.scene.errors import OutputError
+
+    started, found = time.perf_counter(), tasks()
+    place = folder()
+    if place is None:
+        raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
+    for name in (line := tqdm(found, disable=None, unit="task", file=sys.stderr)):
+        line.set_postfix_str(name)
+        found[name]()
+    seconds = time.perf_counter() - started
+    say(f"{count_compiled()} functions compiled in {seconds:.0f} s; kept in {place}")

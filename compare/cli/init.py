@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from rattle.compare.cli.console import say
+from rattle.compare.cli.shared import PATH, say
 from rattle.scene.errors import OutputError
 from rattle.scene.gears import DAT21
 from rattle.scene.parts import Start, Tolerance
@@ -55,6 +55,8 @@ SCENE = """\
 [scene]                      # dimensionless; time is omega t, lengths are in units of backlash1
 sigma = 0.08               # 1        intensity of the white noise on the drive, here of 3 % rms from 0 to 50 Hz:
 #                                     alpha * 0.03 * sqrt(omega / (2 * 50 Hz)), Gears.sigma_from; if left out, no noise
+# correlation_time = 3.0   # 1        memory of the noise, in units of 1/omega; white if left out
+# A drive of more orders than one sine: tables [[drive]], as in examples/engine-orders.toml.
 stages = 2                 # 1        1: driver and wheel 1 alone; the values of wheel 2 may then be left out
 """
 START = {
@@ -121,7 +123,7 @@ def _row(key: str, value: object, unit: str, meaning: str) -> str:
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path), default=Path("gears.toml"))
+@click.argument("file", type=PATH, default=Path("gears.toml"))
 def init(file: Path) -> None:
     """Write a scene file to start from, with comments.
 

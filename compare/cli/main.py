@@ -8,19 +8,16 @@ with ends_soon(raises=False):
 
     import click
 
-    from rattle.compare.cli.animate import animate
-    from rattle.compare.cli.chaos import chaos
-    from rattle.compare.cli.check import check
-    from rattle.compare.cli.claims import claims
-    from rattle.compare.cli.console import say
+    from rattle.compare.cli.boundary import boundary
+    from rattle.compare.cli.chaos import chaos, claims
+    from rattle.compare.cli.check import check, warm_up
     from rattle.compare.cli.init import init
-    from rattle.compare.cli.show import show
-    from rattle.compare.cli.simulate import simulate
-    from rattle.compare.cli.stationary import stationary
+    from rattle.compare.cli.sensitivity import sensitivity
+    from rattle.compare.cli.shared import say
+    from rattle.compare.cli.show import animate, show
+    from rattle.compare.cli.simulate import simulate, stationary
     from rattle.compare.cli.study import study
-    from rattle.compare.cli.tradeoff import order, tradeoff
-    from rattle.compare.cli.validate import validate
-    from rattle.compare.cli.warm_up import warm_up
+    from rattle.compare.cli.validate import order, tradeoff, validate
     from rattle.scene.errors import RattleError
     from rattle.scene.text import harmless, line
 
@@ -29,12 +26,8 @@ MOVED = {"selftest": "published", "extremes": "extremes", "stability": "stabilit
 """Commands of earlier versions, which `rattle check` has now."""
 
 STORAGE = {
-    errno.ENOSPC: "make room on that disk",
-    errno.EDQUOT: "make room on that disk",
-    errno.EROFS: "choose another place",
-    errno.EACCES: "choose another place",
-    errno.EPERM: "choose another place",
-    errno.EFBIG: "make room on that disk",
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room on that disk"),
+    **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "choose another place"),
     errno.ENAMETOOLONG: "choose a shorter name",
 }
 """Remedies by error number, for files that are not written by this package itself, such as machine code by numba."""
@@ -99,11 +92,13 @@ def main() -> None:
 
 for command in (
     animate,
+    boundary,
     chaos,
     check,
     claims,
     init,
     order,
+    sensitivity,
     show,
     simulate,
     stationary,

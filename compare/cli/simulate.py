@@ -1,4 +1,4 @@
-"""The command ``rattle simulate``."""
+"""The commands ``rattle simulate`` and ``rattle stationary``."""
 
 import logging
 import math
@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rattle.compare.cli.console import say, say_json
-from rattle.compare.cli.load import load_scene
-from rattle.compare.cli.options import SCHEMES, WHOLE, Name
+from rattle.compare.cli import shared
+from rattle.compare.cli.shared import load_scene, say, say_json, say_lines
 from rattle.scene.errors import InputError
 from rattle.scene.units import RATE, UNITS, check_units, in_units
 
@@ -23,56 +22,36 @@ if TYPE_CHECKING:
     from rattle.scene import Gears
 
 EXIT_NOT_MET = 3
+TABLE_UNITS = "Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears]."
+JSON_UNITS = "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
+COMPARED = "Closure to compare; repeatable. [default: all]"
+QUANTITY = "Quantity that the accuracy is for; repeatable. [default: rate, speed, energy_per_period]"
 AN_HOUR = "what is expected to take more than an hour is refused"
 
 
 @click.command()
-@click.argument("scene", required=False, type=click.Path(path_type=Path))
-@click.option("--sigma", type=float, default=None, help="Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
-@click.option("--impacts", type=WHOLE, default=12, show_default=True, help="Impacts after the start.")
-@click.option(
-    "--accuracy",
-    type=float,
-    default=None,
-    help="Error bound of all means and sds, in sds, with 95 % probability. [default: 0.01]",
-)
-@click.option("--paths", type=WHOLE, default=None, help="Number of paths, in place of an accuracy.")
-@click.option(
-    "--dt", type=float, default=None, help="Step, with --paths. [default: the scheme's, 0.002 for Euler-Maruyama]"
-)
-@click.option(
-    "--scheme",
-    type=Name("scheme", SCHEMES),
-    default=None,
-    help="Scheme. [default: what costs least; exact-flight with --paths]",
-)
+@shared.SCENE
+@shared.SIGMA
+@shared.whole("impacts", 12, "Impacts after the start.")
+@shared.real("accuracy", "Error bound of all means and sds, in sds, with 95 % probability. [default: 0.01]")
+@shared.whole("paths", None, "Number of paths, in place of an accuracy.")
+@shared.real("dt", "Step, with --paths. [default: the scheme's, 0.002 for Euler-Maruyama]")
+@shared.named("scheme", shared.SCHEMES, "Scheme. [default: what costs least; exact-flight with --paths]")
 @click.option(
     "--step-bias/--no-step-bias",
     default=True,
     show_default=True,
     help="Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work).",
 )
-@click.option(
-    "--budget",
-    type=float,
-    default=None,
-    help=f"Processor seconds that an accuracy may take, all threads together. [default: {AN_HOUR}]",
-)
-@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed.")
-@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
-@click.option(
-    "--units",
-    type=Name("units", UNITS),
-    default="dimensionless",
-    show_default=True,
-    help="Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears].",
-)
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="CSV file of the whole section table.")
-@click.option("--json", "as_json", is_flag=True, help="Print the section table and the settings as JSON.")
+@shared.real("budget", f"Processor seconds that an accuracy may take, all threads together. [default: {AN_HOUR}]")
+@shared.whole("seed", 0, "Seed.")
+@shared.WORKERS
+@shared.named("units", UNITS, TABLE_UNITS, default="dimensionless")
+@click.option("--out", type=shared.PATH, default=None, help="CSV file of the whole section table.")
+@shared.json_flag("the section table and the settings")
 def simulate(
     scene: Path | None,
     sigma: float | None,
-    impacts: int,
     accuracy: float | None,
     paths: int | None,
     dt: float | None,
@@ -80,10 +59,10 @@ def simulate(
     step_bias: bool,
     budget: float | None,
     seed: int,
-    workers: int,
     units: str,
     out: Path | None,
     as_json: bool,
+    **settings: int,
 ) -> None:
     """Simulate a scene and print its moments at each impact.
 
@@ -101,7 +80,7 @@ def simulate(
         raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
     if out is not None and (out.is_dir() or not os.access(out.parent, os.W_OK)):
         raise InputError("out", str(out), "cannot be written; give the name of a file")
-    common: dict[str, Any] = {"impacts": impacts, "rng": seed, "workers": workers, "progress": "simulate"}
+    common: dict[str, Any] = {"rng": seed, "progress": "simulate", **settings}
     if paths is not None and accuracy is None:
         recorded = None if step_bias else Record(step_bias=False)
         run = simulate(base, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded, **common)
@@ -127,13 +106,13 @@ def simulate(
         say_json(record)
     else:
         say(_table(in_units(run.columns, base.gears, units), columns_in(units, base.gears)), keep="\n")
-        say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {run.wall_seconds:.1f} s on {workers} threads")
+        took = f"{run.wall_seconds:.1f} s on {settings['workers']} threads"
+        say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {took}")
         if reach is not None and reach.reached:  # else it is among the diagnostics
             say(reach.sentence)
-        for sentence in run.diagnostics:
-            say(sentence)
+        say_lines(run.diagnostics)
     if out is not None:  # last, so that the results have been printed if the file cannot be written
-        from rattle.compare.report.csv_text import csv_text
+        from rattle.compare.report.save import csv_text
 
         write_whole(out, csv_text(run.section_in(units)))
     if reach is not None and not reach.reached:
@@ -172,18 +151,7 @@ def _estimates_shown() -> "Iterator[None]":
 FORMS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
 """How columns are printed whose names begin so: errors may be far smaller than what they belong to."""
 SHOWN = (
-    "tau",
-    "se_tau",
-    "bias_tau",
-    "sd_tau",
-    "y1",
-    "se_y1",
-    "bias_y1",
-    "sd_y1",
-    "y2",
-    "se_y2",
-    "bias_y2",
-    "sd_y2",
+    *(f"{error}{name}" for name in ("tau", "y1", "y2") for error in ("", "se_", "bias_", "sd_")),
     "mesh",
     "side",
     "agreement",
@@ -210,3 +178,93 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...]) -> str
     return "\n".join(
         "  ".join(cell.rjust(w) for cell, w in zip(line, wide, strict=True)) for line in zip(*texts, strict=True)
     )
+
+
+@click.command()
+@shared.SCENE
+@shared.SIGMA
+@shared.real("accuracy", "Relative half width of the widest 95 % interval. [default: 0.01]")
+@shared.whole("periods", None, "Periods of each path, in place of an accuracy.")
+@shared.several("quantity", "quantities", str, QUANTITY)
+@shared.whole("paths", 256, "Independent paths.")
+@shared.whole("burn-in", None, "Periods of burn-in, left out. [default: found by tests]")
+@shared.real("slow", "Speed below which an impact is slow.", 0.1)
+@shared.real(
+    "budget",
+    "Processor seconds of the simulation, all threads together; "
+    "compiling, closures and figures are not counted. [default: refused above an hour]",
+)
+@click.option("--closure", "closures", type=shared.CLOSURE, multiple=True, help=COMPARED)
+@click.option("--no-closures", is_flag=True, help="Compare no closure.")
+@shared.named("field", shared.FIELDS, "Field of --over.", default="alpha")
+@shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
+@shared.whole("seed", 0, "Seed.")
+@shared.WORKERS
+@shared.named("units", UNITS, JSON_UNITS)
+@shared.folder("reports/NAME-stationary")
+@shared.OVERWRITE
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON; no folder is written without --out.")
+def stationary(
+    scene: Path | None,
+    sigma: float | None,
+    quantities: tuple[str, ...],
+    closures: tuple[str, ...],
+    no_closures: bool,
+    over: str | None,
+    units: str | None,
+    out: Path | None,
+    overwrite: bool,
+    as_json: bool,
+    field: str,
+    seed: int,
+    workers: int,
+    **settings: Any,
+) -> None:
+    """Measure long-run averages: impacts a second, speeds, energy.
+
+    Each has its error. SCENE is a TOML file, DAT21 if none is given.
+
+    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before the accuracy was
+    reached.
+    """
+    from rattle.compare.chaos.section import stationary_bifurcation
+    from rattle.compare.chaos.sweep import values, vary
+    from rattle.compare.report.provenance import Stopwatch, provenance
+    from rattle.compare.stationary.measure import stationary as measure
+    from rattle.compare.stationary.page import CONTENTS, write_stationary
+    from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
+    from rattle.montecarlo.long_run.run import ASKED
+
+    base = load_scene(scene, sigma)
+    check_units(units or "dimensionless", base.gears)
+    if own := [name for name in closures if ":" in name]:
+        why = "predicts impacts, not the long run; leave it out, or judge it by rattle validate or rattle boundary"
+        raise InputError("closure", own[0], why)
+    if closures and no_closures:
+        raise InputError("closure", closures, "is left out by --no-closures; give one of them")
+    at = () if over is None else values("over", over)
+    scenes = vary(base, field, at)
+    writes = out is not None or not as_json
+    name, out = shared.results_folder(scene, out, "-stationary", CONTENTS, overwrite, writes)
+    settings = {name: settings[name] for name in ("accuracy", "periods", "paths", "burn_in", "slow", "budget")}
+    settings["quantities"] = list(quantities or ASKED)
+    settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
+    watch = Stopwatch()
+    view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
+    found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
+    record = {
+        "name": name,
+        "scene": base.to_dict(),
+        **settings,
+        "seed": seed,
+        "field": field,
+        "over": list(at),
+        **provenance(watch),
+    }
+    said = write_stationary(out, found, view, record, overwrite) if writes else []
+    if as_json:
+        say_json(found.to_dict(units or "dimensionless") | {"report": out if writes else None})
+    else:
+        say_lines((*said, f"Page: {out / 'stationary.html'}"))
+    if found.run is not None and found.run.reach is not None and not found.run.reach.reached:
+        raise click.exceptions.Exit(EXIT_NOT_MET)

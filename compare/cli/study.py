@@ -2,13 +2,15 @@
 
 import sys
 import time
+from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from rattle.compare.cli.console import say, say_json
-from rattle.compare.cli.options import WHOLE
+from rattle.compare.cli import shared
+from rattle.compare.cli.shared import say, say_json, say_lines
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.files import read_text
 from rattle.scene.text import line
@@ -21,9 +23,9 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder. [default: FILE without its suffix]")
-@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the results do not depend on it.")
+@click.argument("file", type=shared.PATH)
+@shared.folder("FILE without its suffix")
+@shared.whole("workers", 2, "Threads; the results do not depend on it.")
 @click.option(
     "--scheduler",
     default=None,
@@ -33,7 +35,7 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
 )
 @click.option("--explain", is_flag=True, help="Print what is to be computed and its expected cost, and stop.")
 @click.option("--status", is_flag=True, help="Print which results are stored, and stop.")
-@click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
+@shared.json_flag("the record")
 def study(
     file: Path, out: Path | None, workers: int, scheduler: str | None, explain: bool, status: bool, as_json: bool
 ) -> None:
@@ -47,14 +49,13 @@ def study(
     """
     from rattle.compare.report.folder import within
     from rattle.compare.study.design import Study
-    from rattle.compare.study.failures import group_failures
+    from rattle.compare.study.folder import CELLS, group_failures
     from rattle.compare.study.store import Store
-    from rattle.compare.study.tables import CELLS
-    from rattle.scene.validate import count
+    from rattle.scene.errors import count
 
     count("workers", workers)
     if scheduler is not None:
-        from rattle.compare.study.connection import check_address
+        from rattle.compare.study.cluster import check_address
 
         check_address(scheduler)
     wanted = Study.load(file)
@@ -76,8 +77,7 @@ def study(
     if as_json:
         say_json(record)
     else:
-        for sentence in record["answer"]:
-            say(sentence)
+        say_lines(record["answer"])
         if "files" in record:
             say(f"Page: {folder / 'study.html'}")
     failures = group_failures(wanted.points, record.get("failed", {}))
@@ -93,36 +93,34 @@ def _compute(
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
     from rattle.compare.report.folder import write_whole
     from rattle.compare.study.design import combine, page_of, read_results
-    from rattle.compare.study.engine import missing, run
-    from rattle.compare.study.page import write_page
-    from rattle.compare.study.runner import Runner
+    from rattle.compare.study.engine import Runner, run
+    from rattle.compare.study.folder import FILE, write_page
     from rattle.compare.study.store import Store
-    from rattle.compare.study.tables import FILE
 
     try:
         store = Store(seen.folder)
         write_whole(folder / FILE, wanted.text)
     except OutputError as error:
-        if missing(wanted, seen):
+        if seen.missing(wanted.cells):
             raise
         say(f"rattle: {error}; all results stored; the page could not be written", err=True)
         return {"answer": page_of(wanted).answer(combine(wanted, read_results(wanted, seen)))}
 
-    def unchanged() -> bool:
-        try:
-            return read_text("study file", file) == wanted.text
-        except FileError:
-            return False
+    def check_unchanged() -> None:
+        with suppress(FileError):
+            if read_text("study file", file) == wanted.text:
+                return
+        why = "its file has changed while it ran; finished results are kept: run the command again"
+        raise InputError("study", wanted.title, why)
 
     started = time.perf_counter()
     runner = Runner(workers)
     if scheduler is not None:
-        from rattle.compare.study.cluster import Cluster
-        from rattle.compare.study.connection import silence
+        from rattle.compare.study.cluster import Cluster, silence
 
         silence()
         runner = Cluster(scheduler)
-    outcome = run(wanted, store, runner, show=True, unchanged=unchanged)
+    outcome = run(wanted.cells, store, runner, show=True, check=check_unchanged)
     facts = {
         "computed": outcome.computed,
         "failed": outcome.failed,
@@ -146,11 +144,10 @@ def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, An
     """The record of a study whose cells and page are complete; None if something is to be computed or written."""
     from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
     from rattle.compare.report.save import file_digest
-    from rattle.compare.study.engine import missing
-    from rattle.compare.study.tables import FILE, PAGE, is_current
+    from rattle.compare.study.folder import FILE, PAGE, is_current
 
     current = is_current(wanted, folder)
-    if current is None or missing(wanted, seen):
+    if current is None or seen.missing(wanted.cells):
         return None
     say(f"All {len(wanted.cells)} results are stored, and the page is up to date.", err=True)
     for place, scratch in ((folder, PAGE), (folder, ANY_TEXT), (seen.folder, ANY_TEXT)):
@@ -166,7 +163,7 @@ def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, An
 def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     from rattle.compare.study.cells import Prediction
     from rattle.compare.study.estimate import estimate, expect_work, scaling
-    from rattle.compare.study.failures import group_failures
+    from rattle.compare.study.folder import group_failures
 
     points = wanted.some_points(LOOKED_AT)
     sampled = len(points) < wanted.size
@@ -205,15 +202,11 @@ def _axes_text(wanted: "Study") -> list[str]:
 
 
 def _status(wanted: "Study", seen: "Store") -> str:
-    from rattle.compare.study.engine import missing
-    from rattle.compare.study.failures import group_failures
+    from rattle.compare.study.folder import group_failures
 
-    todo = missing(wanted, seen)
+    todo = seen.missing(wanted.cells)
     lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results stored."]
-    left: dict[str, int] = {}
-    for cell in todo:
-        left[cell.group] = left.get(cell.group, 0) + 1
-    lines += [f"  missing: {number} {group}" for group, number in left.items()]
+    lines += [f"  missing: {number} {group}" for group, number in Counter(cell.group for cell in todo).items()]
     aside = [p.read_text(encoding="utf-8", errors="replace") for p in sorted(seen.aside.glob("*.txt"))]
     lines += [f"  set aside: {line(text)}" for text in aside]
     lines += [f"  {line(str(failure))}" for failure in group_failures(wanted.points, {})]

@@ -1,4 +1,4 @@
-"""The command ``rattle validate``."""
+"""The commands ``rattle validate``, ``rattle tradeoff`` and ``rattle order``."""
 
 import sys
 from pathlib import Path
@@ -6,71 +6,42 @@ from typing import Any
 
 import click
 
-from rattle.compare.cli.console import say, say_json
-from rattle.compare.cli.load import load_scene
-from rattle.compare.cli.options import CLOSURES, SCHEMES, WHOLE, Name
+from rattle.compare.cli import shared
+from rattle.compare.cli.shared import load_scene, say, say_json, say_lines
 
-EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED = 3, 4, 5
+EXIT_FAILED, EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 3, 4, 5
+BESIDE = "Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes without SCENE]"
+VALIDITY = "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
 PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
 
 @click.command()
-@click.argument("scene", required=False, type=click.Path(path_type=Path))
-@click.option("--sigma", "sigmas", multiple=True, type=float, help="Noise intensity; repeatable.")
-@click.option("--impacts", type=WHOLE, default=12, show_default=True, help="Impacts after the start.")
-@click.option("--paths", type=WHOLE, default=256_000, show_default=True, help="Simulated paths.")
-@click.option("--dt", type=float, default=None, help="Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
-@click.option(
-    "--scheme",
-    type=Name("scheme", SCHEMES),
-    default="exact-flight",
-    show_default=True,
-    help="Scheme of the simulation.",
-)
-@click.option(
-    "--closure",
-    "closures",
-    type=Name("closures", CLOSURES),
-    multiple=True,
-    help="Closure; repeatable. [default: all that can be applied]",
-)
-@click.option(
-    "--beside",
-    type=Name("beside", SCHEMES),
-    multiple=True,
-    help="Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes without SCENE]",
-)
-@click.option("--order", type=WHOLE, default=4, show_default=True, help="Order of the closures' moments, 2 to 6.")
-@click.option("--seed", type=WHOLE, default=0, show_default=True, help="Seed of the simulation.")
-@click.option("--workers", type=WHOLE, default=2, show_default=True, help="Threads; the result does not depend on it.")
-@click.option(
-    "--validity",
-    default="1e-3:2:12",
-    show_default=True,
-    metavar="LOW:HIGH:POINTS",
-    help="Noise intensities of the figure that opens the report, evenly spaced in their logarithm.",
-)
-@click.option(
-    "--validity-paths", type=WHOLE, default=40_000, show_default=True, help="Simulated paths of each of these."
-)
+@shared.SCENE
+@shared.several("sigma", "sigmas", float, "Noise intensity; repeatable.")
+@shared.whole("impacts", 12, "Impacts after the start.")
+@shared.whole("paths", 256_000, "Simulated paths.")
+@shared.real("dt", "Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
+@shared.named("scheme", shared.SCHEMES, "Scheme of the simulation.", default="exact-flight")
+@shared.closure_option("repeatable. [default: all that can be applied]")
+@shared.named("beside", shared.SCHEMES, BESIDE, many="beside")
+@shared.whole("order", 4, "Order of the closures' moments, 2 to 6.")
+@shared.whole("seed", 0, "Seed of the simulation.")
+@shared.WORKERS
+@shared.grid("validity", "1e-3:2:12", VALIDITY)
+@shared.whole("validity-paths", 40_000, "Simulated paths of each of these.")
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Report folder. [default: reports/NAME]")
+@click.option("--out", type=shared.PATH, default=None, help="Report folder. [default: reports/NAME]")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
-@click.option("--repeat", type=click.Path(path_type=Path), help="Repeat the run of a manifest.json.")
+@click.option("--repeat", type=shared.PATH, help="Repeat the run of a manifest.json.")
 @click.option("--require", type=click.Choice(["accurate"]), help="Exit 3 unless every predicted moment is accurate.")
-@click.option("--json", "as_json", is_flag=True, help="Print the answer as JSON.")
+@shared.json_flag("the answer")
 def validate(
     scene: Path | None,
     sigmas: tuple[float, ...],
-    impacts: int,
-    paths: int,
     dt: float | None,
-    scheme: str,
     closures: tuple[str, ...],
     beside: tuple[str, ...],
-    order: int,
-    seed: int,
     workers: int,
     validity: str,
     validity_paths: int,
@@ -80,26 +51,28 @@ def validate(
     repeat: Path | None,
     require: str | None,
     as_json: bool,
+    **asked: Any,
 ) -> None:
     """Compare closures with a simulation and write a report.
 
     SCENE is a TOML file, DAT21 if none is given.
 
-    Exit codes: 0 the run is complete, whatever the verdicts; 2 bad input; 3 --require is not met; 4 --repeat differs; 5
-    --repeat is the same but for rounding, as on another kind of processor.
+    Exit codes: 0 the run is complete, whatever the verdicts; 1 complete, but a closure of your own raised an exception;
+    2 bad input; 3 --require is not met; 4 --repeat differs; 5 --repeat is the same but for rounding, as on another kind
+    of processor.
     """
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
     from rattle.closure import closures_for
+    from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
     from rattle.compare.report.folder import check_free, default_place, name_of
+    from rattle.compare.report.manifest import DIFFERENT, ROUNDED, SAME, compare, tables_beside
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
-    from rattle.compare.report.repeat import DIFFERENT, ROUNDED, SAME, compare, tables_beside
     from rattle.compare.validation.page import CONTENTS, write_report
-    from rattle.compare.validation.schemes import compare_schemes
-    from rattle.compare.validation.sweep import check_sweep, read_grid, sweep
+    from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
     from rattle.compare.validation.validate import validate as compare_closures
     from rattle.montecarlo import SCHEMES, check_settings, default_step
-    from rattle.scene.validate import choice, count
+    from rattle.scene.errors import choice, count
 
     recorded, earlier = None, {}
     if repeat is not None:
@@ -109,29 +82,30 @@ def validate(
     else:
         base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
         name = name_of(scene) if scene else "DAT21"
-        biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
+        have_bias = [name for name, each in SCHEMES.items() if each.has_step_bias]
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
+        steps = (default_step(s, asked["scheme"], asked["scheme"] in have_bias) for s in scenes)
         settings = manifest.ReportSettings(
-            name,
-            scenes,
-            impacts,
-            paths,
-            min(default_step(s, scheme, biased) for s in scenes) if dt is None else dt,
-            scheme,
-            seed,
-            order,
-            closures or closures_for(base),
-            () if no_validity else read_grid(validity),
-            0 if no_validity else count("validity-paths", validity_paths),
-            beside or (() if scene else tuple(s for s in SCHEMES if SCHEMES[s].has_step_bias)),
+            name=name,
+            scenes=scenes,
+            dt=min(steps) if dt is None else dt,
+            closures=closures or closures_for(base),
+            validity=() if no_validity else read_grid(validity),
+            validity_paths=0 if no_validity else count("validity-paths", validity_paths),
+            beside=beside or (() if scene else tuple(have_bias)),
+            **asked,
         )
         out = out or default_place(name)
+    own = [method for method in find_closures("closures", settings.closures) if method.own]
     check_free(out, CONTENTS, overwrite)
     first = settings.scenes[0]
     biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].has_step_bias
     for s in settings.scenes:
         check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
+    for s in (*settings.scenes[1:], *(first.with_sigma(sigma) for sigma in settings.validity)):
+        for method in own:  # what it returns is checked before anything is simulated
+            predict(s, method, settings.impacts, settings.order)
     check_sweep(first, settings.validity, **settings.sweep, workers=workers)
     watch = Stopwatch()
     predictions: dict[str, Any] = {"closures": settings.closures, "order": settings.order}
@@ -154,11 +128,107 @@ def validate(
         say_json(summary)
     else:
         comparison = repeated.sentences if repeated else []
-        for sentence in (*record["answer"], f"Report: {out / 'report.html'}", *comparison):
-            say(sentence)
+        say_lines((*record["answer"], f"Report: {out / 'report.html'}", *comparison))
     if repeated and repeated.outcome == DIFFERENT:
         sys.exit(EXIT_NOT_REPEATED)
+    failed = {f"closure {name} {why}" for v in validations for name, why in v.failed.items()}
+    for why in sorted(failed):
+        say(f"rattle: {why}", err=True)
+    if failed:
+        sys.exit(EXIT_FAILED)
     if require and not accurate:
         sys.exit(EXIT_NOT_MET)
     if repeated and repeated.outcome == ROUNDED:
         sys.exit(EXIT_ROUNDED)
+
+
+@click.command()
+@shared.SCENE
+@shared.real("sigma", "Noise intensity. [default: the scene's, or 0.1]")
+@shared.whole("impacts", 12, "Impacts after the start.")
+@shared.several("accuracy", "accuracies", float, "Error in sds; repeatable. [default: 0.3 to 0.001]")
+@shared.real("budget", "Core-seconds up to which a point is run; costlier ones are extrapolated.", 100.0)
+@shared.whole("seed", 0, "Seed of the simulations.")
+@click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
+@shared.whole("workers", 2, "Threads.")
+@shared.folder("reports/NAME-tradeoff")
+@shared.OVERWRITE
+def tradeoff(
+    scene: Path | None,
+    sigma: float | None,
+    accuracies: tuple[float, ...],
+    orders: bool,
+    out: Path | None,
+    overwrite: bool,
+    **settings: Any,
+) -> None:
+    """Measure what an accuracy costs by each scheme and closure.
+
+    SCENE is a TOML file, DAT21 if none is given.
+
+    Exit codes: 0 complete; 2 bad input.
+    """
+    from rattle.compare.report.provenance import Stopwatch, provenance
+    from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
+    from rattle.compare.tradeoff.multilevel import control_table
+    from rattle.compare.tradeoff.page import CONTENTS, write_tradeoff
+    from rattle.compare.tradeoff.weak_order import orders_over
+    from rattle.montecarlo import SCHEMES, check_settings
+    from rattle.scene.errors import positive
+
+    base = load_scene(scene, sigma, 0.1)
+    positive("sigma", base.sigma)
+    asked = check_accuracies(accuracies or ACCURACIES)
+    positive("budget", settings["budget"])
+    common: dict[str, Any] = {name: settings[name] for name in ("impacts", "workers")}
+    seed = settings["seed"]
+    for scheme in SCHEMES:
+        check_settings(base, paths=1, dt=None, scheme=scheme, rng=seed, step_bias=False, **common)
+    name, out = shared.results_folder(scene, out, "-tradeoff", CONTENTS, overwrite)
+    watch = Stopwatch()
+    found = measure(base, accuracies=asked, **settings)
+    control = control_table(base, seed=seed, **common)
+    sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
+    measured = orders_over(base, sigmas, rng=seed, workers=settings["workers"]) if orders else None
+    record = {
+        "name": name,
+        "scene": base.to_dict(),
+        "accuracies": asked,
+        "orders": orders,
+        **{key: settings[key] for key in ("impacts", "budget", "seed", "workers")},
+        **provenance(watch),
+    }
+    say_lines(write_tradeoff(out, found, control, measured, asked, record, overwrite))
+    say(f"Page: {out / 'tradeoff.html'}")
+
+
+@click.command()
+@shared.SCENE
+@shared.SIGMA
+@shared.whole("impacts", 4, "Impacts after the start.")
+@shared.whole("paths", 20_000, "Paths of each run.")
+@shared.whole("seed", 0, "Seed.")
+@shared.WORKERS
+@shared.json_flag("the table")
+def order(scene: Path | None, sigma: float | None, seed: int, as_json: bool, **settings: int) -> None:
+    """Measure the order of the step bias of Euler-Maruyama.
+
+    SCENE is a TOML file, DAT21 if none is given.
+    """
+    from rattle.compare.tradeoff.page import orders_said
+    from rattle.compare.tradeoff.weak_order import weak_orders
+
+    table = weak_orders(load_scene(scene, sigma), rng=seed, **settings).table
+    if as_json:
+        say_json(table.to_dict("records"))
+        return
+    names = ["scheme", "moment", "quantity", "slope", "low", "high", "last", "turns", "order", "change", "limit_z"]
+    say(table[names].to_string(index=False, float_format="{:.3g}".format, na_rep="-"), keep="\n")
+    say_lines(orders_said(table))
+    say(
+        "slope of the step bias over these dt, in [low, high] with 95 % confidence; last: that at the finest; turns: "
+        "impacts at\nwhich the change turns its sign; order: only where the slope has settled; change: size of the "
+        "last change, in sds;\nlimit_z: Richardson extrapolation minus exact flights in standard errors; -: hidden by "
+        "noise.",
+        keep="\n",
+    )

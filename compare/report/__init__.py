@@ -1,42 +1,277 @@
-"""Report pages: their content as data, and its rendering as HTML, as Markdown and on a terminal."""
+"""The content of a page as data: a title, the answer, sections of blocks, and its source.
 
-from rattle.compare.report.content import (
-    NUMBER,
-    TEXT,
-    Block,
-    Code,
-    Column,
-    Figure,
-    Glossary,
-    Page,
-    PageSection,
-    Row,
-    Source,
-    Table,
-    TableCell,
-    Text,
-    numbers,
-)
-from rattle.compare.report.page_file import read_page
-from rattle.compare.report.render import pages, write_page
+Texts are plain: between two backticks stands code, everything else is shown literally in every view.
+"""
 
-__all__ = [
-    "NUMBER",
-    "TEXT",
-    "Block",
-    "Code",
-    "Column",
-    "Figure",
-    "Glossary",
-    "Page",
-    "PageSection",
-    "Row",
-    "Source",
-    "Table",
-    "TableCell",
-    "Text",
-    "numbers",
-    "pages",
-    "read_page",
-    "write_page",
-]
+import math
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from rattle.scene.errors import InputError, choice
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TEXT, NUMBER = "text", "number"
+"""Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and sorted by value."""
+
+MARKS = {"": "", "good": "✓", "bad": "✗", "open": "?", "part": "◐"}
+"""Marks of a cell for the verdict on it, and their signs."""
+
+NOTHING = "–"  # shown in place of NaN
+
+
+def leading_number(text: str) -> float | None:
+    """The first number in a text, by which a column of numbers is sorted.
+
+    Examples
+    --------
+    >>> leading_number("≤ 0.0006"), leading_number("17,229 paths"), leading_number("-1.5e-3 ± 0.1"), leading_number("–")
+    (0.0006, 17229.0, -0.0015, None)
+    """
+    found = re.search(r"[-+]?\d[\d,]*(?:\.\d+)?(?:[eE][-+]?\d+)?", text)
+    return float(found[0].replace(",", "")) if found else None
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+    note: bool = False  # whether it explains the block beside it, and is set in smaller type
+
+
+@dataclass(frozen=True)
+class TableCell:
+    """A cell of a table."""
+
+    text: str
+    mark: str = ""  # the verdict on it, a key of `MARKS`
+    value: float | None = None  # number by which it is sorted; finite
+
+    def __post_init__(self) -> None:
+        choice("mark", self.mark, MARKS)
+        if self.value is not None and not math.isfinite(self.value):
+            raise InputError("value", self.value, "give a finite number, or none")
+
+    @property
+    def display(self) -> str:
+        """The text, followed by the sign of its mark if it has one."""
+        return f"{self.text} {MARKS[self.mark]}" if self.mark else self.text
+
+    @classmethod
+    def of(cls, content: "TableCell | str | float", kind: str) -> "TableCell":
+        """Make a cell: numbers are shown with four digits, NaN as a dash."""
+        if isinstance(content, TableCell):
+            cell = content
+        elif isinstance(content, str):
+            cell = cls(content)
+        elif not math.isfinite(content):
+            cell = cls(NOTHING if math.isnan(content) else f"{content:g}")
+        else:
+            whole = float(content).is_integer() and abs(content) < 1e9
+            cell = cls(f"{int(content):,}" if whole else f"{content:.4g}", value=float(content))
+        if kind == TEXT:
+            return cls(cell.text, cell.mark)
+        return cell if cell.value is not None else cls(cell.text, cell.mark, leading_number(cell.text))
+
+
+Row: TypeAlias = Iterable[TableCell | str | float]
+"""A row as `Table.of` accepts it."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table."""
+
+    head: str
+    kind: str = TEXT  # `TEXT` or `NUMBER`
+
+    def __post_init__(self) -> None:
+        choice("kind", self.kind, (TEXT, NUMBER))
+
+
+def numbers(*heads: str) -> tuple[Column, ...]:
+    """Columns of numbers."""
+    return tuple(Column(head, NUMBER) for head in heads)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table."""
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[TableCell, ...], ...]  # each as long as ``columns``
+    summary: str = ""  # if given, HTML shows the table collapsed beneath this line
+
+    def __post_init__(self) -> None:
+        if not self.columns:
+            raise InputError("columns", self.columns, "give at least one")
+        for number, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise InputError(f"rows[{number}]", len(row), f"must have {len(self.columns)} cells, one for each head")
+
+    @classmethod
+    def of(cls, columns: Sequence[Column | str], rows: Iterable[Row], summary: str = "") -> "Table":
+        """Make a table of plain values.
+
+        Examples
+        --------
+        >>> table = Table.of(["closure", *numbers("speed-up")], [["saltation", "≥ 480"], ["published", 0.057]])
+        >>> table.rows[0][1].value, table.rows[1][1].text
+        (480.0, '0.057')
+        """
+        heads = tuple(c if isinstance(c, Column) else Column(c) for c in columns)
+        made = (tuple(TableCell.of(content, c.kind) for content, c in zip(row, heads, strict=True)) for row in rows)
+        return cls(heads, tuple(made), summary)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure."""
+
+    path: str  # of an SVG or PNG file, relative to the report's folder and inside it
+    caption: str
+    alt: str  # description for readers who do not see the figure; not empty
+
+    def __post_init__(self) -> None:
+        path = PurePosixPath(self.path)
+        if path.is_absolute() or ".." in path.parts or path.suffix not in (".svg", ".png"):
+            raise InputError("path", self.path, "give an .svg or .png inside the report's folder")
+        if not self.alt.strip():
+            raise InputError("alt", self.alt, "say what the figure shows")
+
+
+@dataclass(frozen=True)
+class Code:
+    """A block of code."""
+
+    text: str  # shown literally
+    language: str = ""  # name for syntax highlighting; may be empty
+
+
+@dataclass(frozen=True)
+class Glossary:
+    """Words and symbols of a page, each with its meaning; HTML shows it folded.
+
+    Examples
+    --------
+    >>> Glossary("Symbols", (("σ", "noise intensity"),)).terms[0][0]
+    'σ'
+    """
+
+    title: str  # the line beneath which it is folded
+    terms: tuple[tuple[str, str], ...]  # each term and its meaning; at least one
+
+    def __post_init__(self) -> None:
+        if not self.terms:
+            raise InputError("terms", self.terms, "give at least one")
+        for term, meaning in self.terms:
+            if not meaning.strip():
+                raise InputError("terms", term, "say what it means")
+
+
+Block: TypeAlias = Text | Table | Figure | Code | Glossary
+
+BLOCKS = {"text": Text, "table": Table, "figure": Figure, "code": Code, "glossary": Glossary}
+"""Types of blocks by their name in ``page.json`` and in the templates."""
+
+
+@dataclass(frozen=True)
+class PageSection:
+    """A section of a page."""
+
+    title: str
+    blocks: tuple[Block, ...] = ()
+    sections: tuple["PageSection", ...] = ()  # subsections, which follow the blocks
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a page comes from."""
+
+    repeat: str  # command that makes the page again
+    facts: tuple[tuple[str, str], ...] = ()  # entries of the manifest: name and value
+    blocks: tuple[Block, ...] = ()  # further blocks, such as the scene
+
+
+@dataclass(frozen=True)
+class Page:
+    """The page of a report.
+
+    Examples
+    --------
+    >>> why = PageSection("Why", (Text("Tried."),))
+    >>> page = Page("Is it right?", ("Yes.",), Source("rattle validate"), sections=(why,))
+    >>> [section.title for section in page.all_sections()]
+    ['Why']
+    """
+
+    title: str
+    # sentences that stand first; at least one.  The first is the advice, or what is most worth knowing
+    answer: tuple[str, ...]
+    source: Source  # stands last
+    # before the sections: the key figure, and the table.  HTML and Markdown show the first sentence of the answer,
+    # the blocks, and then the other sentences
+    blocks: tuple[Block, ...] = ()
+    sections: tuple[PageSection, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.answer:
+            raise InputError("answer", self.answer, "a page begins with its answer; give a sentence")
+
+    def all_sections(self) -> Iterator[PageSection]:
+        """Iterate over all sections and subsections, each before its own subsections."""
+        waiting = list(self.sections)
+        while waiting:
+            section = waiting.pop(0)
+            yield section
+            waiting[:0] = section.sections
+
+
+Form: TypeAlias = str | Callable[[Any], TableCell | str | float]
+"""What a cell shows of a row: a format that names its values, or a function of it."""
+
+
+def table_of(frame: "pd.DataFrame", texts: Collection[str] = (), summary: str = "") -> Table:
+    """A table of all columns as they are; those in `texts` are text.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = table_of(pd.DataFrame({"scheme": ["exact-flight"], "paths": [4000]}), ["scheme"])
+    >>> [cell.text for cell in table.rows[0]]
+    ['exact-flight', '4,000']
+    """
+    names = [str(name) for name in frame.columns]
+    rows = (
+        [str(v) if n in texts else float(v) for n, v in zip(names, row, strict=True)]
+        for row in frame.itertuples(index=False)
+    )
+    return Table.of(_columns(names, texts), rows, summary)
+
+
+def format_table(
+    frame: "pd.DataFrame", columns: Sequence[tuple[str, Form]], texts: Collection[str] = (), summary: str = ""
+) -> Table:
+    """A table of columns with heads and forms of their own; those with a head in `texts` are text.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = format_table(pd.DataFrame({"sigma": [0.123], "n": [4000]}), [("σ", "{sigma:.2g}"), ("paths", "{n:,}")])
+    >>> [cell.text for cell in table.rows[0]]
+    ['0.12', '4,000']
+    """
+    rows = (
+        [form.format_map(row) if isinstance(form, str) else form(row) for _, form in columns]
+        for row in frame.to_dict("records")
+    )
+    return Table.of(_columns([head for head, _ in columns], texts), rows, summary)
+
+
+def _columns(heads: Sequence[str], texts: Collection[str]) -> list[Column]:
+    return [Column(head, TEXT if head in texts else NUMBER) for head in heads]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from rattle.compare.report.content import Glossary
+from rattle.compare.report import Glossary
 from rattle.scene.errors import InputError
 from rattle.scene.gears import Gears
 from rattle.scene.units import Units
@@ -73,16 +73,8 @@ TERMS = {
 CLOSURE_TERMS = ("closure", "`published`", "`corrected`", "`saltation`", "`branching`", "simulation")
 SCHEME_TERMS = ("scheme", "`euler-maruyama`", "`euler-maruyama-located`", "`exact-flight`", "exact flight", "dt")
 SECTION_TERMS = ("τ", "x1, x2", "y1, y2", "E, sd", "impact", "itinerary")
-CHAOS_TERMS = (
-    "orbit",
-    "mean map",
-    "Lyapunov exponent",
-    "drift's linearisation",
-    "finite-size exponent",
-    "square-root law",
-    "band",
-    "sticking",
-)
+EXPONENT_TERMS = ("Lyapunov exponent", "drift's linearisation", "finite-size exponent")
+CHAOS_TERMS = ("orbit", "mean map", *EXPONENT_TERMS, "square-root law", "band", "sticking")
 VERDICT_TERMS = ("accurate", "inaccurate", "undecided", "range of validity")
 
 
@@ -112,15 +104,10 @@ def glossary(*names: str, gears: Gears | None = None) -> Glossary:
     >>> print(glossary("Δτ", gears=DAT21).terms[0][1])
     time of flight between two impacts; 1 is 3.333 ms for these gears
     """
-    unknown = [name for name in names if name not in TERMS]
-    if unknown:
-        raise InputError("names", unknown[0], "is not explained; add it to TERMS")
-
-    def explain(name: str, meaning: str) -> str:
-        return (
-            meaning
-            if gears is None or name not in IN_UNITS
-            else (f"{meaning}; 1 is {IN_UNITS[name](gears.units)} for these gears")
-        )
-
-    return Glossary(TITLE, tuple((name, explain(name, meaning)) for name, meaning in TERMS.items() if name in names))
+    if unknown := set(names) - TERMS.keys():
+        raise InputError("names", unknown.pop(), "is not explained; add it to TERMS")
+    terms = {name: meaning for name, meaning in TERMS.items() if name in names}
+    if gears is not None:
+        ones = {name: of(gears.units) for name, of in IN_UNITS.items() if name in terms}
+        terms |= {name: f"{terms[name]}; 1 is {one} for these gears" for name, one in ones.items()}
+    return Glossary(TITLE, tuple(terms.items()))

@@ -1,21 +1,29 @@
 """The manifest of a report: all that is needed to repeat a run bit for bit, and to check that it was."""
 
 import hashlib
+import io
+import math
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rattle.compare.report.json_text import json_digest, plain
-from rattle.scene.errors import FileError, InputError
+import numpy as np
+import pandas as pd
+
+from rattle.compare.report.json_text import check_not_newer, json_digest, plain
+from rattle.compare.report.provenance import versions
+from rattle.scene.errors import FileError, InputError, check_keys
 from rattle.scene.files import read_json
 from rattle.scene.scene import Scene
-from rattle.scene.validate import check_keys
+from rattle.scene.text import line
+from rattle.scene.types import Floats
 
 VERSION = 1
 """Version of the format of manifests."""
 
-DIGESTS = ("table_sha256", "validity_sha256")
-"""Digests that a repeated run must share with the first; timings are not covered."""
+TABLES = {"table_sha256": "table.csv", "validity_sha256": "validity.csv"}
+"""Tables by the name of their digest, which a repeated run must share with the first; timings are not covered."""
 
 
 class ReportSettings(NamedTuple):
@@ -53,7 +61,7 @@ class Recorded(NamedTuple):
     """Content of the manifest of an earlier report."""
 
     settings: ReportSettings
-    digests: dict[str, str | None]  # of its tables, by `DIGESTS`; None where it has no such table
+    digests: dict[str, str | None]  # of its tables, by `TABLES`; None where it has no such table
     # see `versions`; entries that an earlier version of this program did not record are missing
     versions: dict[str, str]
 
@@ -62,7 +70,7 @@ def read_settings(path: Path) -> Recorded:
     """Read the manifest of an earlier report."""
     try:
         data = read_json("manifest", path, "a manifest.json")
-        not_newer(data, path)
+        check_not_newer("manifest", data.get("version"), VERSION, path)
         if not is_whole(data):
             raise FileError("manifest", str(path), "was changed after it was written; restore it")
         settings = data["settings"]
@@ -72,9 +80,8 @@ def read_settings(path: Path) -> Recorded:
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
         if not scenes:
             raise InputError("manifest.settings.scenes", [], "must hold a scene")
-        lists = {"closures": tuple(settings["closures"]), "validity": tuple(settings.get("validity", ()))}
-        lists["beside"] = tuple(settings.get("beside", ()))
-        digests = {name: data.get(name) for name in DIGESTS}
+        lists = {name: tuple(settings[name]) for name in ("closures", "validity", "beside") if name in settings}
+        digests = {name: data.get(name) for name in TABLES}
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")
         name = settings["name"].encode(errors="replace").decode()
@@ -84,14 +91,6 @@ def read_settings(path: Path) -> Recorded:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FileError("manifest", str(path), f"is no manifest of this version ({error})") from None
-
-
-def not_newer(data: dict[str, Any], path: Path) -> None:
-    """Check that a manifest was not written by a newer version of this program."""
-    version = data.get("version", 1)
-    if type(version) is int and version > VERSION:
-        why = f"comes from a newer version of rattle (manifest {version}; this one reads {VERSION}); update rattle"
-        raise FileError("manifest", str(path), why)
 
 
 def seal(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,3 +114,158 @@ def is_whole(record: Mapping[str, Any]) -> bool:
 def digest(text: str) -> str:
     """SHA-256 digest of a text."""
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+SAME, ROUNDED, DIFFERENT = "bit for bit", "but for rounding", "different"
+
+ROUNDING = 0.01
+"""The largest difference that counts as rounding, in standard errors of the simulated number.
+
+Code compiled for other vector instructions sums the paths in another order, which changes a mean by about 1e-14 sd
+(measured on DAT21 between two kinds of x86-64: 2e-14).  If products are rounded differently too, each path differs in
+its last bit, and impacts amplify that: without fused multiply-add, 256 000 paths at sigma = 1.2 differ by 1e-11 sd at
+their impacts, and at a fixed time after twelve impacts by 1e-6 sd, or 1e-3 standard errors, because one path in a
+million takes another itinerary.  The number of such paths grows with the number of paths, but the influence of each
+falls; in standard errors the sum stays small.  Another seed changes the rows by about one standard error.  The bound
+is a hundred times smaller than that, and ten times larger than the measured effect of rounding.
+"""
+EXACT = 1e-9
+"""The same for numbers that are not sampled, those of a closure, in sds of the quantity (measured: 5e-15)."""
+RELATIVE = 1e-3
+"""At small noise this share of a value replaces the sd as unit of differences: rounding errors scale with the value."""
+
+SAMPLED = {"simulated", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
+"""Columns that are estimated from the paths."""
+DERIVED = {"paths_needed", "why", "remark"}
+"""Not compared, for they follow from other columns: by a difference that may nearly cancel, or in words."""
+NAMING = ("sigma", "closure", "kind", "moment", "quantity", "impact")
+"""Columns that identify a row."""
+
+
+class Difference(NamedTuple):
+    """The largest difference between two tables, relative to what rounding explains."""
+
+    excess: float  # difference over the largest one that rounding explains; infinite if the entries are not numbers
+    sds: float  # sds, errors: difference in sds of the quantity, and in standard errors (NaN where nothing is sampled)
+    errors: float
+    where: str  # column, row, and both entries
+
+
+class Repeat(NamedTuple):
+    """Result of comparing a repeated report with the first."""
+
+    outcome: str  # `SAME`, `ROUNDED` or `DIFFERENT`
+    largest: Difference | None  # none if both are the same, or if only digests could be compared
+    why: str  # why only digests could be compared; else empty
+    # versions and properties of the processor that differ: as recorded (None if not recorded), and here
+    changed: dict[str, tuple[str | None, str | None]]
+
+    @property
+    def sentences(self) -> list[str]:
+        """The result in sentences for the user."""
+        if self.outcome == SAME:
+            return ["Repeated bit for bit."]
+        found = "Repeated but for rounding" if self.outcome == ROUNDED else "The numbers differ from the manifest's"
+        if self.largest is None:
+            return [f"{found}. Only digests could be compared: {self.why}.", self._versions]
+        if math.isinf(self.largest.sds):
+            return [f"{found}: {self.largest.where}.", self._versions]
+        errors = "" if math.isnan(self.largest.errors) else f", {self.largest.errors:.2g} standard errors"
+        size = f"the largest difference is {self.largest.sds:.2g} sd{errors} ({self.largest.where})"
+        bound = f"Up to {ROUNDING:g} standard errors, or {EXACT:g} sd where nothing is sampled, counts as rounding."
+        return [f"{found}: {size}. {bound}", self._versions]
+
+    @property
+    def _versions(self) -> str:
+        unrecorded = [f"{name} (here {here})" for name, (there, here) in self.changed.items() if there is None]
+        recorded = [f"{n} {there}, here {here}" for n, (there, here) in self.changed.items() if there is not None]
+        sentences = [f"The manifest's versions that differ: {'; '.join(recorded)}."] if recorded else []
+        sentences += [f"The manifest does not record: {', '.join(unrecorded)}."] if unrecorded else []
+        return " ".join(map(line, sentences)) or "All versions and the processor are those of the manifest."
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data for JSON."""
+        changed = {name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()}
+        largest = self.largest and self.largest._asdict()
+        return {"outcome": self.outcome, "largest_difference": largest, "why": self.why, "changed": changed}
+
+
+def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
+    """Read the tables beside a manifest."""
+    found = {}
+    for name, file in TABLES.items():
+        with suppress(OSError):
+            found[name] = (path.parent / file).read_text(encoding="utf-8", errors="replace")
+    return found
+
+
+def compare(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, Any], folder: Path) -> Repeat:
+    """Compare a repeated report with the first."""
+    there, here = recorded.versions, versions()
+    changed = {n: (there.get(n), here.get(n)) for n in {**here, **there} if there.get(n) != here.get(n)}
+    differing = [name for name in TABLES if now[name] != recorded.digests[name]]
+    altered = [name for name, text in earlier.items() if recorded.digests[name] not in (None, digest(text))]
+    found = []
+    for name in differing:
+        file = TABLES[name]
+        if now[name] is None or recorded.digests[name] is None:
+            found.append(Difference(math.inf, math.inf, math.nan, f"only one of them has {file}"))
+        elif name not in earlier or name in altered:
+            return Repeat(DIFFERENT, None, f"no {file} with the manifest's digest lies beside it", changed)
+        else:
+            before, after = (pd.read_csv(io.StringIO(t)) for t in (earlier[name], (folder / file).read_text("utf-8")))
+            one = difference(before, after, recorded.settings.paths)
+            found.append(one._replace(where=f"{file}, {one.where}"))
+    if altered:
+        files = " and ".join(TABLES[name] for name in altered)
+        found.append(Difference(math.inf, math.inf, math.nan, f"{files} beside it was changed since"))
+    if not found:
+        return Repeat(SAME, None, "", changed)
+    largest = max(found, key=lambda one: one.excess)
+    return Repeat(ROUNDED if largest.excess <= 1.0 else DIFFERENT, largest, "", changed)
+
+
+def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference:
+    """The largest difference between two tables of a report, relative to what rounding explains.
+
+    `one`, `other`: The unit of a difference is the sd in the column ``unit``, or `RELATIVE` of the value where
+    that is larger; the standard error is in the column ``se``.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"quantity": ["y1"], "predicted": [1.0], "simulated": [1.5], "unit": [0.5], "se": [0.1]})
+    >>> difference(table, table.assign(simulated=1.75), 25)  # doctest: +ELLIPSIS
+    Difference(excess=249.9..., sds=0.5, errors=2.5, where='column simulated, quantity y1: 1.5 and 1.75')
+    """
+    if list(one) != list(other) or len(one) != len(other):
+        return Difference(math.inf, math.inf, math.nan, "it has other rows or columns")
+    largest = Difference(0.0, 0.0, math.nan, "only digits or words differ")
+    for name in one.columns.difference(list(DERIVED), sort=False):
+        sds, errors = _differences(one, other, name, paths)
+        sampled = np.isfinite(errors) & (errors > 0.0)
+        allowed = EXACT + ROUNDING * np.divide(sds, errors, out=np.zeros_like(sds), where=sampled)
+        excess = sds / allowed
+        row = int(np.argmax(excess)) if len(excess) else 0
+        if len(excess) and excess[row] > largest.excess:
+            which = ", ".join(f"{n} {one[n].iloc[row]}" for n in NAMING if n in one and n != name)
+            where = f"column {name}, {which}: {one[name].iloc[row]} and {other[name].iloc[row]}"
+            largest = Difference(float(excess[row]), float(sds[row]), float(errors[row]), where)
+    return largest
+
+
+def _differences(one: pd.DataFrame, other: pd.DataFrame, name: str, paths: int) -> tuple[Floats, Floats]:
+    """Differences of a column in sds and in standard errors."""
+    a, b = one[name], other[name]
+    same = ((a == b) | (a.isna() & b.isna())).to_numpy(bool)
+    none = np.full(len(one), math.nan)
+    if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):  # text and counts must be equal
+        return np.where(same, 0.0, math.inf), none
+    nothing = pd.Series(0.0, index=one.index)
+    simulated = one.get("simulated", nothing).abs()
+    sizes = [RELATIVE * a.abs(), RELATIVE * b.abs(), one.get("unit", nothing), RELATIVE * simulated]
+    error = one.get("se", nothing).to_numpy(float) if name != "agreement" else paths**-0.5
+    gap = np.where(same, 0.0, (a - b).abs())
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sds = np.where(same, 0.0, gap / np.fmax.reduce([s.to_numpy(float) for s in sizes]))
+        errors = np.where(error > 0.0, gap / error, math.nan) if name in SAMPLED else none
+    return np.where(np.isnan(sds), math.inf, sds), errors

@@ -14,7 +14,7 @@ from typing import Any
 import numba
 from llvmlite import binding
 
-from rattle.compare.report.content import Block, Code, Source, Text
+from rattle.compare.report import Block, Code, Source, Text
 from rattle.scene.scene import Scene
 
 COMPILER: Any = numba.config  # numba has no type annotations

@@ -1,21 +1,214 @@
-"""Write a page into its report's folder: as data, as Markdown, and as one self-contained HTML file."""
+"""A page in its views: as one self-contained HTML file, as Markdown, and as data; every text in it is escaped."""
 
 import base64
+import hashlib
 import re
-from collections.abc import Collection
-from functools import partial
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import cache, partial
+from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rattle.compare.report.content import MARKS, NUMBER, Block, Code, Figure, Glossary, Page, Table, Text
-from rattle.compare.report.html_file import make_environment, render_html
-from rattle.compare.report.markup import as_code, as_html, as_markdown, fence
-from rattle.compare.report.page_file import NAME, page_text
-from rattle.compare.report.terms import Terms
-from rattle.scene.text import line
+from markupsafe import Markup, escape
+
+from rattle.compare.report import MARKS, NUMBER, Block, Glossary, Page
+from rattle.compare.report.json_text import KINDS, NAME, page_text
+from rattle.scene.text import harmless, line
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+CODE = re.compile(r"`([^`\n]+)`")
+Words: TypeAlias = Callable[[str, bool], Markup]
+
+
+def parts(text: str) -> list[tuple[str, bool]]:
+    """Split a text at its backticks.
+
+    Examples
+    --------
+    >>> parts("see `a_b` there")
+    [('see ', False), ('a_b', True), (' there', False)]
+    """
+    pieces = CODE.split(line(text))
+    return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
+
+
+def _escape_only(piece: str, _: bool) -> Markup:
+    return escape(piece)
+
+
+def as_html(text: str, files: Collection[str] = (), words: Words = _escape_only) -> Markup:
+    """A text as HTML; code between backticks becomes a ``<code>`` element.
+
+    `files`: Names of files beside the page; code that is such a name becomes a link to the file. `words`: Makes a
+    piece of the text HTML, and is told whether it is code; see `rattle.compare.report.render`.
+
+    Examples
+    --------
+    >>> as_html("see `a.csv`", ["a.csv"])
+    Markup('see <a href="a.csv"><code>a.csv</code></a>')
+    """
+
+    def render(piece: str, code: bool) -> Markup:
+        if not code:
+            return words(piece, False)
+        if piece in files:
+            return Markup('<a href="{0}"><code>{0}</code></a>').format(piece)
+        return Markup("<code>{}</code>").format(words(piece, True))
+
+    return Markup("").join(render(piece, code) for piece, code in parts(text))
+
+
+def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> str:
+    r"""A text as Markdown that shows it literally.
+
+    Examples
+    --------
+    >>> print(as_markdown("# <b> *x* `a_b` a_b"))
+    \# \<b> \*x\* `a_b` a_b
+    """
+    written = "".join(
+        (f"[`{piece}`]({piece})" if piece in files else f"`{piece}`") if code else _escape(piece)
+        for piece, code in parts(text)
+    )
+    if cell:
+        return written.replace("|", r"\|")
+    return re.sub(r"^(\d+)([.)])", r"\1\\\2", re.sub(r"^([#>+=-])", r"\\\1", written))  # no heading, no list
+
+
+def _escape(text: str) -> str:
+    text = re.sub(r"([\\`*\[\]<&~$])", r"\\\1", text)
+    return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", text)  # within a word it is no emphasis
+
+
+def as_code(text: str) -> str:
+    """A text as inline code in Markdown, with as many backticks around it as its own require.
+
+    Examples
+    --------
+    >>> as_code("rattle validate"), as_code("a`b")
+    ('`rattle validate`', '`` a`b ``')
+    """
+    text, ticks = line(text), "`" * (1 + _longest_run(text))
+    return f"{ticks} {text} {ticks}" if "`" in text else f"`{text}`"
+
+
+def _longest_run(text: str) -> int:
+    return max((len(run) for run in re.findall("`+", text)), default=0)
+
+
+def fence(text: str) -> str:
+    """The fence around a block of code in Markdown: one backtick more than the longest run in it, at least three."""
+    return "`" * max(3, 1 + _longest_run(text))
+
+
+WORD = Markup('<abbr title="{}" tabindex="{}">{}</abbr>')
+HINT = Markup('<abbr title="{}">{}</abbr>')
+
+
+class Terms:
+    """Marks the terms of glossaries in the texts of one page.
+
+    Only the first mark of a term on the page is in the order of the Tab key; a tap opens each.
+
+    `glossaries`: Of the page; a term "x1, x2" explains both words, and one between backticks is a term in code,
+    heads and cells alone.
+
+    Examples
+    --------
+    >>> terms = Terms([Glossary("Words", (("τ", "time"), ("E, sd", "mean and spread")))])
+    >>> print(terms.text("sds of τ", False))
+    <abbr title="E, sd: mean and spread" tabindex="0">sds</abbr> of <abbr title="τ: time" tabindex="0">τ</abbr>
+    >>> print(terms.head("E τ", Markup("E τ")))
+    <abbr title="E, sd: mean and spread; τ: time">E τ</abbr>
+    """
+
+    def __init__(self, glossaries: Iterable[Glossary]) -> None:
+        self._meanings: dict[str, str] = {}
+        self._code: dict[str, str] = {}
+        self._reached: set[str] = set()
+        for term, meaning in (entry for glossary in glossaries for entry in glossary.terms):
+            kind = self._code if term.startswith("`") else self._meanings
+            bare = term.strip("`")
+            kind.update(dict.fromkeys(bare.split(", "), f"{bare}: {meaning}"))
+        longest_first = sorted(map(re.escape, self._meanings), key=len, reverse=True)
+        self._pattern = re.compile(rf"(?<![\w-])({'|'.join(longest_first) or '(?!)'})(s?)(?![\w-])")
+
+    def text(self, piece: str, code: bool) -> Markup:
+        """Mark each term where it stands first in a piece of text.
+
+        `code`: Whether it is code, which is marked if it is a term as a whole.
+        """
+        if code:
+            return self._mark(piece, self._code[piece]) if piece in self._code else escape(piece)
+        marked, end, seen = Markup(""), 0, set()
+        for match in self._pattern.finditer(piece):
+            said = self._meanings[match[1]]
+            if said not in seen:
+                marked += escape(piece[end : match.start()]) + self._mark(match[0], said)
+                end = match.end()
+                seen.add(said)
+        return marked + escape(piece[end:])
+
+    def _mark(self, word: str, said: str) -> Markup:
+        order = -1 if said in self._reached else 0
+        self._reached.add(said)
+        return WORD.format(said, order, word)
+
+    def head(self, text: str, shown: Markup) -> Markup:
+        """Mark the head of a column with the meanings of all terms in it."""
+        found = [self._meanings[match[1]] for match in self._pattern.finditer(text)]
+        found += [said for word, said in self._code.items() if word == text]
+        return HINT.format("; ".join(dict.fromkeys(found)), shown) if found else shown
+
+    def cell(self, text: str, shown: Markup) -> Markup:
+        """Mark the cell of a table if it is a term."""
+        said = self._code.get(text) or self._meanings.get(text)
+        return shown if said is None else WORD.format(said, -1, shown)
+
+
+def make_environment(package: str, escaped: bool) -> "Environment":
+    """Jinja's environment for the templates of a package; all texts in it are without control characters."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # for what writes pages only
+
+    return Environment(
+        loader=PackageLoader(package),
+        autoescape=escaped,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        finalize=lambda value: harmless(value) if type(value) is str else value,
+    )
+
+
+def render_html(package: str, name: str, filters: Mapping[str, Any], /, **values: Any) -> str:
+    """Render a package's template ``NAME.html.j2`` with ``NAME.css`` and ``NAME.js``, and no other style or script."""
+    from markupsafe import Markup
+
+    style, script = (_read_part(package, f"{name}.{kind}") for kind in ("css", "js"))
+    policy = (
+        f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
+        "base-uri 'none'; form-action 'none'"
+    )
+    environment = make_environment(package, True)
+    environment.filters |= filters
+    template = environment.get_template(f"{name}.html.j2")
+    return template.render(policy=policy, style=Markup(style), script=Markup(script), **values)
+
+
+@cache
+def _read_part(package: str, name: str) -> str:
+    return files(package).joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
 
 PACKAGE = "rattle.compare.report"  # of the templates
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
-KINDS = {Text: "text", Table: "table", Figure: "figure", Code: "code", Glossary: "glossary"}
 DATA = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.(csv|parquet|toml)")
 """Names of the files beside a page to which it links."""
 LONG = 40

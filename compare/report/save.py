@@ -1,4 +1,4 @@
-"""Writes a report folder, whole or not at all: figures, tables, page and manifest."""
+"""Writes a report folder, whole or not at all: figures, tables as CSV or Parquet, page and manifest."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -8,13 +8,27 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rattle.compare.report import style
-from rattle.compare.report.content import Page
-from rattle.compare.report.csv_text import write_csv
+from rattle.compare.report import Page, style
 from rattle.compare.report.folder import whole_folder
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.manifest import seal
 from rattle.compare.report.render import pages, write_page
+from rattle.scene.text import harmless
+
+
+def csv_text(table: pd.DataFrame, **options: Any) -> str:
+    r"""A table as CSV.
+
+    Examples
+    --------
+    >>> print(csv_text(pd.DataFrame({"name": ["\x1b[31mnormal"], "sigma": [0.1]}), index=False).strip())
+    name,sigma
+    \x1b[31mnormal,0.1
+    """
+    texts = table.select_dtypes(exclude=["number", "bool"])
+    plain = texts.map(lambda value: harmless(value, keep="") if isinstance(value, str) else value)
+    return str(table.assign(**{str(name): plain[name] for name in plain}).to_csv(**options))
+
 
 MANIFEST = "manifest.json"
 
@@ -48,14 +62,15 @@ def save(
     record: Mapping[str, Any],
     *,
     allowed: frozenset[str],
-    figures: Mapping[str, Figure],
-    tables: Mapping[str, pd.DataFrame],
-    digits: str | None = None,
-    overwrite: bool = False,
+    overwrite: bool,
+    **parts: Any,
 ) -> None:
-    """Write a report folder; whatever ends it on the way, the folder is the earlier one or the new one."""
+    """Write a report folder; whatever ends it on the way, the folder is the earlier one or the new one.
+
+    `parts`: Figures, tables and their digits, see `write_files`.
+    """
     with whole_folder(out, allowed, overwrite) as folder:
-        write_files(folder, name, page, record, allowed=allowed, figures=figures, tables=tables, digits=digits)
+        write_files(folder, name, page, record, allowed=allowed, **parts)
 
 
 def write_files(
@@ -81,7 +96,8 @@ def write_files(
         if f"{label}.parquet" in allowed:
             table.to_parquet(folder / f"{label}.parquet", index=False, compression="zstd")
         if f"{label}.csv" in allowed:
-            write_csv(table, folder / f"{label}.csv", index=False, float_format=digits)
+            text = csv_text(table, index=False, float_format=digits)
+            (folder / f"{label}.csv").write_text(text, encoding="utf-8")
     write_page(page, folder, name)
     files = {"files": {file: file_digest(folder / file) for file in digests}} if digests else {}
     sealed = seal({**record, "answer": list(page.answer), **files})

@@ -10,16 +10,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from rattle.scene.figure import ShownFigure
+from rattle.closure import CLOSURES
+from rattle.scene.plot import ShownFigure
+
+OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")
+OWN_MARKERS = "P*Xhp8"
+
+
+class Styles(dict[str, Any]):
+    """Colour and marker by the name of a closure; those of one's own get the next ones when they are first drawn."""
+
+    def __missing__(self, name: str) -> Any:
+        number = len(self) - len(CLOSURES) - 1
+        self[name] = {"color": OWN_COLORS[number % len(OWN_COLORS)], "marker": OWN_MARKERS[number % len(OWN_MARKERS)]}
+        return self[name]
+
 
 # Palette of Okabe and Ito, which remains distinguishable with colour vision deficiencies; markers differ as well.
-STYLE: Any = {
-    "published": {"color": "#D55E00", "marker": "s"},
-    "corrected": {"color": "#0072B2", "marker": "o"},
-    "saltation": {"color": "#009E73", "marker": "^"},
-    "branching": {"color": "#E69F00", "marker": "v"},
-    "monte carlo": {"color": "#000000", "marker": "D"},
-}
+STYLE = Styles({name: {"color": closure.color, "marker": closure.marker} for name, closure in CLOSURES.items()})
+STYLE["monte carlo"] = {"color": "#000000", "marker": "D"}
 ACCURATE, FORBIDDEN = "#56B4E9", "#CC79A7"
 SYMBOL = {
     "tau": r"$\tau$",

@@ -9,17 +9,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from rattle.closure.stationary import Law
-from rattle.compare.chaos.bifurcation import Bifurcation
 from rattle.compare.chaos.figures import NAMES, field_edges, mark_values
+from rattle.compare.chaos.section import Bifurcation
 from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
 from rattle.montecarlo.long_run import LongRun, SectionDensity
-from rattle.montecarlo.long_run.intervals import half_width
+from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.gears import Gears
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 SIMULATED: Any = STYLE["monte carlo"]["color"]
 DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
@@ -45,19 +43,11 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
         value, se = (part / factor for part in run.velocity_density(density.mesh))
         edges, top = factor * density.velocity, float((value + t * se).max())
         least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
-        ax.stairs(np.maximum(value, least), edges, baseline=least, color=SIMULATED, lw=1.2, label="simulation")
-        ax.stairs(
-            np.maximum(value + t * se, least),
-            edges,
-            baseline=np.maximum(value - t * se, least),
-            fill=True,
-            color=SIMULATED,
-            alpha=0.25,
-            lw=0,
-            label="simulation: 95 % interval",
-        )
-        ax.set_yscale("log")
-        ax.set_ylim(least, 2.0 * top)
+        middle, low, high = (np.maximum(v, least) for v in (value, value - t * se, value + t * se))
+        ax.stairs(middle, edges, baseline=least, color=SIMULATED, lw=1.2, label="simulation")
+        band: Any = {"fill": True, "color": SIMULATED, "alpha": 0.25, "lw": 0, "label": "simulation: 95 % interval"}
+        ax.stairs(high, edges, baseline=low, **band)
+        ax.set(yscale="log", ylim=(least, 2.0 * top))
         for closure, law in laws.items():
             if isinstance(law, Law):
                 _speeds(ax, law, density.mesh, closure, edges, factor)
@@ -93,16 +83,9 @@ def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> 
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
     for n, d in enumerate(densities):
         left, right = axes[2 * n], axes[2 * n + 1]
-        density = d.density.T / factor
-        highest, phase, velocity = float(density.max()), d.phase / math.pi, factor * d.velocity
-        image = left.pcolormesh(
-            phase,
-            velocity,
-            np.ma.masked_less_equal(density, 0.0),
-            norm=LogNorm(DEEP * highest, highest),
-            cmap="viridis",
-            rasterized=True,
-        )
+        density = np.ma.masked_less_equal(d.density.T / factor, 0.0)
+        phase, velocity, norm = d.phase / math.pi, factor * d.velocity, LogNorm(DEEP * density.max(), density.max())
+        image = left.pcolormesh(phase, velocity, density, norm=norm, cmap="viridis", rasterized=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             relative = np.ma.masked_invalid(d.se.T / d.density.T)
         error = right.pcolormesh(phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True)
@@ -143,14 +126,13 @@ def memory_figure(table: pd.DataFrame) -> Figure:
     rows = rows[[not name.startswith("contact") for name in rows.index]][::-1]
     figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
     at = np.arange(len(rows))
-    for k, value in zip(at, rows["autocorrelation"], strict=True):
+    for k, value in enumerate(rows["autocorrelation"]):
         ax.plot([1.0, value], [k, k], color="0.75", lw=1.0)
     ax.plot(rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=STYLE["corrected"]["color"])
     ax.axvline(1.0, color="k", lw=0.9)
-    ax.set_xscale("log")
     ax.set_yticks(at, rows.index, fontsize=7)
-    ax.set_ylim(-1.0, len(rows))
-    ax.set_xlabel("autocorrelation time (impacts); 1: as if impacts were independent")
+    label = "autocorrelation time (impacts); 1: as if impacts were independent"
+    ax.set(xscale="log", ylim=(-1.0, len(rows)), xlabel=label)
     return figure
 
 
@@ -169,7 +151,6 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
         ax.errorbar(share, at, xerr=half, ls="none", ms=3.5, capsize=1.5, lw=0.8, label=closure, **STYLE[closure])
     ax.set_xscale("symlog", linthresh=1.0)
     ax.set_yticks(range(len(names)), names, fontsize=7)
-    ax.set_ylim(-1.0, len(names))
-    ax.set_xlabel("error of the closure / tolerance")
+    ax.set(ylim=(-1.0, len(names)), xlabel="error of the closure / tolerance")
     legend_above(figure, [ax], 4)
     return figure

@@ -1,5 +1,7 @@
-"""The page and the folder of a long run."""
+"""The page and the folder of a long run, with its answer in a few sentences."""
 
+import math
+from collections.abc import Collection
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -7,18 +9,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.compare.chaos.bifurcation import Bifurcation
-from rattle.compare.report import Figure, Page, PageSection, Table, TableCell, Text
-from rattle.compare.report.content import Block
-from rattle.compare.report.frames import Form, format_table, table_of
+from rattle.compare.chaos.section import Bifurcation
+from rattle.compare.report import Block, Figure, Form, Page, PageSection, Table, TableCell, Text, format_table, table_of
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
-from rattle.compare.stationary.answer import answer
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
-from rattle.compare.stationary.measure import Stationary
-from rattle.compare.stationary.units import speed_text
+from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TOLERANCES
+from rattle.montecarlo.long_run import LongRun
 
 FIGURES = {
     "distribution": "Velocity just before an impact, with its 95 % interval, on a logarithmic scale: the stationary "
@@ -37,20 +36,8 @@ CONTENTS = contents(
 )
 """Files of such a folder; a folder with any other file is not overwritten."""
 
-WORDS = (
-    *CLOSURE_TERMS,
-    *VERDICT_TERMS,
-    "exact flight",
-    "σ",
-    "ε",
-    "τ",
-    "Δτ",
-    "y1, y2",
-    "E, sd",
-    "orbit",
-    "mean map",
-    "sticking",
-)
+WORDS: tuple[str, ...] = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "τ", "Δτ", "y1, y2", "E, sd")
+WORDS += ("orbit", "mean map", "sticking")
 
 MEANING = (
     "`rate_above`, `speed_above`: impacts per unit of time, and speed just before them, of impacts at {slow} or "
@@ -65,39 +52,39 @@ MEANING = (
 MASS = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
 
 
-def stationary_page(found: Stationary, record: dict[str, Any], drawn: list[str]) -> Page:
-    """Build the page of a long run."""
-    figures = {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in drawn}
-    units = "dimensionless" if found.scene.gears is None else "physical"
-    opening: list[Block] = [figures["distribution"]] if "distribution" in figures else []
-    words = glossary(*WORDS, gears=found.scene.gears)
-    slow = speed_text(found.slow, found.scene.gears, units)
-    meaning = MEANING.format(slow=slow, mass=MASS if units == "dimensionless" else "")
-    opening += [_quantities(found.table_in(units)), Text(meaning, note=True), words]
-    sections = []
-    if units == "physical":
-        sections.append(PageSection("Dimensionless", (_quantities(found.table_in("dimensionless"), "All quantities"),)))
-    if len(found.verdicts):
-        blocks: list[Block] = [figures["closures"]] if "closures" in figures else []
-        sections.append(
-            PageSection("The closures", (*blocks, _verdicts(found.verdicts_in(units)), Text(TOLERANCES, note=True)))
-        )
-    if "section" in figures:
-        sections.append(PageSection("The section", (figures["section"],)))
-    if "bifurcation" in figures:
-        sections.append(PageSection(f"Over {record['field']}", (figures["bifurcation"],)))
-    if "memory" in figures:
-        sections.append(PageSection("Autocorrelation", (figures["memory"],)))
-    return Page(
-        f"The long run of {record['name']}", tuple(answer(found)), source_of(record), tuple(opening), tuple(sections)
-    )
-
-
-def _quantities(table: pd.DataFrame, summary: str = "") -> Table:
-    return table_of(table.reset_index(), ("quantity", "unit"), summary)
-
-
 MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
+MAIN = ("rate_above", "speed_above", "energy_per_period")
+NAMED = 4  # quantities with few effective paths that are named
+CHATTER = 0.5  # share of slow impacts from which on they are called chatter, although no mesh closes
+FEW = 0.5  # ratio of standard errors, from paths and from batches, from which both disagree
+
+
+def _units(found: Stationary) -> str:
+    return "dimensionless" if found.scene.gears is None else "physical"
+
+
+def stationary_page(found: Stationary, record: dict[str, Any], drawn: Collection[str]) -> Page:
+    """Build the page of a long run."""
+    units, gears = _units(found), found.scene.gears
+
+    def figure(name: str) -> tuple[Block, ...]:
+        return (Figure(f"{name}.svg", FIGURES[name], FIGURES[name]),) if name in drawn else ()
+
+    def quantities(units: str, summary: str = "") -> Table:
+        return table_of(found.table_in(units).reset_index(), ("quantity", "unit"), summary)
+
+    meaning = MEANING.format(slow=speed_text(found.slow, gears, units), mass="" if gears else MASS)
+    opening = (*figure("distribution"), quantities(units), Text(meaning, note=True), glossary(*WORDS, gears=gears))
+    sections: list[tuple[str, tuple[Block, ...]]] = []
+    if gears:
+        sections.append(("Dimensionless", (quantities("dimensionless", "All quantities"),)))
+    if len(found.verdicts):
+        verdicts = (_verdicts(found.verdicts_in(units)), Text(TOLERANCES, note=True))
+        sections.append(("The closures", (*figure("closures"), *verdicts)))
+    sections += [("The section", figure("section")), (f"Over {record['field']}", figure("bifurcation"))]
+    sections += [("Autocorrelation", figure("memory"))]
+    parts = tuple(PageSection(title, blocks) for title, blocks in sections if blocks)
+    return Page(f"The long run of {record['name']}", tuple(answer(found)), source_of(record), opening, parts)
 
 
 def _verdicts(verdicts: pd.DataFrame) -> Table:
@@ -119,29 +106,140 @@ def write_stationary(
 ) -> list[str]:
     """Write the folder of a long run."""
     figures = found.figures()
-    tables, units = {"stationary": found.table.reset_index()}, "dimensionless"
+    tables = {"stationary": found.table.reset_index()}
     if found.scene.gears is not None:
-        units = "physical"
-        tables["physical"] = found.table_in(units).reset_index()
+        tables["physical"] = found.table_in("physical").reset_index()
     if len(found.verdicts):
-        tables["verdicts"] = found.verdicts_in(units)
+        tables["verdicts"] = found.verdicts_in(_units(found))
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
-        figures["bifurcation"], tables["bifurcation"] = (
-            bifurcation_figure(view, *speed_unit(found.scene.gears)),
-            view.table,
-        )
-    page = stationary_page(found, record, list(figures))
-    save(
-        out,
-        "stationary",
-        page,
-        record | found.to_dict(),
-        allowed=CONTENTS,
-        figures=figures,
-        tables=tables,
-        digits="%.8g",
-        overwrite=overwrite,
-    )
+        figures["bifurcation"] = bifurcation_figure(view, *speed_unit(found.scene.gears))
+        tables["bifurcation"] = view.table
+    page = stationary_page(found, record, figures)
+    settings: dict[str, Any] = {"allowed": CONTENTS, "digits": "%.8g", "overwrite": overwrite}
+    save(out, "stationary", page, record | found.to_dict(), figures=figures, tables=tables, **settings)
     return list(page.answer)
+
+
+def answer(found: Stationary) -> list[str]:
+    """Summarise a long run in sentences."""
+    units, run = _units(found), found.run
+    said = [*_impacts(found, found.table_in(units), units), found.said]
+    if run is not None:
+        said += [run.burn_in.sentence, run.reach.sentence if run.reach else ""]
+        said += [_memory(found.table), _few(found, run), _compare_errors(found.table), *_closures(found, units)]
+    return [sentence for sentence in said if sentence]
+
+
+def _show(table: pd.DataFrame, name: str) -> str:
+    row = table.loc[name].to_dict()
+    half = 0.5 * (row["high"] - row["low"])
+    value = float(row["value"])
+    exact = _number(value, 5) if half == 0.0 else f"{_number(value, 4)} ± {_number(half, 1)}"
+    return f"{exact} {row['unit']!s}".rstrip()
+
+
+def _number(value: float, digits: int) -> str:
+    """A number to some digits, without an exponent where it is not needed."""
+    return f"{float(f'{value:.{digits}g}'):,.6g}"
+
+
+def _impacts(found: Stationary, table: pd.DataFrame, units: str) -> list[str]:
+    """The impacts that are not slow, and the others, in a sentence each."""
+    value = {str(name): float(v) for name, v in table["value"].items()}
+    if value["rate"] == 0.0:
+        return ["There are no impacts in the long run: the motion comes to rest for good."]
+    second = " a second" if units == "physical" else " per unit of dimensionless time"
+    least = speed_text(found.slow, found.scene.gears, units)
+    lost = f"all impacts lose {_show(table, 'energy_per_period')} a period"
+    lost += f", {_show(table, 'power')}" if units == "physical" else ""
+    if value["rate_above"] == 0.0:
+        said = f"In the long run no impact is faster than {least}; {lost}."
+    else:
+        speeds = f"half of them faster than {value['q50_speed_above']:.3g}, one in twenty faster than "
+        speeds += f"{value['q95_speed_above']:.3g} {table.loc['speed_above', 'unit']!s}".rstrip()
+        rate = _show(table, "rate_above").removesuffix(" 1/s")
+        said = (
+            f"In the long run there are {rate} impacts{second} faster than {least}, {speeds} (mean "
+            f"{_show(table, 'speed_above')}); {lost}."
+        )
+    return [said, _slow(found, value, second)]
+
+
+def _slow(found: Stationary, value: dict[str, float], second: str) -> str:
+    """The slow impacts: chatter where they are most of all, or end with closed teeth."""
+    share, slower = value["slow_share"], value["rate"] - value["rate_above"]
+    if not share > 0.0:
+        return ""
+    each = f"{_number(slower, 3)} slower impacts{second}, {share:.2%} of all"
+    closed = {mesh: value[f"contact_share_mesh{mesh}"] for mesh in range(1, found.scene.stages + 1)}
+    named = " and ".join(f"mesh {mesh} for {100.0 * part:.2g} %" for mesh, part in closed.items() if part > 0.0)
+    if named:
+        return (
+            f"The others are chatter: {each}, in which teeth bounce ever more weakly until they stay closed ({named} "
+            "of the time). Such chatter has infinitely many impacts, followed until they are too small to matter: "
+            "`rate`, and means and quantiles over all impacts, depend on where that is."
+        )
+    return f"The others are chatter that closes no mesh: {each}." if share > CHATTER else f"There are {each}."
+
+
+def _memory(table: pd.DataFrame) -> str:
+    """Autocorrelations that matter."""
+    own = table["autocorrelation"].dropna()
+    own = own[[name for name in own.index if not name.startswith(("contact", "skew_"))]]
+    own = own[own > 0.0]  # 0 where all paths have the same
+    if own.empty:
+        return "All paths have the same sums: there is no sampling error."
+    most, least = own.max(), own.min()
+    return (
+        f"Autocorrelation times range from {least:.2g} impacts (`{own.idxmin()}`) to {most:.3g} (`{own.idxmax()}`): "
+        f"errors computed as if impacts were independent would be {_number(least**-0.5, 2)} times too large and "
+        f"{_number(most**0.5, 2)} times too small."
+    )
+
+
+def _few(found: Stationary, run: LongRun) -> str:
+    """Where errors rest on few paths, as where bursts of slow impacts are rare; how many periods would fix it."""
+    few = found.few.sort_values()
+    if few.empty:
+        return ""
+    names = [f"`{name}`" for name in few.index[:NAMED]]
+    others = f" and {few.size - NAMED} more" if few.size > NAMED else ""
+    periods = math.ceil(run.periods * (LEAST_EFFECTIVE / float(few.iloc[0]) - 1.0))
+    return (
+        f"The standard error of {names[0]} rests on about {few.iloc[0]:.0f} of {run.paths} paths, which differ most "
+        f"from the others: intervals of {', '.join(names)}{others} are wider for that reason. About "
+        f"{_number(periods, 1)} more periods would fix this."
+    )
+
+
+def _compare_errors(table: pd.DataFrame) -> str:
+    """Standard errors from paths against those from batch means."""
+    both = table[(table["se"] > 0.0) & table["se_batches"].notna()]
+    if both.empty:
+        return ""
+    ratio = both["se_batches"] / both["se"]
+    said = f"Standard errors from batch means are {ratio.min():.2f} to {ratio.max():.2f} times those between paths"
+    if ratio.min() < FEW:
+        said += ": paths differ more than batches of one path do, so some correlations last longer than a batch"
+    return f"{said}."
+
+
+def _closures(found: Stationary, units: str) -> list[str]:
+    """What each closure says of the long run, and whether it is right."""
+    said, verdicts = [], found.verdicts_in(units)
+    for closure, rows in verdicts.groupby("closure", sort=False) if len(verdicts) else ():
+        name = f"`{closure}` ({rows['kind'].iloc[0]})"
+        if rows["reason"].iloc[0]:
+            said.append(f"{name}: not predicted, {rows['reason'].iloc[0]}.")
+            continue
+        n = rows["verdict"].value_counts()
+        each = [
+            f"{quantity} {row['predicted']:.4g} against {row['simulated']:.4g} {row['unit']}".rstrip()
+            + f" ({row['verdict']})"
+            for quantity, row in rows.set_index("quantity").loc[list(MAIN)].iterrows()
+        ]
+        counts = ", ".join(f"{n.get(verdict, 0)} {verdict}" for verdict in ("inaccurate", "undecided"))
+        said.append(f"{name}: {n.get('accurate', 0)} quantities accurate, {counts}; {', '.join(each)}.")
+    return said

@@ -8,11 +8,11 @@ import pandas as pd
 
 from rattle.compare.report import Block, Column, PageSection, Table, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.stationary.study_figures import shares, study_figure
-from rattle.compare.stationary.study_tables import LongTables
+from rattle.compare.stationary.study import LongTables
+from rattle.compare.stationary.study_figure import shares, study_figure
 from rattle.compare.stationary.verdicts import TOLERANCES
-from rattle.compare.study.page import Drawing
-from rattle.compare.validation.validity_range import span
+from rattle.compare.study.folder import Drawing
+from rattle.compare.validation.verdict import span
 
 CAPTION = (
     "The long run over the field that varies, with 95 % intervals: impacts, energy lost, speeds, slow impacts, and the "
@@ -27,8 +27,7 @@ def answer(r: LongTables) -> list[str]:
         return ["No point could be computed; the command says why."]
     name, said = r.study.along or "the points", []
     for quantity, words in (("rate", "impacts per unit of time"), ("energy_per_period", "energy lost per period")):
-        rows = r.quantities[r.quantities["quantity"] == quantity]
-        rows = rows.sort_values("value")
+        rows = r.quantities[r.quantities["quantity"] == quantity].sort_values("value")
         ends = [f"{row['value']:.4g}" for row in (rows.iloc[0], rows.iloc[-1])]
         if ends[0] == ends[1]:
             said.append(f"{words}: {ends[0]}")
@@ -45,11 +44,10 @@ def answer(r: LongTables) -> list[str]:
                 why = r.verdicts[r.verdicts["closure"] == closure]["reason"].iloc[0]
                 sentences.append(f"`{closure}` predicts nothing of the long run at any value: {why}.")
                 continue
-            whole = own[own == 1.0]
-            right = f"fully accurate at {len(whole)}" if len(whole) else "fully accurate at none"
             sentences.append(
-                f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and is {right} of "
-                f"them; {span(own, '.0%')} of its quantities are accurate."
+                f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and is fully "
+                f"accurate at {(own == 1.0).sum() or 'none'} of them; {span(own, '.0%')} of its quantities are "
+                "accurate."
             )
     other = r.cost[r.cost["kind"] != "simulated"]
     if len(other):
@@ -59,12 +57,11 @@ def answer(r: LongTables) -> list[str]:
 
 def draw(r: LongTables) -> list[Drawing]:
     """Draw the figure, where a field varies."""
-    return [Drawing("figures/long-run", study_figure(r), CAPTION)] if r.study.along and not r.empty else []
-
-
-def facts(r: LongTables) -> dict[str, Any]:
-    """The manifest has nothing of its own."""
-    return {}
+    return (
+        [Drawing("figures/long-run", study_figure(r.study.along, r.quantities, r.verdicts), CAPTION)]
+        if r.study.along and not r.empty
+        else []
+    )
 
 
 def blocks(
@@ -83,9 +80,7 @@ def _main(r: LongTables) -> Table:
     rows = []
     for _, point in r.cost.iterrows():
         own = r.quantities[(r.quantities[names] == point[names]).all(axis="columns")].set_index("quantity")
-        row: list[Any] = [f"{point[n]}" for n in names]
-        for name in shown:
-            half = 0.5 * (own["high"] - own["low"])
-            row += [own["value"].get(name, np.nan), half.get(name, np.nan)]
-        rows.append([*row, float(point["burn_in"]), float(point["periods"])])
+        half = 0.5 * (own["high"] - own["low"])
+        main = (column.get(name, np.nan) for name in shown for column in (own["value"], half))
+        rows.append([*(f"{point[n]}" for n in names), *main, float(point["burn_in"]), float(point["periods"])])
     return Table.of(heads or ["the only point"], rows, "Every point" if len(rows) > 12 else "")

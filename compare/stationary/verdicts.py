@@ -1,5 +1,9 @@
-"""The closures in the long run, each against the simulation, with a verdict on every quantity."""
+"""What each closure's stationary law says of a long run, with a verdict on every quantity.
 
+A law is a mixture of normal distributions over impacts.
+"""
+
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -7,13 +11,13 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtr
 
-from rattle.closure.attractor import Attractor, attractor
+from rattle.closure.long_orbit import Attractor, attractor
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
-from rattle.compare.stationary.laws import values_of
 from rattle.compare.validation.verdict import judge, widest
-from rattle.montecarlo.long_run.intervals import half_width
-from rattle.montecarlo.long_run.names import all_names
+from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
+from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats
 
 CLOSURES_JUDGED = {
     "saltation": "linear at a periodic orbit",
@@ -31,6 +35,11 @@ TOLERANCES = (
 """What counts as accurate, as pages state it."""
 
 RATES = ("rate", "energy", "power")
+PREDICTED = ["closure", "kind", "quantity", "predicted", "se_predicted", "reason"]
+"""Columns of `predictions`, and below of `judge_predictions`."""
+JUDGED = ["closure", "kind", "quantity", "predicted", "simulated", "se", "error", "low", "high", "tolerance", "verdict"]
+JUDGED += ["periods_needed", "reason"]
+HALVINGS = 80  # of an interval that holds a quantile
 
 
 def laws(scene: Scene, closures: tuple[str, ...], a: Attractor | None = None) -> dict[str, Law | str]:
@@ -71,23 +80,13 @@ def predictions(found: dict[str, Law | str], scene: Scene, slow: float) -> pd.Da
     """
     parts = []
     for closure, law in found.items():
-        has = isinstance(law, Law)
-        values = values_of(law, scene, slow) if isinstance(law, Law) else dict.fromkeys(all_names(scene.stages), np.nan)
-        own = law.se if isinstance(law, Law) else 0.0
-        parts.append(
-            pd.DataFrame(
-                {
-                    "closure": closure,
-                    "kind": CLOSURES_JUDGED[closure],
-                    "quantity": list(values),
-                    "predicted": list(values.values()),
-                    "se_predicted": [own * abs(v) for v in values.values()],
-                    "reason": "" if has else str(law),
-                }
-            )
-        )
-    columns = ["closure", "kind", "quantity", "predicted", "se_predicted", "reason"]
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
+        values, se, reason = dict.fromkeys(all_names(scene.stages), np.nan), 0.0, str(law)
+        if isinstance(law, Law):
+            values, se, reason = values_of(law, scene, slow), law.se, ""
+        part = pd.DataFrame({"quantity": list(values), "predicted": list(values.values())})
+        part = part.assign(closure=closure, kind=CLOSURES_JUDGED[closure], reason=reason)
+        parts.append(part.assign(se_predicted=se * part["predicted"].abs()))
+    return pd.concat(parts, ignore_index=True)[PREDICTED] if parts else pd.DataFrame(columns=PREDICTED)
 
 
 def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.DataFrame:
@@ -99,23 +98,7 @@ def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame
     simulated = {str(name): float(value) for name, value in table["value"].items()}
     rows = predicted[predicted["quantity"].isin(simulated)].reset_index(drop=True)
     rows["tolerance"] = [tolerance_of(str(name), simulated) for name in rows["quantity"]]
-    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[
-        [
-            "closure",
-            "kind",
-            "quantity",
-            "predicted",
-            "simulated",
-            "se",
-            "error",
-            "low",
-            "high",
-            "tolerance",
-            "verdict",
-            "periods_needed",
-            "reason",
-        ]
-    ]
+    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[JUDGED]
 
 
 def judge_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: int) -> pd.DataFrame:
@@ -126,10 +109,10 @@ def judge_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: 
     ``widened``: how many paths carry the error, and the half width of the interval in standard errors for that.
     """
     rows = predicted.copy()
-    rows["simulated"] = rows["quantity"].map(table["value"].to_dict()).astype(float)
-    rows["se"] = rows["quantity"].map(table["se"].to_dict()).astype(float)
+    own = table.reindex(rows["quantity"]).set_index(rows.index)
+    rows["simulated"], rows["se"] = own["value"], own["se"]
     rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
-    rows["effective_paths"] = rows["quantity"].map(table["effective_paths"].to_dict()).astype(float)
+    rows["effective_paths"] = own["effective_paths"]
     rows["widened"] = _width(rows["effective_paths"], z)
     se = (rows["se"] ** 2 + rows["se_predicted"].astype(float) ** 2) ** 0.5
     rows["noise"] = rows["widened"] * se
@@ -154,3 +137,103 @@ def _times_longer(effective: pd.Series, se: pd.Series, margin: pd.Series, z: flo
         wide = _width(effective * np.exp(middle), z) * se * np.exp(-0.5 * middle) > margin
         low, high = np.where(wide, middle, low), np.where(wide, high, middle)
     return np.exp(high)
+
+
+def law_of(a: Attractor) -> Law:
+    """The law of a periodic orbit itself: a point mass at each impact of its cycle."""
+    n, zero, back = a.impacts, np.zeros(a.impacts), np.empty(a.impacts)
+    turn = 2.0 * math.pi * a.periods
+    mesh, tau = a.mesh[1:], a.tau[1:]
+    for struck in (1, 2):
+        own = mesh == struck
+        back[own] = (tau[own] - np.roll(tau[own], 1)) % turn if own.sum() > 1 else turn
+    speed = np.abs(np.where(mesh == 1, a.before[1:, 1], a.before[1:, 3]))
+    return Law(n / turn, np.full(n, 1.0 / n), mesh, speed, zero, np.diff(a.tau), zero, back, zero)
+
+
+def _cdf(x: float, weight: Floats, mean: Floats, sd: Floats) -> float:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        below = np.where(sd > 0.0, ndtr((x - mean) / sd), mean <= x)
+    return float((weight * below).sum())
+
+
+def _quantile(p: float, weight: Floats, mean: Floats, sd: Floats) -> float:
+    """Quantile of a mixture of normal distributions and point masses, by bisection."""
+    low, high = float((mean - 9.0 * sd).min()), float((mean + 9.0 * sd).max())
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if _cdf(middle, weight, mean, sd) < p:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _spread(weight: Floats, mean: Floats, sd: Floats) -> tuple[float, float, float]:
+    """Mean, sd and skewness of a mixture; NaN where a part is not predicted."""
+    centre = float((weight * mean).sum())
+    off = mean - centre
+    variance = float((weight * (off**2 + sd**2)).sum())
+    third = float((weight * (off**3 + 3.0 * off * sd**2)).sum())
+    return centre, math.sqrt(variance), third / variance**1.5 if variance > 0.0 else math.nan
+
+
+def _by_speed(slow: float, rate: float, weight: Floats, mean: Floats, sd: Floats) -> dict[str, float]:
+    """Share of slow impacts; rate of the others, and moments and quantiles of their speed, which is a cut mixture."""
+    share = _cdf(slow, weight, mean, sd)
+    found = {"slow_share": share, "rate_above": rate * (1.0 - share)}
+    if not share < 1.0:
+        return found
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = np.where(sd > 0.0, (slow - mean) / sd, np.where(mean <= slow, np.inf, -np.inf))
+    edge, density = np.where(sd > 0.0, z, 0.0), np.where(sd > 0.0, np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi), 0.0)
+    powers = [ndtr(-z), density, ndtr(-z) + edge * density, (edge**2 + 2.0) * density]  # of a normal variable above z
+    whole = float((weight * powers[0]).sum())
+    one = float((weight * (mean * powers[0] + sd * powers[1])).sum()) / whole
+    off = mean - one
+    two = float((weight * (off**2 * powers[0] + 2.0 * off * sd * powers[1] + sd**2 * powers[2])).sum()) / whole
+    three = off**3 * powers[0] + 3.0 * off**2 * sd * powers[1] + 3.0 * off * sd**2 * powers[2] + sd**3 * powers[3]
+    third = float((weight * three).sum()) / whole
+    spread = (one, math.sqrt(two), third / two**1.5 if two > 0.0 else math.nan)
+    found |= dict(zip(("speed_above", "sd_speed_above", "skew_speed_above"), spread, strict=True))
+    cut = (_quantile(share + 0.01 * q * (1.0 - share), weight, mean, sd) for q in QUANTILES)
+    return found | {f"q{q:02d}_speed_above": value for q, value in zip(QUANTILES, cut, strict=True)}
+
+
+def values_of(law: Law, scene: Scene, slow: float, contact: tuple[float, float] = (0.0, 0.0)) -> dict[str, float]:
+    """All quantities of `rattle.montecarlo.long_run.estimates.estimates` by a stationary law.
+
+    Examples
+    --------
+    >>> one, zero = np.ones(1), np.zeros(1)
+    >>> law = Law(2.0, one, np.array([1]), one, zero, 0.5 * one, zero, 0.5 * one, zero)
+    >>> scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1)
+    >>> found = values_of(law, scene, 0.1)
+    >>> found["rate"], found["power"], found["slow_share"], found["q50_speed"]
+    (2.0, 0.75, 0.0, 1.0)
+    """
+    out = dict.fromkeys(all_names(scene.stages), math.nan)
+    lost = 0.5 * (1.0 - scene.epsilon**2) * np.where(law.mesh == 1, 1.0, scene.mu)
+    lost = lost * (law.speed**2 + law.sd_speed**2)
+    for g, suffix in groups(scene.stages):
+        part = (law.mesh == g) | (g == 0)
+        share = float(law.weight[part].sum())
+        if share == 0.0:
+            continue
+        weight = law.weight[part] / share
+        rate = law.rate * share
+        flight = (law.flight, law.sd_flight) if g == 0 else (law.back, law.sd_back)
+        energy = float((weight * lost[part]).sum())
+        found = {"rate": rate, "energy": energy, "energy_per_period": 2.0 * math.pi * rate * energy}
+        found |= {"power": rate * energy} | _by_speed(slow, rate, weight, law.speed[part], law.sd_speed[part])
+        for name, (mean, sd) in {"flight": flight, "speed": (law.speed, law.sd_speed)}.items():
+            mean, sd = mean[part], sd[part]
+            if not np.isfinite(mean).all():
+                found[name] = 1.0 / rate if name == "flight" else math.nan
+                continue
+            found |= dict(zip((name, f"sd_{name}", f"skew_{name}"), _spread(weight, mean, sd), strict=True))
+            found |= {f"q{q:02d}_{name}": _quantile(0.01 * q, weight, mean, sd) for q in QUANTILES}
+        out |= {name + suffix: value for name, value in found.items()}
+    for mesh in range(1, scene.stages + 1):
+        out[f"contact_share_mesh{mesh}"] = contact[mesh - 1]
+    return out

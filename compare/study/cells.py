@@ -3,29 +3,26 @@
 A cell knows every input that determines its result.  Their digest is its key in the store.
 """
 
-import time
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from rattle.closure import CLOSURES, mean_map
-from rattle.closure.cost import most_seconds
-from rattle.compare.study.store import Content
-from rattle.compare.study.version import cell_key
+from rattle.closure import CLOSURES, Closure
+from rattle.closure.mean_map import predict
+from rattle.compare.study.store import Cell, Content
 from rattle.montecarlo import SCHEMES, Ensemble, Record, default_step, simulate, simulate_to
-from rattle.montecarlo.diagnostics.accuracy import small_noise
+from rattle.montecarlo.diagnostics.accuracy import sampling_error, small_noise
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats
 
-Floats = NDArray[np.float64]
-
+FACTS = ("paths", "path_steps", "sticking_steps", "unfinished")
+"""What is stored of an ensemble besides its table."""
 BATCH = "batch_{}_{}"  # column of batch statistics: mean, sd or control, and a section quantity
 
 
@@ -37,10 +34,9 @@ class Sampled:
     section: pd.DataFrame  # as `Ensemble.section`, with ``energy``
     step_bias: pd.DataFrame  # as `Ensemble.step_bias`
     # index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over the batches of
-    # `rattle.montecarlo.statistics.batches`
+    # `rattle.montecarlo.statistics.records`
     batches: pd.DataFrame
-    # ``paths, dt, scheme, path_steps, sticking_steps, unfinished, sampling, step, reached, seconds``
-    facts: dict[str, Any]
+    facts: dict[str, Any]  # `FACTS` and ``seconds``
 
     @property
     def columns(self) -> dict[str, Floats]:
@@ -59,7 +55,7 @@ class Sampled:
 
 
 @dataclass(frozen=True)
-class Sample:
+class Sample(Cell):
     """An ensemble of paths of a scene.
 
     Examples
@@ -72,8 +68,8 @@ class Sample:
     """
 
     group: ClassVar[str] = "ensembles"
+    packages: ClassVar[tuple[str, ...]] = ("montecarlo",)
     splits: ClassVar[bool] = True
-    core_seconds: ClassVar[None] = None
 
     scene: Scene
     impacts: int
@@ -86,41 +82,15 @@ class Sample:
     @property
     def settings(self) -> dict[str, Any]:
         """Everything that determines the result besides the scene, with the default step filled in."""
-        biased = SCHEMES[self.scheme].has_step_bias
-        own = default_step(self.scene, self.scheme, biased)
-        dt = own if self.dt is None and self.accuracy is None else self.dt
-        return {
-            "impacts": self.impacts,
-            "seed": self.seed,
-            "scheme": self.scheme,
-            "paths": self.paths,
-            "accuracy": self.accuracy,
-            "dt": dt,
-        }
+        settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
+        if self.dt is None and self.accuracy is None:
+            settings["dt"] = default_step(self.scene, self.scheme, SCHEMES[self.scheme].has_step_bias)
+        return {"kind": "ensemble", **settings}
 
-    @cached_property
-    def key(self) -> str:
-        """Digest of everything that determines the result."""
-        return cell_key("ensemble", ("montecarlo",), self.scene, self.settings)
-
-    @property
-    def label(self) -> str:
-        """Short description for the progress line."""
-        return f"simulate sigma {self.scene.sigma:.3g}"
-
-    def compute(self, blocks: Blocks | None = None) -> Content:
-        """Simulate the ensemble.
-
-        `blocks`: Runs the blocks of paths (on threads or on a cluster); one after the other in this thread by
-        default.
-        """
-        started = time.perf_counter()
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Simulate the ensemble: what is stored of it, a row for each impact."""
         exact = not SCHEMES[self.scheme].has_step_bias
-        common: dict[str, Any] = {
-            "impacts": self.impacts,
-            "rng": self.seed,
-            "scheme": self.scheme,
-        }
+        common: dict[str, Any] = {"impacts": self.impacts, "rng": self.seed, "scheme": self.scheme}
         if self.accuracy is not None:
             run = simulate_to(
                 self.scene.phase_reduced,
@@ -141,17 +111,12 @@ class Sample:
                 record=Record(batches=True, energy=True, step_bias=not exact),
                 **common,
             )
-        facts = {
-            "paths": run.paths,
-            "dt": run.dt,
-            "scheme": run.scheme,
-            "path_steps": run.path_steps,
-            "sticking_steps": run.sticking_steps,
-            "unfinished": run.unfinished,
-            "reached": run.reach is None or run.reach.reached,
-            "seconds": time.perf_counter() - started,
-        }
-        return Content(_sections(run), facts)
+        return _sections(run), {name: getattr(run, name) for name in FACTS}
+
+    def describe(self, result: Sampled) -> str:
+        """The largest standard error."""
+        error, where = sampling_error(result)
+        return f"largest se {error:.2g} sd ({where})"
 
     def restore(self, content: Content) -> Sampled:
         """Turn a stored result back into section moments."""
@@ -194,12 +159,11 @@ class Predicted:
 
     closure: str  # name in `rattle.closure.CLOSURES`
     section: pd.DataFrame  # as `closure.MeanMap.section`, times counted from the phase of the start
-    # ``stopped`` (why the closure ended early, empty if it did not), ``found`` (impacts), ``seconds``
-    facts: dict[str, Any]
+    facts: dict[str, Any]  # ``found`` (impacts), ``seconds``
 
 
 @dataclass(frozen=True)
-class Prediction:
+class Prediction(Cell):
     """A closure's prediction for a scene.
 
     Examples
@@ -210,23 +174,24 @@ class Prediction:
     np.int64(2)
     """
 
-    splits: ClassVar[bool] = False
+    packages: ClassVar[tuple[str, ...]] = ("closure",)
 
     scene: Scene
     impacts: int
     closure: str
     order: int = 4
-
-    @cached_property
-    def key(self) -> str:
-        """Digest of everything that determines the result."""
-        settings = {"impacts": self.impacts, "closure": self.closure, "order": self.order}
-        return cell_key("prediction", ("closure",), self.scene, settings)
+    own: Closure | None = None  # one's own, of that name
 
     @property
-    def label(self) -> str:
-        """Short description for the progress line."""
-        return f"{self.closure} sigma {self.scene.sigma:.3g}"
+    def method(self) -> Closure:
+        """The closure."""
+        return CLOSURES[self.closure] if self.own is None else self.own
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything that determines the result besides the scene."""
+        source = {} if self.own is None else {"source": self.own.digest}
+        return {"kind": "prediction", "impacts": self.impacts, "closure": self.closure, "order": self.order, **source}
 
     @property
     def group(self) -> str:
@@ -236,19 +201,14 @@ class Prediction:
     @property
     def core_seconds(self) -> float:
         """Expected cost, with all components of a mixture."""
-        return most_seconds(self.closure, self.impacts)
+        return self.method.most_seconds(self.impacts)
 
-    def compute(self, blocks: Blocks | None = None) -> Content:
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Evaluate the closure."""
-        started = time.perf_counter()
-        prediction = mean_map(self.scene.phase_reduced, impacts=self.impacts, closure=self.closure, order=self.order)
-        table = prediction.section
-        facts = {
-            "stopped": prediction.stopped,
-            "found": prediction.trace.found,
-            "seconds": time.perf_counter() - started,
-        }
-        return Content(table, facts)
+        found = predict(self.scene.phase_reduced, self.method, self.impacts, self.order)
+        if found.trace.raised:
+            raise InputError("closure", self.closure, found.stopped)
+        return found.section, {"found": found.trace.found}
 
     def restore(self, content: Content) -> Predicted:
         """Turn a stored result back into section moments."""

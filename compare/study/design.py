@@ -1,28 +1,140 @@
 """The design of a study: a scene, axes and settings; its kind says what is computed at each point of the grid."""
 
 import hashlib
+import itertools
 import math
 import random
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
-from rattle.compare.study.axes import SETTINGS, Axis, combination, combinations, read_axes
+from rattle.closure import Closure
 from rattle.compare.study.store import Cell, Store
 from rattle.compare.validation.verdict import Tolerances
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, check_keys, choice, count, finite, nearest, positive
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import Gears
-from rattle.scene.plausible import check_plausible
+from rattle.scene.gears_input import check_plausible
+from rattle.scene.parts import Start, Tolerance
 from rattle.scene.scene import Scene
-from rattle.scene.validate import check_keys, choice
 
-__all__ = ["Point", "Study", "place"]
+SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
+"""Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
+
+PARTS = {"tolerance": Tolerance, "start": Start}
+FIELDS = tuple(
+    [f.name for f in fields(Scene) if f.name not in (*PARTS, "gears", "drive")]
+    + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
+)
+ORDER = re.compile(r"drive\.([1-9][0-9]*)\.(amplitude|phase)")
+"""A field of one order of the drive, such as ``drive.2.amplitude``."""
+MOST_POINTS = 100_000  # largest number of grid points of a study
+EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
+
+
+class Axis(NamedTuple):
+    """One or more fields that vary together."""
+
+    names: tuple[str, ...]  # the fields
+    # one tuple for each step along the axis: a value of each field, in the order of `names`
+    values: tuple[tuple[Any, ...], ...]
+
+
+def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
+    """Read the axes from the ``[[axes]]`` tables of a study file.
+
+    `tables`: Each table gives one or more fields (dotted names for parts of the scene, such as ``start.y1`` or
+    ``drive.2.amplitude``) and their values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH,
+    POINTS] }``.  Fields of one table vary together and need equally many values.
+
+    Examples
+    --------
+    >>> read_axes([{"sigma": {"log": [0.01, 1.0, 3]}}, {"gap1": [0.4, 0.5], "gap2": [0.5, 0.6]}])[1].values
+    ((0.4, 0.5), (0.5, 0.6))
+    """
+    found: list[Axis] = []
+    if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
+        raise InputError("axes", tables, "write each axis as a table [[axes]]")
+    for table in tables:
+        if not isinstance(table, Mapping) or not table:
+            raise InputError("axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]")
+        columns = {name: _values(_check_field(name), table[name]) for name in table}
+        lengths = {name: len(values) for name, values in columns.items()}
+        if len(set(lengths.values())) > 1:
+            raise InputError("axes", lengths, "fields of one [[axes]] table vary together: give as many values each")
+        found.append(Axis(tuple(columns), tuple(zip(*columns.values(), strict=True))))
+    names = [name for axis in found for name in axis.names]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError("axes", name, "varies along two axes; keep one")
+    points = math.prod(len(axis.values) for axis in found)
+    if points > MOST_POINTS:
+        raise InputError("axes", points, f"points make the grid; it may have {MOST_POINTS}: take fewer values")
+    return tuple(found)
+
+
+def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
+    """Give one point of the grid by its index, the last axis running fastest.
+
+    Examples
+    --------
+    >>> combination(read_axes([{"sigma": [0.1, 0.2]}, {"gap1": [0.4, 0.5, 0.6]}]), 4)
+    {'sigma': 0.2, 'gap1': 0.5}
+    """
+    steps = np.unravel_index(number, [len(axis.values) for axis in axes])
+    pairs = (zip(axis.names, axis.values[i], strict=True) for axis, i in zip(axes, steps, strict=True))
+    return dict(itertools.chain.from_iterable(pairs))
+
+
+def _check_field(name: str) -> str:
+    if name not in (*FIELDS, *SETTINGS) and not ORDER.fullmatch(name):
+        raise InputError("axes", name, "no field of a scene or a simulation; " + nearest(name, (*FIELDS, *SETTINGS)))
+    return name
+
+
+def _values(name: str, given: Any) -> tuple[Any, ...]:
+    field = f"axes.{name}"
+    if isinstance(given, Mapping):
+        check_keys(field, given, ("linear", "log"))
+        if len(given) != 1:
+            raise InputError(field, dict(given), EXAMPLE)
+        kind, ends = next(iter(given.items()))
+        values = _space(field, kind, ends)
+    elif isinstance(given, Sequence) and not isinstance(given, str):
+        values = tuple(given)
+    else:
+        raise InputError(field, given, EXAMPLE)
+    if not values:
+        raise InputError(field, given, "has no values; " + EXAMPLE)
+    for value in values:
+        if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
+            raise InputError(field, value, "each value is a number or a name")
+    if len(set(values)) < len(values):
+        raise InputError(field, given, "holds a value twice")
+    return values
+
+
+def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
+    """Values spaced evenly, or evenly in their logarithm, rounded to six or more significant digits."""
+    if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 3:
+        raise InputError(field, ends, "give [LOW, HIGH, POINTS]")
+    low, high = finite(f"{field} LOW", ends[0]), finite(f"{field} HIGH", ends[1])
+    points = count(f"{field} POINTS", ends[2], least=2, most=MOST_POINTS)
+    if kind == "log":
+        positive(f"{field} LOW", low)
+    if high <= low:
+        raise InputError(f"{field} HIGH", high, f"must be greater than LOW = {low:g}")
+    values = np.geomspace(low, high, points) if kind == "log" else np.linspace(low, high, points)
+    digits = 6 + max(0, math.ceil(math.log10(points)) - 3)
+    return tuple(float(f"{v:.{digits}g}") for v in values)
+
 
 KINDS = {"impacts": "rattle.compare.study.impacts", "stationary": "rattle.compare.stationary.study"}
 """Module of each kind of study; it has a `Kind` named ``KIND``."""
@@ -52,10 +164,11 @@ class Study:
     Parameters
     ----------
     base : dict
-        The scene as `Scene.to_dict` gives it; without ``start`` if the default start is to follow the gaps.
+        The scene as `Scene.to_dict` gives it, its drive within; without ``start`` if the default start is to follow
+        the gaps.
     axes : tuple of Axis
-    closures : tuple of str
-        Names in `rattle.closure.CLOSURES`.
+    closures : tuple of str, Closure or callable
+        Names in `rattle.closure.CLOSURES`, ``package.module:function``, or functions ``(scene, impacts)``.
     impacts, order : int
         Impacts that are followed, and order of the Edgeworth series.
     settings : dict
@@ -95,7 +208,7 @@ class Study:
 
     base: dict[str, Any]
     axes: tuple[Axis, ...]
-    closures: tuple[str, ...]
+    closures: tuple[str | Closure | Callable[..., Any], ...]
     impacts: int
     order: int
     settings: dict[str, Any]
@@ -122,7 +235,7 @@ class Study:
         Raises
         ------
         InputError
-            If a key or a value is wrong, or the gears cannot exist (`rattle.scene.plausible`); the message names it.
+            If a key or a value is wrong, or the gears cannot exist (``rattle.scene.gears_input``); names it.
         FileError
             If the file cannot be read.
         """
@@ -152,16 +265,17 @@ class Study:
             If a key or a value is wrong; the message names it.
         """
         data = read_toml(text)
-        check_keys("top level", data, ("study", "gears", "scene", "axes"))
+        check_keys("top level", data, ("study", "gears", "scene", "drive", "axes"))
         given = data.get("study", {})
         if not isinstance(given, Mapping):
             raise InputError("study", given, "write it as a table: [study]")
         name = choice("study.kind", given.get("kind", cls.kind), tuple(KINDS))
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.keys))
-        parts: dict[str, Any] = {name: data[name] for name in ("gears", "scene") if name in data}
+        parts: dict[str, Any] = {name: data[name] for name in ("gears", "scene", "drive") if name in data}
         scene = Scene.from_dict(parts)
-        base = replace(scene, gears=None).to_dict()["scene"]  # without the gears: an axis may vary what they fix
+        whole = replace(scene, gears=None).to_dict()  # without the gears: an axis may vary what they fix
+        base = whole["scene"] | {name: whole[name] for name in ("drive",) if name in whole}
         if "start" not in parts.get("scene", {}):
             del base["start"]
         axes = read_axes(data.get("axes", []))
@@ -183,7 +297,7 @@ class Study:
         InputError
             If no point can be simulated.
         """
-        found = tuple(self._point(coordinates) for coordinates in combinations(self.axes))
+        found = tuple(self._point(combination(self.axes, number)) for number in range(self.size))
         if not any(p.sample for p in found):
             why = next(iter(found[0].reasons.values()))
             raise InputError("study", self.title, f"not one point of the grid can be computed ({why})")
@@ -241,7 +355,9 @@ class Study:
 
     def _point(self, coordinates: dict[str, Any]) -> Point:
         try:
-            scene = Scene.from_dict({"scene": place(self.base, coordinates)})
+            table = place(self.base, coordinates)
+            drive = {"drive": table.pop("drive")} if "drive" in table else {}
+            scene = Scene.from_dict(drive | {"scene": table})
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
         settings = self.settings | {name: value for name, value in coordinates.items() if name in SETTINGS}
@@ -265,8 +381,8 @@ class Kind:
     make: Callable[..., Any]
     # computes it from the results of the cells by key
     combine: Callable[[Study, Mapping[str, Any]], Any]
-    # module of functions of that object: `answer` (sentences), `draw` (figures), `facts` (entries of the manifest) and
-    # `blocks` (what stands above the sections of the page, and its last sections)
+    # module of functions of that object: `answer` (sentences), `draw` (figures) and `blocks` (what stands
+    # above the sections of the page, and its last sections)
     page: str
 
 
@@ -297,18 +413,30 @@ def list_reasons(study: Study) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*study.names, "what", "why"])
 
 
-def with_coordinates(point: Point, table: pd.DataFrame) -> pd.DataFrame:
+def with_coordinates(coordinates: Mapping[str, Any], table: pd.DataFrame) -> pd.DataFrame:
     """Put the coordinates of a point before the columns of its table."""
-    coordinates = pd.DataFrame({n: [v] * len(table) for n, v in point.coordinates.items()}, index=table.index)
-    return pd.concat([coordinates, table], axis=1)
+    return pd.concat(
+        [pd.DataFrame({n: [v] * len(table) for n, v in coordinates.items()}, index=table.index), table], axis=1
+    )
 
 
 def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene's table with values replaced; a dotted name is a field of a nested table."""
+    """The scene's table, and its drive, with values replaced; a dotted name is a field of a nested table.
+
+    Examples
+    --------
+    >>> place({"alpha": 1.5}, {"drive.2.amplitude": 0.4})["drive"]
+    [{'order': 1, 'amplitude': 1.0}, {'order': 2, 'amplitude': 0.4}]
+    """
     out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
     for name, value in coordinates.items():
         part, _, field = name.partition(".")
-        if field:
+        if order := ORDER.fullmatch(name):
+            orders = {one["order"]: one for one in out.get("drive", [{"order": 1, "amplitude": 1.0}])}
+            number = int(order[1])
+            changed = {"order": number, "amplitude": 0.0} | orders.get(number, {}) | {order[2]: value}
+            out["drive"] = [*(orders | {number: changed}).values()]
+        elif field:
             out.setdefault(part, {})[field] = value
         elif name not in SETTINGS:
             out[name] = value

@@ -1,48 +1,176 @@
-"""Computes the missing cells of a study, each once, even if several processes share the work or one is interrupted."""
+"""The engine of studies: it computes the missing cells, each once, even if several processes share the work.
 
+The work runs on threads of this process, or on a Dask cluster (`rattle.compare.study.cluster`).
+"""
+
+import os
+import sys
 import time
-from collections import deque
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import Any, NamedTuple
+from collections import Counter, deque
+from collections.abc import Callable, Collection
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NoReturn, Self
 
-from rattle.compare.report.folder import ANY_TEXT, sweep
-from rattle.compare.study.design import Study
-from rattle.compare.study.progress import ProgressLine
-from rattle.compare.study.runner import Runner
-from rattle.compare.study.store import Cell, Content, Store, Waits
+from tqdm import tqdm
+
+from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep, within
+from rattle.compare.study.store import Cell, Content, Store
+from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene.errors import InputError
+from rattle.scene.text import line
 
-CHANGED = "its file has changed while it ran; finished results are kept: run the command again"
+LOG = "study.log"
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
 
-class Outcome(NamedTuple):
-    """Summary of a run."""
+class Runner:
+    """An executor, used as a context manager, on whose `workers` all cells share their blocks of paths.
 
-    computed: int  # cells that this run has computed; others may come from another process
-    failed: dict[str, str]  # error message of each cell that could not be computed, by key
-    wall_seconds: float  # wall_seconds, cell_seconds: wall time of the run, and the sum of the times of its cells
-    cell_seconds: float
+    So the last cell uses every worker.
+    """
+
+    share = 1  # blocks of a task
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._executor: Executor
+
+    def __enter__(self) -> Self:
+        self._executor = ThreadPoolExecutor(self.workers)
+        return self
+
+    def __exit__(self, *what: object) -> None:
+        self._executor.shutdown()
+
+    def submit(self, work: Callable[..., Any], *given: Any) -> Future[Any]:
+        """Run some work on a worker."""
+        return self._executor.submit(work, *given)
+
+    def stop(self) -> None:
+        """Abandon all work: what has not begun is cancelled, which raises CancelledError where it is waited for."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
+
+    def check(self) -> None:
+        """Raise an error if there are no workers any more; called every now and then."""
+
+    def reason(self, error: BaseException) -> str:
+        """Why one cell cannot be computed; raises an error that concerns all cells."""
+        if isinstance(error, InputError):
+            return str(error)
+        raise error
+
+    def compute(self, cell: Cell) -> Content:
+        """Compute a cell."""
+        if cell.splits:
+            return cell.compute(in_tasks(self.submit, self.workers, self.share))
+        found: Content = self.submit(cell.compute).result()
+        return found
 
 
-def missing(study: Study, store: Store) -> list[Cell]:
-    """List the cells that are not in the store."""
-    return [cell for cell in study.cells if not store.path(cell).exists()]
+class Progress:
+    """What a run has done so far: a line on the terminal, a log file in the folder, and the counts for the manifest.
+
+    The remaining time is estimated from what finished cells of the same group took.
+
+    `show`: Whether to draw the line if standard error is a terminal, and to print there which process is waited for
+    and which cells fail.
+    """
+
+    def __init__(self, todo: Collection[Cell], stored: int, folder: Path, show: bool) -> None:
+        self.computed, self.cell_seconds = 0, 0.0  # of this run; other cells may come from another process
+        self.failed: dict[str, str] = {}  # error message of each cell that could not be computed, by key
+        self._show, self._started = show, time.perf_counter()
+        self._left = Counter(cell.group for cell in todo)
+        self._taken: dict[str, list[float]] = {}  # seconds of the finished cells of each group
+        within(folder, LOG)
+        try:
+            self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (closed by __exit__)
+        except OSError as error:
+            raise describe_refusal(folder / LOG, error) from None
+        self._bar: tqdm[NoReturn] = tqdm(
+            total=stored + len(todo),
+            initial=stored,
+            desc="study",
+            unit=" cells",
+            disable=None if show else True,
+            bar_format="{desc} {n}/{total} cells |{bar:20}| {elapsed}, {rate_noinv_fmt}{postfix}",
+        )
+        self.log(f"start: {stored} results stored, {len(todo)} to compute")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._bar.close()
+        self.log("end" if error is None else f"ended by {kind.__name__ if kind else ''}: {error}")
+        with suppress(OSError):
+            self._file.close()
+
+    @property
+    def wall_seconds(self) -> float:
+        """Seconds since the beginning."""
+        return time.perf_counter() - self._started
+
+    @property
+    def seconds_left(self) -> float:
+        """Expected seconds to the end, once a cell is finished."""
+        means = {group: sum(taken) / len(taken) for group, taken in self._taken.items()}
+        other = sum(means.values()) / len(means)
+        left = sum(count * means.get(group, other) for group, count in self._left.items())
+        return self.wall_seconds * left / max(sum(map(sum, self._taken.values())), 1e-9)
+
+    def log(self, text: str) -> None:
+        """Write a line to the log file."""
+        now = datetime.fromtimestamp(time.time()).isoformat(" ", "milliseconds")
+        with suppress(OSError):  # a full disk is reported when a result cannot be stored
+            self._file.write(f"{now} {os.getpid()} {line(text)}\n")
+
+    def notify(self, text: str) -> None:
+        """Log a line, and print it at once: the other cells may take hours."""
+        self.log(text)
+        if self._show:
+            self._bar.write(f"rattle: {text}", file=sys.stderr)
+
+    def finish(self, cell: Cell, result: Any, here: bool) -> None:
+        """Count a finished cell, computed here or by another process."""
+        seconds, said = float(result.facts["seconds"]), cell.describe(result)
+        self.computed += here
+        self.cell_seconds += seconds * here
+        self._taken.setdefault(cell.group, []).append(seconds)
+        self.log(f"{'done' if here else 'found'} {cell.label} {cell.key}: {seconds:.2f} s" + f", {said}" * bool(said))
+        self._count(cell, f"{cell.label}: {said or 'done'}")
+
+    def fail(self, cell: Cell, why: str) -> None:
+        """Count and report a cell that cannot be computed."""
+        self.failed[cell.key] = why
+        self.notify(f"{cell.label} failed: {why}")
+        self._count(cell, f"{cell.label} failed")
+
+    def _count(self, cell: Cell, text: str) -> None:
+        self._left[cell.group] -= 1
+        self._bar.update(1)
+        left = tqdm.format_interval(self.seconds_left) if self._taken else "?"
+        self._bar.set_postfix_str(f"{left} left, {text}")
 
 
 def run(
-    study: Study, store: Store, runner: Runner, *, show: bool = False, unchanged: Callable[[], bool] = lambda: True
-) -> Outcome:
+    cells: Collection[Cell],
+    store: Store,
+    runner: Runner,
+    *,
+    show: bool = False,
+    check: Callable[[], object] = lambda: None,
+) -> Progress:
     """Compute the cells that are missing.
 
-    `unchanged`: Called between cells; false if the study's file has changed, which ends the run.
+    `check`: Called between cells; an error that it raises ends the run.
     """
     sweep(store.folder, ANY_TEXT)
-    todo = deque(cell for cell in study.cells if store.read(cell) is None)
-    stored = len(study.cells) - len(todo)
-    started = time.perf_counter()
-    failed: dict[str, str] = {}
+    todo = deque(cell for cell in cells if store.read(cell) is None)
     computed: set[str] = set()
 
     def compute(cell: Cell) -> Content:
@@ -50,35 +178,31 @@ def run(
         computed.add(cell.key)
         return content
 
-    with runner, ProgressLine(todo, stored, store.folder.parent, show) as progress:
+    with runner, Progress(todo, len(cells) - len(todo), store.folder.parent, show) as progress:
         pool = ThreadPoolExecutor(runner.workers, thread_name_prefix="cell")
         running: dict[Future[Any], Cell] = {}
-        waits = Waits(store, progress.notify)
         try:
             while todo or running:
                 while todo and len(running) < runner.workers:
                     cell = todo.popleft()
-                    progress.begin(cell)
-                    running[pool.submit(store.attempt, cell, compute)] = cell
+                    running[pool.submit(store.attempt, cell, compute, progress.notify)] = cell
                 done, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
                 runner.check()
                 for future in done:
                     cell = running.pop(future)
                     if error := future.exception():
-                        failed[cell.key] = runner.reason(error)
-                        progress.fail(cell, failed[cell.key])
+                        progress.fail(cell, runner.reason(error))
                     elif (found := future.result()) is None:  # another process computes it
                         todo.append(cell)
-                        waits.count(cell)
                     else:
                         progress.finish(cell, found, cell.key in computed)
-                if done and not unchanged():
-                    raise InputError("study", study.title, CHANGED)
+                if done:
+                    check()
         except KeyboardInterrupt:
-            have = len(study.cells) - len(missing(study, store))
-            text = f"interrupted; {have} of {len(study.cells)} results stored; run the same command again to continue"
+            have = len(cells) - len(store.missing(cells))
+            text = f"interrupted; {have} of {len(cells)} results stored; run the same command again to continue"
             raise KeyboardInterrupt(text) from None
         finally:
             runner.stop()
             pool.shutdown(wait=False, cancel_futures=True)
-    return Outcome(progress.computed, failed, time.perf_counter() - started, progress.seconds)
+    return progress

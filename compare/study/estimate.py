@@ -1,13 +1,14 @@
 """Cost of a study before it runs: counted work, memory, and what more cores would gain.
 
 Work is counted by `rattle.montecarlo.accuracy.cost` from short runs of the study's own scenes, and for closures by
-`rattle.closure.cost`; compiling is not part of it.
+`rattle.closure.mean_map`; compiling is not part of it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from rattle.compare.study.cells import Sample
@@ -66,7 +67,7 @@ def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
         elif isinstance(cell, Sample):
             found[cell.key] = _probe(cell, cell.paths or LEAST)
         else:
-            found[cell.key] = Work(0.0, cell.core_seconds or 0.0)
+            found[cell.key] = Work(0.0, cell.core_seconds)
     return found
 
 
@@ -96,25 +97,18 @@ def _pilot(cell: Sample, accuracy: float) -> Work:
     return Work(found.path_steps, max(found.core_seconds, slow))
 
 
-def _once(cell: Cell) -> float:
-    return 1.0
-
-
 def estimate(
-    cells: Sequence[Cell], work: Mapping[str, Work], workers: int, times: Callable[[Cell], float] = _once
+    cells: Sequence[Cell], work: Mapping[str, Work], workers: int, times: Callable[[Cell], float] = lambda cell: 1.0
 ) -> StudyCost:
     """Sum the expected work of cells; `times` is how many cells of the study each represents."""
     steps, seconds = (sum(times(c) * work[c.key][i] for c in cells) for i in (0, 1))
-    rows = max((BLOCK * c.impacts * COLUMNS * 8 * _copies(c) for c in cells if isinstance(c, Sample)), default=0)
+    copies = (c.impacts * (3 if SCHEMES[c.scheme].has_step_bias else 2) for c in cells if isinstance(c, Sample))
+    rows = BLOCK * COLUMNS * 8 * max(copies, default=0)
     return StudyCost(steps, seconds, BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
 
 
-def _copies(sample: Sample) -> int:
-    return 2 if not SCHEMES[sample.scheme].has_step_bias else 3
-
-
 def scaling(
-    cells: Sequence[Cell], seconds: Mapping[str, float], times: Callable[[Cell], float] = _once
+    cells: Sequence[Cell], seconds: Mapping[str, float], times: Callable[[Cell], float] = lambda cell: 1.0
 ) -> pd.DataFrame:
     """Estimate the wall time of cells on 1 to 10 000 cores of a cluster, and what limits it.
 
@@ -133,22 +127,17 @@ def scaling(
         work += times(cell) * taken
         tasks += times(cell) * pieces
         longest = max(longest, taken / pieces)
-    rows: list[dict[str, Any]] = []
-    for cores in (1, 2, 10, 100, 1000, 10_000):
-        limits = {
+    cores = np.array([1, 2, 10, 100, 1000, 10_000])
+    limits = pd.DataFrame(
+        {
             "cores": work / cores,
             "longest task": longest,
             "scheduler": tasks * TASK_SECONDS,
             "merging": blocks * MERGE_SECONDS,
         }
-        limit = max(limits, key=lambda name: limits[name])
-        wall = limits[limit]
-        rows.append(
-            {
-                "cores": cores,
-                "wall_seconds": wall,
-                "efficiency": work / cores / wall if wall else 1.0,
-                "limit": limit,
-            }
-        )
-    return pd.DataFrame(rows)
+    )
+    wall = limits.max(axis="columns")
+    efficiency = (limits["cores"] / wall).where(wall > 0.0, 1.0)
+    return pd.DataFrame(
+        {"cores": cores, "wall_seconds": wall, "efficiency": efficiency, "limit": limits.idxmax(axis="columns")}
+    )

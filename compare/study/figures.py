@@ -1,6 +1,6 @@
 """Figures of a study: its tables drawn over the first field that varies."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.study.design import Study
-from rattle.compare.validation.validity_range import ACCURATE, ENDED, NOT_WRONG, WRONG, want
+from rattle.compare.validation.verdict import ACCURATE, ENDED, NOT_WRONG, WRONG, want
 
 GREEK = {"sigma": r"noise intensity $\sigma$", "alpha": r"excitation $\alpha$", "epsilon": r"restitution $\varepsilon$"}
 SHADES = ("#440154", "#31688E", "#35B779", "#C7B700")
@@ -45,8 +45,22 @@ def _pick_impacts(impacts: int) -> list[int]:
     return sorted({1, *(round(impacts * share) for share in (1 / 3, 2 / 3, 1.0))} - {0})
 
 
-def _along(ax: Axes, name: str, values: Sequence[float]) -> None:
+def _draw_band(ax: Axes, x: Any, y: Any, low: Any, high: Any, **style: Any) -> None:
+    """A line with markers and an interval in its colour."""
+    ax.plot(x, y, **style)
+    ax.fill_between(x, low, high, color=style["color"], alpha=BAND, lw=0)
+
+
+def _by_impact(rows: pd.DataFrame, r: Compared) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+    """The rows of a few impacts in the order of the field that varies, each with colour and label."""
+    for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):
+        own = rows[rows["impact"] == impact].sort_values(r.study.along)
+        yield {"color": colour, "lw": 1.4, "marker": "o", "label": f"impact {impact}"}, own
+
+
+def _along(ax: Axes, name: str, given: Iterable[float]) -> None:
     """Label the axis of a field, and make it logarithmic if the values span more than a decade."""
+    values = sorted(set(given))
     ax.set_xlabel(axis_label(name))
     if len(values) and min(values) > 0.0 and max(values) / min(values) > 10.0:
         ax.set_xscale("log")
@@ -66,21 +80,13 @@ def errors(r: Compared, rows: pd.DataFrame) -> Figure:
             ax = axes[i * len(shown) + j]
             part = judged[(judged["moment"] == moment) & (judged["impact"] == impact)]
             for closure, group in part.groupby("closure", sort=False):
-                worst = _worst(group, name)
-                style = STYLE[str(closure)]
-                ax.plot(worst[name], worst["size"].clip(lower=FLOOR), label=str(closure), lw=1.4, ms=3.5, **style)
-                ax.fill_between(
-                    worst[name],
-                    worst["least"].clip(lower=FLOOR),
-                    worst["most"].clip(lower=FLOOR),
-                    color=style["color"],
-                    alpha=BAND,
-                    lw=0,
-                )
+                worst, style = _worst(group, name), STYLE[str(closure)]
+                ends = (worst[end].clip(lower=FLOOR) for end in ("size", "least", "most"))
+                _draw_band(ax, worst[name], *ends, label=str(closure), lw=1.4, ms=3.5, **style)
             ax.axhline(limit, color="k", ls="--", lw=1.0, label="tolerance")
             ax.set_yscale("log")
             ax.set_ylim(FLOOR, None)
-            _along(ax, name, sorted(set(rows[name])))
+            _along(ax, name, rows[name])
             ax.set_title(f"impact {impact}", loc="left")
             if j == 0:
                 ax.set_ylabel(f"largest error of a {moment}, in sds")
@@ -138,7 +144,7 @@ def correlation(r: Compared, rows: pd.DataFrame) -> Figure:
     axes[1].axhline(1.0, color="k", ls="--", lw=1.0, label="|ρ| = 1")
     axes[1].set_ylabel("largest |ρ|")
     for ax in axes:
-        _along(ax, name, sorted(set(rows[name])))
+        _along(ax, name, rows[name])
     legend_above(figure, axes, 4)
     return figure
 
@@ -158,15 +164,13 @@ def agreement(r: Compared, rows: pd.DataFrame) -> Figure:
     figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
     name = r.study.along
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
-    for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):
-        group = part[(part["impact"] == impact) & (part["paths"] > 0)].sort_values(name)
+    for style, group in _by_impact(part[part["paths"] > 0], r):
         counts = zip(group["agreement"] * group["followed"], group["followed"], strict=True)
-        interval = [_wilson(round(k), int(n)) for k, n in counts]
-        ax.plot(group[name], group["agreement"], color=colour, lw=1.4, marker="o", ms=3, label=f"impact {impact}")
-        ax.fill_between(group[name], *np.reshape(interval, (-1, 2)).T, color=colour, alpha=BAND, lw=0)
+        interval = np.reshape([_wilson(round(k), int(n)) for k, n in counts], (-1, 2)).T
+        _draw_band(ax, group[name], group["agreement"], *interval, ms=3, **style)
     ax.set_ylim(-0.02, 1.04)
     ax.set_ylabel("paths on the noise-free itinerary")
-    _along(ax, name, sorted(set(rows[name])))
+    _along(ax, name, rows[name])
     legend_above(figure, [ax], 4)
     return figure
 
@@ -175,14 +179,7 @@ def sections(r: Compared, rows: pd.DataFrame) -> Figure:
     """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
     figure, axes = new_figure(11.0, 5.8, 2, 3)
     name = r.study.along
-    panels = [
-        ("tau", "sd"),
-        ("y1", "sd"),
-        ("rate", "mean"),
-        ("tau", "skew"),
-        ("y1", "skew"),
-        ("energy", "mean"),
-    ]
+    panels = [("tau", "sd"), ("y1", "sd"), ("rate", "mean"), ("tau", "skew"), ("y1", "skew"), ("energy", "mean")]
     labels = {
         "sd": "sd of {}",
         "skew": "skewness of {}",
@@ -191,18 +188,16 @@ def sections(r: Compared, rows: pd.DataFrame) -> Figure:
     }
     for ax, (quantity, moment) in zip(axes, panels, strict=True):
         part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
-        for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):
-            group = part[part["impact"] == impact].sort_values(name)
+        for style, group in _by_impact(part, r):
             low, high = (group["value"] + sign * 1.96 * group["se"] for sign in (-1.0, 1.0))
-            ax.plot(group[name], group["value"], color=colour, lw=1.4, marker="o", ms=2.5, label=f"impact {impact}")
-            ax.fill_between(group[name], low, high, color=colour, alpha=BAND, lw=0)
+            _draw_band(ax, group[name], group["value"], low, high, ms=2.5, **style)
         label = labels.get(quantity) or labels[moment].format(SYMBOL[quantity])
         ax.set_ylabel(label + r" ($\nu_1\omega$)" * ((quantity, moment) == ("y1", "sd")))
         if moment == "sd" and (part["value"] > 0.0).any():
             ax.set_yscale("log")
         if moment == "skew":
             ax.set_yscale("symlog", linthresh=1.0)
-        _along(ax, name, sorted(set(rows[name])))
+        _along(ax, name, rows[name])
     legend_above(figure, axes, 4)
     return figure
 
@@ -218,13 +213,13 @@ def draw_paired(r: Compared, rows: pd.DataFrame) -> Figure:
         if known.empty:  # too few batches for a standard error
             continue
         gains = known.groupby("middle")["gain"].quantile([0.1, 0.5, 0.9]).unstack()
-        ax.plot(gains.index, gains[0.5], lw=1.4, ms=4, label=f"{moment}s: median, 10 to 90 %", **style)
-        ax.fill_between(gains.index, gains[0.1], gains[0.9], color=style["color"], alpha=BAND, lw=0)
+        label = f"{moment}s: median, 10 to 90 %"
+        _draw_band(ax, gains.index, gains[0.5], gains[0.1], gains[0.9], lw=1.4, ms=4, label=label, **style)
     ax.axhline(1.0, color="k", ls="--", lw=1.0)
     ax.set_yscale("log")
     ax.yaxis.set_major_formatter("{x:g}")
     ax.set_ylabel("error of a difference, independent / paired")
-    _along(ax, name, sorted(set(part["middle"])))
+    _along(ax, name, part["middle"])
     legend_above(figure, [ax], 2)
     return figure
 
@@ -238,7 +233,7 @@ def cost(r: Compared, rows: pd.DataFrame) -> Figure:
         ax.plot(group[name], group["seconds"], label=str(what), lw=1.2, ms=4, **STYLE[str(what)])
     ax.set_yscale("log")
     ax.set_ylabel("seconds of one core")
-    _along(ax, name, sorted(set(rows[name])))
+    _along(ax, name, rows[name])
     legend_above(figure, [ax], 4)
     return figure
 

@@ -1,22 +1,319 @@
-"""Studies of the impacts: closures against ensembles, at each point of a grid; the kind ``impacts``."""
+"""Studies of the impacts: closures against ensembles, at each point of a grid; the kind ``impacts`` and its tables."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
 
 from rattle.closure import CLOSURES
-from rattle.closure.mean_map import ORDERS
-from rattle.compare.study.axes import SETTINGS
-from rattle.compare.study.cells import Prediction, Sample
-from rattle.compare.study.design import Kind, Study
-from rattle.compare.study.results import combine
-from rattle.compare.study.tables import TABLES, Tables
-from rattle.compare.validation.verdict import Tolerances
+from rattle.closure.mean_map import ORDERS, find_closures
+from rattle.compare.study.cells import BATCH, FACTS, Predicted, Prediction, Sample, Sampled
+from rattle.compare.study.design import SETTINGS, Kind, Point, Study, list_reasons, with_coordinates
+from rattle.compare.validation.errors import section_errors, to_absolute_time
+from rattle.compare.validation.verdict import Tolerances, is_accurate, is_wrong, judge, unbroken, widest
 from rattle.montecarlo import SCHEMES, check_settings, default_step
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, check_keys, choice, count, positive
+from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
-from rattle.scene.validate import check_keys, choice, count, positive
+from rattle.scene.types import Floats
+from rattle.scene.units import with_units
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
+"""Tables of a study of impacts, each a Parquet file."""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The tables of a study of impacts, from `load_study`.
+
+    Attributes
+    ----------
+    study : Study
+        What was asked for.
+    record : dict
+        The manifest.
+    errors, sections, correlation, validity, paired, cost, reasons : DataFrame
+        Errors of the closures with verdicts; section moments; correlation coefficients; range of validity; differences
+        of neighbours; times; why a cell could not be computed.
+
+    Examples
+    --------
+    >>> from rattle import load_study
+    >>> sorted(load_study("reports/studies/noise").errors["closure"].unique())
+    ['branching', 'corrected', 'published', 'saltation']
+    """
+
+    study: Study
+    record: dict[str, Any]
+    errors: pd.DataFrame
+    sections: pd.DataFrame
+    correlation: pd.DataFrame
+    validity: pd.DataFrame
+    paired: pd.DataFrame
+    cost: pd.DataFrame
+    reasons: pd.DataFrame
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to compare."""
+        return self.errors.empty
+
+    def judged(self, within: Tolerances) -> pd.DataFrame:
+        """Judge the errors by other tolerances."""
+        share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
+        return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], self.errors["still"])))
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Convert the errors of the closures and the moments of the simulation to a dataset.
+
+        Needs the optional dependency ``xarray`` (``pip install rattle[xarray]``).
+
+        Returns: Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for the errors,
+        ``closure``; ``["quantity"].attrs`` holds the unit of each quantity.
+        """
+        index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
+        errors = self.errors.set_index([*index, "closure"])
+        predictions = errors[["predicted", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
+        sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
+        return with_units(predictions.merge(sections.rename(value="simulated"), join="outer"))
+
+    def plot(self, kind: str = "validity", **at: Any) -> "Figure":
+        """Draw a figure of the study's page.
+
+        Keywords are values of the fields that vary besides the first; the table's first where one is left out.
+        """
+        from rattle.compare.study.figures import FIGURES, panels
+
+        draw, table, _ = FIGURES[choice("kind", kind, FIGURES)]
+        rows = getattr(self, table)
+        for fixed, part in panels(self, rows, len(rows)) if len(rows) and self.study.along else ():
+            if at.items() <= fixed.items():
+                return draw(self, part)
+        raise InputError("kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study")
+
+
+def compare_paired(one: Sampled, other: Sampled) -> pd.DataFrame:
+    """Differences of section means and sds between two runs on common random numbers, with their standard errors.
+
+    The standard error is that of the mean of the batches' differences.  For means, the differences are first regressed
+    on the batches of the control variate, whose expectation is zero.
+
+    Returns: Columns ``impact, quantity, moment, difference`` (`other` less `one`), ``se`` and ``se_independent``,
+    the standard error that independent runs without a control variate would have.
+    """
+    rows = []
+    for quantity in SECTION:
+        if one.scene.stages == 1 and quantity in STATE[2:]:
+            continue
+        for moment, prefix in (("mean", ""), ("sd", "sd_")):
+            name = BATCH.format(moment, quantity)
+            first, second = (np.stack(list(run.batches[name])) for run in (one, other))
+            batches = min(first.shape[1], second.shape[1])
+            first, second = first[:, :batches], second[:, :batches]
+            control = np.stack(list(other.batches[BATCH.format("control", quantity)]))[:, :batches]
+            freedom = batches - 1 - (moment == "mean")
+            se = alone = np.full(len(first), np.nan)
+            if freedom > 0:  # a standard error needs at least one degree of freedom
+                left = _residual(second - first, control) if moment == "mean" else _subtract_means(second - first)
+                se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
+            if batches > 1:
+                alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)
+            difference = other.section[prefix + quantity] - one.section[prefix + quantity]
+            table = pd.DataFrame({"impact": one.section.index}).assign(quantity=quantity, moment=moment)
+            rows.append(table.assign(difference=difference.to_numpy(), se=se, se_independent=alone))
+    return pd.concat(rows, ignore_index=True)
+
+
+def _subtract_means(values: Floats) -> Floats:
+    return np.asarray(values - values.mean(axis=1, keepdims=True))
+
+
+def _residual(values: Floats, control: Floats) -> Floats:
+    """Residuals of the regression of each row on its control variate."""
+    values, control = _subtract_means(values), _subtract_means(control)
+    product, square = ((v * control).sum(axis=1, keepdims=True) for v in (values, control))
+    return np.asarray(values - np.divide(product, square, out=np.zeros_like(square), where=square > 0.0) * control)
+
+
+Triple = tuple[Point, Sampled, list[Predicted]]
+
+
+def combine(study: Study, found: Mapping[str, Any]) -> Tables:
+    """Compute the tables of a study from the results of its cells, by key."""
+    predictions = sum(cell.key in found for point in study.points for cell in point.predictions)
+    z = widest(predictions * 2 * len(SECTION) * study.impacts)  # 95 % simultaneous coverage over the study (Bonferroni)
+    points = [
+        (point, found[point.sample.key], [found[cell.key] for cell in point.predictions if cell.key in found])
+        for point in study.points
+        if point.sample and point.sample.key in found
+    ]
+    errors, sections = _errors(study, points, z), _sections(points)
+    return Tables(
+        study,
+        {"errors_sha256": _digest(errors), "sections_sha256": _digest(sections), "z": z},
+        errors=errors,
+        sections=sections,
+        correlation=_correlation(study, points),
+        validity=find_validity(study, errors),
+        paired=_pair_neighbours(study, points),
+        cost=_cost(study, found),
+        reasons=list_reasons(study),
+    )
+
+
+def _digest(table: pd.DataFrame) -> str:
+    return hashlib.sha256(pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes()).hexdigest()
+
+
+def _errors(study: Study, points: list[Triple], z: float) -> pd.DataFrame:
+    """Every section mean and sd of every closure at every point: error, interval, verdict.
+
+    Columns: the fields that vary, then those of `rattle.compare.validation.errors.section_errors`.
+    """
+    parts = []
+    for point, run, predictions in points:
+        for prediction in predictions:
+            table = section_errors(prediction, run, z, study.within)
+            parts.append(with_coordinates(point.coordinates, to_absolute_time(table, run.scene)))
+    none = pd.DataFrame({"closure": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
+    return pd.concat(parts, ignore_index=True) if parts else none
+
+
+def _sections(points: list[Triple]) -> pd.DataFrame:
+    """Section moments of the simulation: a row for each point, impact, quantity and moment.
+
+    Moments ``mean, sd, skew`` of the quantities at each path's k-th impact (the Poincaré section at the impacts),
+    and the means of ``energy`` (lost at the impact) and of ``rate`` (impacts so far over their mean time).
+    Columns: the fields that vary, ``impact, quantity, moment, value, se, paths`` (that reached the impact),
+    ``followed`` (all simulated paths) and ``agreement`` (share of all paths on the noise-free itinerary).
+    """
+    parts = []
+    for point, run, _ in points:
+        s = run.section
+        since = s["tau"] - run.scene.phase  # stored times are counted from the phase of the start
+        rate = s.index.to_numpy() / since
+        columns = [
+            ("rate", "mean", rate, rate * s["se_tau"] / since),
+            ("energy", "mean", s["energy"], s["se_energy"]),
+        ]
+        columns += [
+            (q, moment, s[prefix + q], s["se_" + prefix + q])
+            for moment, prefix in (("mean", ""), ("sd", "sd_"), ("skew", "skew_"))
+            for q in SECTION
+            if run.scene.stages == 2 or q not in STATE[2:]
+        ]
+        for quantity, moment, value, se in columns:
+            if (quantity, moment) == ("tau", "mean"):
+                value = run.scene.to_absolute_time(np.asarray(value))
+            table = pd.DataFrame({"impact": s.index}).assign(quantity=quantity, moment=moment)
+            table = table.assign(value=np.asarray(value), se=np.asarray(se), paths=s["paths"].to_numpy())
+            table = table.assign(followed=run.paths, agreement=s["agreement"].to_numpy())
+            parts.append(with_coordinates(point.coordinates, table))
+    none = pd.DataFrame(columns=["impact", "quantity", "moment", "value", "se", "paths", "followed", "agreement"])
+    return pd.concat(parts, ignore_index=True) if parts else none
+
+
+def _correlation(study: Study, points: list[Triple]) -> pd.DataFrame:
+    """Validity of each closure's correlations: how many of the impacts that it reaches have an invalid one.
+
+    Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second moments are not
+    realizable), ``beyond`` (those of them with ``|rho| > 1``), ``largest`` (|rho|).  ``branching`` has no rows, nor
+    has a closure of one's own without ``rho1, rho2``: it predicts no correlations before impacts.
+    """
+    rows = []
+    for point, prediction in ((p, c) for p, _, predictions in points for c in predictions):
+        reached = int(prediction.facts["found"])
+        s = prediction.section.iloc[:reached]
+        rho = s[["rho1", "rho2"]].abs()
+        none = "agreement" in s or prediction.closure not in CLOSURES
+        if none and rho.isna().all(axis=None) and bool(s["realizable"].all()):
+            continue
+        rows.append(
+            {
+                **point.coordinates,
+                "closure": prediction.closure,
+                "impacts": study.impacts,
+                "reached": reached,
+                "invalid": int((~s["realizable"]).sum()),
+                "beyond": int((rho > 1.0).any(axis=1).sum()),
+                "largest": float(np.nan_to_num(rho.to_numpy(float)).max(initial=0.0)),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def find_validity(study: Study, errors: pd.DataFrame) -> pd.DataFrame:
+    """Range of validity of each closure along the field `along`, for the first k impacts.
+
+    Columns: the other fields that vary, ``closure, impact`` (k), ``accurate`` (the largest value up to which every
+    judged moment of the first k impacts is accurate), ``not_inaccurate`` (the largest value up to which none is
+    shown to be inaccurate), both NaN if the smallest value fails already, and ``ended``: whether at the next value
+    the closure is not shown to be inaccurate but predicts fewer than k impacts.
+    """
+    if not study.along or errors.empty:
+        return pd.DataFrame()
+    first, keys = study.along, [*study.others, "closure"]
+    verdicts = errors.groupby([*keys, first, "impact"], sort=True)["verdict"].agg(set).reset_index()
+    found = []
+    for key, group in verdicts.groupby(keys, sort=False):
+        said = group.pivot(index=first, columns="impact", values="verdict").sort_index()
+        inaccurate, wrong, inexact = (  # at one of the first k impacts
+            said.map(what).astype(bool).cummax(axis=1)
+            for what in ({"inaccurate"}.issubset, is_wrong, lambda v: not is_accurate(v))
+        )
+        for impact in said:
+            found.append(
+                {
+                    **dict(zip(keys, key, strict=True)),
+                    "impact": impact,
+                    "accurate": unbroken(said.index, ~inexact[impact]),
+                    "not_inaccurate": unbroken(said.index, ~wrong[impact]),
+                    "ended": bool((~inaccurate[impact][wrong[impact]][:1]).any()),
+                }
+            )
+    return pd.DataFrame(found).astype({"accurate": float, "not_inaccurate": float})
+
+
+def _pair_neighbours(study: Study, points: list[Triple]) -> pd.DataFrame:
+    """Differences between neighbours along `along`, with standard errors that use the common random numbers.
+
+    Columns: the other fields, ``from, to`` and those of `rattle.compare.study.impacts.compare_paired`.  Empty
+    if every point has random numbers of its own, or too few paths for a standard error.
+    """
+    if not study.common_noise or not study.along:
+        return pd.DataFrame()
+    first, others = study.along, study.others
+    groups: dict[tuple[Any, ...], list[tuple[float, Sampled]]] = {}
+    for point, run, _ in points:
+        key = tuple(point.coordinates[name] for name in others)
+        groups.setdefault(key, []).append((point.coordinates[first], run))
+    parts = []
+    for key, runs in groups.items():
+        for (low, one), (high, other) in pairwise(sorted(runs, key=lambda pair: pair[0])):
+            table = compare_paired(one, other)
+            if table["se"].notna().any():
+                at = {**dict(zip(others, key, strict=True)), "from": low, "to": high}
+                parts.append(with_coordinates(at, table))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def _cost(study: Study, found: Mapping[str, Any]) -> pd.DataFrame:
+    """Seconds of each cell on the machine that computed it; not reproducible."""
+    return pd.DataFrame(
+        {**point.coordinates, "what": getattr(cell, "closure", "monte carlo"), "seconds": facts["seconds"]}
+        | {name: facts[name] for name in FACTS if name in facts}
+        for point in study.points
+        for cell in point.cells
+        for facts in ([found[cell.key].facts] if cell.key in found else [])
+    )
 
 
 def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
@@ -50,12 +347,13 @@ def cells(
             sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
     except InputError as error:
         reasons["sample"] = str(error)
-    for closure in study.closures:
+    for method in find_closures("study.closures", study.closures):
         try:
-            CLOSURES[closure].check(scene)
-            predictions.append(Prediction(scene, study.impacts, closure, study.order))
+            method.check(scene)
+            users = method if method.own else None
+            predictions.append(Prediction(scene, study.impacts, method.name, study.order, users))
         except InputError as error:
-            reasons[closure] = str(error)
+            reasons[method.name] = str(error)
     return sample, tuple(predictions), reasons
 
 
@@ -92,8 +390,9 @@ def _check_settings(settings: Mapping[str, Any], varying: set[str]) -> None:
 
 def _closures(given: Any) -> tuple[str, ...]:
     if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-        raise InputError("study.closures", given, "give a list of " + ", ".join(CLOSURES))
-    return tuple(dict.fromkeys(choice("study.closures", r, CLOSURES) for r in given))
+        valid = ", ".join(CLOSURES)
+        raise InputError("study.closures", given, f"give a list of {valid}, or package.module:function of your own")
+    return tuple(dict.fromkeys(r if ":" in str(r) else choice("study.closures", r, CLOSURES) for r in given))
 
 
 def _flag(field: str, value: Any) -> bool:

@@ -1,6 +1,5 @@
 """What a study of impacts says: its answer in a few sentences, its figures and the blocks of its page."""
 
-import hashlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,23 +9,12 @@ from rattle.compare.report import Block, PageSection, Row, Table, TableCell, Tex
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import FIGURES, panels
-from rattle.compare.study.page import Drawing
-from rattle.compare.study.tables import Tables
-from rattle.compare.validation.validity_range import in_words, join_words, span, want
-from rattle.compare.validation.verdict import RULE, VERDICTS
+from rattle.compare.study.folder import Drawing
+from rattle.compare.study.impacts import Tables
+from rattle.compare.validation.verdict import RULE, VERDICTS, in_words, join_words, span, want
 
-WORDS = (
-    *CLOSURE_TERMS,
-    *SECTION_TERMS,
-    *VERDICT_TERMS,
-    "exact flight",
-    "σ",
-    "α",
-    "ε",
-    "ρ1, ρ2",
-    "orbit",
-    "agreement",
-)
+SYMBOLS = ("exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement")
+WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *SYMBOLS)
 FEW = 4  # up to so many different ranges of validity of a closure are listed one by one in the answer
 
 
@@ -114,15 +102,6 @@ def draw(r: Tables) -> list[Drawing]:
             at = ", ".join(f"{field} = {v}" for field, v in fixed.items())
             drawn.append(Drawing(own, draw_one(r, part), f"{title} ({at})." if at else f"{title}."))
     return drawn
-
-
-def facts(r: Tables) -> dict[str, Any]:
-    """Digests of the largest tables, and the half width of the intervals in standard errors."""
-    return {"errors_sha256": _digest(r.errors), "sections_sha256": _digest(r.sections), **r.record}
-
-
-def _digest(table: pd.DataFrame) -> str:
-    return hashlib.sha256(pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes()).hexdigest()
 
 
 def blocks(

@@ -1,28 +1,81 @@
-"""A store of results: a Parquet file for each cell, named by the digest of the cell's inputs."""
+"""A store of results: a Parquet file for each cell, named by the digest of its inputs and of the numerical code."""
 
+import ast
 import errno
 import hashlib
+import importlib.metadata
 import json
 import os
 import platform
 import sys
 import time
+from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
+import llvmlite.binding
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, SoftFileLock, Timeout
 
 from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path, within, write_whole
-from rattle.compare.report.json_text import json_text
+from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.scene.compiled import has_fma
 from rattle.scene.errors import OutputError
+from rattle.scene.scene import Scene
 from rattle.scene.text import harmless, line
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("scene", "closure", "montecarlo")
+LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
+
+
+@cache
+def numerical_version(*packages: str) -> str:
+    """Compute a digest of the numerical code, of its libraries, and of the kind of processor.
+
+    All x86-64 processors with AVX2 and FMA are of one kind, for their bits agree.  Each other is a kind of its own.
+
+    The code enters as a syntax tree without docstrings: comments, docstrings and layout do not change the digest.
+
+    Examples
+    --------
+    >>> numerical_version() == numerical_version()
+    True
+    """
+    digest = hashlib.sha256(" ".join((_processor(), *platform.libc_ver())).encode())
+    for library in LIBRARIES:
+        digest.update(f"{library} {importlib.metadata.version(library)};".encode())
+    for package in packages or PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            digest.update(path.name.encode() + _meaning(path.read_text(encoding="utf-8")).encode())
+    return digest.hexdigest()[:16]
+
+
+def _processor() -> str:
+    """The kind of processor, by the bits it gives."""
+    machine = platform.machine()
+    if machine.lower() in ("x86_64", "amd64") and has_fma():
+        return "x86-64 with AVX2 and FMA"
+    return f"{machine} {llvmlite.binding.get_host_cpu_name()}"
+
+
+@cache
+def _meaning(source: str) -> str:
+    """The syntax tree of a source, without its docstrings."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
+            node.body = node.body[1:]
+    return ast.dump(tree)
+
 
 PAUSE = 0.2  # seconds between two tries of a cell that another process is computing
 PATIENCE = 5  # tries before that process is named
@@ -37,41 +90,58 @@ class Content(NamedTuple):
     facts: dict[str, Any]  # plain data with an entry ``seconds``; may hold what is not reproducible, such as times
 
 
-class Cell(Protocol):
+class Cell(ABC):
     """One result to compute, or to find in a store under its key."""
 
+    packages: ClassVar[tuple[str, ...]]  # those whose code determines the result besides that of scenes
+    splits: ClassVar[bool] = False  # whether the work is handed to `blocks`; otherwise it is one task
+    scene: Scene
+
     @property
+    @abstractmethod
+    def group(self) -> str:
+        """Name of the cells that take about as long: a closure, or ``ensembles``."""
+
+    @property
+    @abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """Everything that determines the result besides the scene, with an entry ``kind``."""
+
+    @property
+    def core_seconds(self) -> float:
+        """Expected seconds of one core; of an ensemble a short run tells it."""
+        return 0.0
+
+    @abstractmethod
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Compute table and facts; `blocks` runs blocks of paths, in this thread one after the other by default."""
+
+    @abstractmethod
+    def restore(self, content: Content) -> Any:
+        """Turn what was stored into a result of this kind of cell, which has the facts as ``facts``."""
+
+    def describe(self, result: Any) -> str:
+        """What the progress line and the log say of a result; nothing by default."""
+        return ""
+
+    @cached_property
     def key(self) -> str:
-        """Digest of everything that determines the result."""
-        ...
+        """Digest of the scene's dimensionless numbers, the settings, and the version of the code that is used."""
+        numbers = replace(self.scene, gears=None).to_dict()  # without the gears that it came from
+        settings = self.settings
+        content = {"kind": settings.pop("kind"), "scene": numbers, "settings": settings}
+        return json_digest(content | {"version": numerical_version("scene", *self.packages)})[:32]
 
     @property
     def label(self) -> str:
         """Short description for the progress line."""
-        ...
-
-    @property
-    def group(self) -> str:
-        """Name of the cells that take about as long: a closure, or ``ensembles``."""
-        ...
-
-    @property
-    def splits(self) -> bool:
-        """Whether `compute` hands its work to `blocks`; otherwise it is one task."""
-        ...
-
-    @property
-    def core_seconds(self) -> float | None:
-        """Expected seconds of one core; None for an ensemble, of which a short run tells it."""
-        ...
+        return f"{self.group} at sigma {self.scene.sigma:.3g}"
 
     def compute(self, blocks: Blocks | None = None) -> Content:
-        """Compute the result."""
-        ...
-
-    def restore(self, content: Content) -> Any:
-        """Turn what was stored into a result of this kind of cell, which has the facts as ``facts``."""
-        ...
+        """Compute what is stored, with the time that it takes."""
+        started = time.perf_counter()
+        table, facts = self.evaluate(blocks)
+        return Content(table, facts | {"seconds": time.perf_counter() - started})
 
 
 def print_on_stderr(text: str) -> None:
@@ -97,6 +167,7 @@ class Store:
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
         self.folder, self.aside, self._locks = folder, folder / "set-aside", folder / "locks"
+        self._tries: Counter[str] = Counter()  # of cells that other processes compute, by process
         within(folder, self._locks.name, self.aside.name)
         if read_only:
             return
@@ -111,6 +182,10 @@ class Store:
         """Path of the file of a cell."""
         return self.folder / f"{cell.key}.parquet"
 
+    def missing(self, cells: Iterable[Cell]) -> list[Cell]:
+        """List the cells that are not stored."""
+        return [cell for cell in cells if not self.path(cell).exists()]
+
     def read(self, cell: Cell) -> Any:
         """Read the result of a cell, None if there is none; a damaged or foreign file is moved to `aside`."""
         path = self.path(cell)
@@ -118,13 +193,11 @@ class Store:
             return cell.restore(_parse(cell.key, path.read_bytes()))
         except FileNotFoundError:
             return None
-        except (OSError, MemoryError) as error:
-            if isinstance(error, MemoryError) or error.errno is not None:  # pyarrow's own have no number
-                why = os.strerror(getattr(error, "errno", None) or errno.ENOMEM)
-                how = "it stays as it is: remove the cause, and repeat the command"
-                raise self._refuse(f"{path.name} cannot be read ({why}); {how}") from None
-            self._set_aside(path, str(error))
         except Exception as error:  # pyarrow and pandas raise many kinds for a file that is not theirs
+            number = errno.ENOMEM if isinstance(error, MemoryError) else getattr(error, "errno", None)
+            if number is not None:  # the system's own: the file may be sound
+                how = "it stays as it is: remove the cause, and repeat the command"
+                raise self._refuse(f"{path.name} cannot be read ({os.strerror(number)}); {how}") from None
             self._set_aside(path, str(error) or type(error).__name__)
         return None
 
@@ -136,18 +209,23 @@ class Store:
         pq.write_table(table, sink, compression="zstd")
         scratch = scratch_path(self.folder, ANY_TEXT, PART)
         try:
-            with open(scratch, "xb") as file:  # permissions by the umask, so that others may read it
-                file.write(with_seal(sink.getvalue().to_pybytes()))
-                file.flush()
-                os.fsync(file.fileno())
+            scratch.write_bytes(with_seal(sink.getvalue().to_pybytes()))
             os.replace(scratch, self.path(cell))
         except OSError as error:
             scratch.unlink(missing_ok=True)
             why = "the disk is full" if error.errno == errno.ENOSPC else f"cannot be written ({error.strerror})"
             raise self._refuse(f"{why}; finished results are kept: make room and repeat the command") from None
 
-    def attempt(self, cell: Cell, compute: Callable[[Cell], Content]) -> Any:
-        """Read or compute the result of a cell; None, after a pause, while another process or thread computes it."""
+    def attempt(
+        self,
+        cell: Cell,
+        compute: Callable[[Cell], Content] = lambda cell: cell.compute(),
+        say: Callable[[str], object] = print_on_stderr,
+    ) -> Any:
+        """Read or compute the result of a cell; None, after a pause, while another process or thread computes it.
+
+        After about a second that process is named, once.
+        """
         if (found := self.read(cell)) is not None:
             return found
         with self.alone(cell.key) as alone:
@@ -158,18 +236,16 @@ class Store:
                     found = cell.restore(content)
                 return found
         time.sleep(PAUSE)
+        who = self._holder(cell.key)
+        self._tries[who] += 1
+        if self._tries[who] == PATIENCE:
+            say(f"waiting for {who}, at work on {cell.label}; continues when it finishes")
         return None
 
-    def obtain(
-        self,
-        cell: Cell,
-        compute: Callable[[Cell], Content] = lambda cell: cell.compute(),
-        say: Callable[[str], object] = print_on_stderr,
-    ) -> Any:
-        """Read or compute the result of a cell, waiting for another process that computes it."""
-        waits = Waits(self, say)
-        while (found := self.attempt(cell, compute)) is None:
-            waits.count(cell)
+    def obtain(self, cell: Cell, *how: Any) -> Any:
+        """Read or compute the result of a cell as `attempt` does, waiting for another process that computes it."""
+        while (found := self.attempt(cell, *how)) is None:
+            pass
         return found
 
     @contextmanager
@@ -187,27 +263,23 @@ class Store:
             with suppress(OSError):  # the name of its holder is not essential
                 if not isinstance(lock, SoftFileLock):
                     since = time.strftime("%Y-%m-%d %H:%M:%S")
-                    with open(os.open(lock.lock_file, os.O_WRONLY | os.O_TRUNC | os.O_NOFOLLOW), "w") as file:
-                        file.write(f"process {os.getpid()} on {platform.node()} since {since}")
+                    Path(lock.lock_file).write_text(f"process {os.getpid()} on {platform.node()} since {since}")
             yield True
         finally:
             lock.release()
 
-    def holder(self, key: str) -> str:
+    def _holder(self, key: str) -> str:
         """Name the process that holds the lock of a key."""
-        try:
+        with suppress(OSError):
             return line((self._locks / key).read_text(errors="replace"))[:100] or "another process"
-        except OSError:
-            return "another process"
+        return "another process"
 
     def _refuse(self, why: str) -> OutputError:
         return OutputError(f"out = {str(self.folder)!r}: {why}")
 
     def _set_aside(self, path: Path, why: str) -> None:
         """Move a file to `aside`, with a note of the reason."""
-        target, number = self.aside / path.name, 1
-        while target.exists():
-            target, number = self.aside / f"{path.stem}-{number}.parquet", number + 1
+        target = self.aside / path.name
         try:
             self.aside.mkdir(exist_ok=True)
             os.replace(path, target)
@@ -217,23 +289,6 @@ class Store:
             raise self._refuse(f"{path.name} is damaged and cannot be moved away ({error.strerror})") from None
         with suppress(OutputError):  # the note is not essential
             write_whole(target.with_suffix(".txt"), f"{path.name}: {(why.splitlines() or ['?'])[0][:200]}\n")
-
-
-class Waits:
-    """Counts tries of cells that other processes are computing, and names each process once after about a second."""
-
-    def __init__(self, store: Store, say: Callable[[str], object]) -> None:
-        self._store, self._say = store, say
-        self._tries: Counter[str] = Counter()
-        self._named: set[str] = set()
-
-    def count(self, cell: Cell) -> None:
-        """Count a try."""
-        self._tries[cell.key] += 1
-        who = self._store.holder(cell.key)
-        if self._tries[cell.key] >= PATIENCE and who not in self._named:
-            self._named.add(who)
-            self._say(f"waiting for {who}, at work on {cell.label}; continues when it finishes")
 
 
 def _parse(key: str, content: bytes) -> Content:

@@ -1,4 +1,4 @@
-"""A test's claim about the accuracy of a closure, read from its marker and validated before any simulation."""
+"""A test's claim about the accuracy of a closure, and the settings of a session, validated before any simulation."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,14 +6,80 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rattle.compare.thresholds.settings import UNDECIDED
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import SCHEMES, check_settings, default_step
 from rattle.montecarlo.settings.plan import MOST_PATHS
-from rattle.scene.errors import FileError, InputError
+from rattle.scene.errors import FileError, InputError, check_keys, choice, count, finite, positive
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
-from rattle.scene.validate import check_keys, choice, count, positive
+
+PROFILES = {"quick": 32_768, "full": 1_048_576}
+"""Simulated paths of the first look, unless the marker gives a number."""
+TIMES = 8
+"""Default budget of an undecided test, as a multiple of the paths of its first look."""
+UNDECIDED = ("fail", "skip")
+BASELINES = ("compare", "record", "regenerate")
+
+
+class Settings(NamedTuple):
+    """Settings of a session."""
+
+    false_alarm: float = 0.01  # largest probability that a test fails although its claim is true
+    undecided: str = "fail"  # outcome of a test that its budget does not decide, ``fail`` or ``skip``
+    profile: str = "quick"  # key of `PROFILES`
+    budget: int | None = None  # largest number of paths of an undecided test; None for `TIMES` those of its first look
+    cache: Path | None = None  # folder of the simulations; None for pytest's own cache
+    seed: int = 0  # seed, workers: seed and threads of the simulations
+    workers: int = 1
+    baselines: str = "compare"  # ``compare``, ``record`` or ``regenerate``
+
+    def sizes(self, first: int | None, most: int | None) -> tuple[int, ...]:
+        """Numbers of paths of all possible looks at a claim: from its first one doubled up to its budget.
+
+        They are fixed before anything is simulated, so that the intervals of all looks can have simultaneous coverage.
+
+        Examples
+        --------
+        >>> Settings().sizes(10_000, None), Settings(budget=30_000).sizes(10_000, None), Settings().sizes(10_000, 1)
+        ((10000, 20000, 40000, 80000), (10000, 20000, 30000), (10000,))
+        """
+        sizes = [first or PROFILES[self.profile]]
+        most = most or self.budget or TIMES * sizes[0]
+        while sizes[-1] < most:
+            sizes.append(min(2 * sizes[-1], most))
+        return tuple(sizes)
+
+
+def read_settings(chosen: Mapping[str, str]) -> Settings:
+    """Read settings from the text of the options.
+
+    Examples
+    --------
+    >>> read_settings({"rattle_false_alarm": "0.05", "rattle_cache": ""}).false_alarm
+    0.05
+    """
+    given = {name.removeprefix("rattle_"): text for name, text in chosen.items() if text != ""}
+    rate = _parse("rattle-false-alarm", given.pop("false_alarm", "0.01"), float)
+    if not 0.0 < finite("rattle-false-alarm", rate) < 1.0:
+        raise InputError("rattle-false-alarm", rate, "must lie between 0 and 1, both excluded")
+    return Settings(
+        rate,
+        choice("rattle-undecided", given.get("undecided", "fail"), UNDECIDED),
+        choice("rattle-profile", given.get("profile", "quick"), PROFILES),
+        count("rattle-budget", _parse("rattle-budget", given["budget"])) if "budget" in given else None,
+        Path(given["cache"]) if "cache" in given else None,
+        count("rattle-seed", _parse("rattle-seed", given.get("seed", "0")), least=0),
+        count("rattle-workers", _parse("rattle-workers", given.get("workers", "1"))),
+        choice("rattle-baselines", given.get("baselines", "compare"), BASELINES),
+    )
+
+
+def _parse(field: str, text: str, kind: type = int) -> Any:
+    try:
+        return kind(text)
+    except ValueError:
+        raise InputError(field, text, f"give a{' whole' if kind is int else ''} number") from None
+
 
 MOMENTS = ("mean", "sd")
 OPTIONS = (

@@ -5,21 +5,135 @@ all looks (Bonferroni).  Therefore looks may be skipped depending on earlier one
 final.  Other claims do not widen them: a verdict does not depend on which tests run beside it.
 """
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import pytest
 from scipy.special import ndtr
 
+from rattle.closure import Closure, mean_map
+from rattle.closure.closure import name_of
+from rattle.closure.mean_map import find_closure
+from rattle.closure.stationary import Law
+from rattle.compare.stationary.study import LongCell
+from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, tolerance_of, values_of
 from rattle.compare.study.cells import Sample
-from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.prediction import ModelPrediction
-from rattle.compare.thresholds.sessions import Thresholds, TimedRun
-from rattle.compare.validation.section_errors import Claimed, Simulated, remarks, section_errors
+from rattle.compare.study.store import Cell, Content, Store, print_on_stderr
+from rattle.compare.thresholds.claim import Claim, Settings
+from rattle.compare.validation.errors import Claimed, Simulated, remarks, section_errors
 from rattle.compare.validation.verdict import RULE, Tolerances, judge, widest
-from rattle.montecarlo.long_run.intervals import half_width
-from rattle.scene.errors import InputError
+from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.run import PATHS
+from rattle.montecarlo.statistics.intervals import half_width
+from rattle.scene.errors import InputError, choice
+from rattle.scene.scene import Scene
+
+Model = str | Closure | Callable[[Scene, int], Any]
+"""A closure's name, or a closure of one's own."""
+
+
+@dataclass(frozen=True)
+class ModelPrediction:
+    """Predicted section moments, complete and finite where the claim needs them."""
+
+    closure: str  # name of the closure or model
+    section: pd.DataFrame  # index ``impact``; the columns of the claim
+
+
+def predict(model: Model, claim: Claim) -> ModelPrediction:
+    """Evaluate a model for the section moments of a claim.
+
+    `model`: As `rattle.closure.mean_map` takes a closure: a name, ``package.module:function``, a `Closure`, or a
+    function ``(scene, impacts)``; columns that the claim does not need may be missing.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from rattle.scene import DAT21, Scene
+    >>> from rattle.compare.thresholds.claim import read_claim
+    >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "impacts": 1, "quantities": "tau"}, Path())
+    >>> predict("saltation", claim).section.round(4).to_dict("list")
+    {'tau': [0.56], 'sd_tau': [0.0016]}
+    """
+    method = find_closure("closure" if isinstance(model, str) else "model", model)
+    if method.own:
+        method = replace(method, predicts=claim.columns)
+    found = mean_map(claim.scene, impacts=claim.impacts[-1], closure=method)
+    name, why = found.closure, f" ({found.stopped})" if found.stopped else ""
+    values = found.section.loc[list(claim.impacts), list(claim.columns)]
+    bad = np.argwhere(~np.isfinite(values.to_numpy()))
+    if bad.size:
+        impact, column = values.index[bad[0][0]], values.columns[bad[0][1]]
+        remedy = "leave it out of the marker's quantities, moments or impacts, or correct the model"
+        value = float(values.loc[impact, column])
+        raise InputError(f"{column} of {name} at impact {impact}", value, f"is not a finite number{why}; {remedy}")
+    return ModelPrediction(name, values)
+
+
+class TimedRun(NamedTuple):
+    """A simulation with its cost."""
+
+    run: Any
+    computed: bool  # whether it was simulated now; false if it was stored
+    seconds: float  # wall time of the simulation; 0 if it was stored
+
+
+@dataclass
+class Thresholds:
+    """The settings of a session and the simulations that its tests share."""
+
+    settings: Settings
+    config: pytest.Config
+    _runs: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def folder(self) -> Path | None:
+        """Folder of the stored simulations; None if pytest's cache is off and no other folder is given."""
+        if self.settings.cache is not None:
+            return self.settings.cache
+        cache = getattr(self.config, "cache", None)
+        return None if cache is None else Path(cache.mkdir("rattle"))
+
+    @cached_property
+    def store(self) -> Store | None:
+        """Store of the simulations, created when the first one is needed; None if none is kept."""
+        return None if self.folder is None else Store(self.folder)
+
+    def simulate(self, cell: Cell) -> TimedRun:
+        """Simulate, or read what an earlier test or session has simulated."""
+        computed, started = [], time.perf_counter()
+
+        def compute(cell: Cell) -> Content:
+            computed.append(cell.key)
+            return cell.compute(in_threads(self.settings.workers))
+
+        if cell.key not in self._runs:
+            if self.store is None:
+                self._runs[cell.key] = cell.restore(compute(cell))
+            else:
+                self._runs[cell.key] = self.store.obtain(cell, compute, _past_capture(self.config))
+        seconds = time.perf_counter() - started if computed else 0.0
+        return TimedRun(self._runs[cell.key], bool(computed), seconds)
+
+
+def _past_capture(config: pytest.Config) -> Callable[[str], None]:
+    """A function that prints a line on the terminal although pytest captures output."""
+
+    def say(text: str) -> None:
+        capture = config.pluginmanager.getplugin("capturemanager")
+        with capture.global_and_fixture_disabled() if capture else nullcontext():
+            print_on_stderr(text)
+
+    return say
+
 
 OUTCOMES = {"accurate": "pass", "inaccurate": "fail", "undecided": "undecided", "not predicted": "undecided"}
 """Outcome of a row by its verdict."""
@@ -39,7 +153,7 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
     and the standard error of this difference is at most ``se(d) + w se(sd)``.
 
-    Returns: Columns as of `rattle.compare.validation.section_errors`; ``error`` is absolute, ``unit`` the
+    Returns: Columns as of `rattle.compare.validation.errors`; ``error`` is absolute, ``unit`` the
     sd of the quantity (1 if it does not vary), ``noise`` one standard error.  Without rows that are not judged
     (`rattle.compare.validation.verdict.RULE`).
     """
@@ -69,7 +183,7 @@ def judge_errors(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     >>> from pathlib import Path
     >>> from rattle.compare.validation.verdict import widest
     >>> from rattle.compare.thresholds.claim import read_claim
-    >>> from rattle.compare.thresholds.prediction import predict
+    >>> from rattle.compare.thresholds.decision import predict
     >>> from rattle.montecarlo import Sampling, simulate
     >>> from rattle.scene import DAT21, Scene
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.01), "impacts": 1, "quantities": "y1"}, Path())
@@ -140,3 +254,73 @@ def decide(prediction: ModelPrediction, claim: Claim, session: Thresholds) -> De
         return judge_errors(errors_of(prediction, run.run, claim), z), run
 
     return Decision(*look_until_decided(sizes, look), z)
+
+
+PERIODS = (64, 256, 1024)
+"""Length of the simulation at the first looks; the later ones take more paths of the last."""
+
+LongModel = str | Callable[[Scene, Sequence[str]], Mapping[str, float]]
+"""A closure's name, or a function of a scene and names of quantities that gives their values."""
+
+
+class LongPrediction(NamedTuple):
+    """What a model says of the long run."""
+
+    name: str  # of the model
+    values: dict[str, float]  # of each quantity
+
+
+def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> LongPrediction:
+    """Evaluate a model for quantities of the long run.
+
+    `model`: A key of `CLOSURES_JUDGED`, or a function ``(scene, quantities) -> mapping`` of names to values.
+    """
+    if isinstance(quantities, str) or not quantities:
+        raise InputError("quantities", quantities, "give a list, as in quantities=['rate', 'energy']")
+    for name in quantities:
+        choice("quantities", name, all_names(scene.stages))
+    if isinstance(model, str):
+        law = laws(scene, (choice("closure", model, CLOSURES_JUDGED),))[model]
+        if not isinstance(law, Law):
+            raise InputError("closure", model, f"says nothing of the long run: {law}")
+        found: Mapping[str, Any] = values_of(law, scene, 0.1)
+    elif callable(model):
+        found = model(scene, tuple(quantities))
+    else:
+        raise InputError("model", model, "give a closure's name, or a function (scene, quantities) -> mapping")
+    label = model if isinstance(model, str) else name_of(model)
+    values = {}
+    for name in dict.fromkeys(quantities):
+        try:
+            values[name] = float(found[name])
+        except (LookupError, TypeError, ValueError):
+            why = "is missing or no number; return it, or leave it out"
+            raise InputError(f"result of {label}", name, why) from None
+        if not np.isfinite(values[name]):
+            raise InputError(f"result of {label}", name, "is not predicted; leave it out of quantities")
+    return LongPrediction(label, values)
+
+
+def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -> Decision:
+    """Compare a prediction with long runs that grow until every quantity is decided, first in length, then in paths.
+
+    ``paths_needed`` are paths of the longest run; ``effective_paths`` and ``widened`` are how many paths of the run its
+    standard error rests on, and the half width of its interval in standard errors.
+    """
+    names, settings, longest = list(prediction.values), session.settings, PERIODS[-1]
+    sizes = {periods * PATHS: (periods, PATHS) for periods in PERIODS}
+    sizes |= {longest * paths: (longest, paths) for paths in settings.sizes(PATHS, claim.budget)}
+    z = widest(len(names) * len(sizes), settings.false_alarm)
+
+    def look(size: int | None) -> tuple[pd.DataFrame, TimedRun]:
+        periods, paths = sizes[size or 0]
+        run = session.simulate(LongCell(claim.scene, settings.seed, (), periods=periods, paths=paths))
+        result = run.run
+        simulated = {str(name): float(value) for name, value in result.table["value"].items()}
+        rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
+        rows["tolerance"] = [tolerance_of(name, simulated) for name in names]
+        table = judge_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})
+        return table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths), run
+
+    table, runs = look_until_decided(tuple(sizes), look)
+    return Decision(table.assign(paths_needed=np.ceil(table["paths_needed"] / longest)), runs, z)

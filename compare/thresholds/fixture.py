@@ -1,20 +1,128 @@
-"""The fixture: compares a model with the simulation, or with its recorded baseline."""
+"""The fixture: compares a model with the simulation, or with its predictions recorded in a file beside the test."""
 
+import hashlib
 import re
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import pandas as pd
 import pytest
+import tomli_w
 
-from rattle.compare.thresholds import baseline, messages
+from rattle.compare.report.folder import write_whole
+from rattle.compare.thresholds import messages
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.decision import Decision, decide
-from rattle.compare.thresholds.prediction import Model, predict
-from rattle.compare.thresholds.sessions import Thresholds
-from rattle.scene.errors import RattleError
-from rattle.scene.text import harmless
+from rattle.compare.thresholds.decision import Decision, Model, ModelPrediction, Thresholds, decide, predict
+from rattle.scene.errors import FileError, RattleError
+from rattle.scene.files import read_text
+from rattle.scene.text import harmless, line
+
+Changes = dict[str, tuple[Any, Any]]
+"""Recorded and present value, by dotted key in the file; None for a missing one."""
+
+
+def baseline_path(module: Path, test: str) -> Path:
+    """Give the path of a test's baseline.
+
+    Examples
+    --------
+    >>> baseline_path(Path("tests/test_gate.py"), "test_mine").as_posix()
+    'tests/baselines/test_gate/test_mine.toml'
+    """
+    name = re.sub(r"[^\w.\[\]-]+", "-", test)
+    if name != test:  # two tests may not share a file
+        name += "-" + hashlib.sha256(test.encode()).hexdigest()[:6]
+    return module.parent / "baselines" / module.stem / f"{name}.toml"
+
+
+def baseline_content(prediction: ModelPrediction, claim: Claim) -> dict[str, Any]:
+    """Build the content of a baseline."""
+    values = {
+        c: dict(zip(map(str, claim.impacts), map(float, prediction.section[c]), strict=True)) for c in claim.columns
+    }
+    return {"values": values, **replace(claim.scene).to_dict()}
+
+
+def read_baseline(path: Path) -> dict[str, Any]:
+    """Read a recorded baseline."""
+    try:
+        found = tomllib.loads(read_text("baseline", path))
+    except FileError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise FileError("baseline", str(path), f"is damaged ({error}); restore it, or remove and record it") from None
+    if not isinstance(found.get("values"), dict):
+        raise FileError("baseline", str(path), "has no table [values]; restore it, or remove and record it")
+    return found
+
+
+def write_baseline(path: Path, found: Mapping[str, Any], model: str) -> None:
+    """Write a baseline atomically."""
+    what = f"Section moments of {line(model)} by quantity and impact, and their scene"
+    head = f"# {what}; written by pytest\n# --rattle-baselines=record (or =regenerate).\n\n"
+    write_whole(path, head + tomli_w.dumps(found))
+
+
+def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        found |= _flat(value, f"{before}{key}.") if isinstance(value, Mapping) else {before + key: value}
+    return found
+
+
+def find_changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float, absolute: float) -> Changes:
+    """Compare two contents.
+
+    `relative`, `absolute`: A value may differ by ``absolute + relative * |recorded|``; everything else must be
+    equal.
+
+    Examples
+    --------
+    >>> find_changes({"values": {"y1": {"2": 0.5}}}, {"values": {"y1": {"2": 0.6}}}, 1e-9, 1e-12)
+    {'values.y1.2': (0.5, 0.6)}
+    """
+    old, new = _flat(recorded), _flat(now)
+
+    def same(key: str) -> bool:
+        a, b = old.get(key), new.get(key)
+        if key.startswith("values.") and isinstance(a, int | float) and isinstance(b, int | float):
+            return abs(b - a) <= absolute + relative * abs(a)
+        return bool(a == b)
+
+    return {key: (old.get(key), new.get(key)) for key in dict.fromkeys([*old, *new]) if not same(key)}
+
+
+def update_baseline(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Changes) -> dict[str, Any]:
+    """Take the present content, but keep the recorded digits of values that have not changed."""
+
+    def merge(old: Mapping[str, Any], new: Mapping[str, Any], before: str) -> dict[str, Any]:
+        return {
+            key: merge(old.get(key, {}), value, f"{before}{key}.")
+            if isinstance(value, Mapping)
+            else (value if before + key in changed else old[key])
+            for key, value in new.items()
+        }
+
+    return merge(recorded, now, "")
+
+
+def format_changes(changed: Changes) -> list[str]:
+    """Format changes as lines of text.
+
+    Examples
+    --------
+    >>> format_changes({"values.y1.2": (0.5, 0.6), "scene.sigma": (0.1, None)})
+    ['  values.y1.2: 0.5 -> 0.6', '  scene.sigma: 0.1 -> nothing']
+    """
+    return [f"  {line(f'{key}: {_text(old)} -> {_text(new)}')}" for key, (old, new) in changed.items()]
+
+
+def _text(value: object) -> str:
+    return "nothing" if value is None else f"{value:.12g}" if isinstance(value, float) else str(value)
+
 
 T = TypeVar("T")
 
@@ -60,7 +168,7 @@ class Rattle:
 
     def _check_long(self, model: Any, quantities: Sequence[str]) -> pd.DataFrame:
         """Compare a model with the long run."""
-        from rattle.compare.thresholds.long_run import decide_long, predict_long
+        from rattle.compare.thresholds.decision import decide_long, predict_long
 
         prediction = self._guard(predict_long, model, self.claim.scene, quantities)
         decision = self._guard(decide_long, prediction, self.claim, self._session)
@@ -115,25 +223,25 @@ class Rattle:
         """Compare a model's predictions with those recorded in ``baselines/`` beside the test; nothing is simulated."""
         self._once("baseline")
         prediction = self._guard(predict, model, self.claim)
-        path = baseline.place(self._item.path, ".".join(self._item.nodeid.split("::")[1:]))
-        now, name = baseline.content(prediction, self.claim), self._shorten(path)
+        path = baseline_path(self._item.path, ".".join(self._item.nodeid.split("::")[1:]))
+        now, name = baseline_content(prediction, self.claim), self._shorten(path)
         mode = self._session.settings.baselines
         again = f"pytest '{self._item.nodeid}' --rattle-baselines"
         if not path.exists():
             if mode == "compare":
                 self._fail(f"there is no baseline {name}; record it: {again}=record")
-            self._guard(baseline.write, path, now, prediction.closure)
+            self._guard(write_baseline, path, now, prediction.closure)
             self._record(kind="baseline", done=f"recorded {name}")
             return
-        recorded = self._guard(baseline.read, path)
-        changes = baseline.changes(recorded, now, relative, absolute)
-        lines = baseline.format_changes(changes)
+        recorded = self._guard(read_baseline, path)
+        changes = find_changes(recorded, now, relative, absolute)
+        lines = format_changes(changes)
         if changes and mode != "regenerate":
             bound = f"{absolute:g} + {relative:g} of a value"
             said = f"{prediction.closure} differs from its baseline {name} by more than {bound}:"
             self._fail("\n".join([said, *lines, f"If that is meant: {again}=regenerate"]))
         if changes:
-            self._guard(baseline.write, path, baseline.update(recorded, now, changes), prediction.closure)
+            self._guard(write_baseline, path, update_baseline(recorded, now, changes), prediction.closure)
         self._record(kind="baseline", done="\n".join([f"regenerated {name}", *lines]) if changes else "")
 
     def _once(self, kind: str) -> None:

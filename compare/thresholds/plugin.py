@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rattle.compare.thresholds.claim import Claim
+    from rattle.compare.thresholds.decision import Thresholds
     from rattle.compare.thresholds.fixture import Rattle
-    from rattle.compare.thresholds.sessions import Thresholds
 
 THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
 CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
@@ -85,7 +85,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker, and refuse an invalid option before anything is collected."""
     config.addinivalue_line("markers", MARKER)
     if read_options(config) != {option.key: option.default for option in OPTIONS}:
-        from rattle.compare.thresholds.settings import read_settings
+        from rattle.compare.thresholds.claim import read_settings
         from rattle.scene.errors import InputError
 
         try:
@@ -103,9 +103,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     marked = [item for item in session.items if item.get_closest_marker("rattle")]
     if not marked:
         return
-    from rattle.compare.thresholds.claim import read_markers
-    from rattle.compare.thresholds.sessions import Thresholds
-    from rattle.compare.thresholds.settings import read_settings
+    from rattle.compare.thresholds.claim import read_markers, read_settings
+    from rattle.compare.thresholds.decision import Thresholds
     from rattle.scene.errors import RattleError
 
     session.config.stash[THRESHOLDS] = Thresholds(read_settings(read_options(session.config)), session.config)
@@ -154,7 +153,7 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
     found = [(r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"]
     records = {(test, facts["kind"]): (test, facts) for test, facts in found}  # reports of subtests repeat them
     if records:
-        from rattle.compare.thresholds.summary import summary_lines
+        from rattle.compare.thresholds.messages import summary_lines
         from rattle.scene.text import harmless
 
         terminalreporter.section("rattle: accuracy thresholds")

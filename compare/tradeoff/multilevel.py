@@ -1,8 +1,10 @@
 """Cost of multilevel Monte Carlo over the step for the section means, estimated from runs at halved steps.
 
 Every run at dt also simulates 2 dt on the same Brownian paths.  So one run per level provides all that the analysis of
-Giles needs: mean and variance of the difference between neighbouring levels, and its time.  Errors are in units of
-each quantity's sd, as in `rattle.montecarlo.diagnostics.accuracy`.
+Giles needs: mean and variance of the difference between neighbouring levels, and its work, which is counted, not timed.
+Errors are in units of each quantity's sd, as in `rattle.montecarlo.diagnostics.accuracy`.
+
+Beside it: what the control variate and antithetic pairs are worth.
 
 References
 ----------
@@ -13,23 +15,27 @@ Numerica 24 (2015), section 3: the table of levels and its checks.
 import math
 import time
 from collections.abc import Sequence
+from functools import partial
 from math import comb
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 from tqdm import tqdm
 
-from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.montecarlo.diagnostics.accuracy import units
+from rattle.montecarlo import Ensemble, Record, default_step, simulate
+from rattle.montecarlo.accuracy.cost import cost_of
+from rattle.montecarlo.diagnostics.accuracy import smallest_sd, units
+from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
 from rattle.montecarlo.schemes.step_size import largest_step
+from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 LEVELS, PATHS = 7, 16_384
 COARSEST = 0.02  # step of level 0, if it is admissible for the scene
@@ -72,11 +78,10 @@ class MultilevelCost(NamedTuple):
 
     first: int  # first, last: its coarsest and finest level
     last: int
-    seconds: float  # core-seconds for all rows (means) at once
+    seconds: float  # nominal core-seconds of the counted work for all rows (means) at once
     # core-seconds for a single row with the median of the variances and biases: the case most favourable to the
     # method
     typical: float
-    measured: bool  # whether its finest level was run, rather than extrapolated
 
 
 class Levels(NamedTuple):
@@ -84,11 +89,11 @@ class Levels(NamedTuple):
 
     # A row per level: ``scheme, level, dt``; worst and median over the section means of the absolute ``mean`` of the
     # difference and of its ``variance``; largest ``kurtosis`` of a difference, and whether it exceeds
-    # `KURTOSIS_ALARM` (``alarm``); ``consistency`` with the coarser level, which should be below 1; seconds of a path
-    # of the difference (``path_seconds``) and of the level alone (``alone_seconds``)
+    # `KURTOSIS_ALARM` (``alarm``); ``consistency`` with the coarser level, which should be below 1; nominal
+    # seconds of a path of the difference (``path_seconds``) and of the level alone (``alone_seconds``)
     table: pd.DataFrame
     single: Floats  # variance of each level alone; (levels, rows)
-    alpha: Rate  # alpha, beta, gamma: decay of the worst mean and of the worst variance, growth of the time, per level
+    alpha: Rate  # alpha, beta, gamma: decay of the worst mean and of the worst variance, growth of the work, per level
     beta: Rate
     gamma: Rate
     # typical_alpha, typical_beta: decay of the medians; the first has the slope of the worst, as at fine levels the
@@ -102,7 +107,7 @@ class Levels(NamedTuple):
         single = self.single.max(axis=1), np.median(self.single, axis=1)
         last, seconds, first = self._cheapest(self.alpha, self.beta, t["variance_worst"], single[0], accuracy)
         _, typical, _ = self._cheapest(self.typical_alpha, self.typical_beta, t["variance_median"], single[1], accuracy)
-        return MultilevelCost(first, last, seconds, typical, last < len(t))
+        return MultilevelCost(first, last, seconds, typical)
 
     def _cheapest(
         self, weak: Rate, strong: Rate, variance: pd.Series, single: Floats, accuracy: float
@@ -147,35 +152,25 @@ def measure_levels(
     scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int, paths: int = PATHS, levels: int = LEVELS
 ) -> Levels:
     """Run every level with its own random numbers, and tabulate the level differences."""
-    # compiles, before anything is timed
-    simulate(scene, paths=1, impacts=1, scheme=scheme, dt=1e-3, record=Record(step_bias=True))
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
     seeds = np.random.SeedSequence([seed, levels]).spawn(levels)
-    runs, seconds = [], []
-    for level in tqdm(range(levels), desc=f"levels of {scheme}", unit="level", disable=None, leave=False):
-        began = time.process_time()
-        run = simulate(
-            scene,
-            paths=paths,
-            impacts=impacts,
-            scheme=scheme,
-            dt=min(COARSEST, longest) / 2**level,
-            rng=seeds[level],
-            workers=workers,
-            record=Record(step_bias=True),
-        )
-        runs.append(run)
-        seconds.append((time.process_time() - began) / paths)
-    return levels_of(runs, seconds)
+    common: dict[str, Any] = {"paths": paths, "impacts": impacts, "scheme": scheme, "workers": workers}
+    bar = tqdm(seeds, desc=f"levels of {scheme}", unit="level", disable=None, leave=False)
+    return levels_of(
+        [
+            simulate(scene, dt=min(COARSEST, longest) / 2**level, rng=own, record=Record(step_bias=True), **common)
+            for level, own in enumerate(bar)
+        ]
+    )
 
 
-def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
+def levels_of(runs: Sequence[Ensemble]) -> Levels:
     """Tabulate the level differences of runs at halved steps."""
     unit = units(runs[-1]).to_numpy()
     seen = [run.result.sums["fine_coarse"] for run in runs]
     single, rows = [], []
     for level, (run, sums) in enumerate(zip(runs, seen, strict=True)):
-        m = sums.moment
+        m, work = sums.moment, cost_of(run, 1).core_seconds
         v = np.maximum(m(2, 0) - 2.0 * m(1, 1) + m(0, 2), 0.0)
         fourth = sum((-1) ** q * comb(4, q) * m(4 - q, q) for q in range(5))
         kurtosis = np.divide(fourth, v**2, out=np.zeros_like(v), where=v > 0.0)
@@ -196,8 +191,8 @@ def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
                 "alarm": bool(kurtosis.max() > KURTOSIS_ALARM),
                 "consistency": _consistency(seen[level - 1], sums) if level else math.nan,
                 # steps of dt, 2 dt and 4 dt are 1 : 1/2 : 1/4; a difference takes the first two, a level the first
-                "path_seconds": seconds[level] * 6.0 / 7.0,
-                "alone_seconds": seconds[level] * 4.0 / 7.0,
+                "path_seconds": work * 6.0 / 7.0,
+                "alone_seconds": work * 4.0 / 7.0,
             }
         )
         single.append((m(2, 0) / unit**2).ravel())
@@ -206,12 +201,7 @@ def levels_of(runs: Sequence[Ensemble], seconds: Sequence[float]) -> Levels:
     clear = of[of["mean_worst"] > 3.0 * of["se_mean_worst"]]
     alpha, beta, gamma, typical_beta = (
         fit(part["level"].to_numpy(float), part[name].to_numpy())
-        for part, name in (
-            (clear, "mean_worst"),
-            (of, "variance_worst"),
-            (of, "path_seconds"),
-            (of, "variance_median"),
-        )
+        for part, name in ((clear, "mean_worst"), (of, "variance_worst"), (of, "path_seconds"), (of, "variance_median"))
     )
     noise = np.sqrt(of["variance_median"] / runs[-1].paths)
     clear = of[(of["mean_median"] > 3.0 * noise) | (of["level"] == FITTED_FROM)]
@@ -229,3 +219,68 @@ def _consistency(a: CentralSums, b: CentralSums) -> float:
     difference = np.maximum(b.moment(2, 0) - 2.0 * b.moment(1, 1) + b.moment(0, 2), 0.0)
     spread = sum(np.sqrt(v / n) for v, n in ((a.moment(2, 0), a.n), (b.moment(2, 0), b.n), (difference, b.n)))
     return float(np.divide(off, 3.0 * spread, out=np.zeros_like(off), where=spread > 0.0).max())
+
+
+SIGMAS = (1e-3, 1e-2, 0.05, 0.1, 0.3, 1.5**0.5)
+PATHS = 16_384
+REPEATS = 3
+
+
+def control_table(
+    scene: Scene, *, impacts: int, seed: int, workers: int, sigmas: Sequence[float] = SIGMAS, paths: int = PATHS
+) -> pd.DataFrame:
+    """Variance without the control variate over variance with it, on the same paths.
+
+    Returns: A row per noise intensity ``sigma``: median and smallest ratio of variances over the section means
+    (``means_median, means_smallest``) and sds (``sds_median, sds_smallest``), without displacements at the wall,
+    whose variance is due to off-itinerary paths alone; ``time_ratio``, the time of a path with the control
+    variate over that without, so that a ratio of variances over ``time_ratio`` is the gain per second;
+    ``antithetic_means, antithetic_sds``, the median gain of antithetic pairs, see `antithetic_gain`.
+    """
+    rows = []
+    settings: dict[str, Any] = {"paths": paths, "scheme": "exact-flight", "rng": seed}
+    for sigma in tqdm(sigmas, desc="control variate", unit="sigma", disable=None, leave=False):
+        own = scene.with_sigma(sigma)
+        call = partial(simulate, own, impacts=impacts, workers=workers, **settings)
+        call(sampling=Sampling(control=True))
+        times, runs = {False: np.inf, True: np.inf}, {}
+        for _ in range(REPEATS):
+            for control in (False, True):
+                began = time.process_time()
+                runs[control] = call(sampling=Sampling(control=control)).section
+                times[control] = min(times[control], time.process_time() - began)
+        plain, controlled = runs[False], runs[True]
+        least = smallest_sd({str(name): plain[name].to_numpy() for name in plain})
+        usable = {q: (plain["sd_" + q] > least[q]) & (q != "x" + plain["mesh"].astype(str)) for q in SECTION}
+        row: dict[str, float] = {"sigma": sigma}
+        for moment, prefix in (("means", "se_"), ("sds", "se_sd_")):
+            ratios = np.concatenate([((plain[prefix + q] / controlled[prefix + q]) ** 2)[usable[q]] for q in SECTION])
+            row |= {f"{moment}_median": float(np.median(ratios)), f"{moment}_smallest": float(ratios.min())}
+        plan = plan_of(own, impacts=impacts, dt=default_step(own, "exact-flight"), **settings)
+        gains = [np.median(gain[np.array(list(usable.values())).T]) for gain in antithetic_gain(plan)]
+        row |= {"antithetic_means": float(gains[0]), "antithetic_sds": float(gains[1])}
+        rows.append({**row, "time_ratio": times[True] / times[False]})
+    return pd.DataFrame(rows)
+
+
+def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
+    """Variance of independent paths over that of as many paths in antithetic pairs.
+
+    The mean of a path and of its partner with negated noise, with correlation r, has the variance ``(1 + r) / 2`` times
+    that of a path.  Two independent paths have 1 / 2, so the gain is ``1 / (1 + r)``.  For an sd, r is the correlation
+    of the squared deviations.
+
+    Shapes: result (impacts, 6).
+    """
+    both = np.stack(
+        [
+            np.concatenate([sample(one, block).rows[0, :, :, : len(SECTION)] for block in range(plan.blocks)])
+            for one in (plan, plan._replace(mirrored=True))
+        ]
+    )
+    gains = []
+    for values in (both, (both - np.nanmean(both, axis=(0, 1))) ** 2):
+        away = values - np.nanmean(values, axis=(0, 1))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            gains.append(np.nanmean(away**2, axis=(0, 1)) / (2.0 * np.nanmean(away.mean(axis=0) ** 2, axis=0)))
+    return gains[0], gains[1]

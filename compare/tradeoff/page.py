@@ -1,30 +1,112 @@
-"""The page of a trade-off: tables, and explanations of its tables and figures."""
+"""The page of a trade-off: its answer in sentences, tables, and explanations of its tables and figures."""
 
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Block, Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
-from rattle.compare.report.frames import format_table
+from rattle.compare.report import Column, Figure, Page, PageSection, Row, Table, TableCell, Text, format_table, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
-from rattle.compare.tradeoff.answer import EXACT, answer, cheapest
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
-from rattle.compare.tradeoff.measure import Tradeoff, bound_of_means, means_seconds, slope
+from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Tradeoff, bound_of_means, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
-from rattle.compare.validation.validity_range import join_words
+from rattle.compare.validation.answer import explain_missing
+from rattle.compare.validation.verdict import join_words
 from rattle.scene.text import duration_text
+
+EXACT = "exact-flight"
+PLAIN = "euler-maruyama"
+
+
+def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
+    """The method of least counted work for an accuracy, of schemes and of closures that predict all moments so well."""
+    scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
+    prediction = (
+        (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
+    )
+    best: dict[str, Any] = points[scheme | prediction].nsmallest(1, "work").to_dict("records")[0]
+    return best
+
+
+def advice(m: Tradeoff, accuracies: Sequence[float]) -> str:
+    """Which method to take down to which error, in one sentence."""
+    parts = []
+    for method, same in groupby([(a, cheapest(m.points, a)) for a in accuracies], key=lambda found: found[1]["method"]):
+        finest, best = list(same)[-1]
+        cost = duration_text(best["core_seconds"], 2) + ("" if best["measured"] else ", extrapolated")
+        parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
+    scene, impacts = m.reference.scene, m.reference.impacts
+    return (
+        f"For all means and sds at {impacts} impacts of this gear pair at σ = {scene.sigma:.4g} "
+        f"take {join_words(parts)}; "
+        "times are those of one core, and what is cheapest is decided by counted work."
+    )
+
+
+def answer(m: Tradeoff, accuracies: Sequence[float]) -> list[str]:
+    """What to take, where a closure is cheapest, and the cost of plain Euler-Maruyama."""
+    p = m.points
+    whole = p["rows"].max()
+    found = [advice(m, accuracies)]
+    predictions = p[p["kind"] == "closure"]
+    wins = []
+    for _, row in predictions[predictions["rows"] == whole].iterrows():
+        simulated = m.models[EXACT].at(row["error"]).work
+        if simulated > row["work"] and row["error"] <= 1.0:
+            wins.append(
+                f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
+                f"(median {row['median_error']:.2g}) after {duration_text(row['core_seconds'], 2)}: exact flights take "
+                f"{float(format(simulated / row['work'], '.2g')):g} times the work for the same error"
+            )
+    found.append(
+        f"A closure is the cheapest method for any accuracy no finer than its own worst error: {'; '.join(wins)}."
+        if wins
+        else "No closure that predicts all of them is shown to be cheaper than a simulation with the same worst error."
+    )
+    finest = accuracies[-1]
+    plain, exact = m.models[PLAIN], m.models[EXACT].path_alone(finest)
+    found.append(
+        f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at "
+        f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
+        f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
+        f"({duration_text(m.models[EXACT].at(finest).core_seconds, 2)}), and "
+        f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned "
+        "numba code."
+    )
+    return [*found, *explain_missing(m.reference.scene, list(predictions["method"])), verdict(m, accuracies)]
+
+
+def verdict(m: Tradeoff, accuracies: Sequence[float]) -> str:
+    """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the section means."""
+    exact, factors, typical = m.models[EXACT], [], []
+    for a in accuracies:
+        estimates = [levels.estimate(a) for levels in m.levels.values()]
+        factors.append(min(e.seconds for e in estimates) / means_seconds(exact, a, control=True))
+        typical.append(min(e.typical for e in estimates) / means_seconds(exact, a, control=True, typical=True))
+    wins = [f"{a:g} ({1.0 / f:.2g} times)" for a, f in zip(accuracies, factors, strict=True) if f < 1.0]
+    found = (
+        f"Multilevel Monte Carlo over the step is cheaper than exact flights for the section means at {', '.join(wins)}"
+        if wins
+        else "Multilevel Monte Carlo over the step is never cheaper than exact flights for all section means"
+    )
+    return (
+        f"{found}: from {accuracies[0]:g} to {accuracies[-1]:g} the better of both Euler schemes takes "
+        f"{factors[0]:.2g} to {factors[-1]:.2g} times the counted work of exact flights. For a typical mean alone it "
+        f"takes {typical[0]:.2g} to {typical[-1]:.2g} times theirs."
+    )
+
 
 FIGURE = (
     "Error against processor time, both on logarithmic scales. Schemes: 95 % simultaneous error bound of all "
     "section means and sds. Closures: worst and median error against {reference} paths of exact flights. Dash-dotted: "
-    "the section means alone. Open and dashed: extrapolated. Pale: runs that missed the requested accuracy, at their "
-    "actual error."
+    "the section means alone, at nominal core-seconds of counted work. Open and dashed: extrapolated. Pale: runs that "
+    "missed the requested accuracy, at their actual error."
 )
 SCHEMES = (
     "Runs of `rattle simulate --accuracy` with each scheme where {budget} core-seconds suffice, including pilot runs "
@@ -40,8 +122,8 @@ STEP = (
     "exact-flight it includes the impacts."
 )
 RATES = (
-    "Powers of two per halving of the step, with 95 % intervals. Core-seconds for a standard error of the section "
-    "means alone; multilevel estimators have a bias of the same size beside it:"
+    "Powers of two per halving of the step, with 95 % intervals. Nominal core-seconds of the counted work for a "
+    "standard error of the section means alone; multilevel estimators have a bias of the same size beside it:"
 )
 LEVELS = (
     "In brackets: for a row with the median of the variances and biases alone. Each level: `levels.csv`; a "
@@ -93,7 +175,20 @@ def _actual(row: dict[str, Any]) -> str:
     return "–" if np.isnan(row["actual_error"]) else f"{row['actual_error']:.2g}"
 
 
-def _tables(m: Tradeoff, control: pd.DataFrame, accuracies: Sequence[float]) -> dict[str, Table]:
+def _cheapest_table(p: pd.DataFrame, accuracies: Sequence[float]) -> Table:
+    return format_table(
+        pd.DataFrame([cheapest(p, a) | {"asked": a} for a in accuracies]),
+        [
+            ("error / sd", "{asked:g}"),
+            ("cheapest method", "{method}"),
+            ("time on one core", _time),
+            ("found", lambda r: "measured" if r["measured"] else "extrapolated"),
+        ],
+        ("cheapest method", "found"),
+    )
+
+
+def _scheme_section(m: Tradeoff, budget: float) -> PageSection:
     p = m.points
     slopes: list[Row] = [
         (
@@ -103,6 +198,45 @@ def _tables(m: Tradeoff, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         )
         for name, model in m.models.items()
     ]
+    points = format_table(
+        p[p["kind"] == "scheme"],
+        [
+            ("scheme", "{method}"),
+            ("accuracy", "{accuracy:g}"),
+            ("dt", "{dt:.2g}"),
+            ("paths", "{paths:,}"),
+            ("core-seconds", "{core_seconds:.3g}"),
+            ("standard error", "{sampling_error:.2g}"),
+            ("step bias", "{step_error:.2g}"),
+            ("actual", _actual),
+            ("found", _found),
+        ],
+        ("scheme", "found"),
+    )
+    heads: list[Column | str] = [
+        "scheme",
+        *numbers("ns per path-step", "cost grows as accuracy to the", "of measured points alone"),
+    ]
+    note = SCHEMES.format(budget=budget, reference=f"{m.reference.paths:,}")
+    return PageSection("Schemes", (Text(note, note=True), points, Table.of(heads, slopes), Text(STEP, note=True)))
+
+
+def _closure_section(p: pd.DataFrame) -> PageSection:
+    table = format_table(
+        p[p["kind"] == "closure"].assign(most=p["rows"].max()),
+        [
+            ("closure", "{method}"),
+            ("rows predicted", "{rows} of {most}"),
+            ("worst error", lambda r: f"{'' if r['resolved'] else 'below '}{r['error']:.3g}"),
+            ("median", "{median_error:.2g}"),
+            ("time", _time),
+        ],
+        ("closure",),
+    )
+    return PageSection("Closures", (table,))
+
+
+def _multilevel_section(m: Tradeoff, accuracies: Sequence[float], said: str) -> PageSection:
     rates: list[Row] = [
         (name, _rate(x.alpha, -1), _rate(x.beta, -1), _rate(x.typical_beta, -1), _rate(x.gamma, 1))
         for name, x in m.levels.items()
@@ -113,67 +247,39 @@ def _tables(m: Tradeoff, control: pd.DataFrame, accuracies: Sequence[float]) -> 
         cells += [f"{means_seconds(m.models[EXACT], a, control=control):.2g}" for control in (True, False)]
         means.append((f"{a:g}", *cells))
     heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
-    return {
-        "cheapest": format_table(
-            pd.DataFrame([cheapest(p, a) | {"asked": a} for a in accuracies]),
-            [
-                ("error / sd", "{asked:g}"),
-                ("cheapest method", "{method}"),
-                ("time on one core", _time),
-                ("found", lambda r: "measured" if r["measured"] else "extrapolated"),
-            ],
-            ("cheapest method", "found"),
-        ),
-        "schemes": format_table(
-            p[p["kind"] == "scheme"],
-            [
-                ("scheme", "{method}"),
-                ("accuracy", "{accuracy:g}"),
-                ("dt", "{dt:.2g}"),
-                ("paths", "{paths:,}"),
-                ("core-seconds", "{core_seconds:.3g}"),
-                ("standard error", "{sampling_error:.2g}"),
-                ("step bias", "{step_error:.2g}"),
-                ("actual", _actual),
-                ("found", _found),
-            ],
-            ("scheme", "found"),
-        ),
-        "slopes": Table.of(
-            ["scheme", *numbers("ns per path-step", "cost grows as accuracy to the", "of measured points alone")],
-            slopes,
-        ),
-        "closures": format_table(
-            p[p["kind"] == "closure"].assign(most=p["rows"].max()),
-            [
-                ("closure", "{method}"),
-                ("rows predicted", "{rows} of {most}"),
-                ("worst error", lambda r: f"{'' if r['resolved'] else 'below '}{r['error']:.3g}"),
-                ("median", "{median_error:.2g}"),
-                ("time", _time),
-            ],
-            ("closure",),
-        ),
-        "rates": Table.of(
-            ["scheme", *numbers("α (bias)", "β (variance, worst row)", "β (median row)", "γ (time)")], rates
-        ),
-        "means": Table.of(numbers(*heads), means),
-        "control": format_table(
-            control,
-            [
-                ("σ", "{sigma:.4g}"),
-                ("means: median", "{means_median:.3g}"),
-                ("smallest", "{means_smallest:.3g}"),
-                ("sds: median", "{sds_median:.3g}"),
-                ("smallest", "{sds_smallest:.3g}"),
-                ("time of a path", "{time_ratio:.2f}"),
-                ("means per second, median", lambda r: f"{r['means_median'] / r['time_ratio']:.3g}"),
-                ("sds per second, median", lambda r: f"{r['sds_median'] / r['time_ratio']:.3g}"),
-                ("antithetic pairs: means", "{antithetic_means:.3g}"),
-                ("sds", "{antithetic_sds:.3g}"),
-            ],
-        ),
-    }
+    names: list[Column | str] = [
+        "scheme",
+        *numbers("α (bias)", "β (variance, worst row)", "β (median row)", "γ (work)"),
+    ]
+    note = Text(LEVELS.format(alarm=f"{KURTOSIS_ALARM:g}"), note=True)
+    tables = (Table.of(names, rates), Text(RATES, note=True), Table.of(numbers(*heads), means))
+    return PageSection("Multilevel Monte Carlo over the step, for the section means alone", (Text(said), *tables, note))
+
+
+def _order_section(orders: Orders) -> PageSection:
+    alt = "Change of means and sds, and error of the itinerary's probability, against the step"
+    said = (*map(Text, orders_said(orders.table)), Text(ORDERS.format(impacts=ORDER_IMPACTS), note=True))
+    shown = (orders_table(orders.table), Figure("orders.svg", ORDER_FIGURE, alt))
+    return PageSection("Slopes of the step bias, and orders, measured", (*said, *shown))
+
+
+def _control_section(control: pd.DataFrame) -> PageSection:
+    table = format_table(
+        control,
+        [
+            ("σ", "{sigma:.4g}"),
+            ("means: median", "{means_median:.3g}"),
+            ("smallest", "{means_smallest:.3g}"),
+            ("sds: median", "{sds_median:.3g}"),
+            ("smallest", "{sds_smallest:.3g}"),
+            ("time of a path", "{time_ratio:.2f}"),
+            ("means per second, median", lambda r: f"{r['means_median'] / r['time_ratio']:.3g}"),
+            ("sds per second, median", lambda r: f"{r['sds_median'] / r['time_ratio']:.3g}"),
+            ("antithetic pairs: means", "{antithetic_means:.3g}"),
+            ("sds", "{antithetic_sds:.3g}"),
+        ],
+    )
+    return PageSection("What the control variate and antithetic pairs are worth", (Text(GAINS, note=True), table))
 
 
 def orders_table(table: pd.DataFrame) -> Table:
@@ -241,35 +347,23 @@ def tradeoff_page(
     record: dict[str, Any],
 ) -> Page:
     """The page and the folder of a trade-off."""
-    tables, reference = _tables(m, control, accuracies), f"{m.reference.paths:,}"
-    figure = "Error against processor time of every scheme and every closure"
-    schemes = Text(SCHEMES.format(budget=record["budget"], reference=reference), note=True)
-    levels = Text(LEVELS.format(alarm=f"{KURTOSIS_ALARM:g}"), note=True)
+    caption = FIGURE.format(reference=f"{m.reference.paths:,}")
     sections = [
-        PageSection("Schemes", (schemes, tables["schemes"], tables["slopes"], Text(STEP, note=True))),
-        PageSection("Closures", (tables["closures"],)),
-        PageSection(
-            "Multilevel Monte Carlo over the step, for the section means alone",
-            (Text(sentences[-1]), tables["rates"], Text(RATES, note=True), tables["means"], levels),
-        ),
+        _scheme_section(m, record["budget"]),
+        _closure_section(m.points),
+        _multilevel_section(m, accuracies, sentences[-1]),
+        *([_order_section(orders)] if orders else []),
+        _control_section(control),
     ]
-    if orders:
-        alt = "Change of means and sds, and error of the itinerary's probability, against the step"
-        shown: tuple[Block, ...] = (orders_table(orders.table), Figure("orders.svg", ORDER_FIGURE, alt))
-        note = Text(ORDERS.format(impacts=ORDER_IMPACTS), note=True)
-        said = tuple(Text(sentence) for sentence in orders_said(orders.table))
-        sections.append(PageSection("Slopes of the step bias, and orders, measured", (*said, note, *shown)))
-    gains = (Text(GAINS, note=True), tables["control"])
-    sections.append(PageSection("What the control variate and antithetic pairs are worth", gains))
-    sigma, impacts = f"{m.reference.scene.sigma:.4g}", m.reference.impacts
+    scene, impacts = m.reference.scene, m.reference.impacts
     return Page(
-        f"What accuracy costs: {record['name']}, σ = {sigma}, {impacts} impacts",
+        f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts",
         tuple(sentences[:-1]),
         source_of(record, more={"all points": "`tradeoff.csv`"}),
         (
-            Figure("tradeoff.svg", FIGURE.format(reference=reference), figure),
-            tables["cheapest"],
-            glossary(*WORDS, gears=m.reference.scene.gears),
+            Figure("tradeoff.svg", caption, "Error against processor time of every scheme and every closure"),
+            _cheapest_table(m.points, accuracies),
+            glossary(*WORDS, gears=scene.gears),
         ),
         tuple(sections),
     )

@@ -1,4 +1,4 @@
-"""Tradeoff slopes of the step bias of a scheme with inelastic impacts, for which no weak order has been published.
+"""Slopes of the step bias of a scheme with inelastic impacts, for which no weak order has been published.
 
 Two questions are separated (as in the tests of diffrax): how fast does a scheme converge towards its own limit, and is
 that limit correct?  The first is answered by differences between a step and twice the step on the same Brownian paths;
@@ -15,17 +15,95 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from scipy.special import stdtrit
 from tqdm import tqdm
 
-from rattle.compare.tradeoff.slopes import CONFIDENCE, changes_from, find_settled, slope_from
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.diagnostics.accuracy import ROUNDED, units
+from rattle.scene.errors import count
 from rattle.scene.scene import Scene
-from rattle.scene.validate import count
+from rattle.scene.types import Bools, Floats
 
-Floats = NDArray[np.float64]
+CONFIDENCE = 0.95
+STILL = 1e-9  # change below which a quantity counts as constant
+
+
+SETTLED = 0.3
+"""Largest half width of the interval of the difference of two local slopes with which they can be said to agree."""
+AGREE = 0.05  # difference of two local slopes that does not matter
+
+
+def slope_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, float]:
+    """Slope of log(change) over log(step) with its jackknife interval, and the last change.
+
+    The change at a step is the root mean square over the rows of the replicates' mean, corrected for the variance of
+    its measurement; NaN where that exceeds it.
+
+    `bias`, `se`: Change between a step and its half in each row (moment), and its standard error. Shapes: `bias`,
+    `se` (replicates, steps, rows).
+    """
+    n = len(bias)
+    slope = _slope(bias, se, steps, np.ones(n))
+    half = float(_half(np.array([_slope(bias, se, steps, 1.0 - np.eye(n)[r]) for r in range(n)])))
+    return slope, slope - half, slope + half, float(_sizes(bias, se, np.ones(n))[-1])
+
+
+def _slope(bias: Floats, se: Floats, steps: Sequence[float], chosen: Floats) -> float:
+    x, y = np.log(np.asarray(steps)), np.log(_sizes(bias, se, chosen))
+    return float(((x - x.mean()) * y).sum() / ((x - x.mean()) ** 2).sum())
+
+
+def find_settled(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, int]:
+    """The order, if the slope has settled: the local slopes of the finest three changes agree, and none turns its sign.
+
+    Returns: Slope over the finest three steps and its 95 % interval; NaN if it has not settled, or noise hides
+    it. Returns: Rows whose change turns its sign from one step to the next, over all steps, beyond three standard
+    errors.
+    """
+    n = len(bias)
+    mean, error = bias.mean(axis=0), np.sqrt((se**2).sum(axis=0)) / n
+    seen = np.abs(mean) > np.maximum(3.0 * error, STILL)
+    turning = (mean[1:] * mean[:-1] < 0.0) & seen[1:] & seen[:-1]
+    turns = int(turning.any(axis=0).sum())
+
+    def pair(i: int) -> slice:
+        return slice(len(steps) + i, len(steps) + i + 2)
+
+    def change(chosen: Floats) -> float:
+        first, second = (_slope(bias[:, pair(i)], se[:, pair(i)], steps[pair(i)], chosen) for i in (-3, -2))
+        return second - first
+
+    half = float(_half(np.array([change(1.0 - np.eye(n)[r]) for r in range(n)])))
+    if turning[-2:].any() or not (abs(change(np.ones(n))) <= max(half, AGREE) and half <= SETTLED):
+        return math.nan, math.nan, math.nan, turns
+    return *slope_from(bias[:, -3:], se[:, -3:], steps[-3:])[:3], turns
+
+
+def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
+    """Size of the change at each step with its jackknife interval, which is symmetric in the logarithm.
+
+    Shapes: `bias`, `se` (replicates, steps, rows); result (steps,).
+    """
+    n = len(bias)
+    change = _sizes(bias, se, np.ones(n))
+    half = _half(np.log([_sizes(bias, se, 1.0 - np.eye(n)[r]) for r in range(n)]))
+    return change, change * np.exp(-half), change * np.exp(half)
+
+
+def _sizes(bias: Floats, se: Floats, chosen: Floats) -> Floats:
+    weight = chosen / chosen.sum()
+    mean = np.einsum("r,rsi->si", weight, bias)
+    noise = np.einsum("r,rsi->si", weight**2, se**2)
+    square = (mean**2 - noise).mean(axis=1)
+    return np.sqrt(np.where(square > 0.0, square, np.nan))
+
+
+def _half(without: Floats) -> Floats:
+    """Half width of the jackknife interval, from the values without each replicate, shape (replicates, ...)."""
+    n = len(without)
+    return np.asarray(float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * np.sqrt((n - 1) * without.var(axis=0)))
+
 
 STEPS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the smaller one is half of it."""
@@ -64,7 +142,7 @@ class Slope(NamedTuple):
 
 
 class Orders(NamedTuple):
-    """Tradeoff slopes and orders, and the changes from which they are fitted."""
+    """Slopes and orders, and the changes from which they are fitted."""
 
     table: pd.DataFrame  # A row for each `Slope`
     # columns ``scheme, sigma, moment, quantity, dt, change, low, high``.  For means and sds ``change`` is the root
@@ -90,7 +168,7 @@ def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
     return bias.assign(bias=shares["bias"], se_bias=shares["se_bias"])
 
 
-def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, NDArray[np.bool_]]:
+def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, Bools]:
     """Differences of the extrapolated values from exact flights in standard errors, and which of them vary at all."""
     rows = run.step_bias[run.step_bias["moment"] == moment]
     names = [q if moment == "mean" else "sd_" + q for q in rows["quantity"]]

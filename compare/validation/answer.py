@@ -9,14 +9,18 @@ from collections.abc import Iterable, Sequence
 import pandas as pd
 
 from rattle.closure import refusals
-from rattle.compare.validation.comparison import Comparison, Sweep
-from rattle.compare.validation.correlation import SIMULATED, first_failure
-from rattle.compare.validation.physical import duration_words, motion_sentence
-from rattle.compare.validation.section_errors import BY_SIZE
-from rattle.compare.validation.speed import WANTED, measure_speeds, simulation_costs
-from rattle.compare.validation.validity import find_validities
-from rattle.compare.validation.validity_range import in_words, join_words, span, unbroken
-from rattle.compare.validation.verdict import JUDGED
+from rattle.closure.closure import RAISED
+from rattle.compare.validation.comparison import (
+    WANTED,
+    Comparison,
+    Sweep,
+    find_validities,
+    measure_speeds,
+    simulation_costs,
+)
+from rattle.compare.validation.errors import BY_SIZE, SIMULATED, first_failure
+from rattle.compare.validation.tables import duration_words, motion_sentence
+from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text
 
@@ -49,11 +53,13 @@ def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
     """
     said = []
     for sigma, rows in validity.groupby("sigma", sort=False):
-        own = speed[(speed["sigma"] == sigma) & (speed["impacts"] == impacts)].sort_values("closure_seconds")
+        own = speed[(speed["sigma"] == sigma) & (speed["impacts"] == impacts)]
+        own = own.assign(timed=own["speed_up"].isna()).sort_values(["timed", "closure_seconds"])
         slower = own["resolved"] & (own["speed_up"] < 1.0)
         worth, dearer = ([f"`{c}`" for c in own[which]["closure"]] for which in (~slower, slower))
         if worth:
-            said.append(f"take {worth[0]} at σ = {sigma:.4g} (all {_moments(impacts)} are accurate)")
+            timed = "" if not own["timed"].all() else "; its time is measured, and decides nothing"
+            said.append(f"take {worth[0]} at σ = {sigma:.4g} (all {_moments(impacts)} are accurate{timed})")
         else:
             said.append(f"simulate at σ = {sigma:.4g} ({_none(rows, impacts, dearer)})")
     return f"For this gear pair {'; '.join(said)}."
@@ -93,18 +99,27 @@ def cost_sentence(
         f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'])})"
         for row in simulation.to_dict("records")
     ]
-    whole = speed[speed["impacts"] == impacts].groupby("closure", sort=False)["closure_seconds"].max()
-    closures = (
-        join_words([f"`{name}` {duration_text(seconds, 2)}" for name, seconds in whole.items()]) if len(whole) else ""
-    )
+    whole = speed[speed["impacts"] == impacts]
+    closures, timed = (_longest(whole[which]) for which in (whole["speed_up"].notna(), whole["speed_up"].isna()))
     said = f"Nominal time on one core, from counted work: a simulation of {what} takes {join_words(each)}"
     said += f"; {closures}" if closures else ""
+    said += f"; measured on this machine, not counted: {timed}" if timed else ""
     if over is not None:
         slower = over[over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)]
         for closure, rows in slower.groupby("closure", sort=False):
             at = join_words([f"{sigma:.4g}" for sigma in rows["sigma"]])
             said += f"; at σ = {at} an equally accurate simulation takes less than `{closure}`"
     return f"{said}."
+
+
+def _longest(speed: pd.DataFrame) -> str:
+    """The longest time of each closure in some rows, in words; empty without rows."""
+    longest = speed.groupby("closure", sort=False)["closure_seconds"].max()
+    return (
+        join_words([f"`{name}` {duration_text(seconds, 2)}" for name, seconds in longest.items()])
+        if len(longest)
+        else ""
+    )
 
 
 def _paths(paths: float) -> str:
@@ -187,8 +202,19 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         f"Correlation of position and velocity: {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
         *_agreement(validations),
+        *_failures(validations),
         *explain_missing(first.scene, first.predictions),
     ]
+
+
+def _failures(validations: Sequence[Comparison]) -> list[str]:
+    """Which closures of one's own raised an exception, at which noise intensities, and what it said."""
+    said: dict[str, list[str]] = {}
+    for v in validations:
+        rows = v.table[v.table["remark"].str.startswith(RAISED)]
+        for closure, why in dict(zip(rows["closure"], rows["remark"], strict=True)).items():
+            said.setdefault(f"`{closure}` {why}", []).append(sigma_text(v))
+    return [f"At σ = {join_words(sigmas)} {what}; its rows are not predicted." for what, sigmas in said.items()]
 
 
 def _agreement(validations: Sequence[Comparison]) -> list[str]:

@@ -1,13 +1,33 @@
-"""What a validation and a sweep found, as data: figures, tables, sentences and pages are functions of it."""
+"""What a validation and a sweep found, as data: range of validity of each closure, its cause, and what it saves.
 
+An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
+Work is counted at nominal costs (`rattle.montecarlo.accuracy.cost`, `rattle.closure.mean_map`): no clock decides what
+is advised.
+"""
+
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from rattle.closure import MeanMap
-from rattle.compare.validation.verdict import Tolerances
+from rattle.closure.mean_map import closure_seconds, predict
+from rattle.compare.validation.errors import first_failure
+from rattle.compare.validation.verdict import (
+    NOT_JUDGED,
+    UNDECIDED,
+    Tolerances,
+    is_accurate,
+    is_wrong,
+    unbroken,
+    want,
+    widest,
+)
 from rattle.montecarlo import Ensemble
+from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.scene.scene import Scene
 
 
@@ -31,6 +51,194 @@ class Comparison:
 class Sweep(NamedTuple):
     """Ranges of validity and speed-ups of all closures at all noise intensities."""
 
-    validity: pd.DataFrame  # columns of `rattle.compare.validation.validity.Validity`
-    speed: pd.DataFrame  # columns of `rattle.compare.validation.speed.Speed`
-    simulation: pd.DataFrame  # from `rattle.compare.validation.speed.simulation_costs`, a row for each noise intensity
+    validity: pd.DataFrame  # columns of `rattle.compare.validation.comparison.Validity`
+    speed: pd.DataFrame  # columns of `rattle.compare.validation.comparison.Speed`
+    simulation: (
+        pd.DataFrame
+    )  # from `rattle.compare.validation.comparison.simulation_costs`, a row for each noise intensity
+
+
+CAUSES = {
+    "holds": "accurate at every impact computed",
+    "undecided": UNDECIDED,
+    "fixed time": "it ignores that impact times vary",
+    "off itinerary": "paths have left its itinerary",
+    "grazing": "an impact grazes",
+    "second order": "second order is not enough",
+    "own": "its approximation is not enough",
+    "mixture": "it has too few mixture components",
+    "not realizable": "no distribution has its moments",
+    "ended": "it ends",
+}
+"""What limits the range of validity: key in the tables, and phrase."""
+
+DIVERGED = 0.99  # agreement below which no closure along a single orbit can be accurate
+OFF_ITINERARY = 0.9999  # the same for saltation, else exact to first order: a few distant paths already change an sd
+SLOW = 3.0  # mean impact speed, in its sds, below which a Gaussian has a part of the paths miss the wall (grazing)
+
+
+class Validity(NamedTuple):
+    """Range of validity of a closure at one noise intensity; which rows are judged is stated in `verdict.RULE`."""
+
+    closure: str
+    sigma: float  # noise intensity
+    accurate: int  # last impact up to which every section mean and sd that it predicts is accurate
+    not_inaccurate: int  # last impact up to which none is inaccurate; beyond ``accurate`` some are undecided
+    cause: str  # what limits the range, a key of `CAUSES`
+    why: str  # the evidence for the cause
+    on_itinerary: int  # last impact up to which 99 % of the paths have followed the closure's itinerary
+    paths: int
+    dt: float  # of the simulation
+
+
+def find_validity(v: Comparison, closure: str) -> Validity:
+    """Range of validity of one closure of a validation.
+
+    Examples
+    --------
+    >>> from rattle.compare import validate
+    >>> from rattle.scene import DAT21, Scene
+    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=3, paths=20_000, rng=1)
+    >>> find_validity(v, "saltation").accurate, find_validity(v, "published").not_inaccurate
+    (3, 0)
+    """
+    rows = rows_to_judge(v, closure)
+    impacts = range(1, len(v.run.section) + 1)
+    verdicts = {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
+    accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
+    not_inaccurate = unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
+    on_itinerary = unbroken(impacts, v.run.agreement[closure] >= DIVERGED) or 0
+    if accurate == len(impacts):
+        cause, why = "holds", CAUSES["holds"]
+    elif not_inaccurate == len(impacts):
+        cause, why = "undecided", f"{want(rows)} from impact {accurate + 1} on"
+    else:
+        cause, why = _why(v, closure, not_inaccurate + 1)
+    return Validity(closure, v.scene.sigma, accurate, not_inaccurate, cause, why, on_itinerary, v.run.paths, v.run.dt)
+
+
+def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
+    """Ranges of validity of all closures at all noise intensities."""
+    return pd.DataFrame([find_validity(v, closure) for v in validations for closure in v.predictions])
+
+
+def rows_to_judge(v: Comparison, closure: str) -> pd.DataFrame:
+    """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
+    rows = v.section_rows(closure)
+    return rows[rows["verdict"] != NOT_JUDGED]
+
+
+def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
+    """Why a closure is not accurate at an impact: cause and evidence; of several causes the first in this order."""
+    prediction = v.predictions[closure]
+    failed = first_failure(v.correlation, closure)
+    if failed and failed[0] <= impact:
+        return "not realizable", f"not realizable at impact {failed[0]}: {failed[2]}"
+    if prediction.trace.found < impact:
+        return "ended", prediction.stopped
+    worst = _worst(v, closure, impact)
+    if prediction.trace.parts is not None:
+        lost = float(prediction.section["discarded"].loc[impact])
+        and_lost = f", and {lost:.1%} of the probability was discarded so far" if lost >= 5e-4 else ""
+        return "mixture", f"{worst}: {CAUSES['mixture']}{and_lost}"
+    agreement, limit = float(v.run.agreement[closure].loc[impact]), prediction.method.limit
+    if agreement < (OFF_ITINERARY if limit == "second order" else DIVERGED):
+        return "off itinerary", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['off itinerary']}"
+    slow = _slowest(prediction, impact)
+    if slow is not None:
+        return "grazing", f"{worst}: impact {slow[0]} grazes (its mean speed is {slow[1]:.1f} of its sds)"
+    return limit, f"{worst}{', at any noise' if limit == 'fixed time' else ''}: {CAUSES[limit]}"
+
+
+def _worst(v: Comparison, closure: str, impact: int) -> str:
+    rows = rows_to_judge(v, closure)
+    rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
+    if rows.empty:
+        return f"nothing to compare at impact {impact}"
+    row = rows.iloc[int((rows["error"] / rows["tolerance"]).abs().argmax())]
+    return f"{row['moment']} of {row['quantity']} wrong at impact {impact}"
+
+
+def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
+    """The first impact up to a given one whose mean speed is below `SLOW` of its own sds, and that ratio."""
+    for k in range(1, impact + 1):
+        column = 1 if prediction.trace.mesh[k] == 1 else 3
+        speed, sd = abs(prediction.trace.mean[k, column]), prediction.trace.sd[k, column + 2]
+        if speed < SLOW * sd < np.inf:
+            return k, float(speed / sd)
+    return None
+
+
+WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
+
+
+class Speed(NamedTuple):
+    """Nominal time of a closure and of a simulation of equal accuracy, both on one core."""
+
+    closure: str
+    sigma: float  # noise intensity
+    impacts: int  # the impact up to which the closure is accurate; both sides are counted up to it
+    # worst, median: worst and median error of the closure's section means and sds, in units of the quantities' sds
+    worst: float
+    median: float
+    # whether the interval of the worst error excludes zero; if not, the error may be smaller and the speed-up larger
+    resolved: bool
+    # closure_seconds, simulation_seconds: nominal seconds on one core; that of a closure of one's own is measured
+    closure_seconds: float
+    paths: int  # paths that bound all errors by the worst error of the closure
+    simulation_seconds: float
+    speed_up: float  # ratio of the two times; NaN where one was measured: a clock must decide nothing
+
+
+def paths_for(rows: pd.DataFrame, error: float) -> int:
+    """Number of paths for which with 95 % probability no moment is off by more than `error`.
+
+    `rows`: A row for each moment: ``unit``, the sd of its quantity, and ``se``, its standard error for a single
+    path.
+
+    Examples
+    --------
+    >>> paths_for(pd.DataFrame({"unit": [1.0], "se": [1.0]}), 0.0196)  # 1.96 standard errors
+    10000
+    """
+    return math.ceil(round(float(((widest(len(rows)) * rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
+
+
+def simulation_costs(validations: Sequence[Comparison]) -> pd.DataFrame:
+    """What a run of the scheme of each validation to an accuracy of `WANTED` takes, as its paths let expect."""
+    rows = [{"sigma": v.scene.sigma, "impacts": v.run.impacts, **cost_to(v.run, WANTED)._asdict()} for v in validations]
+    return pd.DataFrame(rows)
+
+
+def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
+    """`measure_speed` of every closure of some validations that is accurate at the first impact."""
+    found = [s for v in validations for closure in v.predictions if (s := measure_speed(v, closure))]
+    return pd.DataFrame(found, columns=list(Speed._fields))
+
+
+def measure_speed(v: Comparison, closure: str) -> Speed | None:
+    """Count the work of a closure up to the last impact at which it is accurate; None if there is none, or no sd."""
+    reached, prediction = find_validity(v, closure).accurate, v.predictions[closure]
+    rows = rows_to_judge(v, closure)
+    rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
+    if rows.empty:
+        return None
+    errors = rows["error"].abs() / rows["unit"]
+    worst = rows.iloc[int(errors.argmax())]
+    own = prediction.method.own
+    if reached < prediction.impacts or own:  # one's own again: its first call may have compiled something
+        prediction = predict(v.scene, prediction.method, reached, prediction.order)
+    paths = paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), float(errors.max()))
+    seconds, cost = closure_seconds(prediction), cost_of(v.run, paths).core_seconds * reached / v.run.impacts
+    return Speed(
+        closure=closure,
+        sigma=v.scene.sigma,
+        impacts=reached,
+        worst=float(errors.max()),
+        median=float(errors.median()),
+        resolved=bool(worst["low"] > 0.0 or worst["high"] < 0.0),
+        closure_seconds=seconds,
+        paths=paths,
+        simulation_seconds=cost,
+        speed_up=math.nan if own else cost / seconds,
+    )

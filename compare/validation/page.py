@@ -7,21 +7,18 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
+from rattle.compare.report import MARKS as SIGNS
 from rattle.compare.report import Block, Code, Figure, Page, PageSection, Text, manifest
-from rattle.compare.report.content import MARKS as SIGNS
-from rattle.compare.report.csv_text import csv_text
 from rattle.compare.report.folder import name_of
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.provenance import command_line, provenance, source_of
-from rattle.compare.report.save import contents, save
+from rattle.compare.report.save import contents, csv_text, save
 from rattle.compare.report.style import caption_of
 from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.comparison import Comparison, Sweep
-from rattle.compare.validation.figures import FIGURES, agreement_figure, has_something
-from rattle.compare.validation.physical import motion_blocks
-from rattle.compare.validation.schemes import NOTE, scheme_table
-from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
+from rattle.compare.validation.figures import FIGURES, VALIDITY, agreement_figure, has_something, validity_figure
+from rattle.compare.validation.tables import SCHEMES_NOTE, motion_blocks, scheme_table
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 
 CONTENTS = contents(
@@ -39,6 +36,7 @@ SPEED = (
 )
 NONE = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
 UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
+TIMED = " The time of a closure of one's own is measured on this machine; it is not compared with counted work."
 AGREEMENT = (
     "Share of paths whose impacts so far were at the meshes and sides of the closure's itinerary; a closure along a "
     "single orbit says nothing about the others."
@@ -89,6 +87,19 @@ def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSe
     )
 
 
+def _own_closures(v: Comparison) -> list[Block]:
+    """What each closure of one's own is, where there is one."""
+    found: list[Block] = []
+    for name, prediction in v.predictions.items():
+        if prediction.method.own:
+            function = prediction.method.function
+            meaning = (getattr(function, "__doc__", None) or "no description").strip().split("\n")[0]
+            where = f" (`{prediction.method.reference}`)" if prediction.method.reference else ""
+            digest = prediction.method.digest[:12]
+            found.append(Text(f"`{name}`{where} is a closure of one's own, source {digest}: {meaning}", note=True))
+    return found
+
+
 def _page(
     settings: manifest.ReportSettings,
     validations: Sequence[Comparison],
@@ -100,6 +111,7 @@ def _page(
     """The page of the report; its figures are added to the drawings."""
     caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
     agreement = _add(drawings, agreement_figure(validations), "agreement", ((caption, ""),))
+    own = _own_closures(validations[0])
     words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=validations[0].scene.gears)
     if swept:
         paths = (
@@ -107,9 +119,16 @@ def _page(
             "numbers. Each σ: `validity.csv`; what a simulation takes there: `simulation.csv`."
         )
         figure = _add(drawings, validity_figure(swept.validity, settings.impacts), "validity", VALIDITY)
-        opening: tuple[Block, ...] = (figure, tables.validity_table(swept.validity), Text(paths, note=True), words)
+        opening: tuple[Block, ...] = (
+            figure,
+            tables.validity_table(swept.validity),
+            Text(paths, note=True),
+            *own,
+            words,
+        )
         speeds = tables.speed_table(swept.speed)
         note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
+        note += TIMED if swept.speed["speed_up"].isna().any() else ""
         none = NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is")
         blocks = (Text(note, note=True), speeds) if speeds.rows else (Text(none),)
         sections = [
@@ -117,7 +136,7 @@ def _page(
             PageSection("How long the paths follow the itinerary", (agreement,)),
         ]
     else:
-        opening, sections = (agreement, words), []
+        opening, sections = (agreement, *own, words), []
     marks = ", ".join(
         f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in tables.MARKS.items() if verdict != NOT_JUDGED
     )
@@ -126,7 +145,7 @@ def _page(
         f"quantity's standard deviation, with the half width of their interval. {RULE}"
     )
     if schemes is not None:
-        ensembles: list[Block] = [Text(NOTE, note=True)]
+        ensembles: list[Block] = [Text(SCHEMES_NOTE.format(schemes["paths"].max()), note=True)]
         for v in validations:
             ensembles += [Text(f"At σ = {sigma_text(v)}:"), scheme_table(schemes, v.scene.sigma)]
         sections.append(PageSection("Euler–Maruyama beside exact flights and the closures", tuple(ensembles)))
@@ -180,12 +199,13 @@ def write_report(
 def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
     """Write the report of a validation that was made in Python."""
     run, entropy, order = v.run, v.run.seed.entropy, next(iter(v.predictions.values())).order
+    closures = tuple(m.method.reference if m.method.own else name for name, m in v.predictions.items())
     seed = entropy if isinstance(entropy, int) and not run.seed.spawn_key else None
     settings = manifest.ReportSettings(
-        name_of(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, seed or 0, order, tuple(v.predictions)
+        name_of(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, seed or 0, order, closures
     )
     here = "validate(...).report(...), in Python"
-    by_command = seed is not None and v.tolerances == Tolerances()
+    by_command = seed is not None and v.tolerances == Tolerances() and all(closures)
     again = command_line(["validate", "--repeat", str(out / "manifest.json")])
     origin = provenance() | {
         "command": here,

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from rattle.closure.closure import RAISED
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.diagnostics.diagnostics import list_counted
-from rattle.scene.errors import InputError
-from rattle.scene.shown import as_html
+from rattle.scene.errors import InputError, choice
+from rattle.scene.text import as_html
 from rattle.scene.units import with_units
-from rattle.scene.validate import choice
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,7 +34,7 @@ class Validation(Comparison):
     table : DataFrame
         Every moment of every closure with error, interval and verdict; the columns are ``COLUMNS``.
     correlation : DataFrame
-        Validity of the correlation on both sides, see `rattle.compare.validation.correlation.judge_correlation`.
+        Validity of the correlation on both sides, see `rattle.compare.validation.errors.judge_correlation`.
     z : float
         Standard errors of the intervals, corrected for the number of rows.
     tolerances : Tolerances
@@ -53,6 +53,12 @@ class Validation(Comparison):
         return not self.table["verdict"].isin(("inaccurate", "undecided")).any()
 
     @property
+    def failed(self) -> dict[str, str]:
+        """Closures of one's own that raised an exception, and what it said."""
+        rows = self.table[self.table["remark"].str.startswith(RAISED)]
+        return dict(zip(rows["closure"], rows["remark"], strict=True))
+
+    @property
     def counts(self) -> pd.DataFrame:
         """Number of predicted and judged moments with each verdict, by closure."""
         verdicts = self.table.groupby("closure", sort=False)["verdict"].value_counts().unstack(fill_value=0)
@@ -68,6 +74,7 @@ class Validation(Comparison):
                 f"{undecided} undecided"
                 for closure, good, bad, undecided in counts.itertuples()
             ),
+            *(f"  {closure} {why}" for closure, why in self.failed.items()),
             *(f"  {sentence}" for sentence in list_counted(run)),
             "  run.diagnostics also looks for rare branches that are missing, and for the bias of the step",
         ]

@@ -1,17 +1,20 @@
-"""The tables on the page of a validation."""
+"""The tables on the page of a validation, and the motion of its gears in physical units: ms, mm, mm/s and mJ."""
 
+import math
+from collections.abc import Sequence
+
+import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Row, Table, TableCell, numbers
-from rattle.compare.validation.comparison import Comparison
-from rattle.compare.validation.distance import section_distances
-from rattle.compare.validation.realizability import first_failures, realizability_table
-from rattle.compare.validation.validity import CAUSES, find_validities
-from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
-from rattle.compare.validation.verdict import JUDGED, VERDICTS
+from rattle.compare.report import Block, Row, Table, TableCell, Text, numbers
+from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
+from rattle.compare.validation.realizability import first_failures, realizability_table, section_distances
+from rattle.compare.validation.verdict import ACCURATE, JUDGED, NOT_WRONG, VERDICTS
+from rattle.scene.moments import STATE
+from rattle.scene.units import PRODUCTS, RATE
 
 MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
-"""Mark of a table cell for each verdict, see `rattle.compare.report.content.MARKS`."""
+"""Mark of a table cell for each verdict, see `rattle.compare.report.MARKS`."""
 
 SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
 """Section moments that the page tabulates; the table files hold all of them."""
@@ -116,6 +119,8 @@ def speed_table(table: pd.DataFrame) -> Table:
         errors = f"{most}{row['worst']:.4f}", f"{row['median']:.4f}"
         times = f"{1e3 * row['closure_seconds']:.2f} ms", f"{1e3 * row['simulation_seconds']:.3g} ms"
         gain = f"{least}{float(format(row['speed_up'], '.2g')):g}"
+        if pd.isna(row["speed_up"]):  # of a closure of one's own: its time is measured, that of the simulation counted
+            times, gain = (f"{times[0]}, measured", times[1]), "–"
         sigma, paths = f"{row['sigma']:.4g}", f"{row['paths']:,} paths"
         rows.append([row["closure"], sigma, row["impacts"], *errors, *times, paths, gain])
     heads = ("σ", "impacts", "worst error", "median", "closure", "simulation", "which takes", "speed-up")
@@ -135,3 +140,115 @@ def simulation_text(v: Comparison) -> str:
         f"1 in {run.paths / 10:,.0f} paths, are counted where they could change a verdict."
     )
     return " ".join((text, *run.diagnostics))
+
+
+NOTE = (
+    "The simulated motion, mean ± sd over the paths: each path just before its own k-th impact. For these gears 1 of τ "
+    "is {time:.4g} ms, of x {length:.4g} mm, of y {speed:.4g} mm/s. The energy is the mean loss at the impact."
+)
+FIXED = "The simulated motion between the impacts: mean ± sd of all paths at one time"
+
+
+def motion_blocks(v: Comparison) -> list[Block]:
+    """The motion of a validation's gears in both systems of units, as blocks of a page."""
+    if v.scene.gears is None:
+        return []
+    blocks: list[Block] = [Text(NOTE.format(**v.scene.gears.units._asdict()), note=True), motion_table(v)]
+    return [*blocks, time_table(v)] if len(v.run.at_times()) else blocks
+
+
+def motion_table(v: Comparison) -> Table:
+    """The simulated section means and sds in both systems of units."""
+    plain, physical = v.run.section, v.run.section_in("physical")
+    speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
+    columns = {
+        "impact": [str(impact) for impact in plain.index],
+        "τ": _spreads(plain, "tau"),
+        **{name: _spreads(plain, name) for name in speeds},
+        "time [ms]": _spreads(physical, "tau_ms"),
+        "impacts per second": [f"{rate:.4g}" for rate in physical[RATE]],
+        **{f"{name} [mm/s]": _spreads(physical, f"{name}_mm_per_s") for name in speeds},
+    }
+    if "energy_mJ" in physical:
+        columns["energy [mJ]"] = [f"{energy:.3g}" for energy in physical["energy_mJ"]]
+    return Table.of(numbers(*columns), zip(*columns.values(), strict=True))
+
+
+def time_table(v: Comparison) -> Table:
+    """The simulated means and sds at fixed times in both systems of units."""
+    plain, physical = v.run.at_times(), v.run.at_times(units="physical")
+    columns = {"τ": [f"{time:.4g}" for time in plain.index]}
+    columns |= {name: _spreads(plain, name, f"cov_{name}_{name}") for name in STATE[: 2 * v.scene.stages]}
+    columns["time [ms]"] = [f"{time:.4g}" for time in physical.index]
+    for name in STATE[: 2 * v.scene.stages]:
+        unit = "mm" if name.startswith("x") else "mm_per_s"
+        variance = f"cov_{name}_{name}_{PRODUCTS[unit, unit]}"
+        columns[f"{name} [{unit.replace('_per_', '/')}]"] = _spreads(physical, f"{name}_{unit}", variance)
+    return Table.of(numbers(*columns), zip(*columns.values(), strict=True), FIXED)
+
+
+def duration_words(v: Comparison) -> str:
+    """How long the simulated motion is, for the advice.
+
+    Returns: As "24 ms of rattling"; empty for a scene that was not made from gears, or if no path had all
+    impacts.
+    """
+    time = _milliseconds(v)
+    return "" if math.isnan(time) else f"{time:.3g} ms of rattling"
+
+
+def motion_sentence(validations: Sequence[Comparison]) -> list[str]:
+    """The motion of gears in physical units, in a sentence."""
+    shown = [v for v in validations if not math.isnan(_milliseconds(v))]
+    return [f"In the units of these gears: {'; '.join(map(_in_words, shown))}."] if shown else []
+
+
+def _in_words(v: Comparison) -> str:
+    physical, impacts, time = v.run.section_in("physical"), len(v.run.section), _milliseconds(v)
+    speeds = physical[[f"y{i}_mm_per_s" for i in range(1, v.scene.stages + 1)]].abs()
+    lost = f" and a mean loss of {physical['energy_mJ'].mean():.2g} mJ per impact" if "energy_mJ" in physical else ""
+    return (
+        f"at σ = {v.scene.sigma:.4g}, {impacts} impacts take {time:.3g} ms on average ({1e3 * impacts / time:.3g} "
+        f"impacts per second), with mean velocities before an impact of up to {np.nanmax(speeds):.3g} mm/s{lost}"
+    )
+
+
+def _milliseconds(v: Comparison) -> float:
+    """Mean time from the start to the last impact; NaN without gears or without a path that had it."""
+    if v.scene.gears is None:
+        return math.nan
+    local = v.run.phase_reduced.section["tau"].iloc[-1] - v.scene.phase
+    return float(local * v.scene.gears.units.time)
+
+
+def _spreads(table: pd.DataFrame, name: str, variance: str = "") -> list[str]:
+    """A quantity of each row as mean ± sd; the sd from the column of its variance, if one is named."""
+    sds = table[variance].map(math.sqrt) if variance else table[f"sd_{name}"]
+    return [
+        "–" if pd.isna(mean) else f"{mean:.4g} ± {float(f'{sd:.2g}'):g}"
+        for mean, sd in zip(table[name], sds, strict=True)
+    ]
+
+
+NUMBERS = ("bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds")
+FORMS = {"dt": ".4g", "paths": ",.0f", **dict.fromkeys(NUMBERS, ".3g")}
+"""How the page shows the columns of `rattle.compare.validation.validate.compare_schemes`."""
+
+SCHEMES_NOTE = (
+    "Each scheme with {:,} paths, and each closure, compared with the simulation of this report: the largest "
+    "difference of a mean and of an sd over all impacts, in sds of the quantity, and the processor time (for closures "
+    "the nominal one). For exact flights the difference is sampling error alone. The step bias is measured from dt, "
+    "2 dt and 4 dt on the same noise, and the time includes that; it is not subtracted from the differences "
+    "(`schemes.csv`)."
+)
+
+
+def scheme_table(found: pd.DataFrame, sigma: float) -> Table:
+    """The rows of one noise intensity."""
+    own = found[found["sigma"] == sigma].replace({"paths": {0: np.nan}})
+    rows: list[Row] = [
+        [r["method"], *("–" if pd.isna(r[name]) else format(r[name], form) for name, form in FORMS.items())]
+        for r in own.to_dict("records")
+    ]
+    heads = ("dt", "paths", "bias of a mean", "bias of an sd", "off by, mean", "off by, sd", "processor time in s")
+    return Table.of(["scheme or closure", *numbers(*heads)], rows)

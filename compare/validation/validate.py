@@ -1,24 +1,26 @@
 """Validation of closures: compares them with an ensemble of the same scene and gives a verdict on every moment."""
 
 import math
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from tqdm import tqdm
 
-from rattle.closure import CLOSURES, closures_for, follow, mean_map
-from rattle.compare.validation.correlation import judge_correlation, mid_flight_errors
+from rattle.closure import Closure, closures_for, follow
+from rattle.closure.mean_map import closure_seconds, find_closures, predict
+from rattle.compare.validation.comparison import Comparison, Sweep, find_validities, measure_speeds, simulation_costs
+from rattle.compare.validation.errors import judge_correlation, mid_flight_errors, section_errors, to_absolute_time
 from rattle.compare.validation.result import Validation
-from rattle.compare.validation.section_errors import section_errors, to_absolute_time
 from rattle.compare.validation.verdict import Tolerances, widest
-from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
+from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
-from rattle.scene.validate import choice
 
 __all__ = ["COLUMNS", "validate"]
 
@@ -35,7 +37,7 @@ def validate(
     scene: Scene,
     *,
     impacts: int = 12,
-    closures: Sequence[str] | None = None,
+    closures: Sequence[str | Closure | Callable[..., Any]] | None = None,
     paths: int = 256_000,
     dt: float | None = None,
     scheme: str = "exact-flight",
@@ -53,8 +55,10 @@ def validate(
         The system, its noise and its start.
     impacts : int
         Number of impacts after the start that are compared.
-    closures : sequence of str, optional
-        Names of the closures; by default all that can be applied to the scene.
+    closures : sequence of str, Closure or callable, optional
+        Names of the closures, or closures of one's own: functions ``(scene, impacts)``, each a
+        `rattle.closure.Closure` or taken for one; by default all of the package that can be applied to the scene.  If
+        a function raises an exception, its rows are not predicted and their remark says why.
     paths, dt, scheme, rng, workers, progress
         Settings of the simulation, see `rattle.montecarlo.simulate`.  If the scheme has a step bias, 2 dt and 4 dt run
         on the same Brownian paths to measure it; if it has none, the linearised path may serve as control variate.
@@ -70,7 +74,8 @@ def validate(
     Raises
     ------
     InputError
-        For any setting that cannot be run; nothing has started then.
+        For any setting that cannot be run, and where a function of one's own returns no such table; nothing has
+        started then.
 
     Examples
     --------
@@ -82,11 +87,7 @@ def validate(
     """
     if not isinstance(scene, Scene):
         raise InputError("scene", scene, "give a Scene")
-    closures = closures_for(scene) if closures is None else closures
-    if not isinstance(closures, list | tuple) or not closures:
-        raise InputError("closures", closures, "give a list of " + ", ".join(CLOSURES))
-    for closure in closures:
-        choice("closures", closure, CLOSURES)
+    methods = find_closures("closures", closures_for(scene) if closures is None else closures)
     limits = tolerances or Tolerances()
     # both sides are computed phase-reduced, so that a late start loses no digits of the times that are compared
     given, scene = scene, scene.phase_reduced
@@ -94,7 +95,7 @@ def validate(
     dt = default_step(scene, scheme, biased) if dt is None else dt
     common: dict[str, Any] = {"impacts": impacts, "dt": dt, "scheme": scheme, "rng": rng}
     check_settings(scene, paths=paths, workers=workers, step_bias=biased, **common)
-    predictions = {c: mean_map(scene, impacts=impacts, closure=c, order=order) for c in dict.fromkeys(closures)}
+    predictions = {method.name: predict(scene, method, impacts, order) for method in methods}
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
     grid = (4.0 if biased else 1.0) * dt  # fixed times are rounded to it; a flight shorter than it may contain none
@@ -104,7 +105,7 @@ def validate(
         scene,
         paths=paths,
         workers=workers,
-        sampling=Sampling(control=not biased and tau[-1] <= last),
+        sampling=Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last),
         progress=progress,
         **common,
         record=Record(
@@ -123,7 +124,9 @@ def validate(
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [mid_flight_errors(m, run, flights, z, limits) for m in predictions.values()]
     table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
-    table["remark"] = table["remark"].fillna("")
+    raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
+    said = zip(table["closure"], table["remark"].fillna(""), strict=True)
+    table["remark"] = [raised.get(name, remark) for name, remark in said]
     valid = judge_correlation(list(predictions.values()), run, flights)
     predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
     run = replace(run, plan=run.plan._replace(scene=given))
@@ -140,3 +143,102 @@ def _last_impact(scene: Scene, **settings: Any) -> float:
     at, horizon = pilot.section.iloc[-1], scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
     latest = scene.phase + MARGIN * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
     return float(min(horizon, math.inf if math.isnan(latest) else latest))
+
+
+EXAMPLE = "1e-3:2:12"
+SCHEME_COLUMNS = (
+    *("sigma", "method", "dt", "paths", "bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds"),
+)
+BESIDE_PATHS = 32_768  # of each scheme that is shown beside the simulation
+SCHEME = "exact-flight"
+"""Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the sds."""
+
+
+def read_grid(text: str) -> tuple[float, ...]:
+    """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to three digits.
+
+    Examples
+    --------
+    >>> read_grid("0.01:1:3")
+    (0.01, 0.1, 1.0)
+    """
+    try:
+        first, last, number = text.split(":")
+        low, high, points = float(first), float(last), int(number)
+    except ValueError:
+        raise InputError("validity", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}") from None
+    positive("validity LOW", low)
+    if positive("validity HIGH", high) <= low:
+        raise InputError("validity HIGH", high, f"must be greater than LOW = {low:g}")
+    count("validity POINTS", points, least=2)
+    found = tuple(float(f"{s:.3g}") for s in np.geomspace(low, high, points))
+    if len(set(found)) < points:
+        why = f"cannot be told apart by three digits between {low:g} and {high:g}; take fewer"
+        raise InputError("validity POINTS", points, why)
+    return found
+
+
+def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
+    """Validate the input of a sweep before any work starts."""
+    for sigma in sigmas:
+        try:
+            own = scene.with_sigma(sigma)
+            check_settings(own, scheme=SCHEME, dt=default_step(own, SCHEME), step_bias=False, **settings)
+        except InputError as error:
+            raise InputError("validity", sigma, f"cannot be run ({error}); change the range, or leave it out") from None
+
+
+def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: Any) -> Sweep:
+    """Validate a scene at each noise intensity against exact flights, all from one seed.
+
+    `sigmas`: Noise intensities.  All use the same random numbers, so that the sample does not change along the
+    grid.
+    """
+    own = [
+        validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
+        for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None)
+    ]
+    return Sweep(find_validities(own), measure_speeds(own), simulation_costs(own))
+
+
+class _Named(NamedTuple):
+    """The section moments of an ensemble, to be judged as those of a closure are."""
+
+    closure: str
+    section: pd.DataFrame
+
+
+def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], workers: int) -> pd.DataFrame:
+    """Simulate each scene of some validations by each of these schemes; a row for each of them and for each closure."""
+    rows = []
+    for v in validations:
+        for scheme in dict.fromkeys((v.run.scheme, *schemes)):
+            seed = np.random.SeedSequence(v.run.seed.entropy, spawn_key=(*v.run.seed.spawn_key, 1))
+            common: dict[str, Any] = {"impacts": v.run.impacts, "scheme": scheme, "rng": seed, "workers": workers}
+            simulate(v.scene.phase_reduced, paths=2, **common)  # compiles
+            began = time.process_time()
+            run = simulate(v.scene.phase_reduced, paths=BESIDE_PATHS, **common)
+            took = time.process_time() - began
+            table = section_errors(_Named(scheme, run.section), v.run.phase_reduced, v.z, v.tolerances)
+            rows.append(
+                (v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *_biases(run, table), *_largest(table, "error"), took)
+            )
+        for closure, prediction in v.predictions.items():
+            table = v.section_rows(closure)
+            own = table.assign(judged=table["verdict"] != "not judged")
+            took = closure_seconds(prediction)
+            rows.append((v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took))
+    return pd.DataFrame(rows, columns=list(SCHEME_COLUMNS))
+
+
+def _biases(run: Ensemble, table: pd.DataFrame) -> list[float]:
+    """The largest measured bias of a mean and of an sd."""
+    at = ["impact", "quantity", "moment"]
+    return _largest(table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias")
+
+
+def _largest(table: pd.DataFrame, column: str) -> list[float]:
+    """The largest value of a mean and of an sd, in sds of the quantity, over the rows that are judged."""
+    rows = table[table["judged"] & (table["unit"] > 0.0)]
+    shares = rows[column].abs() / rows["unit"]
+    return [float(shares[rows["moment"] == moment].max()) for moment in ("mean", "sd")]

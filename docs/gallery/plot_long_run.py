@@ -11,7 +11,7 @@ import numpy as np
 
 from rattle import Scene, stationary
 from rattle.compare.report.style import STYLE
-from rattle.compare.stationary.laws import values_of
+from rattle.compare.stationary.verdicts import values_of
 
 pair = {"alpha": 0.25, "epsilon": 0.5, "beta1": 0.02, "gamma1": 0.0, "stages": 1}
 sigmas = np.geomspace(1e-3, 0.3, 7)

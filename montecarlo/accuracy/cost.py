@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from rattle.montecarlo.accuracy.step_error import step_error
 from rattle.montecarlo.diagnostics.accuracy import (
     LEAST,
-    HasColumns,
     absolute_errors,
     count_paths,
     find_exceedance,
@@ -26,16 +25,16 @@ from rattle.montecarlo.diagnostics.accuracy import (
     unseen_shifts,
 )
 from rattle.montecarlo.diagnostics.reach import Candidate
-from rattle.montecarlo.diagnostics.unseen import Added, branches_between, share_of, unseen
+from rattle.montecarlo.diagnostics.unseen import Added, branches_between, find_unseen, share_of
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import count_followed
 from rattle.scene.moments import SECTION
+from rattle.scene.types import Floats
 
 if TYPE_CHECKING:
     from rattle.montecarlo.ensemble.result import Ensemble
 
-Floats = NDArray[np.float64]
 
 STEP = 8.0  # largest ratio of two bounds that is followed at once
 TOUCH = 1.02  # ratio to which the number is found
@@ -52,7 +51,7 @@ class ExpectedPaths(NamedTuple):
     branch: str  # the rare branch for which most of them are needed, in words; empty if there is none
 
 
-def expect_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPaths:
+def expect_paths(run: Ensemble, accuracy: float, share: float) -> ExpectedPaths:
     """Paths from which on `error_bound` is expected to be within an accuracy.
 
     Errors of what was sampled fall with the square root of the number of paths.  A branch that the run cannot have seen
@@ -61,7 +60,7 @@ def expect_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPath
 
     `accuracy`: Bound that is wanted for sampling and unseen branches, in units of each quantity's sd.
     """
-    columns = run.columns
+    columns, drawn = run.columns, (run.plan.mixture, run.dt)
     begun, error = count_paths(columns), absolute_errors(columns)
     if not (error > 0.0).any():
         return ExpectedPaths(float(begun), "")
@@ -70,9 +69,9 @@ def expect_paths(run: HasColumns, accuracy: float, share: float) -> ExpectedPath
     plain = begun * min(least / max(accuracy, 5e-324), 1e100) ** 2
 
     def bound(paths: float) -> tuple[float, Added]:
-        added = branches_between(run.scene, columns, begun, int(paths))
+        added = branches_between(run.scene, columns, begun, int(paths), *drawn)
         errors, sizes = _foreseen(columns, unit, error, added, begun, paths)
-        shift = unseen_shifts(unseen(run.scene, columns, int(paths)))
+        shift = unseen_shifts(find_unseen(run.scene, columns, int(paths), *drawn))
         return find_exceedance(errors / sizes, shift / sizes, share), added
 
     fewer = paths = max(plain, 1.0)
@@ -103,7 +102,7 @@ def _foreseen(
     with np.errstate(divide="ignore", invalid="ignore"):
         shrunk = np.nan_to_num(sd / wider, nan=1.0)
         new = np.where(wider > varies, added.fourth.T / (4.0 * wider**2), 0.0)
-    mean = np.sqrt((error[0] ** 2 * begun + added.square.T) / paths)
+    mean = np.sqrt((error[0] ** 2 * begun + added.noise.T) / paths)
     spread = np.sqrt(((error[1] * shrunk) ** 2 * begun + new) / paths)
     return np.stack([mean, spread]), size
 
@@ -116,7 +115,8 @@ def cost_of(run: Ensemble, paths: int, dt: float | None = None) -> Candidate:
     levels = 3.0 if run.plan.levels > 1 else 1.0
     each = steps * kind.step_ns * (VECTOR_GAIN if followed == 1 else 1.0) + run.impacts * kind.impact_ns * levels
     each += run.sticking_steps / followed * finer * STICKING_NS
-    return Candidate(run.scheme, dt, paths, paths * steps, 1e-9 * paths * each)
+    branches = 0 if run.plan.mixture is None else len(run.plan.mixture.unit)
+    return Candidate(run.scheme, dt, paths, paths * steps, 1e-9 * paths * each, branches)
 
 
 def cost_to(run: Ensemble, accuracy: float) -> Candidate:

@@ -11,17 +11,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from rattle.montecarlo.accuracy.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expect_paths
-from rattle.montecarlo.diagnostics.accuracy import share_of_look, small_noise
+from rattle.montecarlo.branches.simulate_rare import begin_rare
+from rattle.montecarlo.diagnostics.accuracy import LEAST, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.budget import Budget, clock
 from rattle.montecarlo.settings.plan import count_followed, default_horizon, is_random
 from rattle.montecarlo.settings.record import Record
 from rattle.montecarlo.settings.sampling import Sampling
+from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
@@ -74,6 +79,29 @@ class PilotRun:
             if accuracy > ROUGHEST:
                 return math.inf
         return accuracy
+
+
+WAIT = 2.0  # core-seconds of plain paths from which on rare branches are sampled on purpose, where that takes less
+CHEAPER = 0.6  # share of the core-seconds of plain paths that it may take
+HEAVY = 20.0  # kurtosis of a row from which on a rare branch may be what an accuracy waits for
+
+
+def sample_branches(plain: PilotRun, accuracy: float, blocks: Blocks, budget: Budget) -> PilotRun:
+    """A pilot run that samples rare branches on purpose where an accuracy waits for them; else the same one.
+
+    `plain`: Of plain paths by exact flights.
+    """
+    run, cost = plain.run, plain.at(accuracy).core_seconds
+    heavy = max(float(np.nanmax(run.columns["kurt_" + q], initial=0.0)) for q in SECTION)
+    if run.scene.sigma == 0.0 or cost < WAIT or budget.remaining <= 0.0:
+        return plain
+    if heavy < HEAVY and not plain.expect_paths(accuracy).branch:
+        return plain
+    rare = begin_rare(run, max(LEAST, run.paths), blocks)
+    if rare is None or rare.paths < LEAST:
+        return plain
+    found = PilotRun(rare, max(plain.path_seconds, cost_of(rare, 1).core_seconds), True)
+    return found if found.at(accuracy).core_seconds < CHEAPER * cost else plain
 
 
 def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget) -> PilotRun:

@@ -18,8 +18,17 @@ from typing import Any
 import numpy as np
 
 from rattle.montecarlo.accuracy.cost import expect_paths
-from rattle.montecarlo.accuracy.pilots import COARSEST, ROUGHEST, PilotRun, Simulate, choose_scheme
+from rattle.montecarlo.accuracy.pilots import (
+    COARSEST,
+    ROUGHEST,
+    WAIT,
+    PilotRun,
+    Simulate,
+    choose_scheme,
+    sample_branches,
+)
 from rattle.montecarlo.accuracy.step_error import step_error
+from rattle.montecarlo.branches.simulate_rare import extend_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
 from rattle.montecarlo.ensemble.result import Ensemble
@@ -31,11 +40,9 @@ from rattle.montecarlo.settings.budget import HOUR, Budget, clock
 from rattle.montecarlo.settings.plan import MOST_STEPS, check_settings, count_followed, default_horizon, is_random
 from rattle.montecarlo.settings.record import Record
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene.errors import InputError
-from rattle.scene.keywords import moved
+from rattle.scene.errors import InputError, moved, positive
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text
-from rattle.scene.validate import positive
 
 __all__ = ["ESTIMATES", "simulate_to"]
 
@@ -198,6 +205,11 @@ def _simulate(
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     pilot_run, candidates = choose_scheme(scene, names, accuracy, again, left)
+    exact = not SCHEMES[pilot_run.run.scheme].has_step_bias
+    if pilot_run.whole and exact and pilot_run.at(accuracy).core_seconds > WAIT:
+        longer = _extend(pilot_run.run, count_followed(scene, LEAST), blocks, progress)
+        pilot_run = sample_branches(PilotRun(longer, pilot_run.path_seconds, True), accuracy, blocks, left)
+        candidates = [pilot_run.at(accuracy) if c.scheme == pilot_run.run.scheme else c for c in candidates]
     ESTIMATES.info("Accuracy %g sd: %s%s.", accuracy, pilot_run.at(accuracy).sentence, _most_for(pilot_run, accuracy))
     if budget is None:
         _check_affordable(pilot_run, accuracy)
@@ -211,6 +223,13 @@ def _simulate(
         accuracy, sampling_error(run)[0], step, bound.error + step, worst, candidates, more, enough, bound.remark
     )
     return replace(run, reach=reach)
+
+
+def _extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None) -> Ensemble:
+    """Add paths to a run."""
+    if paths <= run.paths:
+        return run
+    return (extend if run.plan.mixture is None else extend_rare)(run, paths, blocks, progress)
 
 
 def _follow_up(
@@ -240,14 +259,15 @@ def _follow_up(
         "progress": progress,
         "sampling": Sampling(control=exact and small_noise(scene), horizon=horizon),
     }
-    began, before, look = clock(), 0, 0
+    began, before, look, tried = clock(), 0, 0, run.paths
     if not exact:
         aim = min(pilot_run.within(budget.remaining, accuracy), ROUGHEST)
         run = simulate(paths=fewest, dt=max(pilot_run.at(aim).dt, shortest), **settings)
     elif run.paths < fewest:
-        run, before = extend(run, fewest, blocks, progress), run.paths
+        run, before = _extend(run, fewest, blocks, progress), run.paths
     while True:
-        seconds_per_path = max(clock() - began, 1e-9) / (run.paths - before)
+        took = (clock() - began) / (run.paths - before) if run.paths > pilot_run.run.paths else 0.0
+        seconds_per_path = took or pilot_run.path_seconds
         look += 1
         bound = error_bound(run, share_of_look(look))
         step, se_step = (0.0, 0.0) if exact else step_error(run)
@@ -257,6 +277,11 @@ def _follow_up(
         if bound.error + step > accuracy:
             foreseen = SPARE * expect_paths(run, room, share_of_look(look + 1)).paths  # when it will be looked at
             wanted = math.ceil(max(foreseen, 1.1 * run.paths) / grain) * grain  # more also where a bias may be noise
+        if exact and run.plan.mixture is None and run.paths > GROWTH * tried:  # a spread that was found late
+            rare, tried = sample_branches(PilotRun(run, seconds_per_path, True), accuracy, blocks, budget), run.paths
+            if rare.run is not run:
+                run, before, began = rare.run, 0, clock()
+                continue
         more = 2 * run.paths if shorten else max(wanted - run.paths, fewest - run.paths, 0)
         if shorten and 0.5 * run.dt < shortest:
             return run, math.inf, look
@@ -268,4 +293,4 @@ def _follow_up(
         if shorten:
             run, before = simulate(paths=run.paths, dt=0.5 * run.dt, **settings), 0
         else:
-            run = extend(run, run.paths + min(more, affordable, (GROWTH - 1) * run.paths), blocks, progress)
+            run = _extend(run, run.paths + min(more, affordable, (GROWTH - 1) * run.paths), blocks, progress)

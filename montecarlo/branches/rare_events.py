@@ -15,15 +15,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
+from rattle.montecarlo.schemes.short_flight import kick
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact, struck
-
-Floats = NDArray[np.float64]
+from rattle.scene.tangent import saltation_matrix
+from rattle.scene.types import Floats
 
 FURTHEST = 6.0
 """Largest reliability index that is looked for: a probability of 1e-9."""
@@ -75,19 +75,80 @@ def onward(
         rows[k, 2], rows[k, 3], rows[k, 4], rows[k, 5] = x1, y1, x2, y2
 
 
-class SearchedFlight:
-    """A flight with its Gaussian state around a noise-free path, to or beyond that path's next impact."""
+@jit
+def _add_noise(c: Constants, grid: tuple[float, float], tau: float, t: float, cross: Floats) -> None:
+    """Add what the increments of a step grid (its begin and step) do to the state within a flight of time t.
 
-    def __init__(self, c: Constants, tau: float, after: Floats, start: Floats) -> None:
-        self.c, self.tau, self.after, self.start = c, tau, after, start
+    Increments are in units of their sd; the area of a step, a part in a hundred of its effect, is left out.
+    Shapes: `cross` (4, steps).
+    """
+    begin, dt = grid
+    for n in range(max(0, int((tau - begin) / dt)), min(cross.shape[1], int((tau + t - begin) / dt) + 1)):
+        first, last = max(tau, begin + n * dt), min(tau + t, begin + (n + 1) * dt)
+        if last > first:
+            push = kick(c, first, last - first, (last - first) / math.sqrt(dt), 0.0)
+            j = jacobian(c, tau + t - last)
+            for a in range(4):
+                cross[a, n] += j[a, 0] * push[0] + j[a, 1] * push[1] + j[a, 2] * push[2] + j[a, 3] * push[3]
+
+
+class Gaussian(NamedTuple):
+    """A Gaussian state, and the noise that it comes from: increments of steps in units of their sd."""
+
+    mean: Floats  # (4,)
+    spread: Floats  # covariance; (4, 4)
+    noise: Floats  # mean of the noise; (steps,)
+    cross: Floats  # covariance of the state with the noise; (4, steps)
+
+    def given(self, i: int, value: float) -> Gaussian:
+        """The same, given one component of the state."""
+        if self.spread[i, i] <= 0.0:
+            return self
+        gain, off = self.spread[:, i] / self.spread[i, i], value - self.mean[i]
+        moved = self.mean + gain * off
+        moved[i] = value
+        along = self.cross[i].copy()
+        return Gaussian(
+            moved,
+            self.spread - np.outer(gain, self.spread[i]),
+            self.noise + along * (off / self.spread[i, i]),
+            self.cross - np.outer(gain, along),
+        )
+
+    def across(self, c: Constants, mesh: int, tau: float) -> Gaussian:
+        """The same after an impact of the mean, to first order."""
+        carry, mean = saltation_matrix(c, mesh, tau, self.mean[1], self.mean[3]), self.mean.copy()
+        mean[1], mean[3] = struck(c, mesh, mean[1], mean[3])
+        return Gaussian(mean, carry @ self.spread @ carry.T, self.noise, carry @ self.cross)
+
+
+class SearchedFlight:
+    """A flight with its Gaussian state around a noise-free path, to or beyond that path's next impact.
+
+    `grid`: Begin and step of the noise that is followed too.
+    """
+
+    def __init__(self, c: Constants, tau: float, start: Gaussian, grid: tuple[float, float] = (0.0, 1.0)) -> None:
+        self.c, self.tau, self.start, self.grid, after = c, tau, start, grid, start.mean
         self.time, self.mesh, self.side, *before = next_impact(c, tau, after[0], after[1], after[2], after[3], LONGEST)
         self.before = np.array(before)
 
     def at(self, times: Floats) -> tuple[Floats, Floats]:
         """Mean and covariance at times since the start."""
         means, spread = np.empty((times.size, 4)), np.empty((times.size, 4, 4))
-        _covariances(self.c, self.tau, self.after, self.start, times, means, spread)
+        _covariances(self.c, self.tau, self.start.mean, self.start.spread, times, means, spread)
         return means, spread
+
+    def states(self, times: Floats) -> list[Gaussian]:
+        """State and noise at times since the start."""
+        found, crosses = [], np.zeros((times.size, *self.start.cross.shape))
+        if self.start.noise.size:
+            for t, cross in zip(times, crosses, strict=True):
+                cross += jacobian(self.c, t) @ self.start.cross
+                _add_noise(self.c, self.grid, self.tau, t, cross)
+        for mean, spread, cross in zip(*self.at(times), crosses, strict=True):
+            found.append(Gaussian(mean, spread, self.start.noise, cross))
+        return found
 
 
 def _wall(c: Constants, mesh: int) -> float:
@@ -111,7 +172,12 @@ class Event(NamedTuple):
     beta: float
     probability: float
     weights: Floats
-    states: list[tuple[float, Floats, Floats, int]]  # time since the start, state, covariance there, mesh struck (or 0)
+    states: list[tuple[float, Gaussian, int]]  # time since the start, state there, mesh struck (or 0)
+
+    @property
+    def shift(self) -> Floats:
+        """Mean noise that brings it about: about its design point; (steps,)."""
+        return np.asarray(sum(w * state.noise for w, (_, state, _) in zip(self.weights, self.states, strict=True)))
 
 
 def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Floats:
@@ -168,33 +234,21 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
 def _meet(flight: SearchedFlight, mesh: int, side: int, probability: float, times: Floats) -> Event:
     """An event with representatives at given times: how near the own wall is, and the speed, are spread as they are."""
     i, own, wall = 2 * (mesh - 1), 2 * (flight.mesh - 1), side * _wall(flight.c, mesh)
-    means, spreads = flight.at(times)
     states, weights = [], np.empty(times.size)
-    for n, t in enumerate(times):
-        mean, spread = _condition(means[n], spreads[n], i, wall)
+    for n, (t, state) in enumerate(zip(times, flight.states(times), strict=True)):
+        state = state.given(i, wall)
         if own != i:
-            sd = math.sqrt(max(spread[own, own], 0.0))
-            room = (_wall(flight.c, flight.mesh) - flight.side * mean[own]) / max(sd, NO_SD)
+            sd = math.sqrt(max(state.spread[own, own], 0.0))
+            room = (_wall(flight.c, flight.mesh) - flight.side * state.mean[own]) / max(sd, NO_SD)
             at = float(ndtri_exp(log_ndtr(room) + math.log(PLACES[1, n])))
-            mean, spread = _condition(mean, spread, own, mean[own] + flight.side * at * sd)
-        sd = math.sqrt(max(spread[i + 1, i + 1], 0.0))
-        least = -side * mean[i + 1] / max(sd, NO_SD)
-        speed = side * mean[i + 1] - sd * float(ndtri_exp(log_ndtr(-least) + math.log(PLACES[2, n])))
+            state = state.given(own, state.mean[own] + flight.side * at * sd)
+        sd = math.sqrt(max(state.spread[i + 1, i + 1], 0.0))
+        least = -side * state.mean[i + 1] / max(sd, NO_SD)
+        speed = side * state.mean[i + 1] - sd * float(ndtri_exp(log_ndtr(-least) + math.log(PLACES[2, n])))
         weights[n] = max(speed, 0.0)
-        mean, spread = _condition(mean, spread, i + 1, side * speed)
-        states.append((float(t), mean, spread, mesh))
+        states.append((float(t), state.given(i + 1, side * speed), mesh))
     weights = weights / weights.sum() if weights.sum() > 0.0 else np.full(times.size, 1.0 / times.size)
     return Event(mesh, side, False, float(-ndtri(probability)), probability, weights, states)
-
-
-def _condition(mean: Floats, spread: Floats, i: int, value: float) -> tuple[Floats, Floats]:
-    """Mean and covariance of a Gaussian, given one component."""
-    if spread[i, i] <= 0.0:
-        return mean, spread
-    gain = spread[:, i] / spread[i, i]
-    moved = mean + gain * (value - mean[i])
-    moved[i] = value
-    return moved, spread - np.outer(gain, spread[i])
 
 
 def _miss(flight: SearchedFlight) -> Event | None:
@@ -228,9 +282,9 @@ def _miss(flight: SearchedFlight) -> Event | None:
     paths = rng.standard_normal((SAMPLE, 13)) @ root.T - depths[:, None] * joint[6] / math.sqrt(joint[6, 6])
     within = (paths + side * means[:, i] < _wall(flight.c, mesh)).all(axis=1)
     share = max(within.mean(), 1.0 / SAMPLE)
-    sd, states = math.sqrt(joint[6, 6]), []
+    sd, states, (state,) = math.sqrt(joint[6, 6]), [], flight.states(np.array([top]))
     for depth in np.quantile(depths[within] if within.any() else depths, MIDDLES):
-        states.append((top, *_condition(means[6], spread[6], i, means[6, i] - side * depth * sd), 0))
+        states.append((top, state.given(i, means[6, i] - side * depth * sd), 0))
     return Event(mesh, side, True, nearest, float(ndtr(-nearest) * share), STRATA, states)
 
 

@@ -9,21 +9,20 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rattle.montecarlo.branches.rare_events import Event, SearchedFlight, events, onward
+from rattle.montecarlo.branches.rare_events import Event, Gaussian, SearchedFlight, events, onward
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
-from rattle.scene.tangent import saltation_matrix
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 MOST = 12  # paths that are searched: the orbit, and the most probable branches
 FLIGHTS = 300  # flights that are searched, so that orbits of many impacts take no more than about a second
+SMALLEST = 1e-9
+"""Probability down to which branches are known, and searched for branches of their own."""
 GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial speeds, below which the orbit grazes
 
 
@@ -45,6 +44,7 @@ class Branch(NamedTuple):
     mean: Floats
     square: Floats
     fourth: Floats
+    shift: Floats  # mean of the noise that brings it about, increments in units of their sd; (steps,) or none
 
 
 @dataclass(frozen=True)
@@ -73,16 +73,18 @@ class _Parent(NamedTuple):
 
     probability: float
     tau: float
-    after: Floats
-    start: Floats
+    start: Gaussian
     first: int
     rows: Floats
 
 
 class BranchSearch:
-    """A search of the orbit and of its branches for other events, which goes on where less probable ones are wanted."""
+    """A search of the orbit and of its branches for other events, which goes on where less probable ones are wanted.
 
-    def __init__(self, scene: Scene, impacts: int) -> None:
+    `steps`, `dt`: Number and length of the steps whose noise is told for each branch; none by default.
+    """
+
+    def __init__(self, scene: Scene, impacts: int, steps: int = 0, dt: float = 1.0) -> None:
         c, start = scene.constants, scene.start
         state = np.array(scene.start_state)
         if start.mesh:
@@ -90,11 +92,15 @@ class BranchSearch:
         self.constants, self.impacts, self.orbit = c, impacts, np.full((impacts, 6), np.nan)
         onward(c, scene.phase, state[0], state[1], state[2], state[3], 0, 0, self.orbit)
         self._slowest = GRAZE * max(c.alpha, c.gamma1, abs(state[1]), abs(state[3]))
-        self._queue = [_Parent(1.0, scene.phase, state, np.zeros((4, 4)), 0, self.orbit)]  # the most probable last
+        begin = Gaussian(state, np.zeros((4, 4)), np.zeros(steps), np.zeros((4, steps)))
+        self._queue = [_Parent(1.0, scene.phase, begin, 0, self.orbit)]  # the most probable last
+        self._grid = scene.phase, dt
         self._branches: list[Branch] = []
         self._searched: list[tuple[float, int]] = []  # probability of each path, and number of branches after it
         self._flights, self._found = 0, dict[int, RareEvents]()
         self._known, self._why, self._one_at_a_time = impacts, "", threading.Lock()
+        if scene.correlation_time:  # flights of such noise are not independent of each other
+            self._queue, self._why = [], "branches are searched for with white noise only"
 
     def until(self, least: float) -> RareEvents:
         """Branches of the orbit, and of those of its branches that are at least so probable."""
@@ -108,7 +114,7 @@ class BranchSearch:
                     self._known, self._why = known, why
                 self._searched.append((parent.probability, len(self._branches)))
                 self._queue = sorted(self._queue, key=lambda one: one.probability)[-MOST:]
-            number = max(n for k, (p, n) in enumerate(self._searched) if k == 0 or p >= least)
+            number = max(n for k, (p, n) in enumerate([*self._searched, (0.0, 0)]) if k == 0 or p >= least)
             if number not in self._found:
                 branches = tuple(self._branches[:number])
                 self._found[number] = RareEvents(self.orbit, branches, self._known, self._why)
@@ -116,24 +122,21 @@ class BranchSearch:
 
     def _search(self, parent: _Parent) -> tuple[int, str]:
         """Search the flights of a path; gives the impacts that were reached, and why not all."""
-        c, tau, after, start = self.constants, parent.tau, parent.after, parent.start
+        c, tau, start = self.constants, parent.tau, parent.start
         for k in range(parent.first, self.impacts):
             if self._flights == FLIGHTS:
                 return k, f"{FLIGHTS} flights were searched"
             self._flights += 1
-            flight = SearchedFlight(c, tau, after, start)
+            flight = SearchedFlight(c, tau, start, self._grid)
             if flight.mesh <= 0:
                 return k, f"the orbit ends after impact {k}"
             for event in events(flight):
                 self._add(parent, tau, k, event)
-            i = 2 * (flight.mesh - 1)
-            if abs(flight.before[i + 1]) < self._slowest:
+            if abs(flight.before[2 * flight.mesh - 1]) < self._slowest:
                 return k, f"impact {k + 1} of the orbit grazes its wall"
-            spread = flight.at(np.array([flight.time]))[1][0]
             tau += flight.time
-            across = saltation_matrix(c, flight.mesh, tau, flight.before[1], flight.before[3])
-            after, start = flight.before.copy(), across @ spread @ across.T
-            after[1], after[3] = struck(c, flight.mesh, after[1], after[3])
+            (before,) = flight.states(np.array([flight.time]))
+            start = before._replace(mean=flight.before).across(c, flight.mesh, tau)
         return self.impacts, ""
 
     def _add(self, parent: _Parent, tau: float, k: int, event: Event) -> None:
@@ -142,10 +145,11 @@ class BranchSearch:
         rows = np.repeat(parent.rows[None], len(event.states), axis=0)
         rows[:, k:] = np.nan
         rarest = self._queue[0].probability if len(self._queue) >= MOST else 0.0  # rarer ones are never searched
-        for j, (t, state, spread, mesh) in enumerate(event.states):
+        for j, (t, state, mesh) in enumerate(event.states):
             if mesh:
-                rows[j, k] = [tau + t, t, *state]
-            onward(c, tau + t, state[0], state[1], state[2], state[3], mesh, k + 1 if mesh else k, rows[j])
+                rows[j, k] = [tau + t, t, *state.mean]
+            x1, y1, x2, y2 = state.mean
+            onward(c, tau + t, x1, y1, x2, y2, mesh, k + 1 if mesh else k, rows[j])
             if not mesh:
                 rows[j, k, 1] = rows[j, k, 0] - tau
             share = probability * event.weights[j]
@@ -153,12 +157,10 @@ class BranchSearch:
             if share < rarest:
                 continue
             if not mesh:
-                self._queue.append(_Parent(share, tau + t, state, spread, k, rows[j]))
-            elif abs(state[i + 1]) > self._slowest:
-                hit = state.copy()
-                hit[1], hit[3] = struck(c, mesh, hit[1], hit[3])
-                across = saltation_matrix(c, mesh, tau + t, state[1], state[3])
-                self._queue.append(_Parent(share, tau + t, hit, across @ spread @ across.T, k + 1, rows[j]))
+                self._queue.append(_Parent(share, tau + t, state, k, rows[j]))
+            elif abs(state.mean[i + 1]) > self._slowest:
+                after = state.across(c, mesh, tau + t)
+                self._queue.append(_Parent(share, tau + t, after, k + 1, rows[j]))
         shares = probability * event.weights
         added = np.zeros((3, *self.orbit.shape))
         gap, before = rows[:, k:] - self.orbit[k:], parent.rows[k:] - self.orbit[k:]
@@ -166,8 +168,25 @@ class BranchSearch:
             added[n, k:] = np.nan_to_num(shares[:, None, None] * (gap - before)).sum(axis=0)
             gap, before = gap * gap, before * before
         self._branches.append(
-            Branch(k + 1, event.mesh, event.side, event.missed, event.beta, probability, shares, rows, *added)
+            Branch(
+                k + 1,
+                event.mesh,
+                event.side,
+                event.missed,
+                event.beta,
+                probability,
+                shares,
+                rows,
+                added[0],
+                added[1],
+                added[2],
+                event.shift,
+            )
         )
+
+
+search_of = lru_cache(maxsize=32)(BranchSearch)
+"""The search for the branches of a scene over a number of impacts, remembered with what it has found."""
 
 
 def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:

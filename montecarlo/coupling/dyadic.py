@@ -8,24 +8,25 @@ discretisation is that the noise is smooth below a leaf.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.brownian import Noise, split
 from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, normals
 from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
-from rattle.montecarlo.schemes.short_flight import short_flight, sine_cosine
+from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
 from rattle.montecarlo.schemes.step_size import accurate_flight
-from rattle.montecarlo.schemes.whole_step import flight_forcing
+from rattle.montecarlo.schemes.whole_step import FlightForcing, flight_forcing
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.errors import InputError
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats, Ints
 
-Floats = NDArray[np.float64]
+Pair = tuple[float, float]
 
 TREE = BRIDGE + LEVELS
 """Substream of the normals of this module, see the purposes of `rattle.montecarlo.noise.philox`."""
@@ -75,12 +76,24 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
             scene.tolerance.distribution,
             "a path on a shared Brownian tree needs gaps that do not vary: give 'fixed', or no tolerance",
         )
-    c, h = scene.constants, step_time(scene)
-    steps = round(2.0 * math.pi / h)
-    forces = [flight_forcing(c, n * h, h) for n in range(steps)]
-    table = np.array([(*f.drift, *f.along, *f.across, f.margin1, f.margin2) for f in forces])
-    carry = np.array([forces[0].x1y1, forces[0].y1y1, forces[0].x2y1, forces[0].x2y2, forces[0].y2y1, forces[0].y2y2])
-    return Clockwork(h, depth, table, carry)
+    if scene.correlation_time:
+        raise InputError("correlation_time", scene.correlation_time, "a shared Brownian tree is of white noise only, 0")
+    h = step_time(scene)
+    return clockwork_of([flight_forcing(scene.constants, n * h, h) for n in range(round(2.0 * math.pi / h))], h, depth)
+
+
+def clockwork_of(steps: Sequence[FlightForcing], h: float, depth: int) -> Clockwork:
+    """Tables of given steps."""
+    table, f = np.array([(*f.drift, *f.along, *f.across, f.margin1, f.margin2) for f in steps]), steps[0]
+    return Clockwork(h, depth, table, np.array([f.x1y1, f.y1y1, f.x2y1, f.x2y2, f.y2y1, f.y2y2]))
+
+
+def first_state(scene: Scene) -> Floats:
+    """State in which the first flight of a scene begins: after the impact at the start if there is one."""
+    x1, y1, x2, y2 = scene.start_state
+    if scene.start.mesh != 0:
+        y1, y2 = struck(scene.constants, scene.start.mesh, y1, y2)
+    return np.array([x1, y1, x2, y2])
 
 
 class TreeRoom(NamedTuple):
@@ -88,8 +101,8 @@ class TreeRoom(NamedTuple):
 
     end: Floats  # state at the end of a trial; (4,)
     pending: Floats  # stack of the intervals still to be walked: increment and area; (depth + 2, 2)
-    level: NDArray[np.int64]  # level, node: their places in the tree; (depth + 2,)
-    node: NDArray[np.int64]
+    level: Ints  # level, node: their places in the tree; (depth + 2,)
+    node: Ints
 
 
 @internal
@@ -105,7 +118,7 @@ def fly(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats
 
     Shapes: `s` (4,); `end` (4,).
     """
-    phase = sine_cosine(tau)
+    phase = phase_at(c.drive, tau)
     (end[0], end[1], end[2], end[3]), _ = short_flight(
         c, phase, h, (s[0], s[1], s[2], s[3]), noise.increment, noise.area
     )
@@ -173,20 +186,12 @@ def _leaf(
 
 @internal
 def walk_step(
-    c: Constants,
-    w: Clockwork,
-    room: TreeRoom,
-    key: Key,
-    path: Word,
-    step: int,
-    z: tuple[float, float],
-    s: Floats,
-    hits: Floats,
+    c: Constants, w: Clockwork, room: TreeRoom, key: Key, path: Word, step: int, z: Pair, s: Floats, hits: Floats
 ) -> tuple[int, bool]:
-    """Carry a path through a step, in place.
+    """Carry a path through a step whose noise has the normals z, in place.
 
-    Returns: Whether `hits` was filled: the path then stays in this state to the end of the step. Shapes: `s`
-    (4,); `hits` (at least 1, HIT).
+    Returns: Number of impacts, and whether `hits` was filled: the path then stays in this state to the end of the step.
+    Shapes: `s` (4,); `hits` (at least 1, HIT).
     """
     row = step % len(w.forcing)
     f, m = w.forcing[row], w.carry

@@ -7,19 +7,15 @@ Its determinant obeys the orbit's formula: the damping between impacts, and ``ep
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rattle.montecarlo.coupling.dyadic import HIT, Clockwork, clockwork, new_room, walk_step
+from rattle.montecarlo.coupling.dyadic import HIT, Clockwork, clockwork, first_state, new_room, walk_step
 from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
-from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rattle.scene.types import Floats
 
 DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3.5e-3 sigma in one
 
@@ -89,17 +85,11 @@ class LongPath:
     """
 
     def __init__(self, scene: Scene, seed: int, path: int = 0, depth: int = DEPTH) -> None:
-        self.c = scene.constants
-        self.clock = clockwork(scene, depth)
+        self.c, self.clock = scene.constants, clockwork(scene, depth)
         self.key, self.path = key_of(np.random.SeedSequence(seed)), Word(path)
-        x1, y1, x2, y2 = scene.start_state
-        if scene.start.mesh != 0:
-            y1, y2 = struck(self.c, scene.start.mesh, y1, y2)
-        self.step = self.clock.h
+        self.step, self.sticking_steps = self.clock.h, 0
         self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
-        self.sticking_steps = 0
-        self.at = np.array([x1, y1, x2, y2, 0.0])
-        self.frame = np.eye(4)
+        self.at, self.frame = np.append(first_state(scene), 0.0), np.eye(4)
 
     def stretch(self, steps: int, tangent: bool = True, velocities: bool = True) -> tuple[Stretch, Floats]:
         """The impacts of the next steps.

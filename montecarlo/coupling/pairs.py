@@ -7,28 +7,26 @@ Both experiments use `rattle.montecarlo.coupling.dyadic` at its full depth, so t
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Clockwork, clockwork, new_room, walk_step
+from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Clockwork, clockwork, first_state, new_room, walk_step
 from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_rate
-from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 EARLIEST, LATEST = 0.2, 0.6  # shares of a step between which an impact is used: the partner's is in the same step
+PATH = Word(0)  # whose random numbers both paths share
 TINY = 1e-16  # least distance of two paths, for logarithms
 
 
 @internal
-def _two_normals(c: Constants, key: Key, path: Word, step: int) -> tuple[float, float]:
+def _two_normals(c: Constants, key: Key, step: int) -> tuple[float, float]:
     if c.sigma == 0.0:
         return 0.0, 0.0
-    z0, z1, z2, z3 = normals(key, path, Word(step // 2), Word(STEP))
+    z0, z1, z2, z3 = normals(key, PATH, Word(step // 2), Word(STEP))
     return (z0, z1) if step % 2 == 0 else (z2, z3)
 
 
@@ -37,8 +35,6 @@ def _after_impact(
     c: Constants,
     w: Clockwork,
     key: Key,
-    path: Word,
-    step: int,
     steps: int,
     settle: int,
     state: Floats,
@@ -52,8 +48,8 @@ def _after_impact(
     n, missed = 0, 0
     for k in range(steps):
         begin[:] = state
-        z = _two_normals(c, key, path, step + k)
-        found, _ = walk_step(c, w, room, key, path, step + k, z, state, hits)
+        z = _two_normals(c, key, k)
+        found, _ = walk_step(c, w, room, key, PATH, k, z, state, hits)
         if k < settle or found != 1 or abs(hits[0, 1]) != 1:
             continue
         share, speed = hits[0, 0] / w.h, abs(hits[0, 3])
@@ -63,7 +59,7 @@ def _after_impact(
         for i in range(deltas.size):
             partner[:] = begin
             partner[0] -= hits[0, 1] * deltas[i]
-            met, _ = walk_step(c, w, room, key, path, step + k, z, partner, other)
+            met, _ = walk_step(c, w, room, key, PATH, k, z, partner, other)
             if met != 1 or other[0, 1] != hits[0, 1]:
                 whole = False
                 break
@@ -75,7 +71,7 @@ def _after_impact(
         if not whole:
             missed += 1
             continue
-        tau = ((step + k) % len(w.forcing)) * w.h + hits[0, 0]
+        tau = (k % len(w.forcing)) * w.h + hits[0, 0]
         place[n, 0], place[n, 1], place[n, 2] = tau, speed, noise_rate(c, tau)[0]
         n += 1
         if n == len(apart):
@@ -98,10 +94,8 @@ def after_impact(
     (100, 1)
     """
     c, w, key = scene.constants, clockwork(scene, DEEPEST), key_of(np.random.SeedSequence(seed))
-    apart, place = np.empty((impacts, deltas.size)), np.empty((impacts, 3))
-    n, missed = _after_impact(
-        c, w, key, Word(0), 0, settle + 2000 * impacts, settle, _start(scene), least, deltas, apart, place
-    )
+    apart, place, steps = np.empty((impacts, deltas.size)), np.empty((impacts, 3)), settle + 2000 * impacts
+    n, missed = _after_impact(c, w, key, steps, settle, first_state(scene), least, deltas, apart, place)
     return apart[:n], place[:n], missed
 
 
@@ -133,23 +127,20 @@ def _growths(
     c: Constants,
     w: Clockwork,
     key: Key,
-    path: Word,
-    step: int,
     settle: int,
-    patience: int,
+    wait: int,
     steps: int,
     a: Floats,
     delta: float,
     ratio: float,
-    duration: Floats,
-    growth: Floats,
+    found: Floats,
 ) -> int:
     hits, room = np.empty((MOST_IN_A_STEP, HIT)), new_room(w.depth)
     b = a.copy()
     n, waited, last, together = 0, 0, 0.0, True
     for k in range(steps):
-        z = _two_normals(c, key, path, step + k)
-        walk_step(c, w, room, key, path, step + k, z, a, hits)
+        z = _two_normals(c, key, k)
+        walk_step(c, w, room, key, PATH, k, z, a, hits)
         if k < settle:
             continue
         if together:  # start anew with a partner beside the path
@@ -158,15 +149,15 @@ def _growths(
             together = not _place(c, a, b, delta)
             waited, last = 0, delta
             continue
-        walk_step(c, w, room, key, path, step + k, z, b, hits)
+        walk_step(c, w, room, key, PATH, k, z, b, hits)
         waited += 1
         now = _distance(c, a, b)
         far = min(now, last)  # the smaller of two: between both paths' impacts distance does not count
         last = now
-        if far >= ratio * delta or waited >= patience:
-            duration[n], growth[n] = waited * w.h, math.log(max(far, TINY) / delta)
+        if far >= ratio * delta or waited >= wait:
+            found[0, n], found[1, n] = waited * w.h, math.log(max(far, TINY) / delta)
             n += 1
-            if n == growth.size:
+            if n == found.shape[1]:
                 break
             together = now < 1e-3 * delta or not _place(c, a, b, delta)
             waited, last = 0, delta
@@ -198,17 +189,6 @@ def growths(
     True
     """
     c, w, key = scene.constants, clockwork(scene, DEEPEST), key_of(np.random.SeedSequence(seed))
-    duration, growth = np.empty(events), np.empty(events)
-    wait = max(2, int(patience / w.h))
-    n = _growths(
-        c, w, key, Word(0), 0, settle, wait, settle + wait * events, _start(scene), delta, ratio, duration, growth
-    )
-    return duration[:n], growth[:n]
-
-
-def _start(scene: Scene) -> Floats:
-    """Initial state of a scene, after the impact at the start if there is one."""
-    x1, y1, x2, y2 = scene.start_state
-    if scene.start.mesh != 0:
-        y1, y2 = struck(scene.constants, scene.start.mesh, y1, y2)
-    return np.array([x1, y1, x2, y2])
+    wait, found = max(2, int(patience / w.h)), np.empty((2, events))
+    n = _growths(c, w, key, settle, wait, settle + wait * events, first_state(scene), delta, ratio, found)
+    return found[0, :n], found[1, :n]

@@ -7,15 +7,13 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import BlockResult, Plan, start_state
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job
 from rattle.montecarlo.noise.backlash import backlash_of
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.table import SCHEMES
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats, Ints
 
 THREADS = 128
 """Threads of a thread block, one path each."""
@@ -87,7 +85,7 @@ def prepare(plan: Plan) -> _Resources:
     )
 
 
-def follow(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, NDArray[np.int64]]:
+def follow(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, Ints]:
     """Follow paths from number `first` on: impacts and states at fixed times (on the GPU), and counts of the work."""
     from numba import cuda
 

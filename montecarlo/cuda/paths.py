@@ -21,7 +21,7 @@ from rattle.montecarlo.schemes.crossing import near_wall
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.euler_located import leaves
 from rattle.montecarlo.schemes.exact_flight import PARTS
-from rattle.montecarlo.schemes.short_flight import sine_cosine
+from rattle.montecarlo.schemes.short_flight import no_phase, phase_at
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.montecarlo.schemes.whole_step import FlightForcing, first_stage, flight_forcing, second_stage
@@ -174,7 +174,7 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                     if not meets:
                         continue
                     begin, whole_end = job.tau + (n + s) * h, (x1, y1, x2, y2)
-                    phase = sine_cosine(begin) if scheme == EXACT else (0.0, 0.0)
+                    phase = phase_at(c.drive, begin) if scheme == EXACT else no_phase(c.drive)
                     if scheme == PLAIN:
                         at = Progress(0, begin + h, 0.0, Noise(0.0, 0.0), x1, y1, x2, y2)
                     else:

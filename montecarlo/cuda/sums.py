@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 from numba import cuda
-from numpy.typing import NDArray
 
 from rattle.montecarlo.cuda.paths import STEPS, STICKING, UNFINISHED
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, BlockResult, Plan
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from rattle.scene.moments import SECTION
+from rattle.scene.types import Ints
 
 MOST_THREADS = 256  # of a thread block; a power of two
 MOST_ORDERS, MOST_POWERS = 16, 9  # sizes of local arrays: orders of a cell, and powers 0 to 8
@@ -165,7 +165,7 @@ def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orde
     )
 
 
-def reduce(plan: Plan, rows: Any, fixed: Any, counts: NDArray[np.int64], threads: int) -> BlockResult:
+def reduce(plan: Plan, rows: Any, fixed: Any, counts: Ints, threads: int) -> BlockResult:
     """The result of a launch, reduced on the GPU.
 
     Shapes: `rows` (impacts, COLUMNS, paths); `fixed` (times, 4, paths); `counts` (3,).

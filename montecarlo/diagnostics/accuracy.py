@@ -24,6 +24,7 @@ from rattle.montecarlo.diagnostics.unseen import Unseen, unseen, unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,8 +36,6 @@ LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can 
 SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
 Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
 ROUNDED = 2.0**-40  # sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
-
-Floats = NDArray[np.float64]
 
 
 class HasColumns(Protocol):
@@ -135,6 +134,9 @@ def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, 
     Returns: Positive where the true value may lie further above than below; 0 where it is not known. Shapes:
     result (impacts,).
     """
+    if "lean_tau" in columns:  # weighted paths: measured
+        lean = np.asarray(columns[f"lean_{'sd_' if sd else ''}{quantity}"], float)
+        return np.asarray(np.nan_to_num(lean) * (2.0 * z**2 + 1.0) / (6.0 * z))
     n = np.maximum(np.asarray(columns["paths"], float), 1.0)
     gamma = np.asarray(columns["skew_" + quantity], float)
     if sd:
@@ -220,5 +222,5 @@ def _name(moment: int, quantity: int, impact: int) -> str:
 
 
 def small_noise(scene: Scene) -> bool:
-    """Whether the noise is weak enough for the linearised path to be worth its time as a control variate."""
-    return scene.sigma <= SMALL_NOISE * scene.alpha
+    """Whether the noise is white, and weak enough for the linearised path to be worth its time as a control variate."""
+    return not scene.correlation_time and scene.sigma <= SMALL_NOISE * scene.alpha

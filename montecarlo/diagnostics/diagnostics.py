@@ -19,11 +19,11 @@ from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import STEPS, is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Floats = NDArray[np.float64]
 
 UNSEEN = 0.1
 """Largest error from branches that were not sampled, in sds, that is not diagnosed."""
@@ -177,6 +177,8 @@ def diagnose_rare_branch(run: _Run) -> str:
     """
     if run.reach is not None or run.plan.impacts > SEARCHED:
         return ""
+    if run.scene.correlation_time and run.scene.sigma:
+        return "Rare branches are searched for with white noise only: whether this sample misses one is not known."
     bound = error_bound(run)
     if bound.error - bound.sampled <= UNSEEN or not bound.remark:
         return ""

@@ -26,6 +26,13 @@ class Candidate(NamedTuple):
     paths: int  # number of paths
     path_steps: float  # their steps, over all step sizes that run side by side
     core_seconds: float  # nominal processor time of these, see `rattle.montecarlo.accuracy.cost`
+    branches: int = 0  # rare branches that are sampled on purpose
+
+    @property
+    def _drawn(self) -> str:
+        if not self.branches:
+            return ""
+        return f", a part of them near {self.branches} rare branch{'es' if self.branches > 1 else ''}"
 
     @property
     def sentence(self) -> str:
@@ -34,7 +41,7 @@ class Candidate(NamedTuple):
         paths = f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}"
         return (
             f"about {time} of processor time: {self.scheme}, dt = {self.dt:.3g}, {paths} "
-            f"path{'s' if self.paths > 1 else ''}"
+            f"path{'s' if self.paths > 1 else ''}{self._drawn}"
         )
 
 

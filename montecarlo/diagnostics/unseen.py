@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.branches.search import BranchSearch, RareEvents
+from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
+from rattle.montecarlo.rare.mixture import BranchMixture
 from rattle.montecarlo.settings.plan import is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats
 
 SEEN = 10.0
 """Expected number of sampled paths from which on a branch is in the sample; below, it may be missing."""
-
-Floats = NDArray[np.float64]
 
 
 class Unseen(NamedTuple):
@@ -40,40 +39,66 @@ class Unseen(NamedTuple):
     known: int
 
 
-search_of = lru_cache(maxsize=32)(BranchSearch)
-"""The search for the branches of a scene over a number of impacts, remembered with what it has found."""
-
-
 MATTERS = 0.1  # share of the largest influence on a row from which on a branch counts for the paths needed
 
 
 def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Unseen:
     """Bound what branches with fewer than `SEEN` expected paths could change.
 
+    A run that samples rare branches has it among its columns already.
+
     Shapes: `columns` (impacts,).
+    """
+    if "unseen_tau" not in columns:
+        return find_unseen(scene, columns, paths)
+    mean, sd, share, needed = (
+        np.column_stack([columns[f"unseen_{name}{q}"] for q in SECTION]) for name in ("", "sd_", "share_", "paths_")
+    )
+    return Unseen(mean, mean, sd, sd, share, needed, len(mean))
+
+
+def unseen_columns(hidden: Unseen) -> dict[str, Floats]:
+    """The columns from which `unseen` restores it, whichever way a moment may be off further."""
+    mean, sd = np.maximum(hidden.mean_up, hidden.mean_down), np.maximum(hidden.sd_up, hidden.sd_down)
+    parts = (("", mean), ("sd_", sd), ("share_", hidden.probability), ("paths_", hidden.needed))
+    return {f"unseen_{name}{q}": values[:, i] for name, values in parts for i, q in enumerate(SECTION)}
+
+
+def find_unseen(
+    scene: Scene,
+    columns: Mapping[str, NDArray[Any]],
+    paths: int,
+    mixture: BranchMixture | None = None,
+    dt: float = 1.0,
+) -> Unseen:
+    """Bound what branches with fewer than `SEEN` expected paths could change, by a search.
+
+    `mixture`, `dt`: From which the paths are drawn, if not plainly; and its step. Shapes: `columns` (impacts,).
     """
     impacts = len(columns["tau"])
     sd = np.column_stack([columns["sd_" + q] for q in SECTION])
     nil = np.zeros((impacts, len(SECTION)))
     if not is_random(scene) or scene.sigma == 0.0 or paths == 0:
         return Unseen(nil, nil, nil, nil, nil, nil, impacts)
-    found = _branches(scene, impacts, paths)
-    expected = found.probabilities * paths
+    found = _branches(scene, impacts, paths, mixture, dt)
+    often = found.probabilities * _boosts(found, mixture)
+    expected = often * paths
     rare = (expected < SEEN) & (expected >= 1e-6)
-    probability, (mean, square, _) = found.probabilities[rare], found.additions[:, rare]
+    often, probability, (mean, square, _) = often[rare], found.probabilities[rare], found.additions[:, rare]
     up, down = np.maximum(mean, 0.0).sum(axis=0), np.maximum(-mean, 0.0).sum(axis=0)
     more, less = np.maximum(square, 0.0).sum(axis=0), np.maximum(-square, 0.0).sum(axis=0)
     influence = np.abs(square)
     largest = influence.max(axis=0, initial=0.0)
     chance, needed = nil.copy(), nil.copy()
-    for one, its in zip(probability[::-1], influence[::-1], strict=True):  # of equals the first that was found
+    # of equals the first that was found
+    for one, rate, its in zip(probability[::-1], often[::-1], influence[::-1], strict=True):
         chance = np.where((its == largest) & (its > 0.0), one, chance)
         counts = (its >= MATTERS * largest) & (its > 0.0)
-        needed = np.where(counts, np.maximum(needed, SEEN / one), needed)
+        needed = np.where(counts, np.maximum(needed, SEEN / rate), needed)
     if found.known < impacts:
         widest = _range(scene, columns)
         beyond = np.arange(impacts)[:, None] >= found.known
-        share = SEEN / paths
+        share = SEEN / (paths if mixture is None else paths * mixture.plain)
         up, down = (np.where(beyond, np.maximum(a, share * widest), a) for a in (up, down))
         more = np.where(beyond, np.maximum(more, share * widest**2), more)
         chance, needed = np.where(beyond, share, chance), np.where(beyond, np.inf, needed)
@@ -82,22 +107,37 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     return Unseen(up, down, np.nan_to_num(sd_up), np.nan_to_num(sd_down), chance, needed, found.known)
 
 
-def _branches(scene: Scene, impacts: int, paths: int) -> RareEvents:
+def _branches(scene: Scene, impacts: int, paths: int, mixture: BranchMixture | None, dt: float) -> RareEvents:
     """Branches of the orbit, and of those branches of which about `SEEN` paths are expected."""
+    if mixture is not None:
+        return search_of(scene.phase_reduced, impacts, mixture.unit.shape[1], dt).until(SMALLEST)
     return search_of(scene.phase_reduced, impacts).until(float(2.0 ** np.ceil(np.log2(SEEN / paths))))
+
+
+def _boosts(found: RareEvents, mixture: BranchMixture | None) -> Floats:
+    """How many times as often as by plain paths each branch is drawn."""
+    return np.array([1.0 if mixture is None else mixture.boost(b.shift) for b in found.branches])
 
 
 class Added(NamedTuple):
     """What branches add to the moments of the section that more paths will see and fewer cannot have seen."""
 
-    # square, fourth: added to the mean squared deviation from the orbit, and to its fourth power's mean; not
-    # negative; (impacts, 6)
-    square: Floats
+    square: Floats  # added to the mean squared deviation from the orbit; not negative; (impacts, 6)
+    # noise, fourth: added to the variance of a path's deviation and of its square as the paths are drawn: to the mean
+    # square and fourth power, less where branches are sampled on purpose; (impacts, 6)
+    noise: Floats
     fourth: Floats
     probabilities: Floats  # of these branches
 
 
-def branches_between(scene: Scene, columns: Mapping[str, NDArray[Any]], fewer: int, more: int) -> Added:
+def branches_between(
+    scene: Scene,
+    columns: Mapping[str, NDArray[Any]],
+    fewer: int,
+    more: int,
+    mixture: BranchMixture | None = None,
+    dt: float = 1.0,
+) -> Added:
     """What branches add of which `more` paths see enough, and `fewer` do not.
 
     Shapes: `columns` (impacts,).
@@ -105,11 +145,13 @@ def branches_between(scene: Scene, columns: Mapping[str, NDArray[Any]], fewer: i
     impacts = len(columns["tau"])
     if not is_random(scene) or scene.sigma == 0.0:
         nil = np.zeros((impacts, len(SECTION)))
-        return Added(nil, nil, np.zeros(0))
-    found = _branches(scene, impacts, more)
-    between = (found.probabilities >= SEEN / more) & (found.probabilities < SEEN / fewer)
-    square, fourth = np.maximum(found.additions[1:, between], 0.0).sum(axis=1)
-    return Added(square, fourth, found.probabilities[between])
+        return Added(nil, nil, nil, np.zeros(0))
+    found = _branches(scene, impacts, more, mixture, dt)
+    boosts = _boosts(found, mixture)
+    between = (found.probabilities * boosts >= SEEN / more) & (found.probabilities * boosts < SEEN / fewer)
+    added = np.maximum(found.additions[1:, between], 0.0)
+    noise, fourth = (added / boosts[between, None, None]).sum(axis=1)
+    return Added(added[0].sum(axis=0), noise, fourth, found.probabilities[between])
 
 
 def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:

@@ -3,36 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.diagnostics.reach import Reach
-from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, BlockResult, Plan
+from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, BlockResult, Plan
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import NOISE_FREE, is_random
-from rattle.montecarlo.statistics.batches import Batches
-from rattle.montecarlo.statistics.histogram import Histograms
-from rattle.montecarlo.statistics.section_statistics import FEWEST, pair_statistics, single_statistics
-from rattle.montecarlo.statistics.step_bias import StepBias, extrapolate
+from rattle.montecarlo.statistics.records import Batches, Histograms
+from rattle.montecarlo.statistics.section_statistics import (
+    FEWEST,
+    StepBias,
+    extrapolate,
+    pair_statistics,
+    single_statistics,
+)
 from rattle.scene.errors import InputError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 from rattle.scene.section_result import SectionResult
+from rattle.scene.types import Floats, Ints
 from rattle.scene.units import at_times_in
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
 
 __all__ = ["Ensemble"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,8 @@ class Ensemble(SectionResult):
         Means and sds of batches of paths, if asked for.
     reach : Reach or None
         How far it got, if an accuracy was asked for.
+    unseen : dict of str to ndarray
+        Where rare branches were sampled on purpose: columns of `section` that say how far others could move a moment.
 
     Examples
     --------
@@ -75,6 +78,7 @@ class Ensemble(SectionResult):
     wall_seconds: float
     batches: Batches | None = None
     reach: Reach | None = None
+    unseen: dict[str, Floats] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """What was simulated, and what was counted on the way, on a few lines."""
@@ -181,7 +185,7 @@ class Ensemble(SectionResult):
     @cached_property
     def columns(self) -> dict[str, Floats | Ints]:
         """The columns of `section`, each of shape (impacts,)."""
-        s = single_statistics(self.result.sums["section"])
+        s, weighted = self._statistics, self.result.sums.get("weighted")
         if "control" in self.result.sums:
             s |= estimate_controlled(self.result.sums["control"], self.plan.control.variance)
         columns: dict[str, Floats | Ints] = {}
@@ -211,9 +215,24 @@ class Ensemble(SectionResult):
             with np.errstate(invalid="ignore", divide="ignore"):
                 se = np.sqrt(energy.moment(2, 0)[:, 0] / energy.n[:, 0])
             columns["se_energy"] = se * self._estimable(self._arrivals, "mean")
+        if weighted is not None:
+            for i, quantity in enumerate(SECTION):
+                columns["lean_" + quantity], columns["lean_sd_" + quantity] = s["lean_mean"][:, i], s["lean_sd"][:, i]
+            columns |= self.unseen
+            if self.plan.energy:
+                columns["energy"], columns["se_energy"] = s["mean"][:, -1], s["se_mean"][:, -1]
         columns["paths"] = (self._arrivals * self._copies).astype(int)
         columns["agreement"] = self._share(self.result.agreeing[NOISE_FREE])
         return columns
+
+    @cached_property
+    def _statistics(self) -> dict[str, Floats]:
+        """Moments of the section quantities with standard errors, without a control variate."""
+        sums = self.result.sums
+        found: dict[str, Floats] = (
+            sums["weighted"].moments() if "weighted" in sums else single_statistics(sums["section"])
+        )
+        return found
 
     @cached_property
     def agreement(self) -> pd.DataFrame:
@@ -228,11 +247,14 @@ class Ensemble(SectionResult):
     @cached_property
     def covariance(self) -> Floats:
         """Covariance of ``tau, x1, y1, x2, y2`` at each impact, shape (impacts, 5, 5)."""
-        out = np.empty((self.impacts, 5, 5))
-        moment = self.result.sums["section_pairs"].moment(1, 1)
+        out, sums = np.empty((self.impacts, 5, 5)), self.result.sums
+        if "weighted" in sums:
+            moment = sums["weighted"].pair_moment([(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS])
+            variance = self._statistics["sd"][:, SECTION_OF] ** 2
+        else:
+            moment, variance = sums["section_pairs"].moment(1, 1), sums["section"].moment(2, 0)[:, SECTION_OF]
         for k, (i, j) in enumerate(PAIRS):
             out[:, i, j] = out[:, j, i] = moment[:, k]
-        variance = self.result.sums["section"].moment(2, 0)[:, [0, 2, 3, 4, 5]]
         out[:, range(5), range(5)] = variance
         if self.scene.stages == 1:
             out[:, 3:, :] = out[:, :, 3:] = np.nan

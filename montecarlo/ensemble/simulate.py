@@ -17,13 +17,10 @@ from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import count_followed, plan_of
 from rattle.montecarlo.settings.record import Record
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.montecarlo.statistics.batches import Batches
-from rattle.montecarlo.statistics.histogram import Histograms
-from rattle.scene.errors import InputError
-from rattle.scene.keywords import moved
+from rattle.montecarlo.statistics.records import Batches, Histograms
+from rattle.scene.errors import InputError, choice, moved
 from rattle.scene.scene import Scene
 from rattle.scene.text import line
-from rattle.scene.validate import choice
 
 __all__ = ["extend", "simulate"]
 
@@ -167,14 +164,16 @@ def extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = Non
     [2048.0, 1.0]
     """
     started = time.perf_counter()
-    plan, merged, done = run.plan._replace(paths=count_followed(run.scene, paths)), run.result, run.plan.blocks
+    plan, done = run.plan._replace(paths=count_followed(run.scene, paths)), run.plan.blocks
+    merged = run.result if done else None
     batched = run.batches.copy() if run.batches is not None else None
     with _bar(paths - run.paths, progress) as bar:
         for result, _ in blocks(plan, done):
-            merged = merged.merge(result)
+            merged = result if merged is None else merged.merge(result)
             if batched is not None:
                 batched.add(done, result.sums)
             done += 1
             bar.update(BLOCK)
+    assert merged is not None
     plan, paths = _cut_plan(plan, paths, done * BLOCK)
     return Ensemble(plan, paths, merged, None, None, run.wall_seconds + time.perf_counter() - started, batched)

@@ -4,17 +4,18 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
 from rattle.montecarlo.kernel.kernel import COLUMNS, PLAIN, Job, block_kernel
 from rattle.montecarlo.kernel.lanes import lanes_of
 from rattle.montecarlo.kernel.plain import plain_block
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
+from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.rare.mixture import BranchMixture
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.central_sums import PAIR, VARIANCE, CentralSums, Orders
 from rattle.montecarlo.statistics.fixed_order import columns_of
@@ -23,9 +24,7 @@ from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss, struck
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rattle.scene.types import Floats, Ints
 
 BLOCK = 1024
 """Paths of a block: small enough for the caches, large enough that few lanes idle while the last paths finish."""
@@ -55,6 +54,7 @@ class Plan(NamedTuple):
     two_point: bool = False  # whether increments are two-point
     mirrored: bool = False  # whether to run the antithetic partner of each path: all noise negated, backlashes the same
     energy: bool = False  # whether the energy loss of impacts is recorded
+    mixture: BranchMixture | None = None  # from which paths are drawn, if not all are plain
 
     @property
     def blocks(self) -> int:
@@ -128,8 +128,11 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
         SCHEMES[plan.scheme].code,
         plan.two_point,
         plan.most_steps,
+        memory_of(scene.correlation_time, plan.dt),
     )
     every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
+    if scene.correlation_time:
+        begin_memory(scene.correlation_time, key, first, room.eta)
     kernel = plain_block if job.scheme == PLAIN else block_kernel(job.scheme)
     work, sticking = kernel(job, plan.control, first, every, room, rows, plan.fixed_steps, fixed, controls)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
@@ -144,8 +147,8 @@ class BlockResult:
     # pair of `CROSS`).  With step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact, quantity), the same
     # quantity at two step sizes, and ``coarse_fixed`` over (time, stage), displacement with velocity at 2 dt.  With a
     # control variate ``control`` over (impact, quantity), the quantity with that of the linearised path.  If asked
-    # for, ``energy`` over (impact, 1), the energy loss
-    sums: dict[str, CentralSums]
+    # for, ``energy`` over (impact, 1), the energy loss.  Of a mixture ``weighted`` alone
+    sums: dict[str, Any]
     codes: Floats  # counts of mesh and side of each impact; (impacts, CODES)
     agreeing: dict[str, Floats]  # number of paths that have followed each itinerary up to each impact; (impacts,)
     path_steps: int  # as in `Raw`, also the next two
@@ -175,16 +178,9 @@ def _pairs(
     groups: int, values: Floats, pairs: Sequence[tuple[int, int]], orders: Orders, other: Floats | None = None
 ) -> CentralSums:
     """Sums over pairs of variables of (groups * variables, paths), the second of each pair from `other` if given."""
-    first, second = np.array(pairs).T
     base = len(values) // groups * np.arange(groups)[:, None]
-    return CentralSums.of_columns(
-        values,
-        values if other is None else other,
-        (base + first).ravel(),
-        (base + second).ravel(),
-        orders,
-        (groups, len(pairs)),
-    )
+    cells = (base + np.array(pairs).T[:, None]).reshape(2, -1)
+    return CentralSums.of_columns(values, values if other is None else other, cells, orders, (groups, len(pairs)))
 
 
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
@@ -198,10 +194,10 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     fixed = [columns_of(level) for level in raw.fixed] if plan.fixed_steps.size else []
     own = [(i, i) for i in range(len(SECTION))]
     pairs = [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
-    single, covariances = CentralSums.of_groups(rows[0], plan.impacts, range(len(SECTION)), pairs)
+    single, covariances = CentralSums.of_groups(rows[0], plan.impacts, len(SECTION), pairs)
     sums = {"section": single, "section_pairs": covariances}
     if plan.energy:
-        sums["energy"] = section(columns_of(_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
+        sums["energy"] = section(columns_of(energy_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
     if plan.control.at_step.size:
         sums["control"] = section(rows[0], own, PAIR, columns_of(raw.controls))
     if plan.fixed_steps.size:
@@ -228,7 +224,7 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
 
 
 @jit
-def _losses(c: Constants, rows: Floats) -> Floats:
+def energy_losses(c: Constants, rows: Floats) -> Floats:
     """Energy loss of each impact of each path, shape (paths, impacts, 1); NaN where there was none."""
     paths, impacts = rows.shape[:2]
     lost = np.full((paths, impacts, 1), np.nan)

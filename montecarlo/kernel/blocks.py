@@ -1,15 +1,14 @@
-"""Who runs the blocks of a plan: threads of this process, or a pool that other runs share."""
+"""Who runs the blocks of a plan: threads of this process, or workers that other runs share."""
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
+from rattle.montecarlo.rare.block import run_mixture
+from rattle.scene.types import Floats
 
-Floats = NDArray[np.float64]
 Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
 """Runs the blocks of a plan from one on, and gives their results in block order; may end before the last."""
 
@@ -19,23 +18,33 @@ def in_threads(workers: int) -> Blocks:
 
     def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         with ThreadPoolExecutor(workers) as pool:
-            yield from in_pool(pool, workers)(plan, first)
+            yield from in_tasks(pool.submit, workers)(plan, first)
 
     return blocks
 
 
-def in_pool(pool: ThreadPoolExecutor, workers: int) -> Blocks:
-    """Run blocks on the threads of a pool that other runs may share."""
+def in_tasks(submit: Callable[..., Future[Any]], workers: int, share: int = 1) -> Blocks:
+    """Run blocks in tasks of `share` blocks on workers that other runs may share; `submit` hands them a call."""
 
     def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
-        numbers = iter(range(first, plan.blocks))
-        waiting = [pool.submit(run, plan, b) for b in islice(numbers, 4 * workers)]
+        starts = iter(range(first, plan.blocks, share))
+
+        def start_task(start: int) -> Future[Any]:
+            return submit(run_blocks, plan, start, min(start + share, plan.blocks))
+
+        waiting = [start_task(start) for start in islice(starts, 4 * workers)]
         try:
             while waiting:
-                yield waiting.pop(0).result()
-                waiting.extend(pool.submit(run, plan, b) for b in islice(numbers, 1))
+                yield from waiting.pop(0).result()
+                waiting.extend(start_task(start) for start in islice(starts, 1))
         finally:
             for future in waiting:
                 future.cancel()
 
     return blocks
+
+
+def run_blocks(plan: Plan, first: int, end: int) -> list[tuple[BlockResult, Floats | None]]:
+    """On a worker: the results of blocks `first` to `end`, one each, so that they can be merged in order."""
+    mixture = plan.mixture
+    return [run(plan, n) if mixture is None else run_mixture(plan, mixture, n) for n in range(first, end)]

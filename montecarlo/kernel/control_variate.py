@@ -20,12 +20,10 @@ from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
+from rattle.scene.linear_algebra import image, product, transform
 from rattle.scene.moments import SECTION
-from rattle.scene.products import image, product, transform
 from rattle.scene.scene import Scene
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rattle.scene.types import Bools, Floats, Ints
 
 MOST_STEPS = 100_000  # of the linearised path; later impacts have no control variate
 LONGEST = 1e3  # flight of the orbit; after a longer one it is not followed
@@ -249,7 +247,7 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
         }
 
 
-def _in_order(mean: Floats, reached: NDArray[np.bool_]) -> bool:
+def _in_order(mean: Floats, reached: Bools) -> bool:
     """Whether mean impact times ascend and no mean flight is negative, over the impacts that all paths have reached."""
     tau, flight = mean[reached[:, 0], 0], mean[reached[:, 1], 1]
     return bool((np.diff(tau) >= 0.0).all() and (flight >= 0.0).all())

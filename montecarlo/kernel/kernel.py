@@ -6,28 +6,24 @@ from functools import cache
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.control_variate import LinearPath, carry_along
 from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, join_halves, list_marked, of_level, retire
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
+from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
 from rattle.montecarlo.schemes.euler import at_end, step_forcing
 from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, step_located_lanes
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
-from rattle.montecarlo.schemes.short_flight import Phase, State, sine_cosine
+from rattle.montecarlo.schemes.short_flight import Phase, State, no_phase, phase_at
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
 from rattle.montecarlo.schemes.whole_step import flight_forcing, flight_lanes
-from rattle.scene.compiled import lean, splice
+from rattle.scene.compiled import lean, splice, widest_vectors
 from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
-from rattle.scene.instructions import widest_vectors
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from rattle.scene.types import Bools, Floats, Ints
 
 COLUMNS = 7  # recorded of an impact: tau, flight, x1, y1, x2, y2, mesh * side
 SPLITS = Word(1 << 16)  # indices of random numbers reserved for the splits of one step
@@ -50,6 +46,7 @@ class Job(NamedTuple):
     scheme: int  # code of the scheme
     two_point: bool  # whether increments are two-point
     most_steps: int  # finest steps after which a path is given up
+    memory: Memory = Memory()  # of the noise, for the finest step; not used for white noise
 
 
 @splice
@@ -76,7 +73,8 @@ def next_event(
         return at_end(c, at, walls), phase
     index, purpose = Word(step) * SPLITS, Word(BRIDGE + level)
     if scheme == LOCATED:
-        return advance_inside(c, at, normals(key, path, index + Word(met), purpose)[0], walls), phase
+        normal = 0.0 if c.memory > 0.0 else normals(key, path, index + Word(met), purpose)[0]
+        return advance_inside(c, at, normal, walls), phase
     first = index + CUTS_APART * Word(met)
     return advance_exactly(c, key, path, first, purpose, at, phase, whole, met == 0, walls, ahead)
 
@@ -235,6 +233,11 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                 elif use == 0 and job.c.sigma != 0.0:
                     fill_normals(job.key, path, Word(n // draws), wide, z)
                 w, area = z[use * apart], z[use * apart + 1 if scheme == EXACT else 4]
+                if job.c.memory > 0.0 and job.c.sigma != 0.0:
+                    if scheme == EXACT:
+                        color_noise(job.memory, room.eta, w, area, wide)
+                    else:
+                        color_increments(job.memory, room.eta, w, wide)
                 if scheme == EXACT and linear < control.at_step.size:
                     linear = carry_along(control, n, linear, first, path, xi, w, area, controls, live)
                 n += 1
@@ -251,7 +254,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     h, begin = job.dt * multiple, job.tau + (n - multiple) * job.dt
                     _step_lanes(scheme, job, begin, h, lanes, marks, wide)
                     found = list_marked(marks, live, room.groups, hits)
-                    phase = sine_cosine(begin) if scheme == EXACT else (0.0, 0.0)
+                    phase = phase_at(job.c.drive, begin) if scheme == EXACT else no_phase(job.c.drive)
                     for i in range(found):
                         p, s = hits[i], lanes.before
                         noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))

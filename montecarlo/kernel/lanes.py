@@ -9,12 +9,8 @@ from numpy.typing import NDArray
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.euler import FORCING
 from rattle.montecarlo.schemes.exact_flight import PARTS
-from rattle.scene.compiled import lean, splice
-from rattle.scene.instructions import widest_vectors
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from rattle.scene.compiled import lean, splice, widest_vectors
+from rattle.scene.types import Bools, Floats, Ints
 
 CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
 TILE = 256  # lanes that are taken through a chunk together: their states and noise stay in the first cache
@@ -46,6 +42,7 @@ class Room(NamedTuple):
 
     path: NDArray[Word]  # number of the path in each lane; (lanes,)
     bits: NDArray[Word]  # random bits of two-point increments; (lanes,)
+    eta: Floats  # noise with a memory, at the end of the last step; (lanes,)
     z: Floats  # four normals; the fifth row stays zero; (5, lanes)
     xi: Floats  # perturbations of the linearised path; (5, lanes)
     marks: Bools  # lanes that may have an impact in this step; (lanes,)
@@ -85,6 +82,7 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     room = Room(
         np.arange(first, first + lanes, dtype=np.uint64),
         np.zeros(lanes, np.uint64),
+        np.zeros(lanes),
         np.zeros((5, lanes)),
         np.zeros((5, lanes)),
         np.zeros(lanes, np.bool_),
@@ -170,6 +168,7 @@ def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
         live -= 1
         path[p], path[live] = path[live], path[p]
         bits[p] = bits[live]
+        room.eta[p] = room.eta[live]
         for j in range(5):
             xi[j, p] = xi[j, live]
         for level in range(len(every.impacts)):

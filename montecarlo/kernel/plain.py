@@ -7,7 +7,6 @@ chunk of steps before the next does.
 
 import math
 
-import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.control_variate import LinearPath
@@ -30,6 +29,7 @@ from rattle.montecarlo.kernel.lanes import (
     of_level,
     retire,
 )
+from rattle.montecarlo.noise.memory import color_increments
 from rattle.montecarlo.noise.philox import Word, fill_normals, fill_signs, fill_words
 from rattle.montecarlo.schemes.euler import (
     FORCING,
@@ -42,13 +42,9 @@ from rattle.montecarlo.schemes.euler import (
 )
 from rattle.montecarlo.schemes.euler import due as impact_due
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.scene.compiled import inline, lean, splice
+from rattle.scene.compiled import inline, lean, splice, widest_vectors
 from rattle.scene.constants import Constants
-from rattle.scene.instructions import widest_vectors
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from rattle.scene.types import Bools, Floats, Ints
 
 WORD = 64  # bits, each a two-point increment
 ROOT_HALF = math.sqrt(0.5)
@@ -66,7 +62,7 @@ def _tabulate(job: Job, n: int, stop: int, forcing: Floats) -> None:
 
 
 @splice
-def _draw(job: Job, path: NDArray[Word], bits: NDArray[Word], n: int, lanes: int, z: Floats) -> None:
+def _draw(job: Job, path: NDArray[Word], bits: NDArray[Word], eta: Floats, n: int, lanes: int, z: Floats) -> None:
     """Increments of four steps from step n on, a multiple of four, in units of their sd."""
     if job.c.sigma != 0.0 and not job.two_point:
         fill_normals(job.key, path, Word(n // QUAD), lanes, z)
@@ -75,6 +71,9 @@ def _draw(job: Job, path: NDArray[Word], bits: NDArray[Word], n: int, lanes: int
             fill_words(job.key, path, Word(n // WORD), lanes, bits)
         for i in range(QUAD):
             fill_signs(bits, n % WORD + i, lanes, z[i])
+    if job.c.memory > 0.0 and job.c.sigma != 0.0:
+        for i in range(QUAD):
+            color_increments(job.memory, eta, z[i], lanes)
 
 
 @lean
@@ -336,14 +335,14 @@ def _take_chunk(
 ) -> int:
     """All levels of the `live` lanes from lane `tile` on, from finest step n to step `stop`."""
     wide, late, levels = (live + 7) // 8 * 8, 0, rows.shape[0]
-    path, bits = room.path[tile : tile + wide], room.bits[tile : tile + wide]
+    path, bits, eta = room.path[tile : tile + wide], room.bits[tile : tile + wide], room.eta[tile : tile + wide]
     s = n
     while s < stop:
         end = min(s - s % QUAD + QUAD, stop)
         if ticks < fixed_steps.size:
             end = min(end, fixed_steps[ticks])  # within four steps only where there is one level
         if s % QUAD == 0:
-            _draw(job, path, bits, s, wide, room.z)
+            _draw(job, path, bits, eta, s, wide, room.z)
         for level in range(levels):
             steps = (end - s) >> level
             if level > 0:

@@ -12,17 +12,21 @@ Geweke, "Evaluating the accuracy of sampling-based approaches to the calculation
 Gelman and Rubin, "Inference from iterative simulation using multiple sequences" (1992).
 """
 
+from __future__ import annotations
+
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from rattle.montecarlo.long_run.sums import CONTACT, GROUPS
+from rattle.montecarlo.long_run.sums import CONTACT, GROUPS, NUMBER
+from rattle.montecarlo.settings.budget import clock
 from rattle.scene.errors import InputError
+from rattle.scene.types import Floats
 
-Floats = NDArray[np.float64]
+if TYPE_CHECKING:  # a result says what its burn-in was, and imports nothing that follows paths
+    from rattle.montecarlo.long_run.paths import LongPaths
 
 FIRST, MOST = 32, 2**15
 """Periods after which a run is tested for the first time, and the longest burn-in that is tried."""
@@ -117,3 +121,53 @@ def apart(main: Floats, late: slice) -> Apart:
     ratio = np.where(np.isnan(ratio), 0.0, ratio)
     k = int(np.argmax(ratio))
     return Apart(_names()[k], float(ratio[k]))
+
+
+def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
+    """Follow the paths until two tests say that they have forgotten their start, or for a given time."""
+    until = FIRST if burn_in is None else burn_in
+    paths.begin()
+    before: Drift | None = None
+    while True:
+        began = clock()
+        paths.follow(until)
+        if paths.periods < until and (before is None or burn_in is not None):
+            raise paths.unaffordable(f"{until} periods of burn-in at least", until)
+        main = paths.main
+        quarter = main.shape[1] // 4
+        late = slice(main.shape[1] - 2 * quarter, main.shape[1])
+        impacts = float(main[:, late, NUMBER].sum()) / len(main)
+        moved = drift(main, slice(quarter, 2 * quarter), late) if quarter else Drift("", 0.0, math.inf, 0.0)
+        differ = apart(main, late) if quarter * 2 % PARTS == 0 and quarter and not paths.own_walls else None
+        if burn_in is not None or (moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS):
+            return BurnIn(paths.periods, moved, differ)
+        if impacts == 0.0 and until >= 4 * FIRST and paths.at_rest():
+            why = "comes to rest for good: a mesh stays closed and nothing moves it"
+            raise AtRest("scene", paths.scene.sigma, why)
+        if until >= MOST or paths.limit.remaining < 2.0 * (clock() - began) or paths.is_refused(until):
+            raise refusal(paths.elapsed, moved, differ, before, impacts)
+        before, until = moved, 2 * until
+
+
+def refusal(
+    done: int, moved: Drift, differ: Apart | None = None, before: Drift | None = None, impacts: float = math.inf
+) -> BurnInError:
+    """The error for a burn-in that was not reached in `done` periods."""
+    must = 4 * done
+    if before is not None and abs(moved.share) < 0.9 * abs(before.share) and moved.share * before.share > 0.0:
+        fall = math.log(abs(before.share / moved.share))  # of an exponential decay, over half of the run
+        must = min(max(math.ceil(done + 0.5 * done * math.log(abs(moved.z)) / fall), 2 * done), 64 * done)
+    if impacts < LEAST_IMPACTS:
+        why = f"a path had {impacts:.3g} impacts in the last half, and {LEAST_IMPACTS:g} are the least"
+    elif not moved.reached:
+        why = (
+            f"{moved.quantity} still changes by {moved.share:+.2%}, {abs(moved.z):.1f} standard errors, over the "
+            f"second half ({moved.allowed:.1f} are put down to chance)"
+        )
+    else:
+        assert differ is not None
+        why = (
+            f"{differ.quantity} differs {differ.ratio:.3g} times more between paths (in variance) than within "
+            "them: there are several attractors that the noise does not connect in this time"
+        )
+    return BurnInError("burn_in", done, f"periods are not enough: {why}; give at least {must:,}, and the budget for it")

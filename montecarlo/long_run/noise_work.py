@@ -9,15 +9,12 @@ however the path moves: what chance has put into a path, known from what was rec
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from rattle.montecarlo.schemes.short_flight import Phase, sine_cosine
+from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.scene.compiled import inline, internal
 from rattle.scene.constants import Constants
+from rattle.scene.drive import sine_cosine
 from rattle.scene.impact import struck
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats, Ints
 
 CONTROLS = 4
 """Work of the noise on both wheels as seen from the driver; its impulse on wheel 1, times 1, cosine and sine."""
@@ -26,8 +23,8 @@ STRONGEST = 2.5  # damping from which a piece would have to be shorter than the 
 
 
 def has_controls(c: Constants) -> bool:
-    """Whether a scene has these control variates: there is noise, and damping leaves a speed known over a piece."""
-    return c.sigma > 0.0 and max(c.beta1, c.beta2) <= STRONGEST
+    """Whether a scene has these control variates: white noise, one order, and a speed known over a piece."""
+    return c.sigma > 0.0 and c.memory == 0.0 and not c.drive and max(c.beta1, c.beta2) <= STRONGEST
 
 
 @inline
@@ -71,14 +68,7 @@ def _piece(
 
 @internal
 def add_noise_work(
-    c: Constants,
-    rows: Floats,
-    impacts: NDArray[np.int64],
-    before: Floats,
-    states: Floats,
-    tau: float,
-    apart: float,
-    out: Floats,
+    c: Constants, rows: Floats, impacts: Ints, before: Floats, states: Floats, tau: float, apart: float, out: Floats
 ) -> None:
     """Add the control variates of a stretch to the sums of each path.
 

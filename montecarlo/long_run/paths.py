@@ -7,73 +7,69 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
-from rattle.montecarlo.long_run.collected import Collected, collect
-from rattle.montecarlo.long_run.pilot import no_scales
-from rattle.montecarlo.long_run.sums import CONTACT, Scales, new_sums
-from rattle.montecarlo.long_run.walk import LANES, PERIOD, SAMPLES, Walk
-from rattle.montecarlo.settings.budget import Budget, clock
+from rattle.montecarlo.long_run.sums import (
+    CONTACT,
+    NUMBER,
+    SAMPLES,
+    Collected,
+    Scales,
+    Sums,
+    collect,
+    new_sums,
+    no_scales,
+)
+from rattle.montecarlo.long_run.walk import LANES, Walk
+from rattle.montecarlo.settings.budget import HOUR, Budget, clock
+from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
-
-__all__ = ["BATCHES", "LongPaths"]
-
-Floats = NDArray[np.float64]
+from rattle.scene.text import duration_text
+from rattle.scene.types import Floats
 
 BATCHES = 64
 """Batches of each path; when they are full, each two become one."""
 AT_ONCE = 8  # batches between two looks at the progress
 TOGETHER, MANY = 4, 128  # paths that share a histogram, and paths from which on they do
+LEAST = 64  # periods of the stationary motion
+IMPACT_SECONDS = 1.5e-6
+"""Nominal processor time of an impact, steps included: what is refused does not depend on the machine."""
 
 
 class LongPaths:
     """All blocks of paths, and the batches that they are filling.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is simulated.
-    paths : int
-        Number of paths.
-    seed : SeedSequence
-        Of all random numbers.
-    slow : float
-        Speed below which an impact is slow.
-    limit : Budget
-        Time that following them may take.
-
-    Attributes
-    ----------
-    walks : list of Walk
-        The blocks.
-    sums : list of Sums
-        Of each block.
-    length, periods : int
-        Periods of a batch, and in all batches.
-    pace : float
-        Processor time of a period, as measured last.
+    `seed`: of all random numbers. `slow`: speed below which an impact is slow. `limit`: time that following them may
+    take. `bar`: counts periods. `sums`: of each block. `length`, `periods`: periods of a batch, and in all batches.
+    `pace`: processor time of a period, as measured last.
     """
 
-    def __init__(self, scene: Scene, paths: int, seed: np.random.SeedSequence, slow: float, limit: Budget) -> None:
-        starts = range(0, paths, LANES)
-        self.walks = [Walk(scene, seed, first, min(LANES, paths - first)) for first in starts]
-        self.scene, self.slow, self.limit, self.pace = scene, slow, limit, math.nan
-        self.begin(no_scales(slow), detail=False)
-
-    def begin(self, scales: Scales, detail: bool) -> None:
-        """Begin to sum anew from here."""
-        self.detail = detail
-        together = TOGETHER if sum(walk.paths for walk in self.walks) >= MANY else 1
-        self.sums = [new_sums(walk.paths, BATCHES, scales, detail, together) for walk in self.walks]
-        self.length, self.periods = 1, 0  # periods of a batch, and in all batches
-
-    def follow(
-        self, pool: ThreadPoolExecutor, until: int, bar: tqdm[NoReturn], seen: list[Floats] | None = None
+    def __init__(
+        self,
+        scene: Scene,
+        paths: int,
+        seed: np.random.SeedSequence,
+        slow: float,
+        limit: Budget,
+        pool: ThreadPoolExecutor,
+        bar: tqdm[NoReturn],
     ) -> None:
+        self._walks = [Walk(scene, seed, first, min(LANES, paths - first)) for first in range(0, paths, LANES)]
+        self._together = TOGETHER if paths >= MANY else 1
+        self.scene, self.slow, self.limit, self.pace = scene, slow, limit, math.nan
+        self._pool, self._bar = pool, bar
+        self.begin()
+
+    def begin(self, scales: Scales | None = None) -> None:
+        """Begin to sum anew from here; distributions too, where a pilot run has set their scales."""
+        own, detail = scales or no_scales(self.slow), scales is not None
+        self.sums = [new_sums(walk.paths, BATCHES, own, detail, self._together) for walk in self._walks]
+        self.length, self.periods = 1, 0
+
+    def follow(self, until: int, seen: list[Floats] | None = None) -> None:
         """Follow all paths for at least `until` periods since the sums began, to the end of a batch.
 
-        Less where the budget has no room for the next batch.
+        Less where the budget has no room for the next batch. `seen`: Takes every impact.
         """
         while self.periods < until:
             if self.periods == BATCHES * self.length:
@@ -83,9 +79,9 @@ class LongPaths:
             batches = min(missing, BATCHES - batch, AT_ONCE, self._affordable())
             if batches == 0:
                 return
-            began, before = clock(), self.periods
-            self._advance(pool, batch, batches, bar, seen)
-            self.pace = (clock() - began) / (self.periods - before)
+            began, periods = clock(), batches * self.length
+            self._advance(batch, periods, seen)
+            self.pace = (clock() - began) / periods
 
     def _affordable(self) -> int:
         """Batches for which the budget has room; one where no period has been measured yet."""
@@ -93,24 +89,18 @@ class LongPaths:
             return 1
         return int(min(max(self.limit.remaining, 0.0) / max(self.pace * self.length, 1e-9), AT_ONCE))
 
-    def _advance(
-        self, pool: ThreadPoolExecutor, batch: int, batches: int, bar: tqdm[NoReturn], seen: list[Floats] | None
-    ) -> None:
-        """Some batches."""
-        periods = batches * self.length
-
-        def one(i: int) -> list[Floats]:
-            walk, sums = self.walks[i], self.sums[i]
+    def _advance(self, batch: int, periods: int, seen: list[Floats] | None) -> None:
+        def one(walk: Walk, sums: Sums) -> list[Floats]:
             sums.batch[0] = batch
             own: list[Floats] = []
-            walk.follow(sums, self.detail, own if seen is not None else None, periods, self.length)
+            walk.follow(sums, periods, self.length, None if seen is None else own)
             return own
 
-        for own in pool.map(one, range(len(self.walks))):
+        for own in self._pool.map(one, self._walks, self.sums):
             if seen is not None:
                 seen += own
         self.periods += periods
-        bar.update(periods)
+        self._bar.update(periods)
 
     def _merge(self) -> None:
         for sums in self.sums:
@@ -118,13 +108,6 @@ class LongPaths:
             sums.main[:, : BATCHES // 2] = half
             sums.main[:, BATCHES // 2 :] = 0.0
         self.length *= 2
-
-    def warm_up(self) -> None:
-        """Compile everything."""
-        seen: list[Floats] = []
-        self.walks[0].follow(self.sums[0], False, seen)
-        self.begin(no_scales(self.slow), detail=True)
-        self.walks[0].follow(self.sums[0], True)
 
     def at_rest(self) -> bool:
         """Whether a mesh of every path is closed at all instants of the last half."""
@@ -135,7 +118,7 @@ class LongPaths:
     @property
     def elapsed(self) -> int:
         """Periods since the start."""
-        return self.walks[0].periods
+        return self._walks[0].periods
 
     @property
     def own_walls(self) -> bool:
@@ -149,7 +132,28 @@ class LongPaths:
         full = self.periods // self.length
         return np.concatenate([sums.main[:, :full] for sums in self.sums])
 
+    @property
+    def nominal(self) -> float:
+        """Nominal processor time of a period."""
+        return IMPACT_SECONDS * float(self.main[:, :, NUMBER].sum()) / self.periods
+
+    def is_refused(self, periods: float) -> bool:
+        """Whether so many periods more are expected to take more than an hour, and no budget is given."""
+        return math.isinf(self.limit.seconds) and periods * self.nominal > HOUR
+
+    def unaffordable(self, what: str, periods: int) -> InputError:
+        """The error for a budget that ends before there is an answer."""
+        more = duration_text((periods - self.periods + LEAST) * self.pace, 2)
+        why = f"ends after {self.periods} of {what}; give about {more} of processor time more"
+        return InputError("budget", self.limit.seconds, why)
+
     def collect(self) -> Collected:
         """Everything that was summed."""
-        full = self.periods // self.length
-        return collect(self.sums, full, PERIOD * self.periods, float(SAMPLES * self.periods), self.scene.stages)
+        return collect(self.sums, self.periods // self.length, self.periods, self.scene.stages)
+
+
+def warm_up(scene: Scene, slow: float) -> None:
+    """Compile everything."""
+    walk, scales = Walk(scene, np.random.SeedSequence(0), 0, 1), no_scales(slow)
+    walk.follow(new_sums(1, 1, scales, False), seen=[])
+    walk.follow(new_sums(1, 1, scales))

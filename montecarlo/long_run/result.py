@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from rattle.montecarlo.long_run.burn_in import BurnIn, Drift
-from rattle.montecarlo.long_run.collected import Collected, time_averages
-from rattle.montecarlo.long_run.estimates import StationaryEstimate, estimates
-from rattle.montecarlo.long_run.names import all_names
-from rattle.montecarlo.long_run.sums import ENERGY, NUMBER, PHASES, VELOCITIES
+from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
+from rattle.montecarlo.long_run.sums import ENERGY, NOISE, NUMBER, PERIOD, PHASES, VELOCITIES, WORK, Collected
+from rattle.scene.drive import mean_square
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 
 class LongReach(NamedTuple):
@@ -74,39 +70,11 @@ class SectionDensity:
         )
 
 
-def section_densities(c: Collected) -> tuple[SectionDensity, ...]:
-    """Density of the section at each mesh."""
-    found = []
-    for mesh in range(1, c.stages + 1):
-        at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
-        n = c.of_units(c.main[:, :, at].sum(axis=1))
-        if n.sum() == 0.0:
-            continue
-        low, high = c.scales.low[mesh - 1], c.scales.high[mesh - 1]
-        area = 2.0 * math.pi / PHASES * (high - low) / VELOCITIES
-        share, se = _shares(c.section[:, mesh - 1].astype(float), n)
-        edges = np.linspace(0.0, 2.0 * math.pi, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
-        found.append(SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum())))
-    return tuple(found)
-
-
 def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
     """Shares of counts, shape (units, ...), in n of each unit, and their standard errors over units."""
     share = counts.sum(axis=0) / n.sum()
     rest = counts - share * n.reshape(-1, *[1] * (counts.ndim - 1))
     return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
-
-
-def velocity_density(c: Collected, mesh: int) -> tuple[Floats, Floats]:
-    """Density of the velocity before an impact at a mesh, in the cells of the section, and its standard error.
-
-    Shapes: result (VELOCITIES,).
-    """
-    at = 4 * (mesh if c.stages == 2 else 0) + NUMBER
-    n = c.of_units(c.main[:, :, at].sum(axis=1))
-    share, se = _shares(c.section[:, mesh - 1].sum(axis=1).astype(float), n)
-    width = (c.scales.high[mesh - 1] - c.scales.low[mesh - 1]) / VELOCITIES
-    return share / width, se / width
 
 
 @dataclass(frozen=True)
@@ -115,7 +83,6 @@ class LongRun:
 
     scene: Scene
     sums: Collected  # the sums of all paths
-    periods: int  # periods of each path after the burn-in
     burn_in: BurnIn
     reach: LongReach | None  # none where a number of periods was given
     late: Drift  # first quarter against last half of the stationary motion
@@ -126,6 +93,11 @@ class LongRun:
     def paths(self) -> int:
         """Number of paths."""
         return self.sums.paths
+
+    @property
+    def periods(self) -> int:
+        """Periods of each path after the burn-in."""
+        return self.sums.periods
 
     @property
     def impacts(self) -> int:
@@ -140,20 +112,26 @@ class LongRun:
 
     @cached_property
     def densities(self) -> tuple[SectionDensity, ...]:
-        """Density of the section at each mesh."""
-        return section_densities(self.sums)
+        """Density of the section at each mesh that is struck."""
+        found, r = [], self.sums.scales
+        for mesh in range(1, self.scene.stages + 1):
+            n, low, high = self.sums.impacts_at(mesh), r.low[mesh - 1], r.high[mesh - 1]
+            if n.sum() > 0.0:
+                area = PERIOD / PHASES * (high - low) / VELOCITIES
+                share, se = _shares(self.sums.section[:, mesh - 1].astype(float), n)
+                edges = np.linspace(0.0, PERIOD, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
+                found.append(SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum())))
+        return tuple(found)
 
     def velocity_density(self, mesh: int) -> tuple[Floats, Floats]:
         """Density of the velocity before an impact at a mesh, and its standard error, in the cells of the section.
 
         Shapes: result (velocities,).
         """
-        return velocity_density(self.sums, mesh)
-
-    @property
-    def averages(self) -> Floats:
-        """Averages over time on each path, see `time_averages`."""
-        return time_averages(self.sums)
+        counts, r = self.sums.section[:, mesh - 1].sum(axis=1).astype(float), self.sums.scales
+        share, se = _shares(counts, self.sums.impacts_at(mesh))
+        width = (r.high[mesh - 1] - r.low[mesh - 1]) / VELOCITIES
+        return share / width, se / width
 
     def energy_balance(self) -> tuple[Floats, Floats]:
         """Energy lost in impacts, and energy supplied, per unit of time on each path (docs/model.md section 10).
@@ -169,10 +147,11 @@ class LongRun:
         >>> float(supplied[0]), abs(float(lost.mean()) - 0.25) < 0.02
         (0.25, True)
         """
-        c, (y1, v2, drive1, drive2) = self.scene.constants, self.averages.T
+        c = self.scene.constants
+        y1, v2, drive1, drive2 = (self.sums.main[:, :, WORK:NOISE].sum(axis=1) / self.sums.samples).T
         lost = self.sums.main[:, :, ENERGY].sum(axis=1) / self.sums.time
-        supplied = 0.25 * c.sigma**2 * (1.0 + c.beta1**2) - c.beta1 * y1 + c.alpha * drive1
+        supplied = 0.5 * c.sigma**2 * mean_square(c.drive, c.beta1) - c.beta1 * y1 + c.alpha * drive1
         if c.stages == 2:
             mass = c.mu / (1.0 - c.mu)
-            supplied += mass * (0.25 * c.sigma**2 * (1.0 + c.beta2**2) - c.beta2 * v2 - c.alpha * drive2)
+            supplied += mass * (0.5 * c.sigma**2 * mean_square(c.drive, c.beta2) - c.beta2 * v2 - c.alpha * drive2)
         return lost, supplied

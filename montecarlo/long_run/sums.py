@@ -7,17 +7,19 @@ are not counted again.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.scene.compiled import inline, internal
 from rattle.scene.constants import Constants
+from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss
+from rattle.scene.types import Floats, Ints
 
-Floats = NDArray[np.float64]
 Counts = NDArray[np.uint32]
 
 GROUPS = 3
@@ -33,13 +35,17 @@ NOISE = WORK + 4
 MAIN = NOISE + CONTROLS
 FLIGHT, ABOVE, KINDS = 0, 2, 3
 """Distributions: flight, `SPEED` (1 there too), and the speed of impacts that are not slow; how many these are."""
-TURN = 2.0 * math.pi
+PERIOD = 2.0 * math.pi
+SAMPLES = 64
+"""Instants of a period at which states are taken for averages over time."""
 POWERS = 7  # power sums of order 0 to 6
 BINS = 400
 CELLS = 2048
 """Of equal width between the outermost edges; a bin is searched only among those that begin in the value's cell."""
 PHASES, VELOCITIES = 64, 64
 """Cells of the section along the phase and along the velocity."""
+TAILS = 8.0  # outermost edges at the probabilities expit(+-8), 3e-4, of the pilot run
+MARGIN = 0.05  # of the range of velocities, at each end of the section
 
 
 class Scales(NamedTuple):
@@ -55,10 +61,10 @@ class Scales(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """The sums of a block of paths."""
+    """The sums of a block of paths; all but `main` are empty before a pilot run has set what they need."""
 
     main: Floats  # sums in each batch of time; (paths, batches, MAIN)
-    batch: NDArray[np.int64]  # the batch that is being filled; (1,)
+    batch: Ints  # the batch that is being filled; (1,)
     power: Floats  # power sums of flight and speeds; (paths, GROUPS, KINDS, POWERS)
     # sums of the squared energy loss, of the energy loss times the flight, and of flights to impacts that are not
     # slow; (paths, GROUPS, 3)
@@ -72,7 +78,7 @@ class Sums(NamedTuple):
 
 
 def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, together: int = 1) -> Sums:
-    """Empty sums."""
+    """Sums of nothing yet; `detail`: whether distributions are counted too."""
     n = paths if detail else 0
     units = -(-n // together)
     return Sums(
@@ -137,7 +143,7 @@ def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
 @inline
 def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
     """Count an impact by the phase and the velocity before it."""
-    turns = tau / TURN
+    turns = tau / PERIOD
     phase = min(int((turns - math.floor(turns)) * PHASES), PHASES - 1)
     low, high = s.scales.low[mesh - 1], s.scales.high[mesh - 1]
     place = (y - low) / (high - low)
@@ -170,24 +176,28 @@ def _add_states(c: Constants, states: Floats, sine: Floats, cosine: Floats, main
 
 
 @internal
+def _phases(drive: Any, tau: float, apart: float, n: int) -> tuple[Floats, Floats]:
+    """Sine and cosine of n times, or ``-f''`` and ``f'`` of several orders."""
+    if len(drive) == 0:
+        return np.sin(tau + apart * np.arange(n)), np.cos(tau + apart * np.arange(n))
+    sine, cosine = np.empty(n), np.empty(n)
+    for k in range(n):
+        cosine[k], second = velocity_acceleration(drive, tau + apart * k)
+        sine[k] = -second
+    return sine, cosine
+
+
+@internal
 def add_stretch(
-    c: Constants,
-    rows: Floats,
-    impacts: NDArray[np.int64],
-    struck: Floats,
-    states: Floats,
-    tau: float,
-    apart: float,
-    s: Sums,
-    detail: bool,
+    c: Constants, rows: Floats, impacts: Ints, struck: Floats, states: Floats, tau: float, apart: float, s: Sums
 ) -> None:
     """Add the impacts and the states of a stretch to the sums of each path.
 
     Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths or more,); `struck` (paths, 2); `states`
     (paths, samples, 4).
     """
-    n, two = states.shape[1], c.stages == 2
-    sine, cosine = np.sin(tau + apart * np.arange(n)), np.cos(tau + apart * np.arange(n))
+    n, two, detail = states.shape[1], c.stages == 2, len(s.power) > 0
+    sine, cosine = _phases(c.drive, tau, apart, n)
     for p in range(len(rows)):
         main, last = s.main[p, s.batch[0]], struck[p]
         for k in range(impacts[p]):
@@ -220,3 +230,99 @@ def add_stretch(
             for column in range(4):
                 main[column] = main[4 + column] + main[8 + column]
         _add_states(c, states[p], sine, cosine, main)
+
+
+def no_scales(slow: float) -> Scales:
+    """Scales before there is a pilot run: nothing but means can be summed by them."""
+    shape = (GROUPS, KINDS)
+    edges = np.zeros((*shape, BINS - 1))
+    first = np.zeros((*shape, CELLS + 1), np.int16)
+    return Scales(np.zeros(shape), np.ones(shape), edges, first, np.zeros(2), np.ones(2), slow)
+
+
+def scales_of_pilot(seen: Floats, slow: float) -> Scales:
+    """Scales from the impacts of a pilot run.
+
+    The edges of the bins are quantiles of the pilot run, densest in the tails, so that every quantile that is asked for
+    lies among bins of little probability, whatever the distribution looks like.
+
+    Shapes: `seen` (impacts, 4).
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> s = scales_of_pilot(np.column_stack([np.ones(1000), *rng.uniform(1.0, 2.0, (3, 1000))]), 0.1)
+    >>> s.edges.shape, bool(abs(s.centre[0, FLIGHT] - 1.5) < 0.05)
+    ((3, 3, 399), True)
+    """
+    s = no_scales(slow)
+    share = expit(np.linspace(-TAILS, TAILS, BINS - 1))
+    for g in range(GROUPS):
+        own = seen if g == 0 else seen[seen[:, 0] == g]
+        if len(own) == 0:
+            continue
+        speed = np.abs(own[:, 3])
+        for i, values in ((FLIGHT, own[:, 1 if g == 0 else 2]), (SPEED, speed), (ABOVE, speed[speed >= slow])):
+            if values.size == 0:
+                continue
+            if g > 0 and i != FLIGHT:  # as for all impacts, which are the sum of both meshes
+                s.centre[g, i], s.scale[g, i] = s.centre[0, i], s.scale[0, i]
+                s.edges[g, i], s.first[g, i] = s.edges[0, i], s.first[0, i]
+                continue
+            s.centre[g, i], spread = values.mean(), values.std()
+            s.scale[g, i] = spread if spread > 0.0 else max(abs(s.centre[g, i]), 1.0)
+            edges = np.quantile(values, share)
+            s.edges[g, i] = edges
+            if edges[-1] > edges[0]:
+                cells = [cell_of(edges, edge) for edge in edges]
+                s.first[g, i] = np.searchsorted(cells, np.arange(CELLS + 1))
+        if g > 0:
+            low, high = np.quantile(own[:, 3], [1e-4, 1.0 - 1e-4])
+            room = MARGIN * (high - low) + 1e-9 * max(abs(low), abs(high), 1e-30)
+            s.low[g - 1], s.high[g - 1] = low - room, high + room
+    return s
+
+
+class Collected(NamedTuple):
+    """The sums of all paths."""
+
+    main: Floats  # as of `Sums`, over the batches that are full; (paths, batches, MAIN)
+    periods: int  # of each path
+    power: Floats  # power, products, histogram, section, together: as of `Sums`, of all paths
+    products: Floats
+    histogram: Counts
+    section: Counts
+    together: int
+    scales: Scales  # of the pilot run
+    stages: int  # of the scene
+
+    @property
+    def paths(self) -> int:
+        """Number of paths."""
+        return len(self.main)
+
+    @property
+    def time(self) -> float:
+        """Duration of each path."""
+        return PERIOD * self.periods
+
+    @property
+    def samples(self) -> float:
+        """Number of samples of the state of each path."""
+        return float(SAMPLES * self.periods)
+
+    def impacts_at(self, mesh: int) -> Floats:
+        """Impacts at a mesh of the paths that share a unit of the distributions, shape (units,)."""
+        of_paths = self.main[:, :, 4 * (mesh if self.stages == 2 else 0) + NUMBER].sum(axis=1)
+        return np.asarray(np.add.reduceat(of_paths, np.arange(0, self.paths, self.together)))
+
+
+def collect(parts: list[Sums], batches: int, periods: int, stages: int) -> Collected:
+    """Join the sums of all blocks of paths."""
+    names = ("main", "power", "products", "histogram", "section")
+    main, power, products, *counts = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    if stages == 2:  # all impacts: those at either mesh
+        for sums in (power[:, :, SPEED:], products[:, :, 0], counts[0][:, :, SPEED:]):
+            sums[:, 0] = sums[:, 1] + sums[:, 2]
+    together, scales = parts[0].together, parts[0].scales
+    return Collected(main[:, :batches], periods, power, products, counts[0], counts[1], together, scales, stages)

@@ -1,36 +1,131 @@
-"""Paths followed without end: the kernel of `simulate`, a stretch of steps at a time.
+"""Paths followed without end: the kernel of `simulate`, then the sums, a stretch of steps at a time.
 
 A block of paths goes through the compiled kernel of the exact flights for a part of a period; its impacts are added to
-sums, and it goes on (`rattle.montecarlo.long_run.stretches`).
+sums, and it goes on.  What is done once for a stretch (random numbers, times, and the way into compiled code) is spread
+over few impacts where a block has few paths, so that many stretches are one call.  A stretch has random numbers of its
+own: in stretch s path p has the number ``s 2^32 + p``.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import start_state
-from rattle.montecarlo.kernel.control_variate import no_control
-from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job
-from rattle.montecarlo.kernel.lanes import lanes_of
-from rattle.montecarlo.long_run.noise_work import has_controls
-from rattle.montecarlo.long_run.pilot import impacts_of
-from rattle.montecarlo.long_run.stretches import MANY, Block, follow_stretches
-from rattle.montecarlo.long_run.sums import Sums
+from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
+from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, block_kernel
+from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
+from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
+from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
-from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.noise.memory import begin_memory, memory_of
+from rattle.montecarlo.noise.philox import Word, key_of
 from rattle.montecarlo.schemes.step_size import default_step, time_scales
+from rattle.scene.compiled import jit
 from rattle.scene.scene import Scene
+from rattle.scene.types import Floats, Ints
 
-Floats = NDArray[np.float64]
-
-PERIOD = 2.0 * math.pi
 LANES = 128
 """Paths of a block: what all paths of a step share is computed once for so many."""
-SAMPLES = 64
-"""Instants of a period at which states are taken for averages over time."""
 ROOM = 33  # impacts of a path in a stretch for which there is space at first: little space stays in the cache
 SHORTEST = 8  # stretches of a period at the most
+APART = 2**32  # between the numbers of a path in two stretches
+MANY = 256  # impacts of a path in a stretch from which on stretches become shorter
+RUN = block_kernel(EXACT)
+BEGIN, PERIODS, STRETCHES, LONG = range(4)
+"""Entries of `Block.counters`: step of the period at which the next stretch begins; periods and stretches followed so
+far; stretches of the period in which a path had very many impacts."""
+
+
+class Block(NamedTuple):
+    """A block of paths that is followed without end."""
+
+    job: Job  # settings; its time is that at which every period begins
+    control: LinearPath  # empty
+    controls: bool  # whether the noise's work is summed
+    first: int  # first, steps: number of the first path, and of steps in a period
+    steps: int
+    every: Lanes  # every, room: paths side by side, and buffers
+    room: Room
+    state: Floats  # states at the end of the last stretch; (paths, 4)
+    struck: Floats  # time of the last impact at each mesh; (paths, 2)
+    # buffer of recorded states.  One more than is used: at powers of two, paths would share lines of the cache; (1,
+    # paths, samples + 1, 4)
+    samples: Floats
+    none: Floats  # output of no control variate; (0, 1, COLUMNS)
+    counters: Ints  # of what `BEGIN` to `LONG` say
+
+
+@jit
+def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
+    """The impacts of a stretch one below the other.
+
+    Returns: Mesh, time since the last impact and since the last one at this mesh, velocity at this mesh. Shapes:
+    result (impacts, 4).
+    """
+    total = 0
+    for p in range(len(rows)):
+        total += impacts[p]
+    out, n = np.empty((total, 4)), 0
+    for p in range(len(rows)):
+        for k in range(impacts[p]):
+            mesh, tau = int(abs(rows[p, k, 6])), rows[p, k, 0]
+            out[n, 0], out[n, 3] = mesh, rows[p, k, 2 * mesh + 1]
+            out[n, 1] = tau - max(struck[p, 0], struck[p, 1])
+            out[n, 2] = tau - struck[p, mesh - 1]
+            struck[p, mesh - 1] = tau
+            n += 1
+    return out
+
+
+@jit
+def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until: int, length: int, sums: Sums) -> int:
+    """Follow a block for some stretches.
+
+    `fixed`: Steps of a stretch after which states are recorded, and one beyond its end: the kernel retires no
+    path before all are past, and a path that it retires is overwritten by another. `stretches`, `until`, `length`:
+    Stretches to follow at most, the number of periods to end at: the end of a batch, and the periods of a batch.
+    Returns: 0; or, where a path had more impacts in a stretch than there is space for, how many.  The block is then
+    as before that stretch. Shapes: `rows` (1, paths, impacts, COLUMNS).
+    """
+    count, samples = b.counters, fixed.size - 1
+    part, apart = fixed[samples - 1], fixed[0]
+    between = apart * b.job.dt
+    for _ in range(stretches):
+        if count[PERIODS] == until:
+            break
+        tau, number = b.job.tau + count[BEGIN] * b.job.dt, count[STRETCHES] * APART + b.first
+        for i in range(b.room.path.size):
+            b.room.path[i] = Word(number + i)
+        walls, last, eta = b.every.walls.copy(), b.every.last.copy(), b.room.eta.copy()
+        b.every.impacts[:] = 0
+        job = Job(b.job.c, b.job.backlash, b.job.key, tau, b.job.dt, b.job.scheme, b.job.two_point, part, b.job.memory)
+        RUN(job, b.control, number, b.every, b.room, rows, fixed, b.samples, b.none)
+        own = b.every.impacts[0, : len(b.state)]
+        most = own.max()
+        if most >= rows.shape[2]:
+            b.every.walls[:], b.every.last[:], b.room.eta[:] = walls, last, eta
+            b.every.state[0, :, : len(b.state)] = b.state.T
+            return int(most)
+        states, at = b.samples[0, :, :samples], tau + between
+        if b.controls and len(sums.power) > 0:
+            out = sums.main[:, sums.batch[0], NOISE:]
+            add_noise_work(b.job.c, rows[0], own, b.state, states, at, between, out)
+        b.state[:] = states[:, samples - 1]
+        add_stretch(b.job.c, rows[0], own, b.struck, states, at, between, sums)
+        count[STRETCHES] += 1
+        count[BEGIN] += part
+        count[LONG] += most >= MANY
+        if count[BEGIN] == b.steps:
+            count[BEGIN] = 0
+            count[PERIODS] += 1
+            b.every.last[:] -= PERIOD
+            b.struck[:] -= PERIOD
+            if (until - count[PERIODS]) % length == 0:
+                sums.batch[0] += 1
+            if count[LONG] > 0:
+                break
+    return 0
 
 
 def steps_per_period(scene: Scene) -> int:
@@ -67,58 +162,52 @@ def _spread_starts(scene: Scene, walls: Floats, seed: np.random.SeedSequence, fi
 
 
 class Walk:
-    """A block of paths, followed as long as wanted.
-
-    `steps`: in a period. `periods`: followed so far. `stretches`: stretches followed so far.
-    """
+    """A block of paths, followed as long as wanted; `steps`: in a period."""
 
     def __init__(self, scene: Scene, seed: np.random.SeedSequence, first: int, paths: int) -> None:
         c = scene.constants
-        self.paths, self.first, self.steps = paths, first, steps_per_period(scene)
+        self.paths, self.steps = paths, steps_per_period(scene)
         backlash, key = backlash_of(scene), key_of(seed)
         walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
         if backlash.random:
             draw_walls(backlash, key, first, walls)
-        job = Job(c, backlash, key, scene.phase, PERIOD / self.steps, EXACT, False, 0)
+        job = Job(
+            c,
+            backlash,
+            key,
+            scene.phase,
+            PERIOD / self.steps,
+            EXACT,
+            False,
+            0,
+            memory_of(c.memory, PERIOD / self.steps),
+        )
         starts = _spread_starts(scene, walls, seed, first)
         every, room = lanes_of(1, first, starts, walls, scene.phase)
-        counters = (np.zeros(1, np.int64) for _ in range(4))
+        if c.memory:
+            begin_memory(c.memory, key, first, room.eta)
+        state, struck = starts.T.copy(), np.full((paths, 2), scene.phase)
+        samples, none, count = np.empty((1, paths, SAMPLES + 1, 4)), np.zeros((0, 1, COLUMNS)), np.zeros(4, np.int64)
         self._block = Block(
-            job,
-            no_control(),
-            first,
-            paths,
-            self.steps,
-            every,
-            room,
-            starts.T.copy(),
-            np.full((paths, 2), scene.phase),
-            np.empty((1, paths, SAMPLES + 1, 4)),
-            np.zeros((0, 1, COLUMNS)),
-            *counters,
+            job, no_control(), has_controls(c), first, self.steps, every, room, state, struck, samples, none, count
         )
-        self._controls, self._fixed = has_controls(c), self._instants(self.steps)
-        self._rows = np.empty((1, paths, ROOM, COLUMNS))
+        self._fixed, self._rows = self._instants(self.steps), np.empty((1, paths, ROOM, COLUMNS))
 
     @property
     def periods(self) -> int:
         """Periods followed so far."""
-        return int(self._block.periods[0])
+        return int(self._block.counters[PERIODS])
 
-    @property
-    def stretches(self) -> int:
-        """Stretches followed so far."""
-        return int(self._block.stretches[0])
+    def follow(self, sums: Sums, periods: int = 1, length: int = 1, seen: list[Floats] | None = None) -> None:
+        """Follow all paths for some periods, batches of a given length, and add what they do.
 
-    def follow(
-        self, sums: Sums, detail: bool, seen: list[Floats] | None = None, periods: int = 1, length: int = 1
-    ) -> None:
-        """Follow all paths for some periods, and add what they do."""
+        `seen`: Takes every impact.
+        """
         b, rows, until, batch = self._block, self._rows, self.periods + periods, sums.batch[0]
         while self.periods < until:
             at_once = SHORTEST * periods if seen is None and rows is self._rows else 1
             struck = b.struck.copy()
-            most = follow_stretches(b, rows, self._fixed, PERIOD, at_once, until, length, sums, detail, self._controls)
+            most = follow_stretches(b, rows, self._fixed, at_once, until, length, sums)
             if most:  # again with the same random numbers, and space for all impacts
                 rows = np.empty((1, self.paths, 2 * most, COLUMNS))
                 continue
@@ -127,7 +216,7 @@ class Walk:
             if rows.shape[2] < MANY:
                 self._rows = rows  # from now on
             rows = self._rows
-            if b.begin[0] == 0:
+            if b.counters[BEGIN] == 0:
                 self._shorten()
         sums.batch[0] = batch
 
@@ -137,12 +226,12 @@ class Walk:
         What happens in a stretch must not choose its own end.
         """
         part, least = int(self._fixed[-2]), self.steps // SHORTEST
-        for _ in range(int(self._block.long[0])):
+        for _ in range(int(self._block.counters[LONG])):
             part = part // 2 if part > least else part
-        self._block.long[0] = 0
+        self._block.counters[LONG] = 0
         self._fixed = self._instants(part)
 
-    def _instants(self, part: int) -> NDArray[np.int64]:
+    def _instants(self, part: int) -> Ints:
         """Steps of a stretch at which states are recorded, and one beyond its end."""
         apart = self.steps // SAMPLES
         return np.append(np.arange(apart, part + 1, apart), part + 1)

@@ -2,15 +2,11 @@
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rattle.montecarlo.noise.philox import CONTACT, Key, Word, normals, uniforms
 from rattle.scene.compiled import lean
 from rattle.scene.constants import CUT
 from rattle.scene.scene import Scene
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats
 
 DISTRIBUTIONS = {"fixed": 0, "uniform": 1, "normal": 2}
 ATTEMPTS = Word(64)  # rejection sampling of the truncated normal, which accepts 95 %

@@ -15,13 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.scene.compiled import inline, lean
-from rattle.scene.instructions import float_of, fma, widest_vectors, word_of
+from rattle.scene.compiled import float_of, fma, inline, lean, widest_vectors, word_of
+from rattle.scene.types import Floats
 
 LEVELS = 3  # dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)
 
-STEP, CONTACT, BRIDGE = 0, 1, 2
-"""Purposes, that is, substreams: noise of the steps; half gaps; splits within a step (`BRIDGE` + level)."""
+STEP, CONTACT, BRIDGE, MEMORY = 0, 1, 2, 100
+"""Purposes, that is, substreams: noise of the steps; half gaps; splits within a step (`BRIDGE` + level); noise with a
+memory at the start."""
 
 Word = np.uint64
 LOW, HALF = Word(0xFFFFFFFF), Word(32)
@@ -177,7 +178,7 @@ def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, fl
 
 
 @lean
-def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z: NDArray[np.float64]) -> None:
+def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z: Floats) -> None:
     """Four standard normals of every lane for one index of the substream `STEP`; vectorises.
 
     In three loops, with the words where their normals will be: in one, a processor waits for the words of a vector
@@ -218,7 +219,7 @@ def fill_words(key: Key, paths: NDArray[Word], index: Word, lanes: int, out: NDA
 
 
 @lean
-def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: NDArray[np.float64]) -> None:
+def fill_signs(bits: NDArray[Word], place: int, lanes: int, z: Floats) -> None:
     """Two-point increments of every lane; vectorises."""
     widest_vectors()
     for p in range(lanes):

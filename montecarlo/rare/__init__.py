@@ -1,1 +1,1 @@
-"""Rare branches: paths whose noise is drawn near the design points of other events than the orbit's."""
+"""Rare branches sampled on purpose: a mixture of plain paths and of paths drawn near design points, with weights."""

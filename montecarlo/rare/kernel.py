@@ -2,27 +2,21 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rattle.montecarlo.kernel.kernel import EXACT, Job, _finish_inside, _step_lanes
 from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, list_marked, of_level
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Word, fill_normals
 from rattle.montecarlo.rare.mixture import BranchMixture
-from rattle.montecarlo.schemes.short_flight import sine_cosine
+from rattle.montecarlo.schemes.short_flight import phase_at
 from rattle.montecarlo.schemes.step_state import Progress
-from rattle.scene.compiled import lean
-from rattle.scene.instructions import widest_vectors
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from rattle.scene.compiled import lean, widest_vectors
+from rattle.scene.types import Floats, Ints
 
 FAR = 6.0  # argument from which erfc is 0, and below whose negative it is 2
 
 
 @lean
-def _condition(z: Floats, u: float, rest: float, k: int, part: Ints, ahead: Floats, done: Floats, lanes: int) -> None:
+def _condition(z: Floats, u: float, rest: float, k: int, part: Ints, ahead: Floats, lanes: int) -> None:
     """Replace a step's normals of the paths of one part by their values given ``u z`` in all; vectorises.
 
     Given that the steps ahead, this one among them, add `ahead` to ``u z``, a step's normal has mean ``u ahead / rest``
@@ -35,7 +29,14 @@ def _condition(z: Floats, u: float, rest: float, k: int, part: Ints, ahead: Floa
         x = pull * ahead[p] + spread * z[p] if own else z[p]
         z[p] = x
         ahead[p] -= u * x if own else 0.0
-        done[p] += u * x
+
+
+@lean
+def _add_along(z: Floats, u: float, done: Floats, lanes: int) -> None:
+    """Add a step's normals to ``u z``; vectorises."""
+    widest_vectors()
+    for p in range(lanes):
+        done[p] += u * z[p]
 
 
 @lean
@@ -84,8 +85,8 @@ def run_weighted(
     done: Floats,
     rows: Floats,
     weights: Floats,
-) -> None:
-    """Follow a block of paths until each has had its impacts.
+) -> tuple[int, int]:
+    """Follow a block of paths until each has had its impacts; gives path-steps, and those in which a mesh sticks.
 
     `rows`: Output: the state just before each impact; impacts that are not reached stay as given. `weights`:
     Output: the weight of each, given the steps up to the one of the impact. Shapes: `part` (lanes,); `ahead`
@@ -93,6 +94,7 @@ def run_weighted(
     """
     widest_vectors()
     impacts, live, n, z, steps = rows.shape[2], rows.shape[1], 0, room.z, mixture.unit.shape[1]
+    work, sticking = 0, 0
     while n < job.most_steps and live > 0:
         wide = (live + 7) // 8 * 8
         for _ in range(min(CHUNK, job.most_steps - n)):
@@ -101,21 +103,27 @@ def run_weighted(
             w, area = z[n % 2 * 2], z[n % 2 * 2 + 1]
             for k in range(mixture.unit.shape[0]):
                 if n < steps and mixture.unit[k, n] != 0.0:
-                    _condition(w, mixture.unit[k, n], mixture.rest[k, n], k, part, ahead, done[k], wide)
+                    _condition(w, mixture.unit[k, n], mixture.rest[k, n], k, part, ahead, wide)
+            for k in range(mixture.unit.shape[0]):  # once all normals are what they will be
+                if n < steps and mixture.unit[k, n] != 0.0:
+                    _add_along(w, mixture.unit[k, n], done[k], wide)
             begin = job.tau + n * job.dt
             lanes = of_level(every, 0, w, area)
             _step_lanes(EXACT, job, begin, job.dt, lanes, room.marks, wide)
             found = list_marked(room.marks, live, room.groups, room.hits)
-            phase = sine_cosine(begin)
+            phase = phase_at(job.c.drive, begin)
             for i in range(found):
                 p, s = room.hits[i], lanes.before
                 noise = Noise(w[p] * math.sqrt(job.dt), area[p] * math.sqrt(job.dt / 12.0))
                 at = Progress(0, begin, job.dt, noise, s[0, p], s[1, p], s[2, p], s[3, p])
                 row, met = int(room.path[p]) - first, lanes.impacts[p]
-                _finish_inside(EXACT, job, room.path[p], row, n, 0, p, at, phase, lanes, rows, room.ahead)
+                stuck = _finish_inside(EXACT, job, room.path[p], row, n, 0, p, at, phase, lanes, rows, room.ahead)
+                sticking += stuck
                 if lanes.impacts[p] > met:
                     weight = _weight(mixture, n + 1, p, done)
                     for k in range(met, min(lanes.impacts[p], impacts)):
                         weights[row, k] = weight
             n += 1
+            work += live
         live = _retire(every, room, part, ahead, done, impacts, live)
+    return work, sticking

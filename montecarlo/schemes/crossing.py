@@ -12,6 +12,7 @@ from rattle.montecarlo.schemes.short_flight import Phase, State
 from rattle.montecarlo.schemes.step_state import Walls
 from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.constants import Constants
+from rattle.scene.drive import highest_order, most_acceleration, most_modulation, most_modulation_rate, most_velocity
 
 MARGIN_SDS = 6.0  # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
 CLOSE = 1e-10  # distance to the wall, in half gaps, at which an impact is accepted at any speed
@@ -30,11 +31,12 @@ def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, 
     not be cut as if it were noisy.
     """
     spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
-    most = math.sqrt(1.0 + c.beta1**2)  # bound on the modulation of y1, and on its rate
-    first = min(most, abs(c.beta1 * cosine - sine) + h * most)
-    second = abs(c.beta1 - c.beta2) * (min(1.0, abs(cosine) + h) + h * first)  # the last term: noise of y1 acting on y2
+    most = most_modulation(c.drive, c.beta1)  # of y1
+    first = min(most, abs(c.beta1 * cosine - sine) + h * most_modulation_rate(c.drive, c.beta1))
+    driver = min(most_velocity(c.drive), abs(cosine) + h * most_acceleration(c.drive))
+    second = abs(c.beta1 - c.beta2) * (driver + h * first)  # the last term: noise of y1 acting on y2
     force = c.alpha * most + c.gamma1 + c.gamma2
-    stiff, square = 1.0 + max(c.beta1, c.beta2), h * h
+    stiff, square = highest_order(c.drive) + max(c.beta1, c.beta2), h * h
     bend = square * square / 96.0 * force * (stiff * stiff)  # Hermite error: h^4 / 384 times the 4th derivative
     return spread * first + bend, spread * second + bend
 

@@ -6,18 +6,12 @@ A path that ends a step beyond a wall and moves outward is put back on the wall,
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.step_state import Progress, Walls
-from rattle.scene.compiled import inline, lean, splice
+from rattle.scene.compiled import fma, inline, lean, splice, widest_vectors
 from rattle.scene.constants import Constants
 from rattle.scene.flight import noise_rate
-from rattle.scene.instructions import fma, widest_vectors
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rattle.scene.types import Bools, Floats
 
 QUAD = 4  # steps that are taken in registers, between one reading and one writing of the states
 FORCING = 4  # numbers of a `StepForcing`

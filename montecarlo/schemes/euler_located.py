@@ -7,17 +7,12 @@ in their true order.
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
 from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rattle.scene.types import Bools, Floats
 
 
 @inline
@@ -77,7 +72,8 @@ def _reach(x: float, y: float, high: float, low: float) -> float:
 def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> Progress:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
-    `normal`: A fresh standard normal for every call: it splits the increment at the wall (Brownian bridge).
+    `normal`: A fresh standard normal for every call: it splits the increment at the wall (Brownian bridge);
+    0 for noise with a memory, whose integral is nearly straight.
     """
     x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
     whole = at.noise.increment

@@ -14,19 +14,17 @@ variance grows from zero (a flight of 0.2 from tau = 0), and 5e-9 of the other s
 """
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import Key, Word, normals
 from rattle.montecarlo.schemes.crossing import CLOSE, cut_share
-from rattle.montecarlo.schemes.short_flight import Phase, State, short_flight, sine_cosine
+from rattle.montecarlo.schemes.short_flight import Phase, State, phase_at, shift_phase, short_flight, third_of
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
 from rattle.scene.compiled import inline, splice
 from rattle.scene.constants import Constants
-
-Floats = NDArray[np.float64]
+from rattle.scene.drive import most_modulation, most_velocity
+from rattle.scene.types import Floats
 
 NEAR = 1e-6  # distance to the wall, in half gaps, that a fast path flies without noise
 STEADY = 30.0  # least speed of such a path, in sds of what the noise makes of it on the way
@@ -37,17 +35,27 @@ PARTS = 200  # most parts of a step that wait at once: the depth of the stack of
 
 
 @inline
+def _squared_modulation(drive: Any, beta: float) -> float:
+    """Bound on the squared modulation of y1."""
+    return 1.0 + beta * beta if len(drive) == 0 else most_modulation(drive, beta) ** 2
+
+
+@inline
 def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> float:
     """Distance from its wall within which a path is taken to fly on without noise; `other` is the other stage's speed.
 
     The noise left out acts later by the time of that flight, after the impact instead of before: below 1e-6 of a
     variance at `NEAR`.
     """
-    most = 1.0 + c.beta1 * c.beta1  # bound on the squared modulation
+    most = _squared_modulation(c.drive, c.beta1)
     if mesh == 1:
         force = c.alpha * math.sqrt(most) + c.gamma1 + c.beta1 * abs(speed)
     else:
-        force = abs(c.beta1 - c.beta2) * (c.alpha + abs(other)) + abs(c.gamma1 - c.gamma2) + c.beta2 * abs(speed)
+        force = (
+            abs(c.beta1 - c.beta2) * (c.alpha * most_velocity(c.drive) + abs(other))
+            + abs(c.gamma1 - c.gamma2)
+            + c.beta2 * abs(speed)
+        )
     noisy, bent = (STEADY * STEADY) * c.sigma * c.sigma * most, force / STRAIGHT
     square = speed * speed
     near = NEAR * wall
@@ -88,20 +96,20 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
 @inline
 def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, walls: Walls) -> tuple[Progress, Phase]:
     """The path at the impact that is due, after its flight without noise to the wall: along a parabola."""
-    sine, cosine = phase
+    sine, cosine, third = phase[0], phase[1], third_of(c.drive, phase)
     apart = c.beta1 - c.beta2
     rate1 = c.gamma1 - c.beta1 * at.y1 + c.alpha * (c.beta1 * cosine - sine)
     rate2 = (c.gamma1 - c.gamma2) - c.beta2 * at.y2 + apart * (c.alpha * cosine - at.y1)
     speed, rate = (at.y1, rate1) if abs(code) == 1 else (at.y2, rate2)
     lead = min(lead - 0.5 * lead * lead * rate / speed, at.left)
     half = 0.5 * lead
-    bend1 = c.beta1 * rate1 + c.alpha * (c.beta1 * sine + cosine)
+    bend1 = c.beta1 * rate1 + c.alpha * (c.beta1 * sine + third)
     bend2 = c.beta2 * rate2 + apart * (c.alpha * sine + rate1)
     x1, y1 = at.x1 + lead * (at.y1 + half * rate1), at.y1 + lead * (rate1 - half * bend1)
     x2, y2 = at.x2, at.y2
     if c.stages == 2:
         x2, y2 = x2 + lead * (y2 + half * rate2), y2 + lead * (rate2 - half * bend2)
-    phase = sine + lead * (cosine - half * sine), cosine - lead * (sine + half * cosine)
+    phase = shift_phase(c.drive, phase, lead)
     if abs(code) == 1:
         x1 = walls.high1 if code > 0 else -walls.low1
     else:
@@ -175,7 +183,7 @@ def advance_exactly(
             code, lead, reach = _due(c, end, walls)
             if code != 0 and lead <= left:
                 at = Progress(code, tau, left, _join(ahead, top), end[0], end[1], end[2], end[3])
-                return _struck(c, at, turned if flown else sine_cosine(tau), code, max(lead, -0.5 * h), walls)
+                return _struck(c, at, turned if flown else phase_at(c.drive, tau), code, max(lead, -0.5 * h), walls)
             if top == 0:
                 return Progress(0, tau, 0.0, Noise(0.0, 0.0), end[0], end[1], end[2], end[3]), turned
             s, phase = end, turned
@@ -184,7 +192,9 @@ def advance_exactly(
             if reach >= h or h <= tick:
                 continue
             cut = reach / h
-        if cuts & 1 == 0:
+        if c.memory > 0.0:
+            z1, z2 = 0.0, 0.0  # the integral of noise with a memory is a parabola within the step
+        elif cuts & 1 == 0:
             z1, z2, z3, z4 = normals(key, path, index + Word(cuts >> 1), purpose)
         else:
             z1, z2 = z3, z4

@@ -7,78 +7,49 @@ Taylor series of the flight follow from a recursion.  Sine and cosine of the pha
 carries them along calls no other function.
 """
 
-import math
+from typing import Any
 
-from rattle.scene.compiled import lean
+from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
+from rattle.scene.drive import begin_derivatives, highest_order, next_derivative, phase_of_orders, sine_cosine
 
 State = tuple[float, float, float, float]
 """``x1, y1, x2, y2``."""
 
-Phase = tuple[float, float]
-"""Sine and cosine of a time."""
+Phase = tuple[float, ...]
+"""Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
 
 MOST_TERMS = 60
 NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
 
-# pi / 2 in three parts; multiples of the first two below 2^20 are exact
-QUARTER_HIGH, QUARTER_MIDDLE = 1.57079632673412561417, 6.07710050630396597660e-11
-QUARTER_LOW = 2.02226624879595063154e-21
-QUARTERS = 0.63661977236758134308  # 2 / pi
+
+@inline
+def phase_at(drive: Any, tau: float) -> Phase:
+    """The phase of a time."""
+    if len(drive) == 0:
+        return sine_cosine(tau)
+    return phase_of_orders(drive, tau)
 
 
-@lean
-def sine_cosine(tau: float) -> Phase:
-    """Sine and cosine to rounding, by the same operations on every processor.
+@inline
+def no_phase(drive: Any) -> Phase:
+    """In place of a phase, for schemes that know none."""
+    return (0.0, 0.0) if len(drive) == 0 else (0.0, 0.0, 0.0, 0.0)
 
-    Reduction to a quarter turn and the polynomials of FDLIBM (k_sin.c, k_cos.c).
 
-    Examples
-    --------
-    >>> [round(v, 15) for v in sine_cosine(0.5)]
-    [0.479425538604203, 0.877582561890373]
-    """
-    turns = math.floor(QUARTERS * tau + 0.5)
-    x = tau - turns * QUARTER_HIGH - turns * QUARTER_MIDDLE - turns * QUARTER_LOW
-    z = x * x
-    sine = x + x * z * (
-        -1.66666666666666324348e-1
-        + z
-        * (
-            8.33333333332248946124e-3
-            + z
-            * (
-                -1.98412698298579493134e-4
-                + z * (2.75573137070700676789e-6 + z * (-2.50507602534068634195e-8 + z * 1.58969099521155010221e-10))
-            )
-        )
-    )
-    cosine = 1.0 - (
-        0.5 * z
-        - z
-        * z
-        * (
-            4.16666666666666019037e-2
-            + z
-            * (
-                -1.38888888888741095749e-3
-                + z
-                * (
-                    2.48015872894767294178e-5
-                    + z
-                    * (-2.75573143513906633035e-7 + z * (2.08757232129817482790e-9 - z * 1.13596475577881948265e-11))
-                )
-            )
-        )
-    )
-    quadrant = turns & 3
-    if quadrant == 0:
-        return sine, cosine
-    if quadrant == 1:
-        return cosine, -sine
-    if quadrant == 2:
-        return -sine, -cosine
-    return -cosine, sine
+@inline
+def third_of(drive: Any, phase: Phase) -> float:
+    """``-f'''`` of a phase."""
+    return phase[1] if len(drive) == 0 else phase[2]
+
+
+@inline
+def shift_phase(drive: Any, phase: Phase, t: float) -> Phase:
+    """The phase a time so short later that its square hardly counts."""
+    if len(drive) == 0:
+        (sine, cosine), half = phase, 0.5 * t
+        return sine + t * (cosine - half * sine), cosine - t * (sine + half * cosine)
+    return phase[0] + t * phase[2], phase[1] - t * (phase[0] + 0.5 * t * phase[2]), phase[2], phase[3] + t
 
 
 @lean
@@ -97,6 +68,22 @@ def short_flight(c: Constants, phase: Phase, h: float, s: State, increment: floa
     >>> round(state[0], 5)
     0.49001
     """
+    return _fly(c.drive, c, phase, h, s, increment, area)
+
+
+@inline
+def _fly(
+    drive: Any, c: Constants, phase: Phase, h: float, s: State, increment: float, area: float
+) -> tuple[State, Phase]:
+    """`short_flight` for the drive at hand."""
+    if len(drive) == 0:
+        return _fly_by_sine(c, phase, h, s, increment, area)
+    return _fly_by_orders(c, phase, h, s, increment, area)
+
+
+@inline
+def _fly_by_sine(c: Constants, phase: Phase, h: float, s: State, increment: float, area: float) -> tuple[State, Phase]:
+    """`short_flight` for ``f = sin tau``: sine and cosine are carried along as two of the series."""
     odd = 12.0 * c.sigma * area
     even = c.alpha * h + (c.sigma * increment - 0.5 * odd)
     drag1, drag2 = h * c.gamma1, h * (c.gamma1 - c.gamma2)
@@ -126,8 +113,49 @@ def short_flight(c: Constants, phase: Phase, h: float, s: State, increment: floa
     return (s[0] + moved1, y1_end, s[2] + moved2, y2_end), (sine_end, cosine_end)
 
 
+@inline
+def _fly_by_orders(
+    c: Constants, phase: Phase, h: float, s: State, increment: float, area: float
+) -> tuple[State, Phase]:
+    """`short_flight` for several orders, by the Taylor coefficients of ``f'``."""
+    drive = c.drive
+    # derivative k - 1 of f', and the two after it
+    first, second, third = begin_derivatives(drive, phase[3])
+    odd = 12.0 * c.sigma * area
+    even = c.alpha * h + (c.sigma * increment - 0.5 * odd)
+    drag1, drag2 = h * c.gamma1, h * (c.gamma1 - c.gamma2)
+    apart, fastest = c.beta2 - c.beta1, abs(h) * (highest_order(drive) + max(c.beta1, c.beta2))
+    y1, y2 = s[1], s[3]
+    y1_end, y2_end, moved1, moved2 = y1, y2, 0.0, 0.0
+    first_end, second_end, third_end = 0.0, 0.0, 0.0
+    m1_before, m2_before, size, power = 0.0, 0.0, 1.0, 1.0
+    for k in range(1, MOST_TERMS):  # from the terms in u^(k - 1) to those in u^k
+        share = 1.0 / k
+        hk = h * share
+        first_end += power * first
+        second_end += power * second
+        third_end += power * third
+        m1, m2 = power * (c.beta1 * first + second), -apart * (power * first)
+        moved1 += hk * y1
+        if c.stages == 2:
+            moved2 += hk * y2
+            y2 = (share * (drag2 + (even * m2 + odd * m2_before)) + (hk * apart) * y1) - (hk * c.beta2) * y2
+            y2_end += y2
+        y1 = share * (drag1 + (even * m1 + odd * m1_before)) - (hk * c.beta1) * y1
+        y1_end += y1
+        m1_before, m2_before, drag1, drag2 = m1, m2, 0.0, 0.0
+        size *= fastest * share
+        if size < NEGLIGIBLE:
+            break
+        power *= hk
+        first, second, third = second, third, next_derivative(drive, k)
+    return (s[0] + moved1, y1_end, s[2] + moved2, y2_end), (-second_end, first_end, -third_end, phase[3] + h)
+
+
 @lean
 def kick(c: Constants, tau: float, h: float, increment: float, area: float) -> State:
     """Displacement at the end of a time h by given noise alone (Eq. 5)."""
-    quiet = Constants(0.0, c.epsilon, c.beta1, c.beta2, 0.0, 0.0, c.mu, c.wall1, c.wall2, c.sigma, c.stages)
-    return short_flight(quiet, sine_cosine(tau), h, (0.0, 0.0, 0.0, 0.0), increment, area)[0]
+    quiet = Constants(
+        0.0, c.epsilon, c.beta1, c.beta2, 0.0, 0.0, c.mu, c.wall1, c.wall2, c.sigma, c.stages, c.drive, c.memory
+    )
+    return short_flight(quiet, phase_at(c.drive, tau), h, (0.0, 0.0, 0.0, 0.0), increment, area)[0]

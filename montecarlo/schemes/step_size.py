@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.scene.errors import InputError
+from rattle.scene.drive import highest_order, most_modulation, most_velocity
+from rattle.scene.errors import InputError, finite
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
-from rattle.scene.validate import finite
 
 __all__ = [
     "COARSEST",
@@ -64,8 +64,12 @@ def time_scales(scene: Scene) -> TimeScales:
         narrow = min(tolerance.c1_max, 0.9 * c.wall1), min(tolerance.c2_max, 0.9 * c.wall2)
     gap = min((c.wall1 - narrow[0], c.wall2 - narrow[1])[: c.stages])
     damping = _over(1.0, max(c.beta1, c.beta2))
-    most = math.hypot(1.0, c.beta1)  # largest modulation of excitation and noise in y1 (Eq. 5)
-    driven = min(c.alpha, 2.0 * math.sqrt(c.alpha * most * gap))  # a narrow gap bounds the relative speed
+    most = (
+        math.hypot(1.0, c.beta1) if not c.drive else most_modulation(c.drive, c.beta1)
+    )  # largest modulation of excitation and noise in y1 (Eq. 5)
+    driven = min(
+        c.alpha * most_velocity(c.drive), 2.0 * math.sqrt(c.alpha * most * gap)
+    )  # a narrow gap bounds the relative speed
     dragged = (
         min(_over(gamma, beta), 2.0 * math.sqrt(gamma * gap))
         for gamma, beta in ((c.gamma1, c.beta1), (c.gamma2, c.beta2))
@@ -76,6 +80,14 @@ def time_scales(scene: Scene) -> TimeScales:
     if shaking > damping:
         shaking = max(damping, _over(gap, noise * damping) ** 2)
     return TimeScales(damping, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2)
+
+
+MEMORY = "a longer step cannot follow the memory of the noise"
+
+
+def _memory(scene: Scene) -> float:
+    """The longest step for noise with a memory, a tenth of it; infinite for white noise."""
+    return 0.1 * scene.correlation_time if scene.correlation_time else math.inf
 
 
 def _over(a: float, b: float) -> float:
@@ -106,8 +118,9 @@ def accurate_flight(scene: Scene) -> Limit:
     (0.1, "a longer step cannot follow the noise's modulation")
     """
     limits = {
+        MEMORY: _memory(scene),
         "a longer step cannot follow the damping": 0.2 * time_scales(scene).damping,
-        "a longer step cannot follow the noise's modulation": 0.1,
+        "a longer step cannot follow the noise's modulation": 0.1 / highest_order(scene.constants.drive),
     }
     return _least(limits)
 
@@ -150,7 +163,8 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     return _least(
         {
             "a longer step makes the damping unstable": t.damping,
-            "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0,
+            MEMORY: _memory(scene),
+            "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0 / highest_order(scene.constants.drive),
             "a longer step may jump across the gap": 0.5 * t.crossing,
             "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
         }

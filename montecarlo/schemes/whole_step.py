@@ -7,17 +7,12 @@ increment and area times vectors that are the same for all paths.
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rattle.montecarlo.schemes.crossing import margins, near_wall
-from rattle.montecarlo.schemes.short_flight import State, kick, short_flight, sine_cosine
+from rattle.montecarlo.schemes.short_flight import State, kick, phase_at, short_flight
 from rattle.scene.compiled import inline, lean
 from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from rattle.scene.types import Bools, Floats
 
 
 class FlightForcing(NamedTuple):
@@ -42,7 +37,7 @@ class FlightForcing(NamedTuple):
 def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     """Everything in a step that is the same for all paths."""
     p = pair(c.beta1, c.beta2, h)
-    phase = sine_cosine(tau)
+    phase = phase_at(c.drive, tau)
     margin1, margin2 = margins(c, phase[0], phase[1], h)
     drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
     return FlightForcing(

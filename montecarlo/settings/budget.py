@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rattle.montecarlo.kernel.block import BlockResult, Plan
-from rattle.montecarlo.kernel.blocks import Blocks, Floats
+from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.scene.types import Floats
 
 HOUR = 3600.0
 """Seconds that an accuracy may take where no budget is given."""

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.control_variate import linear_path, no_control
@@ -15,11 +14,10 @@ from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.record import Record
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, choice, count, finite, positive
+from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import Scene
-from rattle.scene.validate import choice, count, finite, positive
-
-Floats = NDArray[np.float64]
+from rattle.scene.types import Floats, Ints
 
 NOISE_FREE = "noise-free"
 """Name of the itinerary of the noise-free path, by exact flights."""
@@ -115,6 +113,8 @@ def plan_of(
     )
     if sampling.control and SCHEMES[scheme].normals < 2:
         raise InputError("sampling.control", True, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
+    if scene.correlation_time and sampling.control:
+        raise InputError("sampling.control", True, "is for white noise only; correlation_time is not 0")
     two_point = choice("sampling.increments", sampling.increments, ("gaussian", "two-point")) == "two-point"
     if two_point and SCHEMES[scheme].normals > 1:
         why = f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}"
@@ -127,6 +127,13 @@ def plan_of(
         ):
             if value:
                 raise InputError(name, value, "is not computed on a GPU; leave it out, or use device='cpu'")
+        for field, given, usual in (
+            ("drive", scene.drive, SINE_ALONE),
+            ("correlation_time", scene.correlation_time, 0.0),
+        ):
+            if given != usual:
+                why = "is not simulated on a GPU, which knows one order and white noise; use device='cpu'"
+                raise InputError(field, given, why)
         check_gpu()
     levels = LEVELS if record.step_bias else 1
     coarsest = 2 ** (levels - 1)
@@ -201,7 +208,7 @@ def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float
     return given
 
 
-def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> NDArray[np.int64]:
+def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> Ints:
     try:
         listed = list(times)
     except TypeError:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
+from rattle.scene.types import Floats
 
 __all__ = ["Record"]
 
@@ -44,7 +43,7 @@ class Record:
     ((64, 3, 7), True)
     """
 
-    times: Sequence[float] | NDArray[np.float64] = ()
+    times: Sequence[float] | Floats = ()
     step_bias: bool | None = None
     itineraries: Mapping[str, Sequence[int]] = field(default_factory=dict)
     histogram: bool = False

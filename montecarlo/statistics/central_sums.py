@@ -5,14 +5,11 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rattle.montecarlo.statistics.fixed_order import centre, columns_of, power_sums, product_sum
-from rattle.scene.compiled import lean
-from rattle.scene.instructions import widest_vectors
+from rattle.scene.compiled import lean, widest_vectors
+from rattle.scene.types import Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Orders = tuple[tuple[int, int], ...]
 
 SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
@@ -32,65 +29,41 @@ BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=fl
 
 @lean
 def _block_sums(
-    a: Floats,
-    b: Floats,
-    left: Ints,
-    right: Ints,
-    exponents: Ints,
-    most: Ints,
-    powers: Floats,
-    room: Floats,
-    n: Floats,
-    mean: Floats,
-    sums: Floats,
+    a: Floats, b: Floats, cells: Ints, orders: Ints, powers: Floats, room: Floats, n: Floats, mean: Floats, sums: Floats
 ) -> None:
     """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the paths where both are finite.
 
-    Cell i pairs row ``left[i]`` of `a` with row ``right[i]`` of `b`, both of shape (variables, paths).  The scratch
-    `powers` has shape (2, largest exponent + 1, paths) and is filled with ones; `most` are the largest exponents of
-    both sides.
+    Cell i pairs row ``cells[0, i]`` of `a` with row ``cells[1, i]`` of `b`, both of shape (variables, paths).  The
+    scratch `powers` has shape (2, largest exponent + 1, paths) and is filled with ones.
     """
     widest_vectors()
-    for i in range(left.size):
-        n[i], mean[0, i], mean[1, i] = centre(a[left[i]], b[right[i]], powers[0, 1], powers[1, 1], room[0])
+    for i in range(n.size):
+        n[i], mean[0, i], mean[1, i] = centre(a[cells[0, i]], b[cells[1, i]], powers[0, 1], powers[1, 1], room[0])
         for side in range(2):
-            for k in range(1, most[side]):
+            for k in range(1, powers.shape[1] - 1):
                 lower, once, higher = powers[side, k], powers[side, 1], powers[side, k + 1]
                 for p in range(lower.size):
                     higher[p] = lower[p] * once[p]
-        for o in range(len(exponents)):
-            sums[o, i] = product_sum(powers[0, exponents[o, 0]], powers[1, exponents[o, 1]], room[0])
+        for o in range(len(orders)):
+            sums[o, i] = product_sum(powers[0, orders[o, 0]], powers[1, orders[o, 1]], room[0])
 
 
 @lean
 def _observe_groups(
-    columns: Floats,
-    own: Ints,
-    pairs: Ints,
-    deviations: Floats,
-    room: Floats,
-    n: Floats,
-    mean: Floats,
-    single: Floats,
-    pair_n: Floats,
-    pair_mean: Floats,
-    products: Floats,
+    columns: Floats, pairs: Ints, apart: Floats, room: Floats, n: Floats, mean: Floats, sums: Floats, products: Floats
 ) -> None:
-    """The sums of `CentralSums.of_groups`, group by group: arrays of shape (groups, ...), (groups, 2, ...) for means.
+    """The sums of `CentralSums.of_groups`, group by group: arrays of shape (groups, ...).
 
-    Deviations of a group's variables, shape (variables + 1, paths), serve its single sums and its pairs.
+    Deviations `apart` of a group's variables, shape (variables + 1, paths), serve its single sums and its pairs.
     """
-    spare = len(own)
-    for g in range(len(n)):
-        base = g * (columns.shape[0] // len(n))
-        for i in range(len(own)):
-            u = columns[base + own[i]]
-            n[g, i], mean[g, 0, i], mean[g, 1, i] = centre(u, u, deviations[i], deviations[spare], room[0])
-            power_sums(deviations[i], room, single[g, i])
+    groups, variables = n.shape
+    for g in range(groups):
+        for i in range(variables):
+            u = columns[g * (columns.shape[0] // groups) + i]
+            n[g, i], mean[g, i], _ = centre(u, u, apart[i], apart[variables], room[0])
+            power_sums(apart[i], room, sums[g, i])
         for j in range(len(pairs)):
-            first, second = pairs[j]
-            pair_n[g, j], pair_mean[g, 0, j], pair_mean[g, 1, j] = n[g, first], mean[g, 0, first], mean[g, 0, second]
-            products[g, j] = product_sum(deviations[first], deviations[second], room[0])
+            products[g, j] = product_sum(apart[pairs[j, 0]], apart[pairs[j, 1]], room[0])
 
 
 @lean
@@ -146,51 +119,36 @@ class CentralSums:
 
         Shapes: `a`, `b` (paths, ...).
         """
-        cells = np.arange(a[0].size)
-        return cls.of_columns(columns_of(a), columns_of(b), cells, cells, orders, a.shape[1:])
+        cells = np.tile(np.arange(a[0].size), (2, 1))
+        return cls.of_columns(columns_of(a), columns_of(b), cells, orders, a.shape[1:])
 
     @classmethod
-    def of_columns(
-        cls, a: Floats, b: Floats, left: Ints, right: Ints, orders: Orders, shape: tuple[int, ...]
-    ) -> "CentralSums":
+    def of_columns(cls, a: Floats, b: Floats, cells: Ints, orders: Orders, shape: tuple[int, ...]) -> "CentralSums":
         """Sums of one block of paths, each cell over one variable of `a` and one of `b`.
 
-        Shapes: `a`, `b` (variables, paths); `left`, `right` (cells,).
+        Shapes: `a`, `b` (variables, paths); `cells` (2, cells).
         """
-        n, mean, sums = np.empty(left.size), np.empty((2, left.size)), np.empty((len(orders), left.size))
-        exponents = np.array(orders)
+        size, exponents = cells.shape[1], np.array(orders)
+        n, mean, sums = np.empty(size), np.empty((2, size)), np.empty((len(orders), size))
         powers = np.ones((2, int(exponents.max()) + 1, a.shape[1]))
-        _block_sums(a, b, left, right, exponents, exponents.max(axis=0), powers, _room(a), n, mean, sums)
+        _block_sums(a, b, cells, exponents, powers, _room(a), n, mean, sums)
         return cls(orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape))
 
     @classmethod
     def of_groups(
-        cls, columns: Floats, groups: int, own: Sequence[int], pairs: Sequence[tuple[int, int]]
+        cls, columns: Floats, groups: int, variables: int, pairs: Sequence[tuple[int, int]]
     ) -> "tuple[CentralSums, CentralSums]":
-        """Sums of single variables, and of pairs of them, that are observed together: in a path all of a group or none.
+        """Sums of the first variables of each group, and of pairs of them, observed together: in a path all or none.
 
-        Shapes: `columns` (groups * variables, paths).
+        Shapes: `columns` (groups * variables or more, paths).
         """
-        ones, twos = (groups, len(own)), (groups, len(pairs))
-        n, mean, single = np.empty(ones), np.empty((groups, 2, len(own))), np.empty((*ones, len(SINGLE)))
-        pair_n, pair_mean, products = np.empty(twos), np.empty((groups, 2, len(pairs))), np.empty(twos)
-        deviations = np.empty((len(own) + 1, columns.shape[1]))
-        _observe_groups(
-            columns,
-            np.array(own),
-            np.array(pairs),
-            deviations,
-            _room(columns),
-            n,
-            mean,
-            single,
-            pair_n,
-            pair_mean,
-            products,
-        )
+        n, mean, both = np.empty((groups, variables)), np.empty((groups, variables)), np.array(pairs)
+        sums, products = np.empty((groups, variables, len(SINGLE))), np.empty((groups, len(pairs)))
+        deviations = np.empty((variables + 1, columns.shape[1]))
+        _observe_groups(columns, both, deviations, _room(columns), n, mean, sums, products)
         return (
-            cls(SINGLE, n, mean.swapaxes(0, 1).copy(), np.moveaxis(single, -1, 0).copy()),
-            cls(COVARIANCE, pair_n, pair_mean.swapaxes(0, 1).copy(), products[None]),
+            cls(SINGLE, n, np.stack([mean, mean]), np.moveaxis(sums, -1, 0).copy()),
+            cls(COVARIANCE, n[:, both[:, 0]], np.stack([mean[:, i] for i in both.T]), products[None]),
         )
 
     def merge(self, other: "CentralSums") -> "CentralSums":

@@ -1,12 +1,9 @@
 """Sums over the paths of a block, in an order that the source fixes whatever the width of the processor's vectors."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rattle.scene.compiled import lean
-from rattle.scene.instructions import widest_vectors
-
-Floats = NDArray[np.float64]
+from rattle.scene.compiled import lean, widest_vectors
+from rattle.scene.types import Floats
 
 STRAND = 64  # numbers of paths are filled up to a multiple of it: eight strands of whole vectors
 
@@ -17,20 +14,10 @@ def _transpose(rows: Floats, columns: Floats) -> None:
     paths, variables = rows.shape
     whole = paths // 8 * 8
     for p in range(0, whole, 8):
-        a, b, c, d, e, f, g, h = (
-            rows[p],
-            rows[p + 1],
-            rows[p + 2],
-            rows[p + 3],
-            rows[p + 4],
-            rows[p + 5],
-            rows[p + 6],
-            rows[p + 7],
-        )
         for i in range(variables):
             out = columns[i][p : p + 8]
-            out[0], out[1], out[2], out[3] = a[i], b[i], c[i], d[i]
-            out[4], out[5], out[6], out[7] = e[i], f[i], g[i], h[i]
+            for k in range(8):
+                out[k] = rows[p + k, i]
     for p in range(whole, paths):
         for i in range(variables):
             columns[i, p] = rows[p, i]

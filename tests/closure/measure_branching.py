@@ -80,11 +80,7 @@ def compared(scene: Scene, truth: pd.DataFrame) -> dict[str, float]:
     every = widest(2 * len(truth)) * se  # the accuracy of the reference: what no row is off by more than
     paths = (every / max(own, se)) ** 2 * PATHS
     found |= {"work": m.trace.work, "seconds": seconds}
-    found |= {
-        "path_seconds": each,
-        "ratio": (each * paths) / seconds,
-        "resolved": own > LEEWAY * se,
-    }
+    found |= {"path_seconds": each, "ratio": (each * paths) / seconds, "resolved": own > LEEWAY * se}
     return found | {"advice": "simulate" if m.advice.endswith("simulate") else "branching"}
 
 

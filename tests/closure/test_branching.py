@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rattle.closure import mean_map
-from rattle.closure.branching.trace import LEVELS
+from rattle.closure.branching import LEVELS
 from rattle.compare import validate
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rattle.closure import follow, mean_map
+from rattle.closure.branching import LEVELS
 from rattle.closure.branching.fixed_times import FixedTimes
-from rattle.closure.branching.trace import LEVELS
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, InputError, Scene, Tolerance
 from rattle.scene.moments import STATE

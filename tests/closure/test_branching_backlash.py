@@ -6,10 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rattle.closure import flanks, mean_map
-from rattle.closure.branching.propagate import _derivatives
-from rattle.closure.branching.split import event
-from rattle.closure.flanks import column, pieces, start_covariance, start_pieces
+from rattle.closure import mean_map, section_map
+from rattle.closure.branching.propagate import _derivatives, event
+from rattle.closure.section_map import column, pieces, start_covariance, start_pieces
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
@@ -89,8 +88,8 @@ def test_negative_controls_are_detected(case, monkeypatch):
     assert outside(replace(scene, tolerance=replace(scene.tolerance, draw=other)), impacts, run)
     assert outside(replace(scene, tolerance=None), impacts, run)
     if scene.tolerance.draw == "path":  # else the side has no effect
-        right = flanks._place(scene)
-        monkeypatch.setattr(flanks, "_place", lambda scene: np.vstack([-right[:5], right[5:]]))
+        right = section_map._place(scene)
+        monkeypatch.setattr(section_map, "_place", lambda scene: np.vstack([-right[:5], right[5:]]))
         assert outside(scene, impacts, run)
 
 
@@ -98,7 +97,7 @@ def test_one_gaussian_in_place_of_the_distribution_is_detected(monkeypatch):
     """Its tails reach walls that no gear has."""
     scene, impacts = SCENES["no noise, path, uniform"]
     run = flown(scene, impacts)
-    monkeypatch.setattr(flanks, "PIECES", 1)
+    monkeypatch.setattr(section_map, "PIECES", 1)
     assert outside(scene, impacts, run)
 
 

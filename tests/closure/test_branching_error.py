@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from rattle.closure import mean_map
-from rattle.closure.branching.error import advice, bounds, paths_as_accurate, within
-from rattle.closure.branching.trace import LEVELS, _trace
+from rattle.closure.branching import LEVELS, _trace
+from rattle.closure.moments import advice, bounds, paths_as_accurate, within
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError

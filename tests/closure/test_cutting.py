@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rattle.closure.branching.refine import _cut, buffers
-from rattle.closure.branching.split import cut_plane, event, half
+from rattle.closure.branching.advance import _cut, buffers
+from rattle.closure.branching.propagate import cut_plane, event, half
 from rattle.scene import DAT21, Scene
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from reference_moments import stage_moments_after_flight
 
-from rattle.closure.raw_moments import after_flight, unmodulated_covariance
+from rattle.closure.published import after_flight, unmodulated_covariance
 from rattle.scene import DAT21, Scene
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import gaussian_raw_moments

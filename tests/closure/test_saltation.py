@@ -7,7 +7,7 @@ from common_scenes import SCENES
 from rattle.closure import follow, mean_map
 from rattle.closure.section_map import derivatives
 from rattle.compare import validate
-from rattle.compare.validation.section_errors import ABSOLUTE, section_errors
+from rattle.compare.validation.errors import ABSOLUTE, section_errors
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance

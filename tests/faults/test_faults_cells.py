@@ -11,12 +11,11 @@ from small_disks import DEAD, scratch_name
 
 from rattle.compare.cli.main import main
 from rattle.compare.report.folder import whole_folder, write_whole
-from rattle.compare.report.save import MANIFEST
 from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.figures import FIGURES
+from rattle.compare.study.folder import CELLS
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import CELLS
-from rattle.compare.thresholds import baseline
+from rattle.compare.thresholds.fixture import write_baseline
 from rattle.scene import DAT21, InputError, OutputError, Scene
 
 TEXT = """
@@ -92,23 +91,6 @@ def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell,
     assert store.read(cell).section.equals(before.section)
 
 
-def test_a_command_says_it_in_one_line(file, monkeypatch):
-    """A study whose cells cannot be read: they stay, and the command ends with one line."""
-    assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
-    cells = file.with_suffix("") / CELLS
-    before = {path: path.read_bytes() for path in cells.glob("*.parquet")}
-    (file.with_suffix("") / MANIFEST).unlink()
-    with monkeypatch.context() as patch:
-        refuse_to_read(patch, system(errno.EACCES))
-        found = CliRunner().invoke(main, ["study", str(file)])
-    assert found.exit_code == 2
-    (line,) = found.output.splitlines()
-    assert line.startswith("rattle: out = ")
-    assert "Permission denied" in line
-    assert before == {path: path.read_bytes() for path in cells.glob("*.parquet")}
-    assert not (cells / "set-aside").exists()
-
-
 def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):
     """If all cells failed, no page is written."""
 
@@ -156,7 +138,7 @@ def test_so_may_reports_tables_baselines_and_ensembles_of_tests(tmp_path, cell, 
         with whole_folder(place / "report", frozenset({"one.txt"}), overwrite=True) as inside:
             (inside / "one.txt").write_text("one")
         write_whole(place / "table.csv", "1,2\n")
-    baseline.write(place / "baselines" / "test_a" / "test_b.toml", {"values": {}}, "corrected")
+    write_baseline(place / "baselines" / "test_a" / "test_b.toml", {"values": {}}, "corrected")
     store = Store(place / "ensembles")
     store.obtain(cell)
     store.path(cell).write_bytes(b"damaged")
@@ -179,10 +161,3 @@ def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
     found = CliRunner().invoke(main, ["study", str(file)])
     assert "All 2 results are stored" in found.output
     assert not list(out.rglob(".*"))
-
-
-def test_a_text_that_a_process_is_writing_is_left_to_it(tmp_path):
-    for process in (DEAD, os.getpid()):
-        (tmp_path / scratch_name("rattle", process)).touch()
-    write_whole(tmp_path / "one.csv", "1")
-    assert sorted(p.name for p in tmp_path.iterdir()) == [scratch_name("rattle", os.getpid()), "one.csv"]

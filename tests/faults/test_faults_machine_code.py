@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from small_disks import disk
 
-from rattle.scene.machine_code import PACKAGES, TAKEN, source_digest, strip
+from rattle.scene.compiled import PACKAGES, TAKEN, source_digest, strip
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = (

@@ -11,9 +11,11 @@ from small_disks import disk, make_read_only
 from rattle.compare.cli.main import main
 from rattle.compare.report.save import MANIFEST
 from rattle.compare.study.design import Study
+from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.figures import FIGURES
-from rattle.compare.study.tables import CELLS, is_current, load_study
-from rattle.scene import FileError
+from rattle.compare.study.folder import CELLS, is_current, load_study
+from rattle.compare.study.store import Store
+from rattle.scene import FileError, OutputError
 
 TEXT = """
 [study]
@@ -70,6 +72,19 @@ def finished(file, once):
 
 
 # --- full and read-only
+
+
+def test_a_disk_that_fills_while_cells_are_written(tmp_path):
+    study = Study.from_toml(TEXT.format(title="noise").replace("[0.01, 0.02]", "[0.01, 0.02, 0.03, 0.04, 0.05]"))
+    with disk(tmp_path / "disk", "250k") as place:
+        store = Store(place / CELLS)
+        with pytest.raises(OutputError, match="the disk is full"):
+            run(study.cells, store, Runner(1))
+        kept = len(study.cells) - len(store.missing(study.cells))
+        assert 0 < kept < 10
+        assert not list(store.folder.glob(".*.part"))
+        subprocess.run(["mount", "-o", "remount,size=20m", place], check=True)
+        assert run(study.cells, store, Runner(1)).computed == 10 - kept
 
 
 def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):

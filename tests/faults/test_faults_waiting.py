@@ -10,8 +10,7 @@ from contextlib import contextmanager
 import pytest
 
 from rattle.compare.study.design import Study
-from rattle.compare.study.engine import run
-from rattle.compare.study.runner import Runner
+from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.store import Store
 
 TEXT = """
@@ -78,7 +77,7 @@ def test_whoever_waits_for_a_cell_says_for_whom(study, store):
         heard.set()
 
     with locked_elsewhere(store, [cell]) as number:
-        waiting, found = in_the_background(lambda: store.obtain(cell, say=say))
+        waiting, found = in_the_background(lambda: store.obtain(cell, type(cell).compute, say))
         assert heard.wait(LONG)
         assert not found
     waiting.join(LONG)
@@ -100,9 +99,9 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monke
         said.append(text)
         heard.set()
 
-    monkeypatch.setattr("rattle.compare.study.progress.tqdm.write", write)
+    monkeypatch.setattr("rattle.compare.study.engine.tqdm.write", write)
     with locked_elsewhere(store, study.cells) as number:
-        waiting, found = in_the_background(lambda: run(study, store, Runner(1), show=True))
+        waiting, found = in_the_background(lambda: run(study.cells, store, Runner(1), show=True))
         assert heard.wait(LONG)
         assert not found
     waiting.join(LONG)
@@ -114,7 +113,7 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monke
 
 def test_under_pytest_it_is_said_while_the_test_runs(pytester):
     pytester.makepyfile("""
-        from rattle.compare.thresholds.sessions import _past_capture
+        from rattle.compare.thresholds.decision import _past_capture
 
         def test_it(request):
             _past_capture(request.config)("waiting for process 1")

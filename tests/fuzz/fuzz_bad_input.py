@@ -18,11 +18,12 @@ from settings import recorded
 from rattle.closure import mean_map
 from rattle.compare import validate
 from rattle.compare.cli.main import main
-from rattle.compare.report import manifest, read_page
+from rattle.compare.report import manifest
+from rattle.compare.report.json_text import read_page
 from rattle.compare.study.design import Study
+from rattle.compare.study.folder import is_current, load_study
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import is_current, load_study
-from rattle.compare.thresholds import baseline
+from rattle.compare.thresholds.fixture import read_baseline
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError, RattleError
@@ -104,7 +105,7 @@ def text(kind: str, content: str) -> Ended:
             _ = study.cells if len(study.points) < 50 else ()
         else:
             path.write_text(content, encoding="utf-8")
-            {"manifest": manifest.read_settings, "page": read_page, "baseline": baseline.read}[kind](path)
+            {"manifest": manifest.read_settings, "page": read_page, "baseline": read_baseline}[kind](path)
     except RattleError as error:
         return refused(error, "")
     return "complete", ""

@@ -11,8 +11,8 @@ import tomli_w
 from fuzz_bad_input import ran, refused
 from fuzz_must import Ended, has_verdicts, must
 
-from rattle.compare.report import read_page
-from rattle.compare.study.tables import load_study
+from rattle.compare.report.json_text import read_page
+from rattle.compare.study.folder import load_study
 from rattle.montecarlo import simulate
 from rattle.scene import Scene
 from rattle.scene.errors import FileError

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.compare.validation.section_errors import TOO_FEW
+from rattle.compare.validation.errors import TOO_FEW
 from rattle.compare.validation.verdict import VERDICTS
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene

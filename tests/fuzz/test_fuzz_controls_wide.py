@@ -19,7 +19,7 @@ from fuzz_wide_plan import WIDE, job
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.montecarlo.statistics.histogram import Histograms
+from rattle.montecarlo.statistics.records import Histograms
 from rattle.scene import DAT21, Scene
 
 SCENE = Scene.from_dict(SIMPLE)

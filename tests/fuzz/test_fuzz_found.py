@@ -14,11 +14,11 @@ from rattle.closure.long_orbit import LongOrbit
 from rattle.compare import validate
 from rattle.compare.cli.main import main
 from rattle.compare.report import manifest
-from rattle.compare.study.axes import read_axes
+from rattle.compare.study.design import read_axes
+from rattle.compare.study.folder import load_study
 from rattle.compare.study.store import Content, Store
-from rattle.compare.study.tables import load_study
 from rattle.compare.validation.answer import answer
-from rattle.compare.validation.correlation import first_failure
+from rattle.compare.validation.errors import first_failure
 from rattle.montecarlo import Record, simulate, simulate_to
 from rattle.montecarlo.settings.plan import _noise_free_step
 from rattle.montecarlo.settings.sampling import Sampling
@@ -282,13 +282,7 @@ def test_the_control_has_its_last_impact_whatever_rounding_says():
 def test_paths_that_had_their_impacts_are_finished_though_the_linear_path_has_not():
     s = Scene(alpha=1e-30, epsilon=1.0, beta1=0.0, gamma1=0.007, gap1=1e6, sigma=1e6, stages=1)
     run = simulate(
-        s,
-        paths=8,
-        impacts=2,
-        scheme="exact-flight",
-        dt=0.01,
-        sampling=Sampling(horizon=20.0, control=True),
-        rng=1,
+        s, paths=8, impacts=2, scheme="exact-flight", dt=0.01, sampling=Sampling(horizon=20.0, control=True), rng=1
     )
     assert run.unfinished + run.section["paths"].loc[2] == 8
 

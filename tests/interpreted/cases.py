@@ -14,17 +14,20 @@ from unittest import mock
 import numpy as np
 
 from rattle.closure import mean_map
-from rattle.closure.branching.refine import Level
+from rattle.closure.branching.advance import Level
 from rattle.closure.long_orbit import LongOrbit, velocities
 from rattle.closure.orbit import follow
-from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
+from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skilled_loop, _steps
+from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact, growths
-from rattle.montecarlo.long_run.pilot import no_scales, scales_of_pilot
-from rattle.montecarlo.long_run.sums import new_sums
+from rattle.montecarlo.long_run.sums import new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.rare.block import run_mixture
+from rattle.montecarlo.rare.mixture import mixture_of
+from rattle.montecarlo.settings.plan import plan_of
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.montecarlo.statistics.fixed_order import columns_of
@@ -92,9 +95,7 @@ def predicted(scene, closure, impacts, order=4):
 
 def in_few_components(scene):
     """The branching closure, its mixture kept small."""
-    with mock.patch.multiple(
-        "rattle.closure.branching.trace", LEVELS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))
-    ):
+    with mock.patch.multiple("rattle.closure.branching", LEVELS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))):
         yield from predicted(scene, "branching", 3)
 
 
@@ -112,16 +113,13 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
 
 
 def rare_branches():
-    """Design points at the first impact, and a few paths drawn near one."""
-    rare = "rattle.montecarlo.rare"
-    with (
-        mock.patch.multiple(f"{rare}.design_points", SEARCHED=1, PILOT_PATHS=8, FINE_ROUNDS=2),
-        mock.patch(f"{rare}.mixture.BLOCK", 40),
-        mock.patch(f"{rare}.simulate_rare.BLOCK", 40),
-    ):
-        run = simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=40, impacts=2, rng=5)
-    yield [b.beta for b in run.sampled]
-    yield from (run.mean, run.se_mean, run.sd, run.se_sd, run.sampled[0].shift)
+    """The design point of a branch at the first impact, and a few paths drawn near it."""
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    shift = BranchSearch(scene, 1, 24, math.pi / 96).until(1.0).branches[0].shift
+    plan = plan_of(scene, paths=40, impacts=2, dt=math.pi / 96, scheme="exact-flight", rng=5)
+    with mock.patch("rattle.montecarlo.rare.block.BLOCK", 40):
+        result, _ = run_mixture(plan, mixture_of([shift], [0.3], np.zeros((2, 6)), 40), 0)
+    yield from (shift, result.sums["weighted"].sums, result.sums["weighted"].products, result.codes)
 
 
 def on_shared_noise(scene):
@@ -138,9 +136,9 @@ def on_shared_noise(scene):
 def long_run_sums(scene):
     """All sums of two paths of a long run over a period, with the scales of the period before."""
     walk, seen = Walk(scene, np.random.SeedSequence(3), 0, 2), []
-    walk.follow(new_sums(2, 1, no_scales(0.1), False), False, seen)
+    walk.follow(new_sums(2, 1, no_scales(0.1), False), seen=seen)
     kept = new_sums(2, 1, scales_of_pilot(np.concatenate(seen), 0.1))
-    walk.follow(kept, True)
+    walk.follow(kept)
     yield from (kept.main, kept.power, kept.products, kept.histogram, kept.section)
 
 
@@ -149,7 +147,7 @@ def sums():
     values = np.random.default_rng(3).normal(size=(2, 50))
     values[0, 7] = values[1, 9] = np.nan
     columns = columns_of(values.T)
-    both = CentralSums.of_columns(columns, columns, np.array([0, 0]), np.array([0, 1]), ((0, 2), (1, 1)), (2,))
+    both = CentralSums.of_columns(columns, columns, np.array([[0, 0], [0, 1]]), ((0, 2), (1, 1)), (2,))
     yield from (both.n, both.mean, both.sums, both.merge(both).sums)
     z, paths = np.zeros((4, 8)), np.arange(8, dtype=np.uint64)
     _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)

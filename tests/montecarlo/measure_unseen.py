@@ -14,8 +14,8 @@ from unittest import mock
 import numpy as np
 import pandas as pd
 
-from rattle.compare.validation import section_errors as errors
-from rattle.compare.validation.section_errors import section_errors
+from rattle.compare.validation import errors
+from rattle.compare.validation.errors import section_errors
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import units

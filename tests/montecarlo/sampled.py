@@ -9,11 +9,12 @@ import sys
 
 import numpy as np
 
-from rattle.closure.flanks import pieces
+from rattle.closure.section_map import pieces
 from rattle.montecarlo.kernel.block import Plan, run
-from rattle.montecarlo.schemes.short_flight import short_flight, sine_cosine
+from rattle.montecarlo.schemes.short_flight import short_flight
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.scene import DAT21, Scene, Tolerance
+from rattle.scene.drive import sine_cosine
 from rattle.scene.flight import NODES, WEIGHTS
 
 FIXED = np.array([40, 111])  # finest steps; the second within a group of four

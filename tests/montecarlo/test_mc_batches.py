@@ -8,7 +8,7 @@ from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.montecarlo.statistics.batches import BATCHES
+from rattle.montecarlo.statistics.records import BATCHES
 from rattle.scene.impact import energy_loss, struck
 
 
@@ -22,13 +22,7 @@ def test_batches_are_the_paths_of_their_blocks():
 
 
 def test_batches_of_an_extended_run_are_those_of_the_whole():
-    settings = {
-        "impacts": 2,
-        "rng": 4,
-        "scheme": "exact-flight",
-        "sampling": Sampling(control=True),
-        "record": Record(batches=True),
-    }
+    settings = {"impacts": 2, "rng": 4, "sampling": Sampling(control=True), "record": Record(batches=True)}
     whole = simulate(dat21(0.05), paths=6 * BLOCK, **settings).batches
     part = simulate(dat21(0.05), paths=4 * BLOCK, **settings)
     more = extend(part, 6 * BLOCK, in_threads(2)).batches
@@ -66,7 +60,7 @@ def test_energy_loss_is_the_change_of_kinetic_energy():
 def test_paired_differences_have_the_errors_that_they_state():
     """Twenty pairs of short runs on common noise: the spread of their differences is the paired standard error."""
     from rattle.compare.study.cells import Sample
-    from rattle.compare.study.paired import compare_paired
+    from rattle.compare.study.impacts import compare_paired
 
     found = []
     for seed in range(20):

@@ -99,7 +99,7 @@ def test_what_takes_more_than_an_hour_is_refused_unless_a_budget_is_given(monkey
     assert "of processor time" in said
     assert "give the seconds that it may take as budget" in said
     assert max(watched.paths) <= BLOCK
-    assert sum(watched.paths) < 15 * BLOCK  # pilots alone
+    assert sum(watched.paths) < 48 * BLOCK  # pilots alone, those near rare branches too
     gives = float(said.partition("ask for ")[2].split(",")[0])
     assert ask(in_threads(1), 100.0 * gives).reach.reached
 

@@ -31,7 +31,7 @@ def test_a_rare_branch_is_counted_before_it_is_seen(pilot):
 
 
 def test_negative_control_without_the_branch_it_expects_next_to_nothing(pilot, monkeypatch):
-    monkeypatch.setattr(module, "branches_between", lambda *_: Added(*np.zeros((2, 6, 6)), np.zeros(0)))
+    monkeypatch.setattr(module, "branches_between", lambda *_: Added(*np.zeros((3, 6, 6)), np.zeros(0)))
     found = expect_paths(pilot, 0.3, share_of_look(1))
     run = simulate(BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1)
     assert error_bound(run, share_of_look(1)).error > 1.5 * 0.3
@@ -44,9 +44,17 @@ def test_where_no_branch_is_near_paths_fall_with_the_square_of_the_accuracy():
     assert fine.paths / coarse.paths == pytest.approx(100.0, rel=1e-6)
 
 
-def test_what_a_branch_makes_dear_is_refused_before_the_work_and_says_so():
-    with pytest.raises(InputError, match=r"most paths are for a rare branch \(about 27 in a million paths\): ask for"):
-        simulate_to(BRANCHING, 1e-3, impacts=6)
+def test_what_is_too_dear_is_refused_before_the_work():
+    with pytest.raises(InputError, match=r"without a budget the limit is one hour.*: ask for"):
+        simulate_to(BRANCHING, 1e-5, impacts=6)
+
+
+def test_what_a_branch_made_dear_samples_it_on_purpose():
+    """Plain paths would have taken hours for the 27 in a million that take it."""
+    run = simulate_to(BRANCHING, 0.02, impacts=6)
+    assert run.reach.reached
+    assert run.reach.expected.branches > 0
+    assert run.paths < 500_000
 
 
 def test_a_run_to_an_accuracy_does_not_chase_it():

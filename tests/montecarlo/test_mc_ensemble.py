@@ -12,8 +12,7 @@ from rattle.montecarlo.kernel import block as kernel_block
 from rattle.montecarlo.kernel.lanes import lanes_of
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.montecarlo.statistics.section_statistics import FEWEST
-from rattle.montecarlo.statistics.step_bias import estimate_remainder
+from rattle.montecarlo.statistics.section_statistics import FEWEST, estimate_remainder
 from rattle.scene import InputError, Tolerance
 
 SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")
@@ -42,9 +41,6 @@ def test_section_has_the_columns_of_the_contract(run):
         for moment in ("", "sd_", "skew_", "kurt_"):
             assert {moment + quantity, "se_" + moment + quantity} <= set(run.section.columns)
     assert {"rho1", "rho2", "paths", "agreement"} <= set(run.section.columns)
-
-
-def test_section_is_indexed_by_impact_from_one(run):
     assert run.section.index.name == "impact"
     assert run.section.index.tolist() == [1, 2, 3, 4, 5]
 
@@ -94,24 +90,17 @@ def test_noise_free_itinerary_cannot_be_replaced():
 # --- moments at fixed times
 
 
-def test_fixed_times_give_the_rows_asked_for(run):
+def test_fixed_times_have_the_rows_asked_for_and_the_columns_of_the_contract(run):
     assert run.at_times().index.tolist() == pytest.approx([0.3, 1.0, 2.0])
     assert run.at_times([2.0, 0.3]).index.tolist() == pytest.approx([2.0, 0.3])
     assert run.at_times().index.name == "time"
-
-
-def test_fixed_times_have_the_columns_of_the_contract(run):
     names = {*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:])}
     assert names | {f"se_{n}" for n in names} | {"rho1", "rho2", "se_rho1", "se_z_rho2"} <= set(run.at_times().columns)
 
 
-def test_correlation_at_a_fixed_time_is_covariance_over_sds(run):
+def test_correlations_and_errors_at_fixed_times_are_those_of_the_covariance(run):
     t = run.at_times()
     assert np.allclose(t.rho1, t.cov_x1_y1 / np.sqrt(t.cov_x1_x1 * t.cov_y1_y1), rtol=1e-12)
-
-
-def test_errors_of_means_at_fixed_times_are_sds_over_root_n(run):
-    t = run.at_times()
     for name in STATE:
         assert np.allclose(t[f"se_{name}"], np.sqrt(t[f"cov_{name}_{name}"] / 3000), rtol=1e-12)
 
@@ -121,10 +110,6 @@ def test_fixed_time_that_was_not_recorded_is_refused(run):
         run.at_times([1.5])
 
 
-def test_table_of_a_run_without_fixed_times_is_empty():
-    assert simulate(dat21(0.1), paths=2, impacts=1).at_times().empty
-
-
 def test_fixed_time_given_to_a_run_with_step_bias_is_found_again():
     dt = 0.01
     run = simulate(dat21(0.1), paths=2, impacts=1, dt=dt, record=Record(times=[0.058], step_bias=True))
@@ -132,13 +117,11 @@ def test_fixed_time_given_to_a_run_with_step_bias_is_found_again():
 
 
 def test_fixed_time_at_the_horizon_is_recorded():
-    run = simulate(
-        dat21(0.1), paths=10, impacts=1, dt=0.01, sampling=Sampling(horizon=0.64), record=Record(times=[0.64])
-    )
-    later = simulate(
-        dat21(0.1), paths=10, impacts=1, dt=0.01, sampling=Sampling(horizon=0.70), record=Record(times=[0.64])
-    )
-    assert run.at_times().x1.iloc[0] == later.at_times().x1.iloc[0]
+    found = [
+        simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, sampling=Sampling(horizon=t), record=Record(times=[0.64]))
+        for t in (0.64, 0.70)
+    ]
+    assert found[0].at_times().x1.iloc[0] == found[1].at_times().x1.iloc[0]
 
 
 def test_paths_that_run_on_to_a_late_fixed_time_are_finished():
@@ -201,13 +184,10 @@ def test_corrected_value_of_a_coarse_run_is_that_of_a_fine_run(biased, moment):
     assert (np.abs(raw - fine.corrected.to_numpy()) > limit(len(raw)) * se + left).any()
 
 
-def test_corrected_means_are_nearer_to_the_fine_run(biased):
+def test_corrected_means_are_nearer_to_the_fine_run_by_their_bias(biased):
     (coarse, raw), (fine, _) = (columns_of(r, "mean") for r in biased)
     truth = fine.corrected.to_numpy()
     assert np.abs(coarse.corrected.to_numpy() - truth).max() < 0.3 * np.abs(raw - truth).max()
-
-
-def test_corrected_is_the_value_less_its_bias(biased):
     table, raw = columns_of(biased[0], "sd")
     assert np.allclose(table.corrected, raw - table.bias, rtol=1e-9)
 
@@ -284,14 +264,11 @@ def test_histogram_counts_the_kept_paths(run, quantity):
         assert off.sum() <= 4.0  # values on an edge, which rounding may put on either side
 
 
-def test_histograms_and_paths_are_kept_only_if_asked_for():
-    run = simulate(dat21(0.1), paths=2, impacts=1)
-    assert run.histograms is None
-    assert run.raw is None
-
-
-def test_kept_paths_have_the_shape_that_is_documented(run):
+def test_paths_histograms_and_times_are_kept_only_if_asked_for(run):
     assert run.raw.shape == (3000, IMPACTS, 7)
+    bare = simulate(dat21(0.1), paths=2, impacts=1)
+    assert (bare.histograms, bare.raw) == (None, None)
+    assert bare.at_times().empty
 
 
 # --- paths that never get there

@@ -14,12 +14,12 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
-from rattle.montecarlo.schemes.short_flight import sine_cosine
 from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.montecarlo.schemes.whole_step import flight_forcing
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.compiled import jit
+from rattle.scene.drive import sine_cosine
 from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 
 EXACT, LOCATED = "exact-flight", "euler-maruyama-located"

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rattle.montecarlo.long_run import intervals
-from rattle.montecarlo.long_run.intervals import count_effective_paths, spread
+from rattle.montecarlo.statistics import intervals
+from rattle.montecarlo.statistics.intervals import count_effective_paths, spread
 
 SAMPLES, PATHS = 2000, 256
 

@@ -20,9 +20,9 @@ class Watched:
         self.now, follow = 0.0, Walk.follow
         monkeypatch.setattr("rattle.montecarlo.settings.budget.time.process_time", lambda: self.now)
 
-        def followed(walk, sums, detail, seen=None, periods=1, length=1):
+        def followed(walk, sums, periods=1, length=1, seen=None):
             self.now += SECOND * periods * (walk.paths > 1)
-            follow(walk, sums, detail, seen, periods, length)
+            follow(walk, sums, periods, length, seen)
 
         monkeypatch.setattr(Walk, "follow", followed)
 
@@ -49,10 +49,10 @@ def test_the_best_answer_is_within_the_budget(monkeypatch, budget):
 
 
 def test_without_a_budget_no_clock_decides(monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.long_run.parts.IMPACT_SECONDS", 1.0)
+    monkeypatch.setattr("rattle.montecarlo.long_run.paths.IMPACT_SECONDS", 1.0)
     with pytest.raises(InputError, match="without a budget the limit is one hour: ask for"):
         long_run(SCENE, accuracy=1e-3, paths=16, burn_in=32)
-    monkeypatch.setattr("rattle.montecarlo.long_run.parts.IMPACT_SECONDS", 1e-9)
+    monkeypatch.setattr("rattle.montecarlo.long_run.paths.IMPACT_SECONDS", 1e-9)
     Watched(monkeypatch)
     monkeypatch.setattr("tests.montecarlo.test_mc_long_budget.SECOND", 1e6)
     assert long_run(SCENE, accuracy=0.1, paths=16, burn_in=32).reach.reached

@@ -15,10 +15,10 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes import crossing
 from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
-from rattle.montecarlo.schemes.short_flight import sine_cosine
 from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import Scene
 from rattle.scene.compiled import jit
+from rattle.scene.drive import sine_cosine
 
 H, WALL = 1e-3, 0.5
 TAU = -0.5 * math.pi - 0.5 * H  # the modulation is 1 to 1e-6 in this time

@@ -92,21 +92,8 @@ def test_comparison_of_words_sees_one_round_less():
 
 # --- normals
 
-EXTREME = [
-    0,
-    1,
-    0xFF,
-    0x100,
-    0xFFFF,
-    0xFFFFFF,
-    0x1000000,
-    0x7FFFFF00,
-    0x7FFFFFFF,
-    0x80000000,
-    0xFFFFFF00,
-    FULL - 1,
-    FULL,
-]  # fmt: skip
+EXTREME = [0, 1, 0xFF, 0x100, 0xFFFF, 0xFFFFFF, 0x1000000, 0x7FFFFF00, 0x7FFFFFFF]
+EXTREME += [0x80000000, 0xFFFFFF00, FULL - 1, FULL]
 """Words whose bits carry over, end a range, or lie on either side of a border between the parts of a word."""
 
 CLOSE = 5e-10

@@ -1,165 +1,156 @@
-"""Rare branches: design points, weights, and moments against exact flights."""
+"""Rare branches sampled on purpose: weights, moments against plain paths, and what an accuracy does with them."""
 
 import math
+from statistics import NormalDist
 
 import numpy as np
 import pytest
 
-from rattle.montecarlo import simulate, simulate_rare
-from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.rare.mixture import PLAIN, choose_branches, mixture_of
-from rattle.montecarlo.rare.simulate_rare import run_block
-from rattle.montecarlo.rare.weighted_moments import ORDERS, add, moments
-from rattle.montecarlo.settings.plan import plan_of
-from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
+from rattle.montecarlo import simulate, simulate_rare, simulate_to
+from rattle.montecarlo.branches.choose import choose_mixture
+from rattle.montecarlo.branches.search import BranchSearch
+from rattle.montecarlo.kernel.block import BLOCK, run
+from rattle.montecarlo.rare.block import sample_mixture
+from rattle.montecarlo.rare.mixture import mixture_of, tail
+from rattle.montecarlo.rare.weighted_sums import ORDERS, WeightedSums, add
+from rattle.montecarlo.settings.plan import NOISE_FREE, plan_of
+from rattle.montecarlo.statistics.section_statistics import single_statistics
+from rattle.scene import DAT21, Scene, Tolerance
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
-PAIR = Scene(
-    alpha=0.511, epsilon=0.447, beta1=0.101, beta2=0.091, gamma1=0.004, gamma2=0.098, mu=0.625, gap1=0.5, gap2=0.959,
-    sigma=0.4, start=Start(tau=2.66, x1=0.15, y1=-0.37, x2=-0.58, y2=1.82, mesh=0),
-)  # fmt: skip
 IMPACTS, PATHS = 4, 32 * BLOCK
+STEP = math.pi / 96
+CHECKED = [(k, p + q) for k in range(1, IMPACTS + 1) for q in ("tau", "y1", "y2") for p in ("", "sd_")]
 
 
-def limit(checks: int) -> float:
+def limit(checks):
     """Largest |z| that so many checks allow at a level of 1e-4 in all."""
-    from statistics import NormalDist
-
     return -NormalDist().inv_cdf(0.5e-4 / checks)
 
 
+def largest_z(one, other):
+    """Largest difference of two sections in standard errors."""
+    found = []
+    for k, name in CHECKED:
+        se = math.hypot(one[f"se_{name}"][k], other[f"se_{name}"][k])
+        found.append(abs(one[name][k] - other[name][k]) / se)
+    return max(found)
+
+
 @pytest.fixture(scope="module")
-def run():
+def rare():
     return simulate_rare(NOISY, paths=PATHS, impacts=IMPACTS, rng=11)
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return simulate(NOISY, paths=4 * PATHS, impacts=IMPACTS, scheme="exact-flight", rng=12).section
+    return simulate(NOISY, paths=8 * PATHS, impacts=IMPACTS, rng=12)
 
 
-@pytest.fixture(scope="module")
-def weighted(run):
-    """Rows and weights of some blocks."""
-    plan = plan_of(NOISY, paths=PATHS, impacts=IMPACTS, dt=math.pi / 96, scheme="exact-flight", rng=5)
-    mixture = mixture_of(run.sampled)
-    blocks = [run_block(plan, mixture, b) for b in range(16)]
-    return mixture, np.concatenate([r for r, _ in blocks]), np.concatenate([w for _, w in blocks])
+def test_moments_are_those_of_plain_paths(rare, plain):
+    assert rare.plan.mixture is not None
+    assert largest_z(rare.section, plain.section) < limit(len(CHECKED))
 
 
-def scores(section, mean, se, plain):
-    """z of all means and sds but those of walls that are struck."""
-    z = []
-    for name in ("tau", "flight", "x1", "y1", "x2", "y2"):
-        for moment in (name, f"sd_{name}"):
-            struck = np.where(plain["mesh"] == 1, "x1", "x2") == name
-            of = (section[moment] - plain[moment]) / np.hypot(section["se_" + moment], plain["se_" + moment])
-            z.extend(of[~struck])
-    return np.array(z)
+def test_negative_control_without_weights_they_are_not(rare, plain):
+    rows, weights, _, _ = sample_mixture(rare.plan, rare.plan.mixture, 0)
+    weighted = (weights * (rows[:, :, 5] - plain.section["y2"].to_numpy()) ** 2).mean(axis=0)
+    not_weighted = ((rows[:, :, 5] - plain.section["y2"].to_numpy()) ** 2).mean(axis=0)
+    assert not_weighted[2] > 3.0 * weighted[2]
 
 
-def test_a_design_point_is_at_a_distance_in_inverse_proportion_to_the_noise():
-    """Noise enters only as sigma times the increments, so sigma times the index is the scene's alone."""
-    found = {
-        sigma: simulate_rare(Scene.from_gears(DAT21, sigma=sigma), paths=1, impacts=2).found[0]
-        for sigma in (0.07, 0.1, 0.15)
-    }
-    assert {(b.impact, b.code) for b in found.values()} == {(1, -2)}
-    sizes = [sigma * b.beta for sigma, b in found.items()]
-    assert sizes == pytest.approx([sizes[0]] * 3, rel=2e-3)
+def test_the_row_of_the_rare_branch_is_known_far_better(rare, plain):
+    equal = math.sqrt(plain.paths / rare.paths)
+    assert rare.section["se_sd_y2"][3] < 0.3 * equal * plain.section["se_sd_y2"][3]
+    assert (rare.section["se_sd_tau"] < 1.6 * equal * plain.section["se_sd_tau"]).all()
 
 
-def test_the_index_estimates_the_share_of_paths_that_take_the_branch(run, weighted):
-    _, rows, weights = weighted
-    took = np.where(rows[:, 0, 6] == run.found[0].code, weights[:, 0], 0.0)
-    assert run.found[0].probability == pytest.approx(took.mean(), rel=0.4)  # to first order: its boundary is curved
-    assert took.std() / math.sqrt(took.size) < 0.05 * took.mean()
-
-
-def test_weights_average_to_one_and_are_bounded(weighted):
-    mixture, _, weights = weighted
-    assert mixture.plain == pytest.approx(PLAIN, abs=0.01)
-    assert weights.max() <= 1.0 / mixture.plain
+def test_weights_are_bounded_and_one_on_average(rare):
+    mixture = rare.plan.mixture
+    weights = np.concatenate([sample_mixture(rare.plan, mixture, b)[1] for b in range(8)])
+    assert weights.max() <= 1.0 / mixture.plain * (1.0 + 1e-12)
     z = (weights.mean(axis=0) - 1.0) / (weights.std(axis=0) / math.sqrt(len(weights)))
-    assert abs(z).max() < limit(IMPACTS)
+    assert np.abs(z).max() < limit(IMPACTS)
 
 
-def test_weights_of_a_wrong_threshold_do_not_average_to_one(run):
-    """Negative control: the paths' threshold is 0.1 sds from the one that the weights know."""
-    plan = plan_of(NOISY, paths=BLOCK, impacts=1, dt=math.pi / 96, scheme="exact-flight", rng=5)
-    mixture = mixture_of(run.sampled)
-    wrong = mixture._replace(level=mixture.level + 0.1)
-    weights = np.concatenate([run_block(plan, wrong, b)[1] for b in range(16)])[:, 0]
-    assert abs(weights.mean() - 1.0) / (weights.std() / math.sqrt(len(weights))) > limit(1)
+def test_parts_that_overlap_do_not_bias(plain):
+    """A path of one part also moves along the design point of another: its weight must know."""
+    near = [b.shift for b in BranchSearch(NOISY, IMPACTS, 128, STEP).until(1.0).branches][:1]
+    other = near[0].copy()
+    other[: near[0].size // 2] *= 1.5
+    centre = np.column_stack([plain.section[q] for q in ("tau", "flight", "x1", "y1", "x2", "y2")])
+    mixture = mixture_of([near[0], other], [0.2, 0.2], centre, BLOCK)
+    plan = plan_of(NOISY, paths=BLOCK, impacts=IMPACTS, dt=STEP, scheme="exact-flight", rng=3)
+    rows, weights = map(np.concatenate, zip(*(sample_mixture(plan, mixture, b)[:2] for b in range(32)), strict=True))
+    for values in (weights, weights * (rows[:, :, 0] - centre[:, 0]), weights * (rows[:, :, 3] - centre[:, 3])):
+        expected = 1.0 if values is weights else 0.0
+        z = (values.mean(axis=0) - expected) / (values.std(axis=0) / math.sqrt(len(values)))
+        assert np.abs(z).max() < limit(3 * IMPACTS)
 
 
-def test_moments_are_those_of_exact_flights(run, plain):
-    z = scores(run.section, run.mean, run.se_mean, plain)
-    assert abs(z).max() < limit(z.size)
+def test_the_same_bits_for_any_number_of_workers_and_any_cut(rare):
+    again = simulate_rare(NOISY, paths=PATHS, impacts=IMPACTS, rng=11, workers=3)
+    assert again.section.equals(rare.section)
 
 
-def test_moments_without_their_weights_are_others(weighted, plain):
-    """Negative control."""
-    _, rows, _ = weighted
-    y2 = rows[:, 2, 5]
-    assert abs(y2.std() - plain["sd_y2"][3]) > 20.0 * plain["se_sd_y2"][3]
+def test_random_gaps():
+    scene = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(3e-4, 3e-4, "uniform"))
+    one = simulate_rare(scene, paths=PATHS, impacts=IMPACTS, rng=1)
+    other = simulate(scene, paths=8 * PATHS, impacts=IMPACTS, rng=2)
+    assert one.plan.mixture is not None
+    assert largest_z(one.section, other.section) < limit(len(CHECKED))
+    assert one.section["se_sd_y2"][3] < 0.5 * math.sqrt(8.0) * other.section["se_sd_y2"][3]
 
 
-def test_the_variance_of_the_row_that_a_rare_branch_carries_falls_twentyfold(run, plain):
-    assert plain["kurt_y2"][3] > 1000.0
-    gain = (plain["se_sd_y2"] / run.section["se_sd_y2"]) ** 2 * (4 * PATHS / run.paths)
-    assert gain[3] > 20.0
-    for name in ("tau", "x1", "y1", "x2", "y2"):
-        assert (plain["se_" + name] ** 2 * 4 > 0.6 * run.section["se_" + name] ** 2).all()
+def test_weights_of_one_give_the_statistics_of_plain_paths():
+    plan = plan_of(NOISY, paths=BLOCK, impacts=2, dt=STEP, scheme="exact-flight", rng=3)._replace(keep=True)
+    result, rows = run(plan, 0)
+    expected = single_statistics(result.sums["section"])
+    centre, sums = expected["mean"] + 0.01 * expected["sd"], np.zeros((1, 2, 6, ORDERS))
+    add(rows[:, :, :6], np.ones((BLOCK, 2)), centre, sums[0])
+    found = WeightedSums(np.array([float(BLOCK)]), centre, sums, np.zeros((2, 1))).moments()
+    varies = expected["sd"] > 1e-9
+    for name in ("mean", "sd", "se_mean", "se_sd", "skew", "se_skew", "kurt", "se_kurt"):
+        np.testing.assert_allclose(found[name][varies], expected[name][varies], rtol=3e-3, atol=3e-3)
 
 
-def test_a_pair_that_starts_in_flight():
-    run = simulate_rare(PAIR, paths=16 * BLOCK, impacts=2, rng=3)
-    assert run.sampled[0].beta == pytest.approx(3.77, abs=0.02)
-    plain = simulate(PAIR, paths=2**19, impacts=2, scheme="exact-flight", rng=4).section
-    z = (run.sd[1, 5] - plain["sd_y2"][2]) / math.hypot(run.se_sd[1, 5], plain["se_sd_y2"][2])
-    assert abs(z) < limit(1)
-    assert run.se_sd[1, 5] < 0.02 * run.sd[1, 5]
+def test_where_no_branch_matters_paths_are_plain():
+    scene = Scene.from_gears(DAT21, sigma=0.01)
+    assert choose_mixture(simulate(scene, paths=4 * BLOCK, impacts=3)) is None
+    one, other = simulate_rare(scene, paths=PATHS, impacts=2, rng=5), simulate(scene, paths=PATHS, impacts=2, rng=5)
+    assert one.section.equals(other.section)
 
 
-def test_the_same_bits_for_any_number_of_workers():
-    first, second = (simulate_rare(NOISY, paths=4 * BLOCK, impacts=2, rng=1, workers=n) for n in (1, 3))
-    assert (first.sd == second.sd).all()
-    assert (first.se_mean == second.se_mean).all()
+def test_an_accuracy_that_waits_for_a_branch_samples_it():
+    run = simulate_to(NOISY, 0.015, impacts=IMPACTS, rng=4)
+    assert run.plan.mixture is not None
+    assert run.reach.reached
+    assert run.paths < 2_000_000  # plain paths: eighteen million
+    assert "rare branch" in run.reach.expected.sentence
 
 
-def test_one_stage_and_no_noise():
-    one = Scene(alpha=1.5, epsilon=0.7, beta1=0.08, gamma1=0.05, sigma=0.1, stages=1)
-    assert list(simulate_rare(one, paths=1, impacts=2).section) == [
-        prefix + name for prefix in ("", "se_", "sd_", "se_sd_") for name in ("tau", "flight", "x1", "y1")
-    ]
-    still = simulate_rare(Scene.from_gears(DAT21), paths=1, impacts=2)
-    assert still.found == ()
-    assert (still.sd < 1e-12).all()
+SCENES = {
+    "two stages": (NOISY, 1, -2, 3),
+}
 
 
-def test_random_gaps_are_refused():
-    scene = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(0.01, 0.01))
-    with pytest.raises(InputError, match="tolerance"):
-        simulate_rare(scene, paths=1)
-    with pytest.raises(InputError, match="scene"):
-        simulate_rare("DAT21", paths=1)
-    with pytest.raises(InputError, match="paths"):
-        simulate_rare(NOISY, paths=0)
-
-
-def test_sums_with_weights_of_one_are_plain_moments():
-    rng = np.random.default_rng(1)
-    rows, centre = rng.normal(2.0, 3.0, (500, 1, 6)), np.ones((1, 6))
-    sums = np.zeros((1, 1, 6, ORDERS))
-    add(rows, np.ones((500, 1)), centre, sums[0])
-    mean, se_mean, sd, se_sd = moments(sums, np.array([500.0]), centre)
-    assert mean[0] == pytest.approx(rows[:, 0].mean(axis=0))
-    assert sd[0] ** 2 == pytest.approx(rows[:, 0].var(axis=0, ddof=1))
-    assert se_mean[0] == pytest.approx(sd[0] / math.sqrt(500.0))
-    assert se_sd[0] == pytest.approx(sd[0] / math.sqrt(1000.0), rel=0.15)
-
-
-def test_branches_that_are_common_or_change_little_have_no_paths_of_their_own(run):
-    assert all(b.probability < 0.02 and b.kurtosis > 20.0 for b in run.sampled)
-    assert choose_branches([]) == []
+@pytest.mark.parametrize("name", SCENES)
+def test_probability_of_a_branch_near_its_design_point_is_that_of_plain_paths(name):
+    scene, impact, code, impacts = SCENES[name]
+    found = BranchSearch(scene.phase_reduced, impacts, 128, STEP).until(1.0)
+    branch = next(b for b in found.branches if (b.impact, b.mesh * b.side) == (impact, code))
+    plan = plan_of(scene, paths=64 * BLOCK, impacts=impacts, dt=STEP, scheme="exact-flight", rng=3)
+    mixture = mixture_of([branch.shift], [0.5], np.zeros((impacts, 6)), BLOCK)
+    orbit = np.array(plan.itineraries[NOISE_FREE])[:impact]
+    hits = []
+    for b in range(8):
+        rows, weights, _, _ = sample_mixture(plan, mixture, b)
+        off = (rows[:, impact - 1, 6] == code) & (rows[:, : impact - 1, 6] == orbit[:-1]).all(axis=1)
+        hits.append(weights[:, impact - 1] * off)
+    one = np.concatenate(hits)
+    raw = simulate(scene, paths=64 * BLOCK, impacts=impacts, rng=9).result.codes[impact - 1]
+    plain = raw[(1, -1, 2, -2).index(code)] / raw.sum()
+    error = math.hypot(one.std() / math.sqrt(one.size), math.sqrt(plain / raw.sum()))
+    assert abs(one.mean() - plain) < 4.0 * error
+    assert 0.3 < branch.probability / one.mean() < 3.0
+    assert tail(branch.beta) == pytest.approx(branch.probability)

@@ -14,7 +14,6 @@ MADE = {
     "Ensemble": lambda: rattle.simulate(SCENE, paths=64, impacts=2, **STEPPED),
     "Ensemble with step bias": lambda: rattle.simulate(SCENE, paths=64, impacts=2, scheme="euler-maruyama"),
     "Ensemble to an accuracy": lambda: rattle.simulate_to(SCENE.with_sigma(0.01), 0.1, impacts=1),
-    "RareEnsemble": lambda: rattle.simulate_rare(SCENE, paths=64, impacts=2),
     "Reach": lambda: rattle.simulate_to(SCENE.with_sigma(0.01), 0.1, impacts=1).reach,
     "Validation": lambda: rattle.validate(SCENE, paths=64, impacts=2),
     "MeanMap": lambda: rattle.mean_map(SCENE, impacts=2, closure="branching", tolerance=0.1),
@@ -31,8 +30,7 @@ def forbid(monkeypatch):
     for owner, name in ((block, "sample"), (block, "run"), (diagnostics, "sample"), (accuracy, "unseen")):
         monkeypatch.setattr(owner, name, fail)
     monkeypatch.setattr(branches.BranchSearch, "until", fail)
-    for name, closure in rattle.CLOSURES.items():
-        monkeypatch.setitem(rattle.CLOSURES, name, closure._replace(trace=fail))
+    monkeypatch.setattr(type(rattle.CLOSURES["saltation"]), "trace", fail)
 
 
 @pytest.mark.parametrize("kind", MADE)

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rattle.compare.validation import section_errors as errors
-from rattle.compare.validation.section_errors import section_errors
+from rattle.compare.validation import errors
+from rattle.compare.validation.errors import section_errors
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches import search as branches

@@ -14,7 +14,9 @@ from click.testing import CliRunner
 from sample_page import NASTY, figures, sample
 
 from rattle.compare.cli.main import main
-from rattle.compare.report import Page, Source, Table, read_page, write_page
+from rattle.compare.report import Page, Source, Table
+from rattle.compare.report.json_text import read_page
+from rattle.compare.report.render import write_page
 from rattle.compare.report.style import STYLE
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo apt-get install chromium")

@@ -8,9 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, sample
 
-from rattle.compare.report import NUMBER, Column, Figure, Page, PageSection, Source, Table, TableCell, Text, read_page
-from rattle.compare.report.content import leading_number
-from rattle.compare.report.page_file import page_text
+from rattle.compare.report import (
+    NUMBER,
+    Column,
+    Figure,
+    Page,
+    PageSection,
+    Source,
+    Table,
+    TableCell,
+    Text,
+    leading_number,
+)
+from rattle.compare.report.json_text import page_text, read_page
 from rattle.scene import FileError, InputError
 
 

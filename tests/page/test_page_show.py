@@ -7,7 +7,7 @@ from click.testing import CliRunner
 from sample_page import figures, sample
 
 from rattle.compare.cli.main import main
-from rattle.compare.report import write_page
+from rattle.compare.report.render import write_page
 
 
 def show(*words, code=0, **settings):
@@ -25,13 +25,7 @@ def report(tmp_path_factory):
 
 def test_shows_the_answer_first_and_what_repeats_it_last(report):
     shown = show(report).stdout
-    order = [
-        "Is a plain text right?",
-        "Yes: a plain text.",
-        "[b.png] A point.",
-        "First a plain text",
-        "rattle validate",
-    ]
+    order = ["Is a plain text right?", "Yes: a plain text.", "[b.png] A point.", "First a plain", "rattle validate"]
     assert sorted(order, key=shown.index) == order
     assert "\x1b" not in shown
     assert show(report / "page.json").stdout == shown

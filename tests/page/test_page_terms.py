@@ -6,10 +6,9 @@ import pytest
 from browser import CHROMIUM, Browser
 from markupsafe import Markup, escape
 
-from rattle.compare.report import Figure, Glossary, Page, PageSection, Source, Table, Text, numbers, write_page
+from rattle.compare.report import Figure, Glossary, Page, PageSection, Source, Table, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.report.markup import as_html
-from rattle.compare.report.terms import Terms
+from rattle.compare.report.render import Terms, as_html, write_page
 from rattle.scene import DAT21
 
 GLOSSARY = Glossary(

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from sample_page import NASTY, figures, sample
 
 from rattle.compare.cli.show import page_lines
-from rattle.compare.report import Code, Figure, Glossary, Text
-from rattle.compare.report.content import MARKS
+from rattle.compare.report import MARKS, Code, Figure, Glossary, Text
 from rattle.compare.report.render import data_files, html, markdown, pages, write_page
 from rattle.scene.text import line
 

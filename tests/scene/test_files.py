@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
+from rattle.compare.report.json_text import read_page
 from rattle.compare.report.manifest import read_settings
-from rattle.compare.report.page_file import read_page
 from rattle.compare.study.design import Study
-from rattle.compare.thresholds import baseline
+from rattle.compare.thresholds.fixture import read_baseline
 from rattle.scene import FileError, Scene
 from rattle.scene.files import LARGEST, LARGEST_JSON
 
 READERS = {
     "scene file": Scene.load,
     "study file": Study.load,
-    "baseline": baseline.read,
+    "baseline": read_baseline,
     "manifest": lambda path: read_settings(Path(path)),
     "page": lambda path: read_page(Path(path)),
 }

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 import pytest
 
 from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
-from rattle.scene.plausible import check_plausible
+from rattle.scene.gears_input import check_plausible
 
 OTHERS = {name: value for name, value in asdict(DAT21).items() if name != "alpha"}
 TEXT = "[gears]\n" + "".join(f"{name} = {value!r}\n" for name, value in OTHERS.items())

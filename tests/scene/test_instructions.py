@@ -6,8 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from rattle.scene.compiled import jit
-from rattle.scene.instructions import emulate_fma, float_of, fma, widest_vectors, word_of
+from rattle.scene.compiled import emulate_fma, float_of, fma, jit, widest_vectors, word_of
 
 MOST, LEAST, NORMAL = 1.7976931348623157e308, 5e-324, 2.2250738585072014e-308
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rattle.scene.eigen import eigen
+from rattle.scene.linear_algebra import eigen
 
 
 def test_eigenvectors_are_those_of_lapack():

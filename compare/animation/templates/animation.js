@@ -67,8 +67,12 @@ function flash(path) {
   path.lit.forEach(mark => mark.classList.add("lit"));
 }
 
+function motion(angle) {
+  return data.drive.reduce((sum, [order, amplitude, phase]) => sum + amplitude * Math.sin(order * angle + phase), 0);
+}
+
 function draw() {
-  const angle = data.phase + now, driver = data.alpha * Math.sin(angle), share = 100 * now / data.span;
+  const angle = data.phase + now, driver = data.alpha * motion(angle), share = 100 * now / data.span;
   paths.forEach(path => { turn(path, driver); flash(path); });
   cursors.forEach(line => { line.setAttribute("x1", `${share}%`); line.setAttribute("x2", `${share}%`); });
   const degrees = ((angle * DEGREES) % 360 + 360) % 360;

@@ -3,13 +3,15 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from rattle import closure, montecarlo
-from rattle.compare.checks.extremes.extreme import extreme, farthest
-from rattle.compare.checks.published import returning
-from rattle.compare.checks.published.exit_time import mean_exit_time
+from rattle.compare.checks.check import Check, extreme, farthest
+from rattle.compare.checks.published import returns
+from rattle.compare.checks.published.exits import mean_exit_time, particle
+from rattle.compare.checks.published.returns import MEAN
 from rattle.montecarlo import SCHEMES, Record
 from rattle.montecarlo.kernel.kernel import PLAIN
 from rattle.montecarlo.settings.sampling import Sampling
@@ -19,9 +21,18 @@ PATHS = 3_000
 Z = 4.5
 """Admissible standard errors in a row; 40 checks of a correct program exceed them with a probability of 3e-4."""
 
-DRIFT = math.pi / math.sqrt(3.0)  # E ln of the speed ratio between two returns (Cornell, Swift and Bray 1998)
 EXITS = ((1e-3, 1e-8), (1e-3, 1e-6), (1.0, 1e-3), (1e4, 1e-8), (1e4, 1e-3), (1e4, 10.0))  # sigma, half gap
 EXIT_BIAS = 2e-3  # relative bias of an exit time, by a step of a thousandth of it and by the modulation of the noise
+
+
+def _run(scene: Scene, horizon: float, scheme: str, **settings: Any) -> montecarlo.Ensemble:
+    return montecarlo.simulate(scene, sampling=Sampling(horizon=horizon), scheme=scheme, **settings)
+
+
+def _reach(run: montecarlo.Ensemble) -> float:
+    """Largest distance of an impact from the middle of its gap."""
+    assert run.raw is not None
+    return float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max())
 
 
 @extreme(
@@ -37,23 +48,13 @@ def exit_times() -> Iterator[float]:
     for n, (sigma, half) in enumerate(EXITS):
         for share in (0.1, 0.5):
             truth = mean_exit_time(2.0 * half * share, 2.0 * half, sigma)
-            start = Start(-0.5 * math.pi, half * (2.0 * share - 1.0), 0.0)
-            scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, gap1=half, sigma=sigma, start=start, stages=1)
+            scene = particle(share, half, sigma)
             for scheme, step in (("euler-maruyama-located", 1e-3), ("exact-flight", 0.3)):
                 dt = min(step * truth, montecarlo.largest_step(scene, scheme)[0])
-                run = montecarlo.simulate(
-                    scene,
-                    paths=4096,
-                    impacts=1,
-                    dt=dt,
-                    sampling=Sampling(horizon=40.0 * truth),
-                    scheme=scheme,
-                    rng=n,
-                    record=Record(step_bias=False),
-                )
+                chosen = {"paths": 4096, "impacts": 1, "dt": dt, "rng": n, "record": Record(step_bias=False)}
+                run = _run(scene, 40.0 * truth, scheme, **chosen)
                 mean, se = (float(run.columns[name][0]) for name in ("flight", "se_flight"))
-                error = max(abs(mean - truth) - EXIT_BIAS * truth, 0.0)
-                yield error / se if run.unfinished == 0 else math.inf
+                yield Check("", mean, truth, se, EXIT_BIAS * truth).z if run.unfinished == 0 else math.inf
 
 
 @extreme(
@@ -66,9 +67,9 @@ def exit_times() -> Iterator[float]:
 )
 def collapse_drift() -> Iterator[float]:
     """Drift of ln speed per bounce, below and above the restitution at which a noisy particle collapses."""
-    for n, epsilon in enumerate((1e-9, 0.1, math.exp(-DRIFT), 1.0)):
-        whole = returning.log_speeds(epsilon, PATHS, 6, n)[:, -1] / 6.0
-        yield abs(float(whole.mean()) - math.log(epsilon) - DRIFT) / (float(whole.std()) / math.sqrt(PATHS))
+    for n, epsilon in enumerate((1e-9, 0.1, math.exp(-MEAN), 1.0)):
+        whole = returns.log_speeds(epsilon, PATHS, 6, n)[:, -1] / 6.0
+        yield abs(float(whole.mean()) - math.log(epsilon) - MEAN) / (float(whole.std()) / math.sqrt(PATHS))
 
 
 @extreme(
@@ -87,19 +88,10 @@ def stay_between_walls() -> Iterator[float]:
             for scheme in SCHEMES:
                 dt = min(5e-3, 0.1 / (2.0 + sigma))
                 fixed = dt * np.array([64.0, 128.0, 256.0])
-                run = montecarlo.simulate(
-                    scene,
-                    paths=32,
-                    impacts=4,
-                    dt=dt,
-                    sampling=Sampling(horizon=256.0 * dt),
-                    scheme=scheme,
-                    record=Record(times=fixed, raw=True),
-                )
+                record = Record(times=fixed, raw=True)
+                run = _run(scene, 256.0 * dt, scheme, paths=32, impacts=4, dt=dt, record=record)
                 means = run.at_times()[["x1", "x2"]].abs().to_numpy()
-                assert run.raw is not None
-                struck = np.nan_to_num(np.abs(run.raw[:, :, [2, 4]]))
-                over = max(float(means.max()), float(struck.max())) - 0.5
+                over = max(float(means.max()), _reach(run)) - 0.5
                 plain = SCHEMES[scheme].code == PLAIN  # detects impacts only at the ends of its steps
                 unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
                 yield max(over, 0.0) / unit if len(means) == len(fixed) else math.inf
@@ -124,15 +116,8 @@ def sticking_paths() -> Iterator[float]:
             scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, gap1=gap, start=start, stages=1)
             for scheme in SCHEMES:
                 dt = min(fall / 256.0, 0.05)
-                run = montecarlo.simulate(
-                    scene,
-                    paths=1,
-                    impacts=10_000,
-                    dt=dt,
-                    sampling=Sampling(horizon=2.5 * closed),
-                    scheme=scheme,
-                    record=Record(times=[2.0 * closed]),
-                )
+                record = Record(times=[2.0 * closed])
+                run = _run(scene, 2.5 * closed, scheme, paths=1, impacts=10_000, dt=dt, record=record)
                 row = run.at_times().iloc[0]
                 bounce = 2.0 * drag * dt  # largest speed of the plain scheme, which detects a wall at the end of a step
                 yield farthest(row["x1"], gap, gap + drag * dt * dt)
@@ -161,35 +146,21 @@ def large_tolerances() -> Iterator[float]:
         fixed = replace(plain, tolerance=Tolerance(most, most, distribution="fixed"))
         start = replace(plain.start, x1=gap + most, x2=gap + most)
         wide = replace(plain, gap1=gap + most, gap2=gap + most, start=start)
-        for name in ("published", "corrected", "saltation"):
-            a, b = (closure.mean_map(s, impacts=3, closure=name).section for s in (fixed, wide))
-            yield farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap)
-        for control in (False, True):
-            a, b = (
-                montecarlo.simulate(
-                    s, paths=32, impacts=3, scheme="exact-flight", rng=1, sampling=Sampling(control=control)
-                ).section
-                for s in (fixed, wide)
-            )
+        chosen: dict[str, Any] = {"paths": 32, "impacts": 3, "scheme": "exact-flight", "rng": 1}
+        pairs = [
+            [closure.mean_map(s, impacts=3, closure=name).section for s in (fixed, wide)]
+            for name in ("published", "corrected", "saltation")
+        ]
+        for sampling in (Sampling(control=False), Sampling(control=True)):
+            pairs.append([montecarlo.simulate(s, sampling=sampling, **chosen).section for s in (fixed, wide)])
+        for a, b in pairs:
             yield farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap)
         for distribution in ("uniform", "normal"):
             for draw in ("path", "contact"):
-                loose = replace(
-                    plain,
-                    tolerance=Tolerance(most, most, distribution=distribution, draw=draw),
-                    start=Start(0.0, 0.0, gap),
-                )
-                run = montecarlo.simulate(
-                    loose,
-                    paths=64,
-                    impacts=4,
-                    scheme="exact-flight",
-                    rng=2,
-                    sampling=Sampling(horizon=20.0),
-                    record=Record(raw=True),
-                )
-                assert run.raw is not None
-                yield max(float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max()) / (gap + most) - 1.0, 0.0)
+                tolerance = Tolerance(most, most, distribution=distribution, draw=draw)
+                loose = replace(plain, tolerance=tolerance, start=Start(0.0, 0.0, gap))
+                run = _run(loose, 20.0, "exact-flight", paths=64, impacts=4, rng=2, record=Record(raw=True))
+                yield max(_reach(run) / (gap + most) - 1.0, 0.0)
 
 
 ROWS = (exit_times, collapse_drift, stay_between_walls, sticking_paths, large_tolerances)

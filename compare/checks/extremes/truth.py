@@ -4,8 +4,9 @@ A flight is written as a sum of exponentials with divisions by beta: with so man
 and beta = 0 can be replaced by 1e-30.  No function of `rattle.scene.flight` is used.  Needs mpmath.
 """
 
+from collections import defaultdict
 from collections.abc import Callable
-from functools import wraps
+from functools import cache, wraps
 from typing import Any, ParamSpec, TypeVar
 
 import mpmath as mp
@@ -80,22 +81,20 @@ def jacobian(c: Constants, t: float) -> list[list[float]]:
     return [[float(v) for v in row] for row in rows]
 
 
-def _product(*factors: Sum) -> Sum:
-    out: Sum = {(0, 0, 0): mp.mpc(1)}
-    for factor in factors:
-        new: Sum = {}
-        for (n, m, k), a in out.items():
-            for (p, q, r), b in factor.items():
-                new[n + p, m + q, k + r] = new.get((n + p, m + q, k + r), 0) + a * b
-        out = new
+def _product(one: Sum, other: Sum) -> Sum:
+    out: Sum = defaultdict(mp.mpf)
+    for (n, m, k), a in one.items():
+        for (p, q, r), b in other.items():
+            out[n + p, m + q, k + r] += a * b
     return out
 
 
-def _total(*terms: Sum) -> Sum:
-    out: Sum = {}
-    for term in terms:
+def _combine(*terms: tuple[Any, Sum]) -> Sum:
+    """The linear combination of sums with their factors."""
+    out: Sum = defaultdict(mp.mpf)
+    for factor, term in terms:
         for key, value in term.items():
-            out[key] = out.get(key, 0) + value
+            out[key] += factor * value
     return out
 
 
@@ -105,19 +104,14 @@ def _responses(c: Constants, end: Any) -> list[Sum]:
     one, back = mp.expj(end) / 2, mp.expj(-end) / 2
     cosine: Sum = {(0, 0, -1): one, (0, 0, 1): back}
     sine: Sum = {(0, 0, -1): -1j * one, (0, 0, 1): 1j * back}
-    m1 = _total({k: -v for k, v in sine.items()}, {k: b1 * v for k, v in cosine.items()})
-    m2 = {k: (b1 - b2) * v for k, v in cosine.items()}
+    m1 = _combine((-1, sine), (b1, cosine))
+    rest = _combine((b1 - b2, cosine), (-1, m1))
     d1: Sum = {(1, 0, 0): mp.mpc(1)}
     d2: Sum = {(0, 1, 0): mp.mpc(1)}
     e1: Sum = {(0, 0, 0): 1 / b1, (1, 0, 0): -1 / b1}
     e2: Sum = {(0, 0, 0): 1 / b2, (0, 1, 0): -1 / b2}
-    less = [_total(a, {k: -v for k, v in b.items()}) for a, b in ((e1, e2), (d1, d2))]
-    return [
-        _product(e1, m1),
-        _product(d1, m1),
-        _total(_product(less[0], m1), _product(e2, m2)),
-        _total(_product(less[1], m1), _product(d2, m2)),
-    ]
+    x2, y2 = (_combine((1, _product(one, m1)), (1, _product(two, rest))) for one, two in ((e1, e2), (d1, d2)))
+    return [_product(e1, m1), _product(d1, m1), x2, y2]
 
 
 @in_digits
@@ -140,23 +134,21 @@ def noise(c: Constants, tau: float, t: float) -> list[list[float]]:
     b1, b2 = _betas(c)
     time = mp.mpf(t)
     g = _responses(c, mp.mpf(tau) + time)
-    integral: dict[tuple[int, int, int], Any] = {}
 
-    def over(key: tuple[int, int, int]) -> Any:
-        if key not in integral:
-            rate = -key[0] * b1 - key[1] * b2 + 1j * key[2]
-            integral[key] = mp.expm1(rate * time) / rate if rate != 0 else time
-        return integral[key]
+    @cache
+    def integral(n: int, m: int, k: int) -> Any:
+        rate = -n * b1 - m * b2 + 1j * k
+        return mp.expm1(rate * time) / rate if rate != 0 else time
 
     square = mp.mpf(c.sigma) ** 2
     return [
-        [float(mp.re(square * sum(v * over(k) for k, v in _product(g[i], g[j]).items()))) for j in range(4)]
-        for i in range(4)
+        [float(mp.re(square * sum(v * integral(*k) for k, v in _product(one, other).items()))) for other in g]
+        for one in g
     ]
 
 
 @in_digits
-def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tuple[list[list[float]], list[list[float]]]:
+def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tuple[list[list[float]], ...]:
     """Compute the saltation matrix ``R + (F+ - R F-) g' / (g' F-)`` of docs/model.md section 6.
 
     Returns: The matrix, and for each entry the sum of the absolute values of its terms. Shapes: result (4, 4).
@@ -185,9 +177,7 @@ def saltation(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> tupl
     for i in range(4):
         restitution[i, j] += jump[i]
         absolute[i, j] += size[i]
-    return [[float(restitution[i, k]) for k in range(4)] for i in range(4)], [
-        [float(absolute[i, k]) for k in range(4)] for i in range(4)
-    ]
+    return tuple([[float(matrix[i, k]) for k in range(4)] for i in range(4)] for matrix in (restitution, absolute))
 
 
 @in_digits
@@ -201,17 +191,12 @@ def normal_integrals(low: float, high: float, order: int) -> tuple[list[Any], li
             out.append(a ** (n - 1) * edges[0] - b ** (n - 1) * edges[1] + ((n - 1) * out[n - 2] if n > 1 else 0))
         return out
 
-    a, b = mp.mpf(low), mp.mpf(high)
-    if b <= 0:
-        size = upwards(-b, -a)
-        return [(-1) ** n * v for n, v in enumerate(size)], size
-    if a >= 0:
-        size = upwards(a, b)
-        return size, size
-    left, right = upwards(mp.mpf(0), -a), upwards(mp.mpf(0), b)
+    a, b, zero = mp.mpf(low), mp.mpf(high), mp.mpf(0)
+    below = upwards(max(-b, zero), max(-a, zero))  # of |z|, over the parts of the window on either side of 0
+    above = upwards(max(a, zero), max(b, zero))
     return (
-        [r + (-1) ** n * v for n, (v, r) in enumerate(zip(left, right, strict=True))],
-        [v + r for v, r in zip(left, right, strict=True)],
+        [r + (-1) ** n * v for n, (v, r) in enumerate(zip(below, above, strict=True))],
+        [v + r for v, r in zip(below, above, strict=True)],
     )
 
 

@@ -1,22 +1,23 @@
-"""The whole map: every scheme over every axis, at admissible and longer steps, and at the default step."""
+"""The whole map, at admissible and longer steps and at the default step; and exact flights against their covariance."""
 
-import time
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from rattle.compare.checks.stability.axes import AXES
-from rattle.compare.checks.stability.cell import BIASED, UNSTABLE, judge, looks
-from rattle.compare.checks.stability.reference import IMPACTS, reference
+from rattle.compare.checks.stability.cell import AXES, BIASED, IMPACTS, UNSTABLE, judge, looks, reference
 from rattle.compare.validation.verdict import widest
-from rattle.montecarlo import SCHEMES, default_step, largest_step
+from rattle.montecarlo import Record, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.scene.moments import SECTION
+from rattle.montecarlo.settings.sampling import Sampling
+from rattle.scene import Start
+from rattle.scene.flight import noise_covariance
+from rattle.scene.moments import SECTION, STATE
 
-PATHS = 32_768
 REFERENCE = 4  # the reference has so many times the paths of a cell
 SHARES = (1 / 32, 1 / 8, 1 / 2, 1.0, 4.0, 16.0)
 """Time steps, in units of the longest admissible one."""
@@ -31,7 +32,6 @@ class Chart(NamedTuple):
     # `rattle.compare.checks.stability.cell.Judged`
     table: pd.DataFrame
     z: float  # half width of the intervals in standard errors, for 95 % simultaneous coverage
-    seconds: float  # wall time
 
     @property
     def admissible(self) -> pd.DataFrame:
@@ -46,21 +46,15 @@ class Chart(NamedTuple):
 
 
 def chart(
-    *,
-    schemes: Sequence[str] = tuple(SCHEMES),
-    axes: Sequence[str] = tuple(AXES),
-    points: int = 7,
-    paths: int = PATHS,
-    seed: int = 0,
-    workers: int = 2,
+    schemes: Sequence[str], axes: Sequence[str], *, points: int, paths: int, seed: int = 0, workers: int = 2
 ) -> Chart:
     """Measure the map.
 
     `points`: Number of values on each axis, up to 7, spread from end to end. `paths`: Largest number of paths of
     a cell; fewer are simulated if they suffice for a verdict.
     """
-    began = time.perf_counter()
-    places = [(axis, value) for axis in axes for value in _spread(AXES[axis].values, points)]
+    chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]  # of the seven values of an axis
+    places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
     cells = len(places) * len(schemes) * (len(SHARES) + 1)
     z = widest(cells * 2 * len(SECTION) * IMPACTS * looks(paths))
     rows = []
@@ -77,17 +71,45 @@ def chart(
                 for dt, share, default in (*steps, (own, own / largest, True)):
                     most = enough if share <= 1.0 else min(paths, OUTSIDE)
                     found = judge(scene, beside, scheme=scheme, dt=dt, paths=most, seed=seed, workers=workers, z=z)
-                    rows.append(
-                        {"scheme": scheme, "axis": axis, "value": value, "dt": dt, "share": share, "why": why}
-                        | {"default": default}
-                        | found._asdict()
-                    )
+                    cell = {"scheme": scheme, "axis": axis, "value": value, "dt": dt, "share": share, "why": why}
+                    rows.append(cell | {"default": default} | found._asdict())
                     bar.update()
-    return Chart(pd.DataFrame(rows), z, time.perf_counter() - began)
+    return Chart(pd.DataFrame(rows), z)
 
 
-def _spread(values: Sequence[float], points: int) -> list[float]:
-    """Choose so many of the values, spread from end to end."""
-    if points >= len(values):
-        return list(values)
-    return [values[round(i * (len(values) - 1) / max(points - 1, 1))] for i in range(points)]
+FLIGHT = 0.2  # flight time from tau = 0, where the noise has no modulation yet: the most demanding flight
+OPEN = 1e6  # half gap that no path crosses
+STEPS = (1 / 8, 1.0)  # time steps, in units of the longest admissible one
+TOLERANCE = 0.10  # admissible relative error of an sd, as for the sds of the map
+
+
+def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) -> pd.DataFrame:
+    """Compare simulated sds after a flight with `rattle.scene.flight.noise_covariance`, for each damping of the map.
+
+    Returns: Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity with the largest
+    error ``quantity, error`` (relative, of its sd) and ``half`` (half width of its interval); ``holds`` (whether
+    all quantities are within 10 %).
+    """
+    values = AXES["beta"].values[:points]
+    z = widest(len(values) * len(STEPS) * len(STATE))
+    rows = []
+    for beta in values:
+        start = Start(0.0, 0.0, 0.0, 0.0, 0.0, mesh=0)
+        scene = replace(AXES["beta"].scene(beta), gap1=OPEN, gap2=OPEN, start=start)
+        largest, _ = largest_step(scene, "exact-flight")
+        for share in STEPS:
+            steps = np.ceil(FLIGHT / (share * largest))
+            chosen: dict[str, Any] = {"dt": FLIGHT / steps, "rng": seed, "workers": workers}
+            sampling, record = Sampling(horizon=1.5 * FLIGHT), Record(times=[FLIGHT])
+            run = simulate(scene, paths=paths, impacts=1, sampling=sampling, record=record, **chosen)
+            table = run.at_times().iloc[0]
+            exact = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
+            found = np.array([table[f"cov_{q}_{q}"] for q in STATE])
+            se = np.array([table[f"se_cov_{q}_{q}"] for q in STATE])
+            varies = exact > 1e-12 * exact.max()
+            error = np.where(varies, np.sqrt(found / np.where(varies, exact, 1.0)) - 1.0, 0.0)
+            half = np.where(varies, z * se / np.where(varies, 2.0 * exact, 1.0), 0.0)
+            k = int((np.abs(error) + half).argmax())
+            holds = bool((np.abs(error) + half <= TOLERANCE).all())
+            rows.append((beta, run.dt, share, STATE[k], float(error[k]), float(half[k]), holds))
+    return pd.DataFrame(rows, columns=["beta", "dt", "share", "quantity", "error", "half", "holds"])

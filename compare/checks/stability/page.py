@@ -1,45 +1,110 @@
-"""The page and the folder of ``rattle check stability``."""
+"""The page of ``rattle check stability`` and its figures."""
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
 
-from rattle.compare.checks.check import Result
-from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE
+from rattle.compare.checks.check import Result, extreme_record, worst_error
+from rattle.compare.checks.stability.cell import AXES, BIASED, COLLAPSING, IMPACTS, UNBIASED, UNDECIDED, UNSTABLE
 from rattle.compare.checks.stability.chart import Chart
-from rattle.compare.checks.stability.figure import figure, summary
-from rattle.compare.checks.stability.reference import IMPACTS
-from rattle.compare.checks.table import extreme_record, worst_error
-from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text, numbers
-from rattle.compare.report.frames import Form, format_table
+from rattle.compare.report import Figure, Form, Page, PageSection, Row, Table, TableCell, Text, format_table, numbers
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
-from rattle.compare.validation.validity_range import join_words
-from rattle.compare.validation.verdict import Tolerances
+from rattle.compare.report.style import legend_above, new_figure
+from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
+
+MARKS: Any = {
+    UNBIASED: {"color": "#0072B2", "marker": "o"},
+    UNDECIDED: {"color": "#999999", "marker": "^"},
+    BIASED: {"color": "#D55E00", "marker": "s"},
+    UNSTABLE: {"color": "#000000", "marker": "X"},
+    COLLAPSING: {"color": "#CC79A7", "marker": "D"},
+}
+"""Colours of Okabe and Ito's palette; markers distinguish the verdicts without colour as well."""
+REFUSED = "#E8E8E8"
+BESIDE = 0.28  # horizontal offset of the cell at the default step, in columns
+
+
+def summary(table: pd.DataFrame) -> Drawing:
+    """Draw how many cells with an admissible step have which verdict, at the default step and at all of them."""
+    schemes, cells = list(dict.fromkeys(table["scheme"])), table[table["share"] <= 1.0]
+    drawn, panels = new_figure(10.0, 0.42 * len(schemes) + 1.2, 1, 2)
+    shown = (("at the default step", cells[cells["default"]]), ("at every admissible step", cells))
+    for (title, part), ax in zip(shown, panels, strict=True):
+        left = pd.Series(0, index=schemes)
+        for verdict in [v for v in MARKS if v in set(cells["verdict"])]:
+            counts = part[part["verdict"] == verdict]["scheme"].value_counts().reindex(schemes, fill_value=0)
+            bars = ax.barh(schemes, counts, left=left, color=MARKS[verdict]["color"], height=0.7, label=verdict)
+            if counts.any():
+                texts = [str(n) if n else "" for n in counts]
+                ax.bar_label(bars, texts, label_type="center", color="white", fontsize=8)
+            left = left + counts
+        ax.invert_yaxis()
+        ax.grid(visible=False)
+        ax.set_title(title, loc="left")
+        ax.set_xlabel("cells of the map")
+    panels[1].set_yticklabels([])
+    legend_above(drawn, panels[:1], len(MARKS))
+    return drawn
+
+
+def figure(table: pd.DataFrame) -> Drawing:
+    """Draw the map."""
+    schemes, axes = list(dict.fromkeys(table["scheme"])), list(dict.fromkeys(table["axis"]))
+    drawn, panels = new_figure(2.9 * len(axes) + 0.8, 2.7 * len(schemes) + 0.9, len(schemes), len(axes))
+    for ax, (scheme, axis) in zip(panels, product(schemes, axes), strict=True):
+        _draw_panel(ax, table[(table["scheme"] == scheme) & (table["axis"] == axis)])
+        if axis == axes[0]:
+            ax.set_ylabel(f"{scheme}\nstep dt")
+        if scheme == schemes[-1]:
+            ax.set_xlabel(AXES[axis].symbol)
+    drawn.legend(handles=_legend(set(table["verdict"])), loc="outside upper center", ncols=5)
+    return drawn
+
+
+def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
+    values = list(dict.fromkeys(part["value"]))
+    longest = [float(group["dt"].iloc[0] / group["share"].iloc[0]) for _, group in part.groupby("value", sort=False)]
+    ax.set_yscale("log")
+    low, high = 0.4 * part["dt"].min(), 2.5 * part["dt"].max()
+    edges = [-0.5, *range(len(values)), len(values) - 0.5]
+    line = [longest[0], *longest, longest[-1]]
+    ax.fill_between(edges, line, high, color=REFUSED, lw=0)
+    ax.plot(edges, line, color="k", lw=1.3)
+    for _, cell in part.iterrows():
+        style = MARKS[cell["verdict"]]
+        x = values.index(cell["value"]) + (BESIDE if cell["default"] else 0.0)
+        face = "white" if cell["diagnosed"] and cell["share"] <= 1.0 else style["color"]
+        size = 4.0 if cell["default"] else 5.5
+        ax.plot(x, cell["dt"], style["marker"], ms=size, mec=style["color"], mfc=face, mew=1.2, ls="")
+    ax.set_ylim(low, high)
+    ax.set_xlim(-0.5, len(values) - 0.5)
+    ax.set_xticks(range(len(values)), [f"{v:g}" for v in values], fontsize=7.5)
+
+
+def _legend(verdicts: set[str]) -> list[Line2D]:
+    return [
+        *(Line2D([], [], ls="", ms=6, label=name, **style) for name, style in MARKS.items() if name in verdicts),
+        Line2D([], [], ls="", marker="s", ms=6, mfc="white", mec="k", label="hollow: with a diagnostic"),
+        Line2D([], [], color="k", lw=1.3, label="longest admissible step"),
+        Line2D([], [], ls="", marker="s", ms=9, color=REFUSED, label="refused"),
+        Line2D([], [], ls="", marker="o", ms=4, mfc="k", mec="k", label="small, to the right: the default step"),
+    ]
+
 
 CONTENTS = contents("stability", figures=["verdicts", "stability"], tables=["stability", "covariance", "extremes"])
 """Files of such a folder; a folder with any other file is not overwritten."""
 
-WORDS = (
-    *SCHEME_TERMS,
-    "admissible step",
-    "default step",
-    "diagnostic",
-    "unbiased",
-    "biased",
-    "unstable",
-    "no limit",
-    "standard error",
-    "σ",
-    "ε",
-    "E, sd",
-    "impact",
-    "sticking",
-)
+MAP_TERMS = ("admissible step", "default step", "diagnostic", "unbiased", "biased", "unstable", "no limit")
+WORDS = (*SCHEME_TERMS, *MAP_TERMS, "standard error", "σ", "ε", "E, sd", "impact", "sticking")
 KEY = (
     "Verdicts on the cells of the map: scenes from the mildest to the most extreme damping, gap, noise and "
     "restitution, at steps that input validation admits."
@@ -116,10 +181,12 @@ def write_stability(
     tolerance = TOLERANCE.format(**Tolerances()._asdict())
     moments = found.table["moments"]
     reference = REFERENCE.format(impacts=IMPACTS, z=found.z, fewest=moments.min(), most=moments.max())
+    defaults = _table(found.table[found.table["default"]], "all cells at the default step")
     caption = (
         "Every scheme (rows) over every axis (columns): a mark for each time step. Grey: longer than the longest "
         "admissible step, refused by input validation."
     )
+    whole = Figure("stability.svg", caption, caption)
     page = Page(
         "Where is each scheme stable and unbiased?",
         tuple(said),
@@ -127,14 +194,12 @@ def write_stability(
         (
             Figure("verdicts.svg", KEY, KEY),
             Text("The worst cell with an admissible step, for each scheme and axis:", note=True),
-            worst(found),
+            _worst(found),
             glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
         ),
         (
-            PageSection(
-                "How long may a step be?", (Figure("stability.svg", caption, caption), Text(STEPS), Text(FLOATS))
-            ),
-            PageSection("At the default step", (_defaults(found),)),
+            PageSection("How long may a step be?", (whole, Text(STEPS), Text(FLOATS))),
+            PageSection("At the default step", (defaults,)),
             PageSection("Method", (Text(tolerance), Text(reference))),
             PageSection("Exact flights without walls compared with the exact covariance", (_covariance(covariance),)),
             *((PageSection("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
@@ -143,29 +208,16 @@ def write_stability(
     tables = {"stability": found.table, "covariance": covariance}
     if tried:
         tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
-    save(
-        out,
-        "stability",
-        page,
-        record,
-        allowed=CONTENTS,
-        tables=tables,
-        digits="%.6g",
-        overwrite=overwrite,
-        figures={"verdicts": summary(found.table), "stability": figure(found.table)},
-    )
+    drawn = {"verdicts": summary(found.table), "stability": figure(found.table)}
+    parts = {"figures": drawn, "tables": tables, "digits": "%.6g"}
+    save(out, "stability", page, record, allowed=CONTENTS, overwrite=overwrite, **parts)
     return said
 
 
-def worst(found: Chart) -> Table:
+def _worst(found: Chart) -> Table:
     """The admissible cell with the largest error, for each scheme and axis."""
     cells = found.admissible[found.admissible["verdict"] != COLLAPSING]
-    chosen = cells.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()]
-    return _table(chosen)
-
-
-def _defaults(found: Chart) -> Table:
-    return _table(found.table[found.table["default"]], "all cells at the default step")
+    return _table(cells.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()])
 
 
 def _table(cells: pd.DataFrame, summary: str = "") -> Table:

@@ -87,6 +87,7 @@ def test_legends_of_one_stage_fit_their_figure():
     ("words", "said"),
     [
         (["--over", "1:2"], "LOW:HIGH:POINTS"),
+        (["--over", "1:0:5"], "LOW below HIGH"),
         (["--field", "alpa"], "did you mean 'alpha'"),
         (["--field", "epsilon", "--over", "0.5:1.5:3"], "between 0 and 1"),
         (["--width", "0"], "width"),

@@ -6,10 +6,9 @@ import pytest
 from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov, ratio_mean
-from rattle.compare.chaos.mean_maps import mean_maps
 from rattle.compare.chaos.record import NoRecord, Regime, noisy_record, orbit_record
 from rattle.compare.chaos.section import NOISY, orbit_section, sections
-from rattle.compare.chaos.sweep import ALPHAS, crossings, paper_noise, sweep, values, with_field
+from rattle.compare.chaos.sweep import ALPHAS, crossings, mean_maps, paper_noise, sweep, values, vary
 from rattle.montecarlo.coupling.pairs import growths
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian
@@ -23,13 +22,13 @@ def at(alpha: float, **changes) -> Scene:
     return replace(DAT, alpha=alpha, start=None, **changes)
 
 
-def through(c, tau, state, time):
-    """The state a time later, through one impact at most."""
-    t, mesh, _, *before = next_impact(c, tau, *state, time)
-    if mesh <= 0:
-        return np.array(before)
-    y1, y2 = struck(c, mesh, before[1], before[3])
-    return np.array(flow(c, tau + t, before[0], y1, before[2], y2, time - t))
+def state_from(c, tau, state, end):
+    while True:
+        t, mesh, _, *before = next_impact(c, tau, *state, end - tau)
+        if mesh <= 0:
+            return np.array(before)
+        y1, y2 = struck(c, mesh, before[1], before[3])
+        tau, state = tau + t, (before[0], y1, before[2], y2)
 
 
 @pytest.mark.parametrize("alpha", [0.6, 1.5, 2.2])
@@ -39,9 +38,9 @@ def test_the_saltation_matrix_is_the_derivative_through_an_impact(alpha):
     for k in range(1, 12):
         early, late = 0.3 * np.diff(orbit.tau)[k - 1 : k + 1]
         tau, state = orbit.tau[k] - early, orbit.state(orbit.tau[k] - early)
-        h = 1e-6
+        h, end = 1e-6, orbit.tau[k] + late
         moved = [
-            (through(c, tau, state + h * e, early + late) - through(c, tau, state - h * e, early + late)) / (2.0 * h)
+            (state_from(c, tau, state + h * e, end) - state_from(c, tau, state - h * e, end)) / (2.0 * h)
             for e in np.eye(4)
         ]
         matrices = (
@@ -61,20 +60,11 @@ def test_growths_are_those_of_the_orbit_s_own_neighbours():
     begin = np.array(flow(c, 0.0, *after, early))
     h, columns = 1e-7, []
     for e in np.eye(4):
-        pair = [_state_from(c, early, begin + s * h * e, end) for s in (1.0, -1.0)]
+        pair = [state_from(c, early, begin + s * h * e, end) for s in (1.0, -1.0)]
         columns.append((pair[0] - pair[1]) / (2.0 * h))
     whole = jacobian(c, -0.05) @ np.transpose(columns) @ jacobian(c, early)
     expected = np.log(np.abs(np.diag(np.linalg.qr(whole)[1])))
     assert LongOrbit(DAT).stretch(7).growth.sum(axis=0) == pytest.approx(expected, abs=1e-4)
-
-
-def _state_from(c, tau, state, end):
-    while True:
-        t, mesh, _, *before = next_impact(c, tau, *state, end - tau)
-        if mesh <= 0:
-            return np.array(before)
-        y1, y2 = struck(c, mesh, before[1], before[3])
-        tau, state = tau + t, (before[0], y1, before[2], y2)
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.3, 1.0, 1.5, 2.5])
@@ -127,6 +117,8 @@ def test_a_record_is_lengthened_until_its_interval_is_narrow_enough():
     assert lyapunov(DAT, impacts=10_000).width > 0.01 >= lyapunov(DAT, width=0.01).width
     with pytest.raises(InputError, match="at least 8192"):
         lyapunov(DAT, impacts=100)
+    with pytest.raises(InputError, match="epsilon"):
+        lyapunov(replace(DAT, epsilon=0.0))
 
 
 def test_an_orbit_that_sticks_often_goes_on_and_has_no_section():
@@ -147,11 +139,31 @@ PAIR = Gears(alpha=14.583333333333334, epsilon=0.7, omega=157.0, inertia1=2000.0
              radius1=60.0, radius2=60.0, backlash1=0.12, torque1=500.0)  # fmt: skip
 
 
-def test_a_noisy_path_that_sticks_in_every_period_has_no_exponents_and_says_so():
-    found = drift_exponents(Scene.from_gears(PAIR, sigma=0.03, stages=1), width=0.1)
+RANDOM = replace(DAT, sigma=0.1, tolerance=Tolerance(0.05, 0.05, distribution="uniform"))
+PRESSED = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=1.0, stages=1)  # undamped, the drag holds mesh 1 closed
+SILENT = Scene(alpha=0.1, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, gap1=5.0, start=Start(0.0, 0.0, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("measure", "scene", "kind", "said"),
+    [
+        (drift_exponents, Scene.from_gears(PAIR, sigma=0.03, stages=1), "sticks often", "sticks 30 % of the time"),
+        (drift_exponents, RANDOM, "not followed", "random gaps"),
+        (lyapunov, PRESSED, "sticks for good", "impacts end"),
+        (lyapunov, SILENT, "silent", "ends"),
+    ],
+)
+def test_a_motion_without_exponents_says_why(measure, scene, kind, said):
+    found = measure(scene, width=0.1)
     assert np.isnan(found.value).all()
-    assert found.regime.kind == "sticks often"
-    assert "sticks 30 % of the time" in found.regime.reason
+    assert found.regime.kind == kind
+    assert said in found.regime.reason
+
+
+def test_random_gaps_leave_out_the_section_of_the_noisy_system():
+    missing = {}
+    assert NOISY not in sections(RANDOM, points=200, missing=missing)
+    assert "random gaps" in missing["the Poincaré section of the noisy system"]
 
 
 def test_exponents_whose_sum_is_off_are_not_reported():
@@ -168,33 +180,10 @@ def test_exponents_whose_sum_is_off_are_not_reported():
     assert found.regime.kind == "sticks often"
 
 
-def test_random_gaps_are_a_reason_and_no_error():
-    scene = DAT.with_sigma(0.1)
-    random = replace(scene, tolerance=Tolerance(0.05, 0.05, distribution="uniform"))
-    found = drift_exponents(random, width=0.1)
-    assert found.regime.kind == "not followed"
-    assert "random gaps" in found.regime.reason
-    missing = {}
-    assert NOISY not in sections(random, points=200, missing=missing)
-    assert "random gaps" in missing["the Poincaré section of the noisy system"]
-
-
 def test_two_paths_of_one_stage_that_stick_become_one():
     """Wheel 2, which a single stage does not have, is no part of their distance."""
     _, growth = growths(Scene.from_gears(PAIR, sigma=0.03, stages=1), 0.1, 3, 0, patience=20.0, settle=200)
     assert growth.min() < np.log(1e-3)
-
-
-def test_an_orbit_that_sticks_for_good_is_told_from_one_that_goes_on():
-    """Without damping a drag of 1 presses mesh 1 shut against any drive of 0.5."""
-    found = lyapunov(Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=1.0, stages=1))
-    assert found.regime.kind == "sticks for good"
-    assert "impacts end" in found.regime.reason
-
-
-def test_a_silent_orbit_is_distinguished_from_a_sticking_one():
-    scene = Scene(alpha=0.1, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, gap1=5.0, start=Start(0.0, 0.0, 0.1))
-    assert lyapunov(scene).regime.kind == "silent"
 
 
 def test_chatter_before_sticking_is_left_out():
@@ -210,27 +199,13 @@ def test_a_long_transient_is_recognised_and_left_out():
     assert found.largest[2] < 0.0
 
 
-def test_no_exponents_without_rebound():
-    with pytest.raises(InputError, match="epsilon"):
-        lyapunov(replace(DAT, epsilon=0.0))
-
-
 def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
-    one, two = (sweep(DAT, (0.05, 0.4, 1.5), noise=paper_noise, width=0.1, workers=n) for n in (1, 2))
+    one, two = (sweep(vary(DAT, "alpha", (0.05, 0.4, 1.5), paper_noise), width=0.1, workers=n) for n in (1, 2))
     assert one.equals(two)
     orbit = one[one["of"] == "orbit"]
     assert orbit["regime"].tolist() == ["sticks often", "runs", "runs"]
     assert crossings(one)[["low", "high", "to"]].to_numpy().tolist() == [[0.4, 1.5, 1]]
     assert (one["sum_error"].abs().dropna() < 1e-10).all()
-
-
-def test_fields_of_a_sweep_are_checked():
-    with pytest.raises(InputError, match="did you mean 'epsilon'"):
-        with_field(DAT, "epsilom", 0.5)
-    with pytest.raises(InputError, match="between 0 and 1"):
-        with_field(DAT, "epsilon", 1.5)
-    with pytest.raises(InputError, match="LOW:HIGH:POINTS"):
-        values("over", "1:0:5")
 
 
 def test_the_corrected_map_grows_as_the_orbit_does():

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from rattle.compare.chaos.exponents import lyapunov, ratio_mean
-from rattle.compare.chaos.two_paths import finite_size, fit, sqrt_law
+from rattle.compare.chaos.exponents import finite_size, fit, lyapunov, ratio_mean, sqrt_law
 from rattle.scene import DAT21, InputError, Scene
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)

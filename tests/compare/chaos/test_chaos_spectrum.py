@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rattle.compare.chaos.bifurcation import bifurcation
 from rattle.compare.chaos.record import NoRecord
-from rattle.compare.chaos.section import NOISY, ORBIT, frame, orbit_section, sections
+from rattle.compare.chaos.section import NOISY, ORBIT, bifurcation, frame, orbit_section, sections
 from rattle.compare.chaos.spectrum import FALSE_ALARM, SEQUENCE, TIME, spectra, spectra_tables, welch
-from rattle.compare.chaos.sweep import paper_noise
+from rattle.compare.chaos.sweep import paper_noise, vary
 from rattle.scene import DAT21, Scene
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
@@ -83,7 +82,8 @@ def test_sections_hold_every_point_and_do_not_depend_on_workers():
     one, two = (sections(DAT, points=6001, workers=n) for n in (1, 2))
     assert list(one) == [ORBIT, "mean map (corrected)", NOISY]
     for side, s in one.items():
-        assert (s.counts.sum(axis=(1, 2)) + s.outside == s.points).all()
+        assert (s.counts.sum(axis=(1, 2)) > 0.999 * s.points).all()
+        assert (s.counts.sum(axis=(1, 2)) <= s.points).all()
         assert (s.counts == two[side].counts).all()
         assert s.table["count"].sum() == s.counts.sum()
     assert one[ORBIT].points == one[NOISY].points == 6001
@@ -100,9 +100,9 @@ def test_sections_take_the_same_memory_however_many_points():
 
 
 def test_bifurcations_hold_every_point_of_any_field():
-    b = bifurcation(DAT, (0.5, 0.7, 0.9), field="epsilon", points=3000)
+    b = bifurcation(vary(DAT, "epsilon", (0.5, 0.7, 0.9)), "epsilon", points=3000)
     for side in (ORBIT, NOISY):
         assert ((b.cells[side].sum(axis=1) > 2980) & (b.cells[side].sum(axis=1) <= 3000)).all()
-    sticking = bifurcation(DAT, (0.05, 0.4), points=1000, noise=paper_noise)
+    sticking = bifurcation(vary(DAT, "alpha", (0.05, 0.4), paper_noise), points=1000)
     assert sticking.cells[ORBIT].sum(axis=1).tolist()[0] == 0
     assert sticking.reasons[ORBIT] == ["sticks often", ""]

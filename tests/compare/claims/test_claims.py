@@ -13,13 +13,12 @@ from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import ORBIT, Mean
 from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.claims import evidence as of_evidence
-from rattle.compare.claims import judge, of_moments, of_motion, of_spectra
-from rattle.compare.claims.claim import NOT_REPRODUCED, REPRODUCED, UNDECIDED, table
-from rattle.compare.claims.evidence import gather
-from rattle.compare.claims.impact_rules import MEND_15, MEND_17, MEND_BOTH, PUBLISHED, failures
-from rattle.compare.claims.page import answer, verdict_figure, write_claims
+from rattle.compare.claims import of_moments, of_motion
+from rattle.compare.claims.evidence import NOT_REPRODUCED, REPRODUCED, UNDECIDED, gather, table
+from rattle.compare.claims.of_moments import MEND_15, MEND_17, MEND_BOTH, PUBLISHED, failures
+from rattle.compare.claims.page import CLAIMS, answer, judge, verdict_figure, write_claims
 from rattle.compare.cli.main import main
-from rattle.compare.report import read_page
+from rattle.compare.report.json_text import read_page
 from rattle.scene import DAT21, Scene
 
 REPOSITORY = Path(__file__).parents[3]
@@ -37,7 +36,7 @@ def evidence():
 
 @pytest.fixture(scope="module")
 def claims(evidence):
-    return {function.__name__: claim for function, claim in zip(judge.CLAIMS, judge.judge(evidence), strict=True)}
+    return {function.__name__: claim for function, claim in zip(CLAIMS, judge(evidence), strict=True)}
 
 
 def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
@@ -158,7 +157,7 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
     """The published map ends, so the claims on its mean velocity are not reproduced as they stand."""
     assert evidence.mean.periodic
     assert evidence.mean.share == pytest.approx((0.018, 0.006), abs=0.01)
-    narrow, continuous = of_spectra.narrow_bands(evidence), of_spectra.continuous(evidence)
+    narrow, continuous = of_motion.narrow_bands(evidence), of_motion.continuous(evidence)
     for claim in (narrow, continuous):
         assert "The published map ends at impact 21 and has no spectrum." in claim.evidence
         assert claim.verdict.endswith("; the published map ends before it has a spectrum")
@@ -166,10 +165,10 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
     assert "the ensemble's mean" not in continuous.verdict
     assert "single noisy paths" in continuous.verdict
     drifts = replace(evidence, mean=evidence.mean._replace(largest=9.0))
-    assert "the ensemble's mean" in of_spectra.continuous(drifts).verdict
+    assert "the ensemble's mean" in of_motion.continuous(drifts).verdict
     maps = evidence.chaos.maps.assign(ends=evidence.chaos.maps["followed"])
     goes_on = replace(drifts, chaos=replace(evidence.chaos, maps=maps))
-    assert of_spectra.continuous(goes_on).verdict == REPRODUCED
+    assert of_motion.continuous(goes_on).verdict == REPRODUCED
 
 
 def test_a_mean_that_still_depends_on_the_start_is_not_periodic(monkeypatch):
@@ -217,7 +216,7 @@ def test_the_page_holds_every_claim(evidence, claims, tmp_path):
         "name": "DAT21", "scene": evidence.scene.to_dict(), "seed": 0, "command": "rattle claims", "commit": "none",
         "versions": {}, "wall_seconds": 1.0,
     }  # fmt: skip
-    said = write_claims(tmp_path / "o", list(claims.values()), list(claims), evidence.chaos, record, False)
+    said = write_claims(tmp_path / "o", list(claims.values()), evidence.chaos, record, False)
     assert said[0].startswith("Of 12 testable claims")
     page = read_page(tmp_path / "o" / "page.json")
     figure, overview, words = page.blocks

@@ -14,8 +14,7 @@ from click.testing import CliRunner
 from rattle.compare.cli.main import main
 from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED
 from rattle.compare.validation.page import CONTENTS
-from rattle.compare.validation.validity_range import ACCURATE, NOT_WRONG
-from rattle.compare.validation.verdict import RULE, VERDICTS
+from rattle.compare.validation.verdict import ACCURATE, NOT_WRONG, RULE, VERDICTS
 from rattle.scene import DAT21, Scene, Start
 
 SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--validity", "0.01:1:3", "--validity-paths", "600"]

@@ -11,12 +11,12 @@ import pytest
 from click.testing import CliRunner
 from command_names import commands
 
-from rattle.compare.checks.extremes import run as extremes
-from rattle.compare.checks.extremes.extreme import extreme
+from rattle.compare.checks import extremes
+from rattle.compare.checks.check import extreme
 from rattle.compare.cli.main import main
 from rattle.compare.report import manifest
-from rattle.compare.report.csv_text import csv_text
 from rattle.compare.report.json_text import json_text, plain
+from rattle.compare.report.save import csv_text
 
 ROOT = Path(__file__).resolve().parents[3]
 STUDY = """
@@ -43,6 +43,8 @@ SMALL = {
     "study": ["study.toml"],
     "check published": ["--result", "bouncing-ball"],
     "check extremes": [],
+    "boundary": ["--impacts", "1", "--points", "2", "--width", "0.9", "--out", "out"],
+    "sensitivity": ["scene.toml", "--parameter", "epsilon", "--quantity", "power", "--accuracy", "1", "--out", "out"],
     "stationary": ["scene.toml", "--paths", "64", "--periods", "64", "--out", "out"],
 }
 """A small run of each command that has ``--json``."""
@@ -114,8 +116,8 @@ def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():
 
 WRITERS = {
     "report/json_text.py": {"dumps"},
-    "report/csv_text.py": {"to_csv"},
-    "cli/console.py": {"echo"},
+    "report/save.py": {"to_csv"},
+    "cli/shared.py": {"echo"},
     "cli/show.py": {"echo"},
     "study/store.py": {"print"},
 }

@@ -9,9 +9,9 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rattle.compare.cli.console import say
+from rattle.closure.closure import name_of
 from rattle.compare.cli.main import main
-from rattle.compare.thresholds.prediction import name_of
+from rattle.compare.cli.shared import say
 
 NAMES = ["two\nlines", "red \x1b[31m", "part\u2028part", "turned \u202e", "back\rover", "tab\tbell\a", "n" * 200]
 STUDY = """[study]

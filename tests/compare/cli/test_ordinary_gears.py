@@ -13,14 +13,16 @@ EXAMPLES = sorted((HERE.parents[2] / "examples").glob("*.toml"))
 SCENES = [HERE / "pair.toml", *(pytest.param(path, marks=pytest.mark.slow) for path in EXAMPLES)]
 SMALL = {
     "animate": ("--impacts", "5"),
+    "boundary": ("--impacts", "2", "--points", "3", "--width", "0.4"),
     "chaos": ("--points", "200", "--impacts", "20000", "--events", "128", "--width", "0.5", "--over", "0.8:15:2"),
     "order": ("--impacts", "2", "--paths", "1000"),
+    "sensitivity": ("--parameter", "epsilon", "--quantity", "power", "--accuracy", "1"),
     "simulate": ("--impacts", "3", "--paths", "500"),
     "stationary": ("--periods", "64", "--paths", "16", "--burn-in", "10"),
     "tradeoff": ("--impacts", "2", "--budget", "0.2", "--no-orders", "--accuracy", "0.3"),
     "validate": ("--impacts", "3", "--paths", "2000", "--no-validity"),
 }
-TO_A_FOLDER = ("chaos", "stationary", "tradeoff", "validate")
+TO_A_FOLDER = ("boundary", "chaos", "sensitivity", "stationary", "tradeoff", "validate")
 
 
 def test_these_are_all_commands_that_take_a_scene():

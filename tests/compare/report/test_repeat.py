@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from rattle.compare.cli.main import main
 from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED
 from rattle.compare.report import manifest, provenance
-from rattle.compare.report.repeat import EXACT, ROUNDING, difference
+from rattle.compare.report.manifest import EXACT, ROUNDING, difference
 
 SWEPT = [
     "--paths", "600", "--impacts", "2", "--dt", "0.01", "--validity", "0.1:1:2", "--validity-paths", "600",

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.montecarlo.long_run import long_run
-from rattle.montecarlo.long_run.intervals import half_width
+from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import DAT21, Scene
 
 SEEDS, SIGMA = 400, 0.01

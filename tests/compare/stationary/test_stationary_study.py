@@ -12,10 +12,8 @@ from click.testing import CliRunner
 import rattle as rt
 from rattle.compare.cli.main import main
 from rattle.compare.stationary.study_page import answer
-from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.long_run import decide_long, predict_long
-from rattle.compare.thresholds.sessions import Thresholds
-from rattle.compare.thresholds.settings import Settings
+from rattle.compare.thresholds.claim import Settings, read_claim
+from rattle.compare.thresholds.decision import Thresholds, decide_long, predict_long
 from rattle.scene import InputError, Scene
 
 STUDY = """
@@ -88,12 +86,6 @@ def test_study_runs_and_is_kept(tmp_path):
 def test_bad_studies_are_refused(old, new, word):
     with pytest.raises(InputError, match=word):
         assert rt.Study.from_toml(STUDY.replace(old, new)).points
-
-
-def test_study_is_of_its_kind():
-    study = rt.Study.from_toml(STUDY)
-    assert study.kind == "stationary"
-    assert study.size == len(study.cells) == 3
 
 
 PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.002)

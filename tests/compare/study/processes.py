@@ -33,7 +33,7 @@ async def main():
 if __name__ == "__main__":
     asyncio.run(main())
 """
-OTHER = "from rattle.compare.study import version; version.LIBRARIES = ('numpy',)"
+OTHER = "from rattle.compare.study import store; store.LIBRARIES = ('numpy',)"
 """A line that gives a worker another numerical version."""
 
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from study_files import study_text
 
-from rattle.compare.study.axes import EXAMPLE
 from rattle.compare.study.cells import Prediction, Sample
-from rattle.compare.study.design import Study
+from rattle.compare.study.design import EXAMPLE, Study
 from rattle.scene import DAT21
 from rattle.scene.errors import InputError
 
@@ -66,7 +65,7 @@ def test_a_key_is_the_content():
 
 
 def test_the_numerical_version_is_in_the_key(monkeypatch):
-    from rattle.compare.study import version as cell
+    from rattle.compare.study import store as cell
 
     before = {c.key for c in read().cells}
     monkeypatch.setattr(cell, "numerical_version", lambda *packages: "another")
@@ -74,7 +73,7 @@ def test_the_numerical_version_is_in_the_key(monkeypatch):
 
 
 def test_the_numerical_version_sees_code_and_not_comments():
-    from rattle.compare.study.version import _meaning
+    from rattle.compare.study.store import _meaning
 
     code = 'def f(x):\n    """Twice."""\n    return 2 * x\n'
     assert _meaning(code) == _meaning(code.replace("Twice", "Double") + "# a comment\n")

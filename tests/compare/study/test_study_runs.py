@@ -1,15 +1,13 @@
 """Nothing is computed twice, nothing is lost: killed, interrupted, shared, damaged and full."""
 
-import errno
 import json
-import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -19,15 +17,14 @@ from study_files import study_text, tables_of
 
 from rattle.compare.cli.main import main
 from rattle.compare.study.design import Study
-from rattle.compare.study.engine import missing, run
+from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.figures import validity
+from rattle.compare.study.folder import CELLS, load_study
+from rattle.compare.study.impacts import find_validity
 from rattle.compare.study.impacts_page import answer
-from rattle.compare.study.results import find_validity
-from rattle.compare.study.runner import Runner
 from rattle.compare.study.store import Store
-from rattle.compare.study.tables import CELLS, load_study
 from rattle.compare.validation.verdict import Tolerances
-from rattle.scene.errors import InputError, OutputError
+from rattle.scene.errors import InputError
 
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
 
@@ -41,9 +38,9 @@ def start(file, *words):
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def wait_for_cells(folder, number, seconds=600.0):  # of compiling, on a busy machine
+def wait_for(folder, pattern, number, seconds=600.0):  # of compiling, on a busy machine
     end = time.monotonic() + seconds
-    while len(list(folder.glob("cells/*.parquet"))) < number:
+    while len(list(folder.glob(pattern))) < number:
         assert time.monotonic() < end
         time.sleep(0.01)
 
@@ -99,18 +96,19 @@ def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
     file = tmp_path / "noise.toml"
     file.write_text(study_text(**SLOW))
     out = tmp_path / "noise"
-    for cells in (3, 9):  # twice
+    for pattern, files in ((f"{CELLS}/*.parquet", 3), (f"{CELLS}/*.parquet", 9), (".page-*.part", 1)):
         running = start(file)
-        wait_for_cells(out, cells)
+        wait_for(out, pattern, files)
         running.send_signal(signal.SIGKILL)
         running.communicate()
-    kept = {p.name: p.stat().st_mtime_ns for p in (out / CELLS).glob("*.parquet")}
-    assert 9 <= len(kept) < 18
+        kept = {p.name: p.stat().st_mtime_ns for p in (out / CELLS).glob("*.parquet")}
+        assert files <= len(kept) < (18 if files > 1 else 19)
+    assert not (out / "manifest.json").exists()
     found = rattle(file)
     assert found.exit_code == 0, found.output
     assert digests(out) == whole
     assert all((out / CELLS / name).stat().st_mtime_ns == at for name, at in kept.items())
-    assert not list((out / CELLS).glob(".*"))  # nothing half written is left
+    assert not list(out.rglob(".*"))  # nothing half written is left
 
 
 @pytest.mark.slow
@@ -119,11 +117,11 @@ def test_two_processes_share_the_work(slow, tmp_path):
     file = tmp_path / "noise.toml"
     file.write_text(study_text(**SLOW))
     first = start(file)
-    wait_for_cells(tmp_path / "noise", 1)
+    wait_for(tmp_path / "noise", f"{CELLS}/*.parquet", 1)
     first.send_signal(signal.SIGSTOP)  # so that the second has something to do, however late it is ready
     found = len(list((tmp_path / "noise").glob("cells/*.parquet")))
     second = start(file)
-    wait_for_cells(tmp_path / "noise", found + 1)
+    wait_for(tmp_path / "noise", f"{CELLS}/*.parquet", found + 1)
     first.send_signal(signal.SIGCONT)
     for running in (first, second):
         _, err = running.communicate(timeout=600)
@@ -138,7 +136,7 @@ def test_two_processes_share_the_work(slow, tmp_path):
 @pytest.mark.parametrize("damage", ["truncated", "foreign", "flipped", "empty"])
 def test_a_damaged_file_is_set_aside_and_computed_again(tmp_path, damage):
     study, store = Study.from_toml(study_text(paths=1024)), Store(tmp_path / CELLS)
-    run(study, store, Runner(1))
+    run(study.cells, store, Runner(1))
     before = tables_of(study, store).errors
     paths = sorted(store.folder.glob("*.parquet"))
     content = bytearray(paths[0].read_bytes())
@@ -151,7 +149,7 @@ def test_a_damaged_file_is_set_aside_and_computed_again(tmp_path, damage):
     else:
         content[len(content) // 8] ^= 1
     paths[0].write_bytes(content)
-    assert run(study, store, Runner(1)).computed == 1
+    assert run(study.cells, store, Runner(1)).computed == 1
     pd.testing.assert_frame_equal(tables_of(study, store).errors, before, check_exact=True)
     assert (store.aside / paths[0].name).exists()
     assert paths[0].name in (store.aside / paths[0].name).with_suffix(".txt").read_text()
@@ -264,7 +262,7 @@ sigma = [0.01, 0.02]
 def test_undecided_is_not_called_wrong(tmp_path):
     """At the smallest value no row of a closure is inaccurate and some are undecided: text and figure say so."""
     study, store = Study.from_toml(UNDECIDED), Store(tmp_path / CELLS)
-    run(study, store, Runner(1))
+    run(study.cells, store, Runner(1))
     found = tables_of(study, store)
     first = found.errors.query("sigma == 0.01 and closure == 'saltation'")["verdict"].value_counts()
     assert "inaccurate" not in first
@@ -290,7 +288,7 @@ def test_undecided_is_not_called_wrong(tmp_path):
 def test_a_range_that_depends_on_another_field_is_said_for_each(tmp_path):
     text = UNDECIDED.replace("[0.01, 0.02]", "[0.01, 0.3]") + "[[axes]]\nepsilon = [0.5, 0.9]\n"
     study, store = Study.from_toml(text), Store(tmp_path / CELLS)
-    run(study, store, Runner(1))
+    run(study.cells, store, Runner(1))
     found = tables_of(study, store)
     errors = found.errors
 
@@ -314,9 +312,9 @@ def test_a_range_that_depends_on_another_field_is_said_for_each(tmp_path):
 def test_a_study_that_changes_while_it_runs_stops(tmp_path):
     study = Study.from_toml(study_text())
     store = Store(tmp_path / CELLS)
-    with pytest.raises(ValueError, match="has changed while it ran"):
-        run(study, store, Runner(1), unchanged=lambda: False)
-    assert len(missing(study, store)) < 9  # what is finished is kept
+    with pytest.raises(InputError, match="has changed"):
+        run(study.cells, store, Runner(1), check=Mock(side_effect=InputError("study", study.title, "has changed")))
+    assert len(store.missing(study.cells)) < 9  # what is finished is kept
 
 
 def test_results_do_not_depend_on_workers(tmp_path):
@@ -324,44 +322,10 @@ def test_results_do_not_depend_on_workers(tmp_path):
     tables = []
     for workers in (1, 3):
         store = Store(tmp_path / str(workers) / CELLS)
-        run(study, store, Runner(workers))
+        run(study.cells, store, Runner(workers))
         tables.append(tables_of(study, store))
     pd.testing.assert_frame_equal(tables[0].errors, tables[1].errors, check_exact=True)
     pd.testing.assert_frame_equal(tables[0].paired, tables[1].paired, check_exact=True)
-
-
-def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch):
-    """The real thing where a small file system may be mounted, else the system's refusal to write."""
-    study = Study.from_toml(study_text())
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mounting = ["mount", "-t", "tmpfs", "-o", "size=250k", "none", disk]
-    mounted = subprocess.run(mounting, capture_output=True).returncode == 0
-    try:
-        store = Store(disk / CELLS)
-        if not mounted:
-            replace = os.replace
-
-            def refuse(source, target):
-                if len(list((disk / CELLS).glob("*.parquet"))) == 3:
-                    raise OSError(errno.ENOSPC, "No space left on device")
-                replace(source, target)
-
-            monkeypatch.setattr(os, "replace", refuse)
-        with pytest.raises(OutputError, match="the disk is full"):
-            run(study, store, Runner(1))
-        kept = [c for c in study.cells if store.read(c)]
-        assert 0 < len(kept) < 9
-        assert not list((disk / CELLS).glob(".*.part"))
-        # with room the same study goes on from there
-        monkeypatch.undo()
-        roomy = Store(tmp_path / "roomy" / CELLS)
-        for path in store.folder.glob("*.parquet"):
-            shutil.copy(path, roomy.folder)
-        assert run(study, roomy, Runner(1)).computed == 9 - len(kept)
-    finally:
-        if mounted:
-            subprocess.run(["umount", disk], check=True)
 
 
 def test_a_folder_that_cannot_be_made_is_refused(small, tmp_path):
@@ -372,21 +336,3 @@ def test_a_folder_that_cannot_be_made_is_refused(small, tmp_path):
     found = rattle(tmp_path / "absent.toml")
     assert found.exit_code == 2
     assert "cannot be read" in found.output
-
-
-def test_obtain_waits_for_another_process(small, tmp_path):
-    """While a lock is held elsewhere the cell is not computed here; when it ends, it is."""
-    import threading
-
-    store, cell = Store(tmp_path / "s"), Study.load(small).cells[0]
-    found = []
-    with store.alone(cell.key) as alone:
-        assert alone
-        with store.alone(cell.key) as again:
-            assert not again
-        waiting = threading.Thread(target=lambda: found.append(store.obtain(cell)))
-        waiting.start()
-        time.sleep(0.5)
-        assert not found
-    waiting.join(timeout=30)
-    assert found

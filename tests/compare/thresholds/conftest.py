@@ -5,9 +5,7 @@ import re
 import pytest
 
 from rattle.closure import mean_map
-from rattle.compare.thresholds import (
-    summary,  # noqa: F401
-)
+from rattle.compare.thresholds import messages  # noqa: F401
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, Scene

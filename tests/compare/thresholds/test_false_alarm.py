@@ -17,11 +17,8 @@ import pandas as pd
 import pytest
 from scipy.stats import binomtest
 
-from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.decision import decide, errors_of, judge_errors, merge_looks
-from rattle.compare.thresholds.prediction import ModelPrediction
-from rattle.compare.thresholds.sessions import TimedRun
-from rattle.compare.thresholds.settings import Settings
+from rattle.compare.thresholds.claim import Settings, read_claim
+from rattle.compare.thresholds.decision import ModelPrediction, TimedRun, decide, errors_of, judge_errors, merge_looks
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import BLOCK

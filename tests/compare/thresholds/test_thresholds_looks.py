@@ -5,8 +5,8 @@ import math
 import pandas as pd
 import pytest
 
+from rattle.compare.thresholds.claim import PROFILES, Settings
 from rattle.compare.thresholds.decision import choose_next, merge_looks
-from rattle.compare.thresholds.settings import PROFILES, Settings
 from rattle.compare.validation.verdict import widest
 
 HEAD = """

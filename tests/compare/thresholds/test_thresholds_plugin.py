@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rattle.compare.thresholds import settings
+from rattle.compare.thresholds.claim import PROFILES
 from rattle.compare.validation.verdict import widest
 
 HERE = Path(__file__).resolve().parent
@@ -128,7 +128,7 @@ def test_profiles_and_settings_of_the_configuration_file(run, pytester):
     pytester.makeini("[pytest]\nrattle_false_alarm = 0.05\nrattle_undecided = skip\n")
     result = run(suite, "-k", "fails", "--rattle-workers=2")
     result.stdout.fnmatch_lines(["*32768 paths*", "intervals *of at most 0.05"])
-    assert settings.PROFILES["full"] == 2**20
+    assert PROFILES["full"] == 2**20
     run(SUITE, "-k", "undecided").assert_outcomes(skipped=1, deselected=6)
 
 
@@ -150,13 +150,13 @@ def test_the_example_suite_holds(pytester, ensembles):
 
 BAD_MODELS = {
     "'saltations'": "closure = 'saltations': did you mean 'saltation'?",
-    "3": "model = 3: give a closure's name, or a function",
+    "3": "model = 3: give the name of a closure, package.module:function, or a function",
     "lambda s, k: 3": "result of <lambda> = 'int': return a DataFrame",
-    "lambda s, k: right(s, k)[['tau', 'y1']]": "'y2' is missing; add it",
+    "lambda s, k: right(s, k)[['tau', 'y1']]": "'y2' is missing; return it",
     "lambda s, k: right(s, k).rename(columns={'tau': 'y1'})": "columns of <lambda> = ",
     "lambda s, k: right(s, k).iloc[:1]": "index of <lambda> = [1]: must hold each impact once, from 1 to 2",
-    "lambda s, k: right(s, k).assign(tau='soon')": "column 'tau' of <lambda> = ['soon', 'soon']: must hold numbers",
-    "lambda s, k: right(s, k) * float('inf')": "tau of <lambda> at impact 1 = inf: is not a finite number",
+    "lambda s, k: right(s, k).assign(tau='soon')": "tau of <lambda> = ['soon', 'soon']: must hold numbers",
+    "lambda s, k: right(s, k) * float('inf')": "tau of <lambda> at impact 1 = nan: is not a finite number",
     "'corrected'": "sd_tau of corrected at impact 1 = nan: is not a finite number",
 }
 
@@ -273,3 +273,20 @@ def test_rare_bursts_are_shown_and_more_paths_taken(run, said, tmp_path):
     assert int(found[2]) > 2_400
     beside = run(BURSTS, cache=tmp_path)
     assert [said(beside, row) for row in rows] == found
+
+
+def test_a_closure_of_ones_own_is_the_same_by_its_function_its_object_and_its_module(run, pytester, monkeypatch):
+    monkeypatch.chdir(pytester.path)
+    (pytester.path / "own_model.py").write_text(
+        "from rattle import Closure, mean_map\n"
+        "def mine(scene, impacts):\n"
+        "    return mean_map(scene, impacts=impacts, closure='saltation').section[['tau', 'sd_tau']]\n"
+        "better = Closure('better', mine, predicts=('tau', 'sd_tau'))\n"
+    )
+    marker = "@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.01), impacts=1, quantities='tau', paths=4096)\n"
+    models = ("own_model.mine", "own_model.better", "'own_model:mine'", "'own_model:better'")
+    tests = [f"{marker}def test_{i}(rattle): rattle.check({model})\n" for i, model in enumerate(models)]
+    imports = (
+        "import pytest\nfrom rattle.scene import DAT21, Scene\nimport sys; sys.path.insert(0, '.')\nimport own_model\n"
+    )
+    run(imports + "".join(tests)).assert_outcomes(passed=4)

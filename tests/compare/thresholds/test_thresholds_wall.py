@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.decision import errors_of, judge_errors
-from rattle.compare.thresholds.prediction import predict
+from rattle.compare.thresholds.decision import errors_of, judge_errors, predict
 from rattle.montecarlo import simulate
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, InputError, Scene

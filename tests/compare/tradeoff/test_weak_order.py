@@ -1,10 +1,9 @@
-"""Tradeoff slopes: correct for changes of known order, an order only where they settle, plausible for the schemes."""
+"""Slopes: correct for changes of known order, an order only where they settle, plausible for the schemes."""
 
 import numpy as np
 import pytest
 
-from rattle.compare.tradeoff.slopes import changes_from, find_settled, slope_from
-from rattle.compare.tradeoff.weak_order import weak_orders
+from rattle.compare.tradeoff.weak_order import changes_from, find_settled, slope_from, weak_orders
 from rattle.scene import DAT21, InputError, Scene
 
 STEPS = (0.04, 0.02, 0.01)

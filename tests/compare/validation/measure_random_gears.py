@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare import validate
-from rattle.compare.validation.validity import find_validities
+from rattle.compare.validation.comparison import find_validities
 from rattle.scene import Scene, Start
 
 TABLE = Path(__file__).resolve().parents[3] / "docs" / "results" / "random_gears.csv"

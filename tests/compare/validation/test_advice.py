@@ -7,9 +7,9 @@ import pytest
 from rattle.compare import validate
 from rattle.compare.report.glossary import TERMS, glossary
 from rattle.compare.validation.answer import advice, answer, cost_sentence
+from rattle.compare.validation.comparison import WANTED, simulation_costs
 from rattle.compare.validation.figures import error_figure
-from rattle.compare.validation.speed import WANTED, simulation_costs
-from rattle.compare.validation.sweep import sweep
+from rattle.compare.validation.validate import sweep
 from rattle.montecarlo import simulate_to
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.scene import DAT21, InputError, Scene

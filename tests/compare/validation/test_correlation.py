@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rattle.compare import validate
-from rattle.compare.validation.correlation import SIMULATED, first_failure
+from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.scene import DAT21, Scene
 
 

@@ -8,9 +8,9 @@ from scipy import stats
 
 from rattle.closure import mean_map
 from rattle.closure.edgeworth import section_density
-from rattle.compare.validation.distance import bin_masses, distances, section_distances
+from rattle.compare.validation.realizability import bin_masses, distances, section_distances
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.statistics.histogram import BINS, Histograms
+from rattle.montecarlo.statistics.records import BINS, Histograms
 from rattle.scene import DAT21, Scene
 
 PATHS = 20_000

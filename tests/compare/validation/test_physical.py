@@ -5,9 +5,10 @@ import math
 import pytest
 
 from rattle.compare import validate
-from rattle.compare.report import Glossary, read_page
+from rattle.compare.report import Glossary
+from rattle.compare.report.json_text import read_page
 from rattle.compare.validation.answer import answer
-from rattle.compare.validation.physical import duration_words, motion_table, time_table
+from rattle.compare.validation.tables import duration_words, motion_table, time_table
 from rattle.scene import DAT21, Scene, Start
 
 PLAIN = Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.02)

@@ -12,7 +12,7 @@ from rattle.compare.validation.realizability import (
     CHECKS,
     POINTS,
     QUADRATURE,
-    REACH,
+    SPREAD,
     covariance_eigenvalue,
     first_failures,
     kurtosis_margin,
@@ -100,7 +100,7 @@ def test_closures_with_a_covariance_are_realizable(closure, sigma, order):
 
 def series_mass(rho, order=4, points=POINTS):
     series = Edgeworth(coefficients(gaussian_raw_moments(1.0, rho, 1.0, order), 1.0, 1.0), 1.0, 1.0)
-    z = np.linspace(-REACH, REACH, points)
+    z = np.linspace(-SPREAD, SPREAD, points)
     return negative_mass(series.density(*np.meshgrid(z, z)), (z[1] - z[0]) ** 2)
 
 
@@ -134,7 +134,7 @@ def test_quadrature_is_good_to_a_thousandth():
 
 def test_section_negative_mass_grows_with_sigma():
     """The skewness of the saltation closure is proportional to sigma; the series is positive up to about 0.08."""
-    z = np.linspace(-REACH, REACH, POINTS)
+    z = np.linspace(-SPREAD, SPREAD, POINTS)
     for skew, within in ((0.07, True), (0.1, False)):
         assert (negative_mass(section_density(z, 0.0, 1.0, skew), z[1] - z[0]) <= QUADRATURE) == within
     values = [

@@ -7,10 +7,9 @@ import pytest
 
 from rattle.closure import mean_map
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.decision import errors_of, judge_errors
-from rattle.compare.thresholds.prediction import ModelPrediction
+from rattle.compare.thresholds.decision import ModelPrediction, errors_of, judge_errors
 from rattle.compare.validation.answer import answer
-from rattle.compare.validation.section_errors import ABSOLUTE, BY_SIZE, section_errors
+from rattle.compare.validation.errors import ABSOLUTE, BY_SIZE, section_errors
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import JUDGED, Tolerances, widest
 from rattle.montecarlo import simulate

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from rattle.closure import mean_map
-from rattle.closure.branching.error import FLIGHT_MICROSECONDS
-from rattle.closure.cost import closure_seconds, most_seconds
-from rattle.compare.validation.speed import measure_speed, paths_for
+from rattle.closure.mean_map import CLOSURES, closure_seconds
+from rattle.closure.moments import FLIGHT_MICROSECONDS
+from rattle.compare.validation.comparison import measure_speed, paths_for
 from rattle.compare.validation.validate import validate
 from rattle.montecarlo import simulate
 from rattle.montecarlo.accuracy.cost import cost_of
@@ -58,7 +58,7 @@ def test_speed_up_is_the_ratio_of_the_work():
 def test_work_of_a_mixture_grows_with_its_components():
     few, many = (mean_map(Scene.from_gears(DAT21, sigma=s), impacts=2, closure="branching") for s in (1e-3, 0.5))
     assert many.trace.work > 10 * few.trace.work
-    assert closure_seconds(few) < closure_seconds(many) < most_seconds("branching", 2)
+    assert closure_seconds(few) < closure_seconds(many) < CLOSURES["branching"].most_seconds(2)
     assert closure_seconds(many) - closure_seconds(few) == pytest.approx(60e-6 * (many.trace.work - few.trace.work))
 
 

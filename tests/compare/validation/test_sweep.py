@@ -5,13 +5,11 @@ import pytest
 
 from rattle.compare.report.style import caption_of
 from rattle.compare.validation.answer import validity_sentence
-from rattle.compare.validation.speed import Speed
-from rattle.compare.validation.sweep import read_grid, sweep
+from rattle.compare.validation.comparison import Speed, Validity, find_validity
+from rattle.compare.validation.figures import VALIDITY, validity_figure
 from rattle.compare.validation.tables import speed_table, validity_table
-from rattle.compare.validation.validate import validate
-from rattle.compare.validation.validity import Validity, find_validity
-from rattle.compare.validation.validity_figure import VALIDITY, validity_figure
-from rattle.compare.validation.validity_range import NOT_WRONG, WRONG
+from rattle.compare.validation.validate import read_grid, sweep, validate
+from rattle.compare.validation.verdict import NOT_WRONG, WRONG
 from rattle.scene import DAT21, InputError, Scene
 
 SETTINGS = {"impacts": 4, "paths": 20_000, "rng": 3, "workers": 2, "closures": ["corrected", "saltation"]}

@@ -6,8 +6,8 @@ import pytest
 
 from rattle.compare import validate
 from rattle.compare.validation.answer import answer, correlation_claim
+from rattle.compare.validation.comparison import CAUSES, find_validities, find_validity, rows_to_judge
 from rattle.compare.validation.tables import count_table, reach_table
-from rattle.compare.validation.validity import CAUSES, find_validities, find_validity, rows_to_judge
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED
 from rattle.scene import DAT21, Scene
 

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from rattle.closure import mean_map
-from rattle.compare.validation.section_errors import ABSOLUTE, section_errors
+from rattle.compare.validation.errors import ABSOLUTE, section_errors
 from rattle.compare.validation.verdict import Tolerances, judge, widest
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
@@ -152,8 +152,8 @@ def test_few_paths_do_not_call_a_perfect_closure_inaccurate(few, paths):
 
 def test_few_paths_with_normal_intervals_would(few, monkeypatch):
     claim, runs = few
-    monkeypatch.setattr("rattle.compare.validation.section_errors.half_width", lambda *_: widest(2 * len(SECTION) * 2))
-    monkeypatch.setattr("rattle.compare.validation.section_errors.FEWEST", 0)
+    monkeypatch.setattr("rattle.compare.validation.errors.half_width", lambda *_: widest(2 * len(SECTION) * 2))
+    monkeypatch.setattr("rattle.compare.validation.errors.FEWEST", 0)
     assert seeds_called_inaccurate(claim, runs[4]) > 30
 
 

@@ -10,19 +10,18 @@ import pytest
 from click.testing import CliRunner
 
 from rattle import closure, montecarlo
-from rattle.closure import edgeworth, long_orbit, orbit, third_cumulants
-from rattle.compare.checks.extremes import flights, run, runs, sampling, scaling, truth
-from rattle.compare.checks.extremes.extreme import extreme, farthest, worst_of
-from rattle.compare.checks.extremes.run import ROWS
-from rattle.compare.checks.published import returning
-from rattle.compare.checks.table import extreme_lines, extreme_record
+from rattle.closure import edgeworth, long_orbit, orbit, section_step
+from rattle.compare.checks import extremes
+from rattle.compare.checks.check import extreme, extreme_lines, extreme_record, farthest, worst_of
+from rattle.compare.checks.extremes import ROWS, formulas, invariance, sampling, truth
+from rattle.compare.checks.published import returns
 from rattle.compare.cli.main import main
 from rattle.compare.validation import validate as validation
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Scene, damping, flight, impact, moments, tangent
+from rattle.scene import Scene, damping, drive, flight, impact, moments, tangent
 
 LONG = {
-    "unit_of_length", "confined_paths", "simultaneous", "sticking_paths", "collapse_drift", "absolute_times",
+    "unit_of_length", "simultaneous", "sticking_paths", "collapse_drift", "absolute_times",
     "step_noise", "elastic_flights", "energy",
 }  # fmt: skip
 """Rows that take seconds; with an error put in on purpose each is run shorter, in the first tier of tests."""
@@ -84,29 +83,17 @@ def swapped(scene, impacts):
 
 
 orbit_follow, tangent_matrix, short_flight = orbit.follow, tangent.saltation_matrix, short.short_flight
-returned, jacobian, realizability = returning.log_speeds, flight.jacobian, moments.realizability
+returned, jacobian, realizability = returns.log_speeds, flight.jacobian, moments.realizability
 simulate, mean_map, validate = montecarlo.simulate, closure.mean_map, validation.validate
-
-
-def absolute(scene, **settings):
-    """A simulation that moves paths by an absolute length."""
-    found = simulate(scene, **settings)
-    rows = None if found.raw is None else found.raw + 1e-3
-    sums = dict(found.result.sums)
-    s = sums["section"]
-    sums["section"] = replace(s, mean=s.mean + 1e-3)
-    return replace(found, raw=rows, result=replace(found.result, sums=sums))
 
 
 def outside_walls(scene, **settings):
     """A simulation whose paths are far outside the walls."""
-    found = absolute(scene, **settings)
-    if "fixed" in found.result.sums:
-        s = found.result.sums["fixed"]
-        found = replace(
-            found, result=replace(found.result, sums=found.result.sums | {"fixed": replace(s, mean=s.mean + 1e3)})
-        )
-    return found
+    found = simulate(scene, **settings)
+    sums = dict(found.result.sums)
+    for name in sums.keys() & {"section", "fixed"}:
+        sums[name] = replace(sums[name], mean=sums[name].mean + 1e3)
+    return replace(found, result=replace(found.result, sums=sums))
 
 
 class Drifting(long_orbit.LongOrbit):
@@ -170,7 +157,7 @@ NEGATIVE_CONTROLS = {
     "flight_state": (flight, "displacement", plain_displacement),
     "flight_jacobian": (flight, "jacobian", cancelling),
     "flight_noise": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
-    "noise_phase_derivative": (third_cumulants, "noise_slope", differenced),
+    "noise_phase_derivative": (section_step, "noise_slope", differenced),
     "saltation": (tangent, "saltation_matrix", harder),
     "grazing": (impact, "next_impact", early(impact.next_impact)),
     "simultaneous": (orbit, "follow", swapped),
@@ -178,11 +165,11 @@ NEGATIVE_CONTROLS = {
     "sticking_end": (orbit, "follow", late_sticking),
     "edgeworth_windows": (edgeworth, "window_means", wrong_windows),
     "correlations": (moments, "realizability", absolutely_judged),
-    "step_phase": (short, "sine_cosine", lambda tau: (math.sin(tau + 1e-13), math.cos(tau))),
+    "step_phase": (drive, "sine_cosine", lambda tau: (math.sin(tau + 1e-13), math.cos(tau))),
     "step_flight": (short, "short_flight", lambda c, *a: short_flight(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *a)),
     "step_noise": (short, "kick", off(short.kick, 1.0 + 1e-6)),
     "exit_times": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
-    "collapse_drift": (returning, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
+    "collapse_drift": (returns, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
     "stay_between_walls": (montecarlo, "simulate", outside_walls),
     "sticking_paths": (montecarlo, "simulate", outside_walls),
     "large_tolerances": (closure, "mean_map", lambda s, **k: mean_map(replace(s, tolerance=None), **k)),
@@ -201,11 +188,10 @@ NEGATIVE_CONTROLS = {
 @pytest.fixture
 def shorter(monkeypatch):
     """Shorter rows, which suffice for a negative control."""
-    monkeypatch.setattr(runs, "IMPACTS", runs.STRETCH)
-    monkeypatch.setattr(runs, "PERIODS", runs.STRETCH)
-    monkeypatch.setattr(flights, "POINTS", 60)
-    monkeypatch.setattr(scaling, "POWERS", (-26,))
-    monkeypatch.setattr(scaling, "STARTS", (1e12,))
+    short = {"LONG": invariance.STRETCH, "PERIODS": invariance.STRETCH, "POWERS": (-26,), "STARTS": (1e12,)}
+    for name, value in short.items():
+        monkeypatch.setattr(invariance, name, value)
+    monkeypatch.setattr(formulas, "POINTS", 60)
     monkeypatch.setattr(sampling, "EXITS", ((1.0, 1e-3),))
 
 
@@ -217,7 +203,7 @@ def test_row_rejects_its_negative_control(name, monkeypatch):
 
 
 def test_truth_has_the_digits_it_needs():
-    c = flights.constants(beta1=0.0, beta2=1e-14)
+    c = formulas.constants(beta1=0.0, beta2=1e-14)
     before = truth.noise(c, 0.3, 1e-12)
     truth_of = partial(truth.noise, c, 0.3, 1e-12)
     try:
@@ -237,11 +223,11 @@ def test_table_and_terminal_say_what_failed(monkeypatch):
     assert text[-1] == "1 of 2 extreme-value checks passed."
     assert "FAILS" in text[3]
     assert text[4].strip() == "1e-3 to 1e4; against: a formula"
-    monkeypatch.setattr(run, "ROWS", {"good": good, "bad": bad})
+    monkeypatch.setattr(extremes, "ROWS", {"good": good, "bad": bad})
     done = CliRunner().invoke(main, ["check", "extremes", "--json"])
     assert done.exit_code == 1
     assert [row["holds"] for row in json.loads(done.output)] == [True, False]
-    monkeypatch.setattr(run, "ROWS", {"good": good})
+    monkeypatch.setattr(extremes, "ROWS", {"good": good})
     assert CliRunner().invoke(main, ["check", "extremes", "--all"]).exit_code == 0
 
 

@@ -9,7 +9,7 @@ import json
 import types
 
 from rattle.compare.checks.check import run_checks
-from rattle.compare.checks.published.run import RESULTS
+from rattle.compare.checks.published import RESULTS
 from rattle.scene import Gears, impact
 
 STRUCK, LOSS, MU = impact.struck, impact.energy_loss, Gears.mu.fget

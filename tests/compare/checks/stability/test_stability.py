@@ -8,17 +8,26 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from rattle.compare.checks.extremes.extreme import extreme
+from rattle.compare.checks import extremes
+from rattle.compare.checks.check import extreme
 from rattle.compare.checks.stability import cell as cells
-from rattle.compare.checks.stability import free_flight
-from rattle.compare.checks.stability.axes import AXES, moderate
-from rattle.compare.checks.stability.cell import BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, judge, simulate_any
+from rattle.compare.checks.stability import chart as charts
+from rattle.compare.checks.stability.cell import (
+    AXES,
+    BIASED,
+    COLLAPSING,
+    UNBIASED,
+    UNDECIDED,
+    UNSTABLE,
+    judge,
+    moderate,
+    reference,
+    simulate_any,
+)
 from rattle.compare.checks.stability.chart import Chart, chart
-from rattle.compare.checks.stability.figure import figure, summary
-from rattle.compare.checks.stability.page import answer
-from rattle.compare.checks.stability.reference import reference
+from rattle.compare.checks.stability.page import answer, figure, summary
 from rattle.compare.cli.main import main
-from rattle.compare.report import read_page
+from rattle.compare.report.json_text import read_page
 from rattle.montecarlo import SCHEMES, default_step, largest_step, simulate
 from rattle.scene import InputError
 
@@ -102,12 +111,12 @@ def test_only_measurements_accept_inadmissible_steps():
 
 
 def test_free_flights_have_the_exact_covariance_and_another_is_rejected(monkeypatch):
-    table = free_flight.covariance_table(paths=PATHS, seed=0, workers=2)
+    table = charts.covariance_table(paths=PATHS, seed=0, workers=2)
     assert table["holds"].all(), table
     assert len(table) == 2 * len(AXES["beta"].values)
-    exact = free_flight.noise_covariance
-    monkeypatch.setattr(free_flight, "noise_covariance", lambda *a: 1.3 * exact(*a))  # 14 % of an sd
-    assert not free_flight.covariance_table(points=3, paths=PATHS, seed=0, workers=2)["holds"].any()
+    exact = charts.noise_covariance
+    monkeypatch.setattr(charts, "noise_covariance", lambda *a: 1.3 * exact(*a))  # 14 % of an sd
+    assert not charts.covariance_table(points=3, paths=PATHS, seed=0, workers=2)["holds"].any()
 
 
 def run(tmp_path, *arguments):
@@ -139,11 +148,11 @@ def test_command_writes_map_tables_and_page(tmp_path):
 
 
 def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_path, monkeypatch):
-    rows = (
-        extreme("E", "beta", "0 to 1e3", "mpmath")(lambda: [2e-16])(),
-        extreme("u", "", "", "", allowed=4.5, unit="z")(lambda: [5.0])(),
-    )
-    monkeypatch.setattr("rattle.compare.checks.extremes.run.extremes", lambda: rows)
+    rows = {
+        "E": extreme("E", "beta", "0 to 1e3", "mpmath")(lambda: [2e-16]),
+        "u": extreme("u", "", "", "", allowed=4.5, unit="z")(lambda: [5.0]),
+    }
+    monkeypatch.setattr(extremes, "ROWS", rows)
     done = run(tmp_path, "--scheme", "exact-flight", "--points", "1", "--extremes")
     assert done.exit_code == 1, done.output
     assert "1 of 2 extremes of the formulas and samplers hold." in done.output
@@ -197,7 +206,7 @@ def test_the_advice_and_the_key_figure_count_the_cells():
     cells = [row, row, row | {"scheme": "euler-maruyama"}, row | {"scheme": "euler-maruyama", "verdict": BIASED}]
     longer = [row | {"default": False, "share": 4.0, "verdict": UNSTABLE}]  # refused: counts nowhere
     table = pd.DataFrame(cells + longer).assign(diagnosed=True)
-    said = answer(Chart(table, 4.5, 0.0))
+    said = answer(Chart(table, 4.5))
     assert said[0] == (
         "Take `exact-flight`: at its default step 2 of 2 scenes, extreme ones among them, are shown to be unbiased and "
         "none to be biased (unbiased: 1 for `euler-maruyama`)."
@@ -208,6 +217,6 @@ def test_the_advice_and_the_key_figure_count_the_cells():
 
 def test_figure_has_a_panel_for_each_scheme_and_axis():
     found = chart(schemes=["euler-maruyama"], axes=["sigma"], points=1, paths=1)
-    both = Chart(found.table, found.z, 0.0)
+    both = Chart(found.table, found.z)
     assert len(figure(both.table).axes) == 1
     assert len(both.without_diagnostic) == 0

@@ -1,0 +1,380 @@
+"""What a closure is: one interface for those of the package and for a function of one's own."""
+
+import hashlib
+import importlib
+import inspect
+import os
+import sys
+import time
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from rattle.closure.moments import Trace
+from rattle.closure.orbit import follow
+from rattle.scene.errors import InputError, choice, nearest
+from rattle.scene.moments import SECTION, STATE
+from rattle.scene.scene import Scene
+from rattle.scene.text import line
+from rattle.scene.types import Floats
+
+if TYPE_CHECKING:  # loading it takes as long as all the rest
+    import pandas as pd
+
+__all__ = ["Closure"]
+
+RHO = ("rho1", "rho2")
+PREDICTED = (*SECTION, *(f"{what}_{name}" for what in ("sd", "skew") for name in SECTION), *RHO)
+"""Columns of `MeanMap.section` that a closure of one's own may predict."""
+DERIVED = ("realizable", "agreement", "discarded", "error_mean", "error_sd", "within")
+"""Other columns of `MeanMap.section`, which are left aside, so that a changed copy of one may be returned."""
+AT_TIMES = (*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]), *RHO)
+"""Columns of `MeanMap.at_times`."""
+GUESS = 1000.0  # microseconds of an impact by a function of which nothing is known, for an estimate beforehand
+UNPREDICTED = "it predicts nothing after impact {}"
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A closure of one's own, where more is to be said than a function can say.
+
+    Wherever the name of a closure is taken (`mean_map`, `validate`, a study, the pytest plugin), a plain function is
+    taken too, and is then a closure of that name.  Commands and study files take ``package.module:function``.
+
+    Parameters
+    ----------
+    name : str
+        Its name in tables, pages and figures; not that of a closure of the package.
+    function : callable
+        ``function(scene, impacts)``, returns a DataFrame with a row for each impact (index 1 to ``impacts``), or a
+        mapping of names to as many values.  Any of the columns of `MeanMap.section`: means ``tau, flight, x1, y1, x2,
+        y2``, standard deviations ``sd_tau, sd_y1, ...``, skewness ``skew_...``, correlations ``rho1, rho2``; ``mesh``
+        and ``side`` where the impacts are not those of the orbit without noise.  What is missing, or NaN, is not
+        predicted.  The scene is `Scene.phase_reduced`: its times begin within a period of the drive.
+    at_times : callable, optional
+        ``at_times(scene, times)``, the same at fixed times: columns of `MeanMap.at_times`, a row for each time, or a
+        mapping of names to as many values.  An
+        attribute ``at_times`` of the function serves as well.
+    predicts : sequence of str, optional
+        Columns that its table must have; by default any will do.
+    stages : {1, 2}, optional
+        The number of stages that it is made for; by default both.
+
+    Raises
+    ------
+    InputError
+        If something of it cannot be a closure: a name that is taken, a function that cannot be called.
+
+    Examples
+    --------
+    The first order of `saltation` alone, which shifts no mean:
+
+    >>> from rattle import DAT21, Closure, Scene, mean_map
+    >>> def orbit(scene, impacts):
+    ...     found = mean_map(scene, impacts=impacts, closure="saltation", order=2)
+    ...     return found.section[["tau", "y1"]]
+    >>> plain = Closure("orbit", orbit, predicts=("tau", "y1"))
+    >>> mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure=plain).section["tau"].round(2).tolist()
+    [0.56, 1.14]
+    """
+
+    name: str
+    function: Callable[..., Any]
+    at_times: Callable[[Scene, Sequence[float]], Any] | None = None
+    predicts: tuple[str, ...] = ()
+    stages: int | None = None
+
+    # whether `trace` takes a tolerance as its last argument; what limits it where all paths follow its itinerary
+    refines: bool = field(default=False, init=False, repr=False)
+    limit: str = field(default="own", init=False, repr=False)
+    origin: str = field(default="", init=False, repr=False, compare=False)  # the text that it was imported by
+
+    own: ClassVar[bool] = True
+    taken: ClassVar[set[str]] = {"monte carlo"}
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name or line(self.name) != self.name or ":" in self.name:
+            raise InputError("closure.name", self.name, "give a short text on one line, without a colon")
+        if self.own and self.name in self.taken:
+            why = f"is a closure of this package; give yours another name, as in Closure('my_{self.name}', function)"
+            raise InputError("closure.name", self.name, why)
+        at_times = getattr(self.function, "at_times", None) if self.at_times is None else self.at_times
+        if not callable(self.function):
+            raise InputError("closure.function", self.function, "cannot be called; give a function (scene, impacts)")
+        if at_times is not None and not callable(at_times):
+            raise InputError("closure.at_times", at_times, "cannot be called; give a function (scene, times)")
+        if isinstance(self.predicts, str) or not isinstance(self.predicts, Iterable):
+            raise InputError("closure.predicts", self.predicts, "give a list of columns, as in ('tau', 'sd_tau')")
+        predicts = tuple(choice("closure.predicts", name, PREDICTED) for name in self.predicts)
+        if self.stages not in (None, 1, 2):
+            raise InputError("closure.stages", self.stages, "give 1 or 2, or leave it out if it is made for both")
+        for name, value in (("at_times", at_times), ("predicts", predicts)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def reference(self) -> str:
+        """``package.module:function`` by which a command finds it; empty where there is none."""
+        module, path = getattr(self.function, "__module__", None), getattr(self.function, "__qualname__", "<")
+        plain = self == Closure(self.name, self.function) and path.split(".")[-1] == self.name
+        known = plain and "<" not in path and module not in (None, "__main__")
+        return self.origin or (f"{module}:{path}" if known else "")
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 digest of its sources: it changes with the functions and with those of its module that they name."""
+        said = [self.name, str(self.stages), *self.predicts]
+        for function in (self.function, self.at_times):
+            said += sources(function) if function is not None else []
+        return hashlib.sha256("\n".join(said).encode()).hexdigest()
+
+    def check(self, scene: Scene) -> None:
+        """Refuse a scene to which it does not apply."""
+        if self.stages is not None and scene.stages != self.stages:
+            why = f"closure {self.name!r} is made for {self.stages} stage{'s' * (self.stages > 1)}"
+            raise InputError("scene.stages", scene.stages, why)
+
+    def trace(self, scene: Scene, impacts: int, order: int) -> Trace:
+        """Call the function, and read what it returns."""
+        scene = scene.phase_reduced
+        began = time.process_time()
+        try:
+            given = self.function(scene, impacts)
+        except Exception as error:
+            error.add_note(f"{NOTE} {self.name}")  # tells it from what is wrong with its table
+            raise
+        seconds = time.process_time() - began
+        table = read_table(self.name, given, range(1, impacts + 1), self.predicts)
+        return own_trace(scene, table, seconds)
+
+    def failed(self, scene: Scene, impacts: int, why: str) -> Trace:
+        """The trace of a function that raised an exception: nothing is predicted."""
+        import pandas as pd
+
+        table = pd.DataFrame(np.nan, index=range(1, impacts + 1), columns=["tau"])
+        return replace(own_trace(scene.phase_reduced, table, np.nan), stopped=why, raised=True)
+
+    def fixed_times(self, scene: Scene, times: Sequence[float]) -> "pd.DataFrame":
+        """Moments at fixed local times; NaN where it predicts none."""
+        import pandas as pd
+
+        index = pd.Index(np.asarray(times, dtype=float))
+        if self.at_times is None or not len(index):
+            return pd.DataFrame(np.nan, index=index, columns=list(AT_TIMES))
+        given = self.at_times(scene.phase_reduced, index.to_numpy())
+        table = read_table(f"{self.name}, at_times", given, index, (), AT_TIMES).reindex(columns=list(AT_TIMES))
+        for stage in (1, 2):
+            xx, xy, yy = (table[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
+            table[f"rho{stage}"] = table[f"rho{stage}"].fillna(xy / np.sqrt((xx * yy).where((xx > 0.0) & (yy > 0.0))))
+        return table
+
+    def seconds(self, trace: Trace) -> float:
+        """Seconds that the function took: measured, for nobody knows what it counts."""
+        return trace.seconds
+
+    def most_seconds(self, impacts: int) -> float:
+        """A guess of the seconds, before it is called."""
+        return 1e-6 * GUESS * impacts
+
+
+NOTE = "in the closure"
+RAISED = "raised "
+"""How what is said of a function that raised an exception begins."""
+
+
+def describe_error(error: Exception) -> str:
+    """An exception of a function of one's own, on one line."""
+    return f"{RAISED}{type(error).__name__}: {line(str(error))[:200]}"
+
+
+def nothing_known(time: float) -> tuple[Floats, Floats]:
+    """Mean and covariance at a fixed time, of a closure whose moments there are asked of `Closure.fixed_times`."""
+    return np.full(4, np.nan), np.full((4, 4), np.nan)
+
+
+def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
+    """The trace of a closure of one's own: what its table predicts, along the orbit without noise if it has no other.
+
+    A negative sd or ``|rho| > 1`` stays as it is, and is found not to be realizable.  `scene`: `Scene.phase_reduced`.
+    """
+    impacts = len(table)
+    orbit = follow(scene, impacts)
+
+    def column(name: str, start: float = np.nan) -> Floats:
+        values = table[name].to_numpy(float) if name in table else np.full(impacts, np.nan)
+        return np.concatenate([[start], values])
+
+    tau = column("tau", scene.phase)
+    if "tau" not in table and "flight" in table:
+        tau = np.cumsum(column("flight", scene.phase))
+    sd = np.column_stack([column(f"sd_{name}") for name in SECTION])
+    covariance = np.full((impacts + 1, 4, 4), np.nan)
+    rho = np.column_stack([column(name) for name in RHO])
+    state = sd[:, 2:]
+    covariance[:, range(4), range(4)] = state * np.abs(state)  # a negative sd is a negative variance
+    for j in (0, 2):
+        covariance[:, j, j + 1] = covariance[:, j + 1, j] = rho[:, j // 2] * state[:, j] * state[:, j + 1]
+    known = np.flatnonzero(table.drop(columns=["mesh", "side"], errors="ignore").notna().any(axis=1).to_numpy())
+    found = int(known[-1]) + 1 if len(known) else 0
+    codes = [table[name].fillna(0).astype(int) if name in table else None for name in ("mesh", "side")]
+    mesh, side = (
+        of_orbit.astype(int) if own is None else np.concatenate([of_orbit[:1], own]).astype(int)
+        for own, of_orbit in zip(codes, (orbit.mesh, orbit.side), strict=True)
+    )
+    return Trace(
+        tau=tau,
+        mesh=mesh,
+        side=side,
+        mean=np.column_stack([column(name) for name in STATE]),
+        sd=sd,
+        skew=np.column_stack([column(f"skew_{name}") for name in SECTION]),
+        covariance=covariance,
+        raw=np.full((impacts + 1, 2, 3, 3), np.nan),
+        at=nothing_known,
+        found=found,
+        stopped="" if found == impacts else UNPREDICTED.format(found),
+        until=np.inf,
+        rho=rho,
+        seconds=seconds,
+    )
+
+
+def read_table(
+    whose: str, given: object, index: Iterable[Any], needed: Sequence[str], known: Sequence[str] = PREDICTED
+) -> "pd.DataFrame":
+    """Read the table that a function of one's own returns: numbers, a row for each impact or time.
+
+    `whose`: Named in messages.  `index`: The rows that it must have; more are left aside.  `needed`: Columns that
+    it must have.  `known`: Columns that it may have.  An infinite value counts as not predicted.
+
+    Examples
+    --------
+    >>> read_table("mine", {"tau": [0.5, 0.9]}, range(1, 3), ["tau"])["tau"].tolist()
+    [0.5, 0.9]
+    >>> read_table("mine", {"tau": [0.5], "sd_tua": [0.1]}, range(1, 2), [])
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.InputError: columns of mine = 'sd_tua': did you mean 'sd_tau'?
+    """
+    import pandas as pd
+
+    rows = pd.Index(index)
+    what = "impact" if known is PREDICTED else "time"
+    if isinstance(given, Mapping):
+        sizes = {str(name): np.size(values) for name, values in given.items()}
+        if wrong := [name for name, size in sizes.items() if size != len(rows)]:
+            raise InputError(f"{wrong[0]} of {whose}", sizes[wrong[0]], f"has so many values; return {len(rows)}")
+        given = pd.DataFrame({name: np.asarray(values) for name, values in given.items()}, index=rows)
+    if not isinstance(given, pd.DataFrame):
+        raise InputError(f"result of {whose}", type(given).__name__, f"return a DataFrame, a row for each {what}")
+    if not given.columns.is_unique:
+        raise InputError(f"columns of {whose}", list(given.columns), "holds a name twice")
+    for name in given.columns:
+        choice(f"columns of {whose}", name, (*known, *DERIVED, "mesh", "side"))
+    if missing := [name for name in needed if name not in given]:
+        raise InputError(f"columns of {whose}", list(given.columns), f"{missing[0]!r} is missing; return it too")
+    if not set(given.columns) & set(known):
+        raise InputError(f"columns of {whose}", list(given.columns), "nothing is predicted; return tau or sd_y1, say")
+    if not (given.index.is_unique and rows.isin(given.index).all()):
+        why = f"must hold each {what} once, from {rows[0]:g} to {rows[-1]:g}; NaN where nothing is predicted"
+        raise InputError(f"index of {whose}", given.index.tolist(), why)
+    picked = given.loc[rows, [name for name in given.columns if name in (*known, "mesh", "side")]]
+    for name in picked:
+        if np.iscomplexobj(picked[name].to_numpy()) or any(isinstance(value, complex) for value in picked[name]):
+            why = "holds complex numbers; return real ones, or NaN where there is none"
+            raise InputError(f"{name} of {whose}", picked[name].tolist(), why)
+        try:
+            picked[name] = picked[name].astype(float)
+        except (TypeError, ValueError):
+            raise InputError(f"{name} of {whose}", picked[name].tolist(), "must hold numbers") from None
+    return pd.DataFrame(picked.where(np.isfinite(picked)))
+
+
+def read_closure(field: str, given: object, built_in: Mapping[str, Closure]) -> Closure:
+    """The closure of a name, of ``package.module:function``, or of a function."""
+    if isinstance(given, Closure):
+        return given
+    if isinstance(given, str):
+        return import_closure(field, given) if ":" in given else built_in[choice(field, given, built_in)]
+    if callable(given):
+        return Closure(name_of(given), given)
+    why = "give the name of a closure, package.module:function, or a function (scene, impacts)"
+    raise InputError(field, given, why)
+
+
+def name_of(function: object) -> str:
+    """Name of a function, on one line."""
+    return line(str(getattr(function, "__name__", type(function).__name__))).replace(":", " ") or "unnamed"
+
+
+def read_closures(field: str, given: object, built_in: Mapping[str, Closure]) -> tuple[Closure, ...]:
+    """Several closures, each once, whose names differ."""
+    if not isinstance(given, list | tuple) or not given:
+        raise InputError(field, given, f"give a list of {', '.join(built_in)}, or functions of your own")
+    found: dict[str, Closure] = {}
+    for each in given:
+        closure = read_closure(field, each, built_in)
+        if found.setdefault(closure.name, closure) != closure:
+            why = f"is the name of two closures; give one another, as in Closure('{closure.name}2', function)"
+            raise InputError(field, closure.name, why)
+    return tuple(found.values())
+
+
+def import_closure(field: str, text: str) -> Closure:
+    """The closure ``package.module:function``, of an installed package or of a module in the working folder."""
+    module, _, path = text.partition(":")
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())
+    try:
+        found: Any = importlib.import_module(module)
+    except Exception as error:
+        why = f"cannot be imported ({type(error).__name__}: {line(str(error))})"
+        raise InputError(field, text, f"{why}; run where its module is, or set PYTHONPATH") from None
+    for name in path.split("."):
+        if not hasattr(found, name):
+            valid = [n for n, value in vars(found).items() if callable(value)] if hasattr(found, "__dict__") else []
+            raise InputError(field, text, f"{module} has no {name!r}; {nearest(name, valid)}")
+        found = getattr(found, name)
+    if not callable(found) and not isinstance(found, Closure):
+        raise InputError(field, text, f"is a {type(found).__name__}; name a function (scene, impacts), or a Closure")
+    closure = copy(read_closure(field, found, {}))
+    object.__setattr__(closure, "origin", text)
+    return closure
+
+
+def sources(function: Callable[..., Any], seen: set[int] | None = None) -> list[str]:
+    """Sources of a function and of what it names in its module, and the values that it is made with."""
+    seen = set() if seen is None else seen
+    if isinstance(function, partial):
+        return [repr(function.args), repr(function.keywords), *sources(function.func, seen)]
+    kind: Any = function if isinstance(function, types.FunctionType | type) else type(function)
+    if isinstance(function, types.MethodType):
+        kind = function.__func__
+    if id(kind) in seen:
+        return []
+    seen.add(id(kind))
+    try:
+        found = [inspect.getsource(kind)]
+    except (OSError, TypeError):
+        module = inspect.getmodule(kind)
+        found = [inspect.getsource(module)] if module is not None and hasattr(module, "__file__") else [repr(kind)]
+    if kind is not function:  # an object that can be called: its state
+        found.append(repr(sorted(vars(getattr(function, "__self__", function)).items())))
+    if isinstance(kind, types.FunctionType):
+        given = [*(kind.__defaults__ or ()), *(cell.cell_contents for cell in kind.__closure__ or ())]
+        found += [repr(value) for value in given if not callable(value)]
+        for other in (*given, *(kind.__globals__.get(name) for name in names_in(kind.__code__))):
+            other = getattr(other, "py_func", other)  # of a compiled function
+            if getattr(other, "__module__", "") == kind.__module__ and isinstance(other, types.FunctionType | type):
+                found += sources(other, seen)
+    return found
+
+
+def names_in(code: types.CodeType) -> list[str]:
+    """Names that compiled Python asks its module for, inner functions included."""
+    inner = [names_in(constant) for constant in code.co_consts if isinstance(constant, types.CodeType)]
+    return [*code.co_names, *(name for names in inner for name in names)]

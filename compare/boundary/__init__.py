@@ -1,0 +1,1 @@
+"""Where exactly a closure stops holding, along a parameter of the scene."""

@@ -1,0 +1,243 @@
+"""Where a closure stops holding: the public entry and its result."""
+
+import math
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from tqdm import tqdm
+
+from rattle.closure.closure import Closure
+from rattle.closure.mean_map import find_closure, predict
+from rattle.compare.boundary.search import UNDECIDED, Edge, Point, critical, judge_value, search
+from rattle.compare.chaos.sweep import FIELDS, with_field
+from rattle.compare.sensitivity.parameters import find_parameters
+from rattle.compare.study.cells import Sample
+from rattle.compare.study.engine import Runner
+from rattle.compare.study.store import Store
+from rattle.compare.validation.verdict import Tolerances
+from rattle.scene.errors import InputError, choice, count, positive
+from rattle.scene.scene import Scene
+from rattle.scene.text import as_html
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Boundary", "boundary"]
+
+SIGMAS = (1e-3, 2.0)  # where the noise intensity is searched by default
+ORDER = 4  # of the closures' moments
+AROUND = 4.0  # other parameters: from a fourth of their value to four times it
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The values of a parameter between which a closure stops holding, from `boundary`.
+
+    Attributes
+    ----------
+    scene : Scene
+    closure, over : str
+    edges : tuple of Edge
+        Each with ``accurate`` and ``wrong``: the closure is accurate at the first value and shown wrong at the second.
+    points : DataFrame
+        Every value that was judged, in their order: ``value, verdict, paths, error, low, high, row, remark``; ``error``
+        is that of the worst row over its tolerance.
+    path_steps : int
+        Steps of all simulated paths.
+    unit : str
+        Of the parameter, empty where it has none.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21)
+    >>> found = boundary(scene, closure="corrected", between=(0.001, 1.0), impacts=2, points=3, width=0.5)
+    >>> set(found.points["verdict"]) <= {"accurate", "wrong", "undecided"}
+    True
+    """
+
+    scene: Scene
+    closure: str
+    over: str
+    edges: tuple[Edge, ...]
+    points: pd.DataFrame = field(repr=False)
+    path_steps: int
+    unit: str = ""
+
+    def __repr__(self) -> str:
+        """What was found, on a few lines."""
+        return "\n".join([f"Boundary of {self.closure} over {self.over}", *(f"  {line}" for line in self.answer)])
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), self.points.to_html(max_rows=12))
+
+    @property
+    def answer(self) -> list[str]:
+        """The edges in words, and what is not known."""
+        from rattle.compare.boundary.figures import boundary_sentences
+
+        return boundary_sentences(self.closure, self.over, self.unit, self.edges, self.points, self.path_steps)
+
+    def plot(self) -> "Figure":
+        """Draw the error of the worst row over its tolerance at every value.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+        """
+        from rattle.compare.boundary.figures import boundary_figure
+
+        return boundary_figure(self.over, self.unit, self.edges, self.points)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        return {
+            "closure": self.closure,
+            "over": self.over,
+            "unit": self.unit,
+            "answer": self.answer,
+            "edges": [edge._asdict() for edge in self.edges],
+            "path_steps": self.path_steps,
+            "points": self.points.to_dict("records"),
+        }
+
+
+def boundary(
+    scene: Scene,
+    *,
+    closure: str | Closure | Callable[..., Any] = "saltation",
+    over: str = "sigma",
+    between: tuple[float, float] | None = None,
+    impacts: int = 12,
+    points: int = 8,
+    width: float = 0.1,
+    tolerances: Tolerances | None = None,
+    folder: str | Path | None = None,
+    budget: float | None = None,
+    rng: int = 0,
+    workers: int = 1,
+    progress: str | None = None,
+) -> Boundary:
+    """Find where along a parameter a closure stops holding: accurate up to one value, shown wrong from another.
+
+    A coarse scan, then halving of the logarithm wherever the verdict changes.  At each value paths are added until
+    every section mean and sd is accurate or one is inaccurate, as `validate` judges them, at most 1,048,576.  What is
+    said of the whole search is right with 95 % probability: all looks at all values are counted.  Between the values of
+    the scan nothing is said: the range of validity need not be an interval.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    closure : str, callable or Closure
+        The closure: a name, or one's own as in `validate`.
+    over : str
+        A parameter: a value of the gears in physical units (``torque1``, ``amplitude``, ...), a field of the scene
+        (``alpha``, ...), or ``sigma``.
+    between : pair of float, optional
+        Where to search; for ``sigma`` 0.001 to 2 by default, else a fourth of the scene's own value to four times it,
+        or as far as a scene can have it.
+    impacts : int
+        Impacts that must be accurate.
+    points : int
+        Values of the scan.
+    width : float
+        To which every edge is narrowed: 0.1 for ± 10 %.
+    tolerances : Tolerances, optional
+        What counts as accurate: 5 % of an sd for means, 10 % for sds.
+    folder : path, optional
+        Where results are stored: the same search continues there after an interruption.
+    budget : float, optional
+        Seconds of processor time after which no further value is judged.
+    rng : int
+        Seed.
+    workers : int
+        Threads; the result does not depend on it.
+    progress : str, optional
+        Label of a progress bar on a terminal.
+
+    Returns
+    -------
+    Boundary
+
+    Raises
+    ------
+    InputError
+        For an unknown closure or parameter, or a range that no scene can have.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> found = boundary(Scene.from_gears(DAT21), closure="published", between=(0.01, 0.1), impacts=2, points=2)
+    >>> found.points["verdict"].tolist(), found.edges
+    (['wrong', 'wrong'], ())
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    count("points", points, least=2)
+    if not positive("width", width) < 1.0:
+        raise InputError("width", width, "must be below 1")
+    count("impacts", impacts)
+    at, own, unit = _along(scene, over)
+    low, high = _range(over, at, own, between)
+    limits, z = Tolerances(*tolerances) if tolerances else Tolerances(), critical(impacts, scene.stages)
+    limit = math.inf if budget is None else positive("budget", budget)
+    method = find_closure("closure", closure)
+    method.check(at(low))
+    began, steps, at_work = time.process_time(), 0, [""]
+    known: dict[float, Point] = {}
+    bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
+    with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
+        store = Store(Path(folder or scratch))
+
+        def simulate(changed: Scene, paths: int) -> Any:
+            nonlocal steps
+            bar.set_postfix_str(f"{at_work[0]}, {paths:,} paths")
+            run = store.obtain(Sample(changed, impacts, rng, paths=paths), runner.compute)
+            steps += run.facts["path_steps"]
+            return run
+
+        def judge(value: float) -> Point:
+            if time.process_time() - began > limit:
+                return Point(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "", "the budget ended")
+            changed, at_work[0] = at(value), f"{over} = {value:.4g}"
+            predicted = predict(changed.phase_reduced, method, impacts, ORDER)
+            found = judge_value(value, changed, predicted, simulate, z, limits)
+            bar.update()
+            return found
+
+        edges = search(judge, low, high, points, width, known)
+    table = pd.DataFrame(sorted(known.values()), columns=list(Point._fields))
+    return Boundary(scene, method.name, over, tuple(edges), table, steps, unit)
+
+
+def _along(scene: Scene, over: str) -> tuple[Any, float, str]:
+    """The scene as a function of a parameter, its own value, and its unit."""
+    known = find_parameters(scene, absent=True)
+    choice("over", over, [*known, *(name for name in FIELDS if name not in known)])
+    if over in known:
+        return known[over].scene_at, known[over].value, known[over].unit
+    return (lambda value: with_field(scene, over, value)), getattr(scene, over), ""
+
+
+def _range(over: str, at: Any, own: float, between: Sequence[float] | None) -> tuple[float, float]:
+    """The range of a search; both ends are values that a scene can have."""
+    if between is None and over != "sigma" and own == 0.0:
+        raise InputError("between", None, f"give a range: {over} is 0 in this scene")
+    low, high = between or (SIGMAS if over == "sigma" else (own / AROUND, own * AROUND))
+    if not positive("between", low) < positive("between", high):
+        raise InputError("between", (low, high), "give a smaller and a larger value")
+    for end in (low, high):
+        try:
+            at(end)
+        except InputError as error:
+            if between is not None:
+                raise InputError("between", end, f"no scene can have {over} = {end:.4g} ({error})") from None
+            low, high = (own, high) if end == low else (low, own)
+    return low, high

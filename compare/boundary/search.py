@@ -1,0 +1,144 @@
+"""Sequential search for the values of a parameter between which a closure stops holding.
+
+At each value paths are added until the verdict on the closure is decided.  All looks at all values share one family of
+95 %, so what is said of the whole search is right with 95 % probability.
+"""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from rattle.compare.validation.errors import Claimed, Simulated, section_errors
+from rattle.compare.validation.verdict import JUDGED, Tolerances, is_accurate, is_wrong, widest
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+
+LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
+"""Paths after which a value is judged."""
+MOST = 40  # values of a search
+ACCURATE, WRONG, UNDECIDED = "accurate", "wrong", "undecided"
+
+
+class Point(NamedTuple):
+    """A value of the parameter, and the verdict on the closure there."""
+
+    value: float
+    verdict: str  # `ACCURATE`, `WRONG` or `UNDECIDED`
+    paths: int
+    error: float  # the worst row's error over its tolerance, with the bounds of its interval
+    low: float
+    high: float
+    row: str  # that row
+    remark: str  # why it is undecided
+
+
+class Edge(NamedTuple):
+    """Two values between which the closure stops holding: at one it is accurate, at the other it is wrong."""
+
+    accurate: float
+    wrong: float
+    why: str  # the row that is wrong
+
+    @property
+    def width(self) -> float:
+        """Larger over smaller value, less 1."""
+        return math.exp(abs(math.log(self.wrong / self.accurate))) - 1.0
+
+
+def critical(impacts: int, stages: int) -> float:
+    """Standard errors of the intervals of every row at every look of a search (Bonferroni)."""
+    rows = 2 * (len(SECTION) - (0 if stages == 2 else 2)) * impacts
+    return widest(rows * len(LOOKS) * MOST)
+
+
+def judge_value(
+    value: float,
+    scene: Scene,
+    predicted: Claimed,
+    simulate: Callable[[Scene, int], Simulated],
+    z: float,
+    tolerances: Tolerances,
+) -> Point:
+    """Add paths until a closure is decided at one value, or until what is undecided would take more than the last look.
+
+    `simulate`: Makes an ensemble of so many paths of a scene.
+    """
+    for paths in LOOKS:
+        rows = section_errors(predicted, simulate(scene, paths), z, tolerances)
+        rows = rows[rows["verdict"].isin(JUDGED)]
+        if rows.empty:
+            return Point(value, WRONG, paths, math.nan, math.nan, math.nan, "nothing is predicted", "")
+        verdicts = set(rows["verdict"])
+        wrong = rows[rows["verdict"] == "inaccurate"]
+        worst = (wrong if len(wrong) else rows).assign(share=lambda r: r["error"].abs() / r["tolerance"])
+        row = worst.to_dict("records")[int(worst["share"].argmax())]
+        sign = 1.0 if row["error"] >= 0.0 else -1.0
+        low, high = sorted(sign * row[name] / row["tolerance"] for name in ("low", "high"))
+        name = f"{row['moment']} of {row['quantity']} at impact {row['impact']}"
+        found = Point(value, UNDECIDED, paths, float(row["share"]), float(low), float(high), name, "")
+        if is_wrong(verdicts):
+            return found._replace(verdict=WRONG)
+        if is_accurate(verdicts):
+            return found._replace(verdict=ACCURATE)
+        open_rows = rows[rows["verdict"] == "undecided"]
+        needed = open_rows["paths_needed"].fillna(np.inf)
+        beyond = open_rows["error"].abs() > open_rows["tolerance"]
+        if needed.max() > LOOKS[-1] and not (needed[beyond] <= LOOKS[-1]).any():
+            break  # neither verdict is in reach
+    hidden = [text for text in open_rows["remark"] if text]
+    return found._replace(remark=hidden[0] if hidden else "too few paths to decide")
+
+
+def search(
+    judge: Callable[[float], Point], low: float, high: float, points: int, width: float, known: dict[float, Point]
+) -> list[Edge]:
+    """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a relative width.
+
+    `known`: Filled with every value that was judged.
+    """
+
+    def at(value: float) -> Point:
+        value = float(f"{value:.6g}")
+        if value not in known:
+            known[value] = judge(value)
+        return known[value]
+
+    scan = [at(value) for value in np.geomspace(low, high, points)]
+    decided = [point for point in scan if point.verdict != UNDECIDED]
+    return [
+        _narrow(at, *((a, b) if a.verdict == ACCURATE else (b, a)), width, known)
+        for a, b in pairwise(decided)
+        if a.verdict != b.verdict
+    ]
+
+
+def _narrow(at: Callable[[float], Point], good: Point, bad: Point, width: float, known: dict[float, Point]) -> Edge:
+    """Narrow the two values of an edge; what stays undecided between them is approached from both sides."""
+    doubt = [point.value for point in known.values() if _between(point.value, good.value, bad.value)]
+    enough = math.log((1.0 + width) / (1.0 - width))
+    while len(known) < MOST and abs(math.log(bad.value / good.value)) > 1.001 * enough:  # values are rounded
+        # the wider of the two gaps beside what is undecided, or the whole
+        near, far = (min, max) if good.value < bad.value else (max, min)
+        gaps = [(good.value, near(doubt)), (far(doubt), bad.value)] if doubt else [(good.value, bad.value)]
+        one, other = max(gaps, key=lambda gap: abs(math.log(gap[1] / gap[0])))
+        span = math.log(other / one)
+        if doubt and abs(span) < 0.5 * enough:
+            break
+        # where one more verdict suffices, at the value that is easiest to show wrong
+        last = not doubt and abs(span) < 2.0 * enough
+        middle = at(one * math.exp(math.copysign(enough, span) if last else 0.5 * span))
+        if middle.verdict == ACCURATE:
+            good = middle
+        elif middle.verdict == WRONG:
+            bad = middle
+        else:
+            doubt.append(middle.value)
+        doubt = [value for value in doubt if _between(value, good.value, bad.value)]
+    return Edge(good.value, bad.value, bad.row)
+
+
+def _between(value: float, one: float, other: float) -> bool:
+    return min(one, other) < value < max(one, other)

@@ -1,0 +1,269 @@
+"""Formulas compared with 400-digit arithmetic: flights with their derivatives and noise, window means, steps."""
+
+import math
+from collections.abc import Iterator
+
+import mpmath as mp
+import numpy as np
+
+from rattle.closure import edgeworth, section_step
+from rattle.compare.checks.check import extreme, farthest, spread
+from rattle.compare.checks.extremes import truth
+from rattle.montecarlo.schemes import short_flight as short
+from rattle.scene import damping, drive, flight, moments
+from rattle.scene.constants import Constants
+
+BETAS = spread(1e-14, 1e3, 7, 0.0)
+TIMES = spread(1e-12, 1e6, 10)
+POINTS = 120  # random grid points of each row
+ORDER = 6  # of the Edgeworth series
+
+
+def constants(**fields: float) -> Constants:
+    """Build the constants of a two-stage scene with moderate values."""
+    plain = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.13, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6}
+    return Constants(**({**plain, "wall1": 0.5, "wall2": 0.5, "sigma": 1.0, "stages": 2} | fields))  # type: ignore[arg-type]
+
+
+def _pairs(rng: np.random.Generator) -> tuple[float, float]:
+    """Two damping coefficients: far apart, equal, or equal but for the last digits."""
+    beta = float(rng.choice(BETAS))
+    other = (float(rng.choice(BETAS)), beta, beta * (1.0 + 2.0 ** -float(rng.integers(1, 53))))[rng.integers(3)]
+    return (beta, other) if rng.random() < 0.5 else (other, beta)
+
+
+def _draw(seed: int) -> list[tuple[Constants, float, float]]:
+    """Random scenes, each with a phase and a flight time."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for _ in range(POINTS):
+        beta1, beta2 = _pairs(rng)
+        alpha = float(rng.choice(spread(1e-8, 1e4, 4, 0.0)))
+        gamma1, gamma2 = (float(v) for v in rng.choice(spread(1e-8, 1e6, 4, 0.0), 2))
+        tau = float(rng.choice([0.0, math.pi, 0.5 * math.pi, rng.uniform(-3.0, 3.0)]))
+        c = constants(alpha=alpha, beta1=beta1, beta2=beta2, gamma1=gamma1, gamma2=gamma2)
+        out.append((c, tau, float(rng.choice(TIMES))))
+    return out
+
+
+@extreme(
+    "flight",
+    "alpha, beta, gamma",
+    "t 1e-12 to 1e6, beta 0 to 1e3, alpha 0 to 1e4, gamma 0 to 1e6",
+    "MODEL 2 in 400 digits",
+    unit="the sum of its terms",
+)
+def flight_state() -> Iterator[float]:
+    """Displacements and velocities after a flight."""
+    rng = np.random.default_rng(1)
+    for c, tau, t in _draw(0):
+        y1, y2 = (float(rng.choice([-1.0, 1.0]) * v) for v in rng.choice(spread(1e-12, 1e4, 5, 0.0), 2))
+        values, sizes = truth.flight(c, tau, y1, y2, t)
+        yield farthest(flight.displacement(c, tau, y1, y2, t), values, sizes)
+
+
+@extreme("phi-functions of damping", "beta", "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6", "MODEL 2 in 400 digits")
+def phi_functions() -> Iterator[float]:
+    """``t phi1(-beta t)`` and ``t^2 phi2(-beta t)``."""
+    for beta in BETAS:
+        for t in TIMES:
+            values, _ = truth.flight(constants(alpha=0.0, beta1=beta, gamma1=1.0), 0.0, 0.0, 0.0, t)
+            (_, e, _, _), *_ = truth.jacobian(constants(beta1=beta), t)
+            yield farthest(damping.phi1(beta, t), e, e)
+            yield farthest(damping.phi2(beta, t), values[0], values[0])
+
+
+@extreme(
+    "Jacobian of a flight",
+    "beta1 = beta2",
+    "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
+    "MODEL 2 in 400 digits",
+    unit="each entry, (1 + beta t)",
+)
+def flight_jacobian() -> Iterator[float]:
+    """Every entry of the Jacobian of a flight, with its own relative error."""
+    for c, _, t in _draw(2):
+        exact = np.array(truth.jacobian(c, t))
+        size = np.abs(exact) * (1.0 + max(c.beta1, c.beta2) * t)
+        yield farthest(flight.jacobian(c, t), exact, size)
+
+
+@extreme(
+    "noise of a flight",
+    "sigma, beta",
+    "t 1e-12 to 1e6, beta 0 to 1e3, nearly equal too; sigma 1e-8 and 1e4",
+    "sums of exponentials in 400 digits",
+    allowed=1e-13,
+    unit="sd times sd",
+)
+def flight_noise() -> Iterator[float]:
+    """Covariance of the noise accumulated in a flight."""
+    for c, tau, t in _draw(3):
+        unit = np.array(truth.noise(c, tau, t))
+        for sigma in (1e-8, 1e4):
+            exact = sigma * sigma * unit
+            sd = np.sqrt(exact.diagonal())
+            found = flight.noise_covariance(c._replace(sigma=sigma), tau, t)
+            yield farthest(found, exact, np.outer(sd, sd))
+
+
+@extreme(
+    "derivative of that noise by the phase",
+    "sigma, beta",
+    "as above",
+    "the same reference at two phases",
+    allowed=1e-11,
+    unit="largest sd times sd",
+)
+def noise_phase_derivative() -> Iterator[float]:
+    """Derivative of that covariance by the phase of the start."""
+    for c, tau, t in _draw(4)[: POINTS // 3]:
+        h = 1e-3
+        ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
+        exact = (ahead - behind) / math.sin(2.0 * h)  # exact derivative of A + B cos 2 tau + C sin 2 tau
+        most = np.sqrt(np.maximum(ahead.diagonal(), np.array(truth.noise(c, tau + 0.5 * math.pi, t)).diagonal()))
+        found = section_step.noise_slope(c, tau, t)
+        yield farthest(found, exact, np.outer(most, most))
+
+
+FLIGHTS = (phi_functions, flight_state, flight_jacobian, flight_noise, noise_phase_derivative)
+
+
+def _series(seed: int) -> np.ndarray:
+    a = np.zeros((ORDER + 1, ORDER + 1))
+    rng = np.random.default_rng(seed)
+    for i in range(ORDER + 1):
+        a[i, : ORDER + 1 - i] = rng.normal(size=ORDER + 1 - i) * 0.3 ** (i + 1)
+    a[0, 0] = 1.0
+    return a
+
+
+@extreme(
+    "window means (Eqs. 20, 21)",
+    "sigma, gap",
+    "1e-12 to 30 sds wide, up to 50 sds away",
+    "integration by parts in 400 digits",
+    unit="the sum of its terms",
+)
+def edgeworth_windows() -> Iterator[float]:
+    """Window means of Eqs. 20 and 21."""
+    for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
+        for width in spread(1e-12, 30.0, 8):
+            a, sd = _series(n), 10.0 ** (n - 3)
+            low, high = middle - 0.5 * width, middle + 0.5 * width
+            exact, size = _by_parts(a, low * sd / sd, high * sd / sd)
+            found = edgeworth.window_means(a, sd, 2.0 * sd, low * sd, high * sd)
+            condition = 1.0 + abs(middle) * (abs(middle) + width)  # of the density, since the edges are rounded
+            condition += abs(middle) / width  # of the width, since both edges are rounded
+            sds = np.array([sd, 2.0 * sd])
+            yield farthest(found, sds * exact, sds * size * condition)
+
+
+@truth.in_digits
+def _by_parts(a: np.ndarray, low: float, high: float) -> tuple[list[float], list[float]]:
+    integral, size = truth.normal_integrals(low, high, ORDER + 1)
+    values, sizes = [], []
+    for column, power in ((0, 1), (1, 0)):  # of the position, and of the velocity
+        weights = a[:, column, None] * edgeworth.HERMITE[: ORDER + 1, : ORDER + 1]
+        terms = [(n + power, w) for (_, n), w in np.ndenumerate(weights)]
+        values.append(float(sum(w * integral[n] for n, w in terms)))
+        sizes.append(float(sum(abs(w) * size[n] for n, w in terms)))
+    return values, sizes
+
+
+@extreme(
+    "correlation, eigenvalue, realizability",
+    "sigma, gap",
+    "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
+    "eigenvalues in 400 digits",
+    unit="1, and the smaller variance",
+)
+def correlations() -> Iterator[float]:
+    """Correlations close to 1, smallest eigenvalues and realizability, in any units."""
+    for unit in spread(1e-16, 1e8, 7):
+        none = np.array([[0.0, 1e-3 * unit], [1e-3 * unit, 1.0]])  # no variance, yet a covariance
+        yield math.inf if moments.realizability(none).realizable else 0.0
+        for distance in spread(1e-12, 1.0, 7):
+            for beyond in (False, True):
+                rho = 1.0 + distance if beyond else 1.0 - distance
+                covariance = np.array([[unit * unit, rho * unit], [rho * unit, 1.0]])
+                judged = moments.realizability(covariance)
+                least = _least(covariance)
+                yield farthest(judged.rho, 1.0 if beyond and distance < moments.ROUNDING else rho, 1.0)
+                yield farthest(judged.smallest_eigenvalue, least, min(unit, 1.0) ** 2)
+                within = not beyond or distance < moments.ROUNDING
+                yield 0.0 if judged.realizable == within else math.inf
+
+
+@truth.in_digits
+def _least(covariance: np.ndarray) -> float:
+    a, b, d = mp.mpf(covariance[0, 0]), mp.mpf(covariance[0, 1]), mp.mpf(covariance[1, 1])
+    return float((a + d) / 2 - mp.sqrt(((a - d) / 2) ** 2 + b * b))
+
+
+def _scenes_and_steps() -> list[tuple[Constants, float]]:
+    """Scenes with a step each, up to the longest admissible one."""
+    out = []
+    for beta1 in spread(1e-9, 1e3, 5, 0.0):
+        for beta2 in (0.0, beta1, beta1 * (1.0 + 1e-9), 2.0, 1e3):
+            longest = min(0.1, 0.2 / max(beta1, beta2, 1e-300))  # largest admissible dt, and beta dt
+            out += [(constants(beta1=beta1, beta2=beta2), h) for h in (1e-12, 1e-3 * longest, longest)]
+    return out
+
+
+@extreme("phase of a step", "tau", "1e-9 to 1e6, and multiples of pi / 4", "mpmath in 40 digits", unit="1")
+def step_phase() -> Iterator[float]:
+    """Sine and cosine by the project's own operations."""
+    for tau in (*spread(1e-9, 1e6, 200, 0.0), *(-0.25 * math.pi * k for k in range(1, 40))):
+        with mp.workdps(40):
+            exact = float(mp.sin(mp.mpf(tau))), float(mp.cos(mp.mpf(tau)))
+        yield farthest(drive.sine_cosine(tau), exact)
+
+
+@extreme(
+    "exact flight: a part of a step",
+    "beta, beta1 = beta2",
+    "beta 0 to 1e3, beta h up to 0.2, h up to 0.1",
+    "MODEL 2 in 400 digits",
+    unit="sum of the terms",
+)
+def step_flight() -> Iterator[float]:
+    """Flight of a part of a step without noise: what it adds to the displacements, and the velocities after it."""
+    for c, h in _scenes_and_steps():
+        tau, y1, y2 = 2.2, -0.4, 0.5
+        exact, sizes = truth.flight(c, tau, y1, y2, h)
+        found, _ = short.short_flight(c, drive.sine_cosine(tau), h, (0.0, y1, 0.0, y2), 0.0, 0.0)
+        yield farthest(found, exact, sizes)
+
+
+@extreme(
+    "exact flight: noise of a step",
+    "beta, beta1 = beta2",
+    "as above, by increment and by space-time Lévy area",
+    "Gauss-Legendre in 30 digits",
+    allowed=1e-8,
+    unit="modulation, (times time)",
+)
+def step_noise() -> Iterator[float]:
+    """Noise of a step from its Brownian increment and space-time Lévy area."""
+    for c, h in _scenes_and_steps()[1::3] + _scenes_and_steps()[2::3]:
+        for first, slope in ((1.0, 0.0), (0.0, 1.0)):
+            exact = _integral(c, 0.4, h, first, slope)
+            found = short.kick(c, 0.4, h, first, slope / 12.0)
+            m = 1.0 + c.beta1
+            size = [m * h, m, abs(c.beta1 - c.beta2) * (1.0 + h) * h, abs(c.beta1 - c.beta2) * (1.0 + h)]
+            yield farthest(found, exact, size)
+
+
+def _integral(c: Constants, tau: float, h: float, first: float, slope: float) -> list[float]:
+    with mp.workdps(30):
+        nodes = [(mp.mpf(x), mp.mpf(w)) for x, w in mp.calculus.quadrature.GaussLegendre(mp.mp).calc_nodes(2, 110)]
+    total = np.zeros(4)
+    for x, w in nodes:
+        share = float((x + 1) / 2)
+        weight = float(w / 2) * c.sigma * (first + slope * (share - 0.5))
+        total += weight * np.array(truth.unit_noise(c, tau + h, h * (1.0 - share)))
+    return total.tolist()
+
+
+ROWS = (edgeworth_windows, correlations, step_phase, step_flight, step_noise)

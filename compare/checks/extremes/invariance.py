@@ -1,0 +1,223 @@
+"""Exact invariances: units of length, shifts by whole periods, energy and timing of long runs."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rattle import closure, montecarlo
+from rattle.closure import CLOSURES, long_orbit
+from rattle.compare.checks.check import extreme, farthest
+from rattle.compare.checks.extremes import truth
+from rattle.compare.validation import validate as validation
+from rattle.montecarlo import SCHEMES, Record
+from rattle.montecarlo.coupling import long_path
+from rattle.scene import DAT21, Scene, Start, Tolerance
+
+IMPACTS = 3
+POWERS = (-26, -13, 14)  # powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3
+STARTS = (1e4, 1e8, 1e12, -1e12)
+SIGMAS = (0.0, 1e-30, 1e-8, 1e4)
+LENGTHS = ("x1", "y1", "x2", "y2")
+LONG, STRETCH = 10_000_000, 500_000  # impacts of a long run
+PERIODS = 1_000_000
+
+
+def _scene(tau: float = 0.0) -> Scene:
+    start = Start(tau, 0.5, 2.0, 0.5, 2.0, mesh=1)
+    return Scene.from_gears(DAT21, sigma=0.1, start=start)
+
+
+def _tables(scene: Scene) -> list[pd.DataFrame]:
+    """Numbers of every closure and every scheme at the impacts, and of the long orbit and the long noisy path."""
+    loose = replace(scene, tolerance=Tolerance(scene.gap1 / 64.0, scene.gap2 / 64.0, draw="contact"))
+    chosen: dict[str, Any] = {"paths": 64, "impacts": IMPACTS, "rng": 3}
+    results: list[Any] = [closure.mean_map(scene, impacts=IMPACTS, closure=name) for name in CLOSURES]
+    results += [montecarlo.simulate(scene, scheme=s, record=Record(step_bias=False), **chosen) for s in SCHEMES]
+    results.append(closure.mean_map(loose, impacts=IMPACTS, closure="saltation"))
+    results.append(montecarlo.simulate(loose, scheme="exact-flight", **chosen))
+    path, _ = long_path.LongPath(scene, seed=3).stretch(500)
+    stretches = (long_orbit.LongOrbit(scene).stretch(50), path)
+    columns = ["phase", "flight", *(f"growth{i}" for i in range(4)), *LENGTHS]
+    return [result.phase_reduced.section.select_dtypes("number") for result in results] + [
+        pd.DataFrame(np.column_stack([s.phase, s.flight, s.growth, s.before]), columns=columns) for s in stretches
+    ]
+
+
+def _verdicts(scene: Scene) -> np.ndarray:
+    """The verdict on every moment of every closure."""
+    found = validation.validate(scene, impacts=2, paths=1024, rng=1, scheme="exact-flight")
+    return found.table["verdict"].to_numpy(str)
+
+
+def _factors(table: pd.DataFrame, factor: float) -> np.ndarray:
+    """Factors on the columns of a table when all lengths are multiplied by `factor`."""
+    plain = [str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
+    return np.where(plain, factor, 1.0)
+
+
+@extreme(
+    "unit of length",
+    "all lengths",
+    "gaps 7e-9 to 8e3: every closure, scheme and verdict, chaos",
+    "exact scaling, bit for bit",
+    allowed=0.0,
+    unit="each number",
+)
+def unit_of_length() -> Iterator[float]:
+    """All lengths, speeds, accelerations and the noise times a power of two: every table scales bit for bit."""
+    tables, verdicts = _tables(_scene()), _verdicts(_scene())
+    for power in POWERS:
+        factor = 2.0**power
+        scene = _scene().scaled(factor)
+        for found, table in zip(_tables(scene), tables, strict=True):
+            exact = table.to_numpy(float) * _factors(table, factor)
+            yield farthest(found, exact, np.abs(exact))
+        yield float((_verdicts(scene) != verdicts).sum())
+
+
+@extreme(
+    "late start: flights, sds, means",
+    "start.tau",
+    "1e4 to 1e12, and -1e12: every closure, every scheme, chaos",
+    "the same scene at the phase from 400 digits of pi",
+    allowed=1e-11,
+    unit="1, or each number",
+)
+def whole_periods() -> Iterator[float]:
+    """A start so late that its absolute time lacks the digits of a flight, compared with the same phase near 0."""
+    for tau in STARTS:
+        for found, table in zip(_tables(_scene(tau)), _tables(_scene(truth.phase(tau))), strict=True):
+            yield farthest(found, table, np.maximum(table.abs(), 1.0))
+
+
+@extreme(
+    "sds of linear closures",
+    "sigma",
+    "0, 1e-30 to 1e4: corrected, saltation",
+    "proportional to sigma",
+    allowed=1e-11,
+    unit="each sd",
+)
+def proportional_sds() -> Iterator[float]:
+    """Sds of the linear closures are proportional to the noise intensity."""
+    for name in ("corrected", "saltation"):
+        one, *others = (
+            closure.mean_map(_scene().with_sigma(sigma), impacts=6, closure=name).section.filter(like="sd_")
+            for sigma in (1.0, *SIGMAS)
+        )
+        for sigma, table in zip(SIGMAS, others, strict=True):
+            exact = sigma * one.to_numpy()
+            yield farthest(table, exact, np.maximum(exact, 1e-13 * sigma))
+
+
+@extreme("phase of a late start", "start.tau", "10 to 1e12, both signs", "400 digits of pi")
+def phases() -> Iterator[float]:
+    """The phase of a late start."""
+    starts = [s * 10.0**k for k in range(1, 12) for s in (1.0, -1.0, 3.7, 10.0)]
+    exact = np.array([truth.phase(t) for t in starts])
+    yield farthest([_scene(t).phase for t in starts], exact, np.abs(exact))
+
+
+@extreme(
+    "late start: absolute times, and verdicts",
+    "start.tau",
+    "1e4 to 1e12, and -1e12",
+    "sums of fractions; the verdicts at the same phase",
+    allowed=0.5,
+    unit="last place; verdicts",
+)
+def absolute_times() -> Iterator[float]:
+    """Absolute times are the local ones plus that of the start, rounded once; verdicts do not depend on the start."""
+    for tau in STARTS:
+        late = _scene(tau)
+        m = closure.mean_map(late, impacts=IMPACTS)
+        since = m.phase_reduced.section["tau"].to_numpy() - late.phase
+        exact = [float(Fraction(tau) + Fraction(s)) for s in since]
+        yield farthest(m.section["tau"], exact, np.spacing(abs(tau)))
+        scenes = (late, _scene(truth.phase(tau)))
+        a, b = (validation.validate(s, impacts=2, paths=4096, rng=1, dt=0.01).table for s in scenes)
+        yield float((a["verdict"] != b["verdict"]).sum())
+        # at a fixed time `branching` takes back the noise of the rest of the flight, which cancels most of it
+        scale = np.where((a["closure"] == "branching") & (a["kind"] == "fixed time"), 1e-7, 1e-11)[:, None]
+        yield farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], scale)
+
+
+@extreme(
+    "energy over 1e7 impacts",
+    "epsilon = 1, all else 0",
+    "1e7 impacts at two meshes",
+    "conservation",
+    allowed=1e-9,
+    unit="the energy",
+)
+def energy() -> Iterator[float]:
+    """Elastic impacts at both meshes without excitation, damping or drag conserve energy."""
+    speed1, speed2, mu = 1.3, -0.7, 0.6
+    start = Start(0.0, 0.1, speed1, -0.2, speed2)
+    scene = Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=mu, gap1=0.5, gap2=0.7, start=start)
+    orbit = long_orbit.LongOrbit(scene)
+    heavy = mu / (1.0 - mu)  # mass of wheel 2 over that of wheel 1
+    most = 0.5 * (speed1**2 + heavy * (speed2 - speed1) ** 2)
+    for _ in range(LONG // STRETCH):
+        s = orbit.stretch(STRETCH, tangent=False)
+        y1, y2 = s.before[:, 1], s.before[:, 3]
+        yield farthest(0.5 * (y1**2 + heavy * (y2 - y1) ** 2), most, most)
+        yield 0.0 if len(s.flight) == STRETCH else math.inf
+
+
+@extreme(
+    "speed, displacement, phase over 1e7 impacts",
+    "epsilon = 1, all else 0",
+    "1e7 impacts at one mesh",
+    "gap over speed",
+    allowed=1e-6,
+    unit="each; phase in radians",
+)
+def elastic_flights() -> Iterator[float]:
+    """Elastic impacts at one mesh: every flight takes gap over speed, and the phase is the sum of the flights."""
+    speed, gap = 1.7, 0.5
+    start = Start(0.0, gap, speed, mesh=1)
+    orbit = long_orbit.LongOrbit(Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=gap, start=start, stages=1))
+    flight = 2.0 * gap / speed
+    for k in range(LONG // STRETCH):
+        s = orbit.stretch(STRETCH, tangent=False)
+        yield farthest(s.flight, flight, flight)
+        yield farthest(np.abs(s.before[:, :2]), [gap, speed], [gap, speed])
+        yield abs(math.remainder((k + 1) * STRETCH * flight - s.phase[-1], 2.0 * math.pi))
+
+
+@extreme(
+    "phase of a periodic motion",
+    "alpha, gamma",
+    "1e6 impacts, one per period",
+    "closed form",
+    allowed=1e-12,
+    unit="radians, speeds, times",
+)
+def periodic_motion() -> Iterator[float]:
+    """A periodic motion with one impact per period of the excitation, whose phase and speed are known in closed form.
+
+    ``x'' = gamma - alpha sin tau`` returns to the wall after 2 pi if ``y0 + pi gamma = alpha cos tau0``, with a
+    velocity larger by ``2 pi gamma``; the impact restores y0 if ``y0 = -2 pi gamma epsilon / (1 + epsilon)``.
+    """
+    alpha, epsilon, gamma, gap = 1.0, 0.5, 0.3, 10.0
+    y0 = -2.0 * math.pi * gamma * epsilon / (1.0 + epsilon)
+    phase = math.acos((y0 + math.pi * gamma) / alpha)
+    start = Start(phase, gap, -y0 / epsilon, mesh=1)
+    scene = Scene(alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=gamma, gap1=gap, start=start, stages=1)
+    orbit = long_orbit.LongOrbit(scene)
+    for _ in range(PERIODS // STRETCH):
+        s = orbit.stretch(STRETCH, tangent=False)
+        yield float(np.abs(np.angle(np.exp(1j * (s.phase - phase)))).max())
+        yield farthest(s.before[:, 1], -y0 / epsilon, 1.0)
+        yield farthest(s.flight, 2.0 * math.pi)
+        yield 0.0 if len(s.flight) == STRETCH else math.inf
+
+
+SCALING = (unit_of_length, proportional_sds, phases, whole_periods, absolute_times)
+ROWS = (*SCALING, energy, elastic_flights, periodic_motion)

@@ -1,0 +1,141 @@
+"""Periodic orbits that are known: phase, speed and spread of the impact pair's, and Lyapunov exponents with their sum.
+
+The impact pair's symmetric orbit has two impacts a period.  The sum of all exponents is the rate at which damping and
+impacts contract volumes of state space.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from rattle.closure.long_orbit import attractor
+from rattle.closure.stationary import linear_law
+from rattle.compare.chaos.exponents import drift_exponents, lyapunov
+from rattle.compare.checks.check import Check, Result
+from rattle.montecarlo.long_run import long_run
+from rattle.scene import DAT21, Scene
+
+HALF = 0.5
+CASES = ((0.25, 0.5), (0.2, 0.6), (0.3, 0.4))  # alpha, epsilon; with half gaps of 0.5 these orbits are stable
+WEAK, PERIODS = 1e-3, 256  # noise and periods of the noisy run, of the first case
+SLACK = 2e-6  # orbits are found to 1e-8 of their state
+
+IMPACTS, SIGMA = 20_000, 0.1  # of the sum of the exponents, and of its noisy path
+PAIRS = ((0.35, 0.4), (0.35, 0.25), (0.15, 0.35))  # alpha, epsilon; stable, with two different exponents each
+PAIR_IMPACTS = 10_000
+ROUNDING = 1e-10
+
+
+def symmetric_orbit(alpha: float, epsilon: float, gap: float) -> tuple[float, float]:
+    """Phase and speed of the impacts of the symmetric orbit (Masri and Caughey 1966)."""
+    k = 0.5 * math.pi * (1.0 + epsilon) / (1.0 - epsilon)
+    tau = math.asin(gap / (alpha * math.hypot(1.0, k))) - math.atan(k)
+    return tau, 2.0 * alpha * math.cos(tau) / (1.0 - epsilon)
+
+
+def _pair(alpha: float, epsilon: float, sigma: float = 0.0) -> Scene:
+    return Scene(alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, stages=1)
+
+
+def impact_pair(seed: int = 0, workers: int = 2) -> Result:
+    """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise gives them."""
+    orbits = {case: attractor(_pair(*case)) for case in CASES}
+    noisy = _pair(*CASES[0], WEAK)
+    law = linear_law(noisy, orbits[CASES[0]])
+    found = long_run(noisy, periods=PERIODS, rng=seed, workers=workers).estimates
+
+    def states(factor: float = 1.0) -> list[Check]:
+        """Phase (modulo half a period) and speed of the impacts."""
+        out = []
+        for (alpha, epsilon), a in orbits.items():
+            tau, speed = symmetric_orbit(alpha, factor * epsilon, HALF)
+            phase = float((a.tau[-1] - tau + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
+            name = f"alpha {alpha}, eps {epsilon}"
+            out.append(Check(f"phase less its truth, {name}", phase, 0.0, 0.0, 2e-7))
+            out.append(Check(f"speed, {name}", float(np.abs(a.before[-1, 1])), speed, 0.0, 2e-7 * speed))
+        return out
+
+    def spreads(factor: float = 1.0) -> list[Check]:
+        out = []
+        for q, sds in (("sd_speed", law.sd_speed), ("sd_flight", law.sd_flight)):
+            truth = float(np.sqrt((law.weight * sds**2).sum()))
+            name = f"{q} / sigma, alpha {CASES[0][0]}, eps {CASES[0][1]}"
+            out.append(Check(name, found[q].value / WEAK, factor * truth / WEAK, found[q].se / WEAK, SLACK))
+        return out
+
+    return Result(
+        "impact pair",
+        "Masri & Caughey 1966; Lyapunov's equation",
+        "the symmetric orbit has its impacts at tau0 + n pi at the speed 2 alpha cos tau0 / (1 - epsilon): follow(); "
+        "its stationary sds under weak noise by a discrete Lyapunov equation: long_run()",
+        states() + spreads(),
+        {"restitution 0.1 % larger": states(1.001), "sds 2 % larger": spreads(1.02)},
+    )
+
+
+def exponent_sum(seed: int = 0, workers: int = 2) -> Result:
+    """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy path."""
+    scene = Scene.from_gears(DAT21)
+    records = lyapunov(scene, impacts=IMPACTS), drift_exponents(scene.with_sigma(SIGMA), impacts=IMPACTS, seed=seed)
+    both = scene.beta1 + scene.beta2
+
+    def checks(power: float = 2.0, damping: float = both) -> list[Check]:
+        out = []
+        for found in records:
+            truth = -damping + found.rate * power * math.log(scene.epsilon)
+            out.append(Check(f"sum of exponents, {found.of}", float(found.value.sum()), truth, 0.0, ROUNDING))
+        return out
+
+    return Result(
+        "exponent sum",
+        "Liouville; Mueller 1995 (saltation)",
+        "the exponents of four-dimensional frames add up to -(beta1 + beta2) + rate 2 ln epsilon: orbit and noisy path",
+        checks(),
+        {
+            "epsilon to the first power": checks(power=1.0),
+            "damping of one stage alone": checks(damping=scene.beta1),
+            "1 % more damping": checks(damping=1.01 * both),
+        },
+    )
+
+
+def _exponents(alpha: float, epsilon: float) -> tuple[float, float]:
+    """Both exponents, from trace and determinant of the map of (dx, dy) from one impact to the next.
+
+    A flight of pi takes dx to dx + pi dy.  An impact at the speed v and the acceleration a towards the gap takes
+    (dx, dy) to -(epsilon dx, epsilon dy - (1 + epsilon) a dx / v).
+    """
+    tau, speed = symmetric_orbit(alpha, epsilon, HALF)
+    half = 0.5 * math.pi * (1.0 + epsilon) * -alpha * math.sin(tau) / speed - epsilon
+    split = math.sqrt(half**2 - epsilon**2)
+    first, second = sorted((abs(half + split), abs(half - split)), reverse=True)
+    return math.log(first) / math.pi, math.log(second) / math.pi
+
+
+def _without_saltation(alpha: float, epsilon: float) -> tuple[float, float]:
+    """The same where an impact takes (dx, dy) to (dx, -epsilon dy)."""
+    return 0.0, math.log(epsilon) / math.pi
+
+
+def orbit_exponents(seed: int = 0, workers: int = 2) -> Result:
+    """Check both exponents of three symmetric orbits: the tangent frames through flights and impacts."""
+    found = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in PAIRS}
+
+    def checks(truth: Callable[[float, float], tuple[float, float]]) -> list[Check]:
+        return [
+            Check(f"exponent {i + 1}, alpha {a}, eps {e}", float(found[a, e][i]), truth(a, e)[i], 0.0, ROUNDING)
+            for a, e in PAIRS
+            for i in range(2)
+        ]
+
+    return Result(
+        "orbit exponents",
+        "Masri & Caughey 1966; Mueller 1995 (saltation)",
+        "each exponent of the impact pair's symmetric orbit is that of its map from impact to impact: lyapunov()",
+        checks(_exponents),
+        {
+            "impacts without the saltation term": checks(_without_saltation),
+            "restitution 0.1 % larger": checks(lambda alpha, epsilon: _exponents(alpha, 1.001 * epsilon)),
+        },
+    )

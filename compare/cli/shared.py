@@ -1,0 +1,194 @@
+"""What the commands share: options and their types, the scene, the folder, and what is printed."""
+
+from collections.abc import Callable, Iterable, Sequence
+from datetime import datetime
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rattle.compare.report.json_text import json_text
+from rattle.scene.errors import choice
+from rattle.scene.text import harmless
+
+if TYPE_CHECKING:
+    from rattle.scene import Scene
+
+PATH = click.Path(path_type=Path)
+Option = Callable[[Any], Any]
+
+SCHEMES = ("euler-maruyama", "euler-maruyama-located", "exact-flight")
+CLOSURES = ("published", "corrected", "saltation", "branching")
+FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
+AXES = ("beta", "gap", "sigma", "epsilon")
+# Written out, for --help does not wait for the modules that define them; a test compares them.
+
+MOST_DIGITS = 60
+
+
+class WholeNumber(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.2
+    """A whole number, also written as 1e5 or 100_000.
+
+    Examples
+    --------
+    >>> WholeNumber().convert("1e5", None, None), WholeNumber().convert("2_000", None, None)
+    (100000, 2000)
+    """
+
+    name = "integer"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Read a whole number."""
+        if isinstance(value, int):
+            return value
+        text = str(value).strip()
+        try:
+            number = Decimal(text)
+        except InvalidOperation:
+            self.fail(f"{text!r} is not a whole number; write it as 100000, 100_000 or 1e5", param, ctx)
+        if not number.is_finite() or number.adjusted() > MOST_DIGITS or number != number.to_integral_value():
+            self.fail(f"{text!r} is not a whole number of at most {MOST_DIGITS} digits", param, ctx)
+        return int(number)
+
+
+WHOLE = WholeNumber()
+"""The type of every option that takes a whole number."""
+
+
+class Name(click.Choice):  # type: ignore[type-arg]  # generic only since click 8.2
+    """A name from a list, which ``--help`` shows and the shell completes.
+
+    Examples
+    --------
+    >>> Name("scheme", SCHEMES).convert("exact-fligt", None, None)
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.InputError: scheme = 'exact-fligt': did you mean 'exact-flight'?
+    """
+
+    def __init__(self, field: str, names: Sequence[str]) -> None:
+        super().__init__(names)
+        self.field = field
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Check a name."""
+        return choice(self.field, value, self.choices)
+
+
+SCENE = click.argument("scene", required=False, type=PATH)
+OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+
+
+def whole(name: str, default: int | None, meaning: str) -> Option:
+    """An option that takes a whole number."""
+    return click.option(f"--{name}", type=WHOLE, default=default, show_default=default is not None, help=meaning)
+
+
+def real(name: str, meaning: str, default: float | None = None) -> Option:
+    """An option that takes a number."""
+    return click.option(f"--{name}", type=float, default=default, show_default=default is not None, help=meaning)
+
+
+class ClosureName(Name):
+    """The name of a closure, or ``package.module:function`` of one's own."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Check a name; a function is imported later."""
+        return value if isinstance(value, str) and ":" in value else super().convert(value, param, ctx)
+
+
+CLOSURE = ClosureName("closures", CLOSURES)
+
+
+def closure_option(meaning: str) -> Option:
+    """The option of the closures, which may be repeated."""
+    meaning = f"Closure, or package.module:function of your own; {meaning}"
+    return click.option("--closure", "closures", type=CLOSURE, multiple=True, help=meaning)
+
+
+def several(option: str, into: str, kind: type, meaning: str) -> Option:
+    """An option that may be given any number of times."""
+    metavar = "NAME" if kind is str else None
+    return click.option(f"--{option}", into, multiple=True, type=kind, metavar=metavar, help=meaning)
+
+
+def grid(option: str, default: str | None, meaning: str) -> Option:
+    """An option that takes evenly spaced values."""
+    shown = default is not None
+    return click.option(f"--{option}", default=default, show_default=shown, metavar="LOW:HIGH:POINTS", help=meaning)
+
+
+def named(
+    option: str, names: Sequence[str], meaning: str, *, many: str = "", field: str = "", default: str | None = None
+) -> Option:
+    """An option that takes a name from a list; with `many`, its name in the plural, any number of them."""
+    kind, shown = Name(field or option, names), default is not None
+    return click.option(
+        f"--{option}", many or option, type=kind, multiple=bool(many), default=default, show_default=shown, help=meaning
+    )
+
+
+SIGMA = real("sigma", "Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+WORKERS = whole("workers", 2, "Threads; the result does not depend on it.")
+
+
+def folder(default: Path | str) -> Option:
+    """The option of the folder of the results: a path, or in words which one is taken if none is given."""
+    given = isinstance(default, Path)
+    words = "Folder." if given else f"Folder. [default: {default}]"
+    return click.option("--out", type=PATH, default=default if given else None, show_default=given, help=words)
+
+
+def json_flag(what: str) -> Option:
+    """The flag that prints something as JSON."""
+    return click.option("--json", "as_json", is_flag=True, help=f"Print {what} as JSON.")
+
+
+def results_folder(
+    scene: Path | None, out: Path | None, suffix: str, ours: frozenset[str], overwrite: bool, writes: bool = True
+) -> tuple[str, Path]:
+    """The name of a command's scene and the folder of its results, which can be written if the command `writes`."""
+    from rattle.compare.report.folder import check_free, default_place, name_of
+
+    name = name_of(scene) if scene else "DAT21"
+    out = out or default_place(name, suffix)
+    if writes:
+        check_free(out, ours, overwrite)
+    return name, out
+
+
+def say(text: str, *, err: bool = False, keep: str = "") -> None:
+    """Print a text on one line; control characters, such as those of a file's name, are shown as escapes."""
+    click.echo(harmless(text, keep), err=err)
+
+
+def say_lines(sentences: Iterable[str]) -> None:
+    """Print texts, each on a line of its own."""
+    for sentence in sentences:
+        say(sentence)
+
+
+def say_json(data: Any) -> None:
+    """Print data as strict JSON; NaN and infinities become null."""
+    click.echo(json_text(data))
+
+
+def say_part(part: str) -> None:
+    """Print on standard error which part of a long command begins, and when."""
+    say(f"{datetime.now():%H:%M:%S} {part}", err=True)
+
+
+PAPER_SIGMA = 1.5**0.5  # sqrt(alpha) of DAT21
+
+
+def load_scene(path: Path | None, sigma: float | None, otherwise: float = PAPER_SIGMA) -> "Scene":
+    """Load a scene file, or DAT21 at the noise intensity `otherwise`; `sigma` replaces either's noise."""
+    from rattle.scene import DAT21, Scene
+
+    scene = Scene.load(path) if path else Scene.from_gears(DAT21, sigma=otherwise)
+    if sigma is not None:
+        return scene.with_sigma(sigma)
+    if path and scene.sigma == 0.0:
+        say(f"{path}: no sigma, so there is no noise", err=True)
+    return scene

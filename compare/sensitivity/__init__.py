@@ -1,0 +1,1 @@
+"""Which parameter of the gears changes the rattle, and by how much."""

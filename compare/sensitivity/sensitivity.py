@@ -1,0 +1,346 @@
+"""Relative change of stationary quantities for a small change of each parameter: central differences of long runs."""
+
+import math
+import time
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+from tqdm import tqdm
+
+from rattle.compare.sensitivity.parameters import CHANGE, STEPS, Parameter, find_parameters
+from rattle.compare.stationary.measure import stationary
+from rattle.compare.stationary.result import unit_of
+from rattle.montecarlo.long_run.estimates import all_names
+from rattle.scene.errors import InputError, choice, positive
+from rattle.scene.scene import Scene
+from rattle.scene.text import as_html
+from rattle.scene.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Sensitivity", "sensitivity"]
+
+PATHS, PERIODS = 32, 64  # of each long run; a group is one long run of every scene
+GROUPS = (4, 6, 9, 13, 19, 28, 42, 64)  # independent groups after which the intervals are looked at
+ACCURACY = 0.001
+CONFIDENCE = 0.95
+BENT = 0.1  # share of an effect by which the two steps must differ to call it not linear
+
+
+class _Job(NamedTuple):
+    """A long run of a group: of the scene itself, or with one parameter changed."""
+
+    name: str  # empty for the scene itself
+    factor: float
+    scene: Scene
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Effects of the parameters of a scene on its stationary motion, from `sensitivity`.
+
+    Attributes
+    ----------
+    scene : Scene
+    table : DataFrame
+        A row for each quantity and parameter.  Columns ``quantity, parameter, value, unit`` (of the parameter),
+        ``effect, se, low, high`` (relative change of the quantity for 1 % more of the parameter, with its 95 %
+        interval), ``small_step, large_step`` (the same from either step alone), ``linear`` (False where both differ),
+        ``gain`` (variance that independent random numbers would have over the one with shared numbers) and ``remark``
+        (why there is no effect).
+    values : DataFrame
+        Index ``quantity``; columns ``value, low, high, unit`` of the scene itself, in physical units if it has gears.
+    groups : int
+        Independent groups of long runs that the intervals rest on.
+    reached : bool
+        Whether all intervals are as narrow as was asked for.
+    said : str
+        What was simulated, as a sentence.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21, sigma=0.5)
+    >>> found = sensitivity(scene, quantities=["power"], parameters=["amplitude"], accuracy=0.01)
+    >>> bool(found.table.loc[0, "low"] > 0.0)
+    True
+    """
+
+    scene: Scene
+    table: pd.DataFrame = field(repr=False)
+    values: pd.DataFrame = field(repr=False)
+    groups: int
+    reached: bool
+    said: str
+
+    def __repr__(self) -> str:
+        """The strongest levers, on a few lines."""
+        return "\n".join([f"Sensitivity: {self.said}", *(f"  {line}" for line in self.answer)])
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self).split("\n")[0], self.table.to_html(max_rows=40))
+
+    @property
+    def answer(self) -> list[str]:
+        """The strongest lever of each quantity, a sentence each."""
+        from rattle.compare.sensitivity.figures import lever_sentences
+
+        return lever_sentences(self.scene, self.table)
+
+    def of(self, quantity: str) -> pd.DataFrame:
+        """The effects on one quantity, the strongest first.
+
+        Parameters
+        ----------
+        quantity : str
+            One of those that were asked for.
+
+        Returns
+        -------
+        DataFrame
+            Its rows of `table`, index ``parameter``.
+
+        Raises
+        ------
+        InputError
+            For a quantity that was not asked for.
+        """
+        choice("quantity", quantity, self.table["quantity"].unique())
+        own = self.table[self.table["quantity"] == quantity].set_index("parameter").drop(columns="quantity")
+        return own.loc[own["effect"].abs().sort_values(ascending=False, na_position="last").index]
+
+    def plot(self) -> "Figure":
+        """Draw the effects on every quantity as bars, the strongest first (a tornado diagram).
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+        """
+        from rattle.compare.sensitivity.figures import tornado
+
+        return tornado(self.table, list(self.values.index))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        return {
+            "said": self.said,
+            "answer": self.answer,
+            "groups": self.groups,
+            "reached": self.reached,
+            "values": self.values.reset_index().to_dict("records"),
+            "table": self.table.to_dict("records"),
+        }
+
+
+def default_quantities(stages: int) -> tuple[str, ...]:
+    """Impacts that are not slow and energy lost, per unit of time, and mean and 95 % speed of impacts, by mesh."""
+    names = ("power", "rate_above", "speed_above", "q95_speed_above")
+    if stages == 1:
+        return names
+    return ("power", "rate_above", *(f"{name}_mesh{m}" for m in (1, 2) for name in names))
+
+
+def sensitivity(
+    scene: Scene,
+    *,
+    quantities: Sequence[str] | None = None,
+    parameters: Sequence[str] | None = None,
+    accuracy: float = ACCURACY,
+    slow: float = 0.1,
+    budget: float | None = None,
+    rng: int = 0,
+    workers: int = 1,
+    progress: str | None = None,
+) -> Sensitivity:
+    """Find what 1 % more of each parameter does to the rattle: impacts per second, energy lost, impact speeds.
+
+    The effect is a central difference of logarithms, from long runs with the parameter 2 and 4 % up and down, all with
+    the same random numbers.  Where both steps differ by more than chance it is extrapolated to a small step; where they
+    differ by a tenth of it, it is called not linear: chaotic motion has windows in which it is another.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.  For a scene with gears its values in physical units are changed: a drive with the same
+        amplitude in mm, and ``sigma`` as it is.
+    quantities : sequence of str, optional
+        Quantities of `stationary`; by default ``power`` and ``rate_above``, by mesh too, and the mean and the 95 %
+        quantile of the speed at each mesh.
+    parameters : sequence of str, optional
+        Parameters to change; all that are not 0 by default.
+    accuracy : float
+        Largest half width of the 95 % intervals of the effects: 0.001 is 0.1 % for 1 % of a parameter.
+    slow : float
+        Speed below which an impact counts as slow; of gears it stays the same in mm/s.
+    budget : float, optional
+        Seconds of processor time after which no more groups of runs are begun.
+    rng : int
+        Seed.  The result is the same for any number of workers.
+    workers : int
+        Threads.
+    progress : str, optional
+        Label of a progress bar on a terminal.
+
+    Returns
+    -------
+    Sensitivity
+
+    Raises
+    ------
+    InputError
+        For an unknown quantity or parameter, or a motion at rest.
+    BurnInError
+        If the motion of the scene does not forget its start.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21, sigma=0.5)
+    >>> found = sensitivity(scene, quantities=["rate_above"], parameters=["omega"], accuracy=0.01)
+    >>> found.table["parameter"].tolist(), found.groups
+    (['omega'], 4)
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    asked = list(dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities))
+    for name in asked:
+        choice("quantities", name, all_names(scene.stages))
+    known = find_parameters(scene)
+    chosen = {n: known[choice("parameters", n, known)] for n in (known if parameters is None else parameters)}
+    positive("accuracy", accuracy)
+    limit = math.inf if budget is None else positive("budget", budget)
+    began = time.process_time()
+    remarks: dict[str, str] = {}
+    jobs = [_Job("", 1.0, scene)]
+    for name, parameter in chosen.items():
+        try:
+            jobs += [_Job(name, f, parameter.scene_at(f * parameter.value)) for f in _factors()]
+        except InputError as error:
+            remarks[name] = f"cannot be changed by {STEPS[1]:.0%}: {error}"
+    runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
+    bar = tqdm(desc=progress, unit="run", disable=None if progress else True)
+    with ThreadPoolExecutor(workers) as pool, bar:
+        for groups in GROUPS:
+            bar.total = groups * len(jobs)
+            for group in range(len(runs), groups):
+                done = {}
+                call = partial(_run, scene=scene, asked=asked, slow=slow, rng=np.random.SeedSequence([rng, group]))
+                for job, (values, why) in zip(jobs, pool.map(call, jobs), strict=True):
+                    done[job.name, job.factor] = values
+                    if why:
+                        remarks.setdefault(job.name, why)
+                    bar.update()
+                runs.append(done)
+            table = _effects(chosen, asked, runs, remarks)
+            half = 0.5 * (table["high"] - table["low"])
+            reached = not bool((half > accuracy).any())
+            if reached or time.process_time() - began > limit or bool((table["se"].fillna(0.0) == 0.0).all()):
+                break
+    said = (
+        f"{len(runs)} groups of {len(jobs)} long runs, {PATHS} paths of {PERIODS} periods each; widest interval "
+        f"± {half.max():.2g} for {CHANGE:.0%} of a parameter" + ("" if reached else f", NOT the {accuracy:g} asked for")
+    )
+    return Sensitivity(scene, table, _values(scene, asked, runs), len(runs), reached, f"{said}.")
+
+
+def _factors() -> list[float]:
+    return [1.0 + sign * step for step in STEPS for sign in (-1.0, 1.0)]
+
+
+def _run(job: _Job, scene: Scene, asked: list[str], slow: float, rng: np.random.SeedSequence) -> tuple[Floats, str]:
+    """Logarithms of the quantities in physical units, or why there are none; -inf where a quantity is 0."""
+    gears, base = job.scene.gears, scene.gears
+    same_speed = 1.0 if gears is None or base is None else base.units.speed / gears.units.speed
+    try:
+        found = stationary(job.scene, periods=PERIODS, paths=PATHS, slow=slow * same_speed, closures=(), rng=rng)
+    except InputError as error:  # no stationary motion is reached
+        if not job.name:
+            raise
+        return np.full(len(asked), np.nan), str(error)
+    if found.kind == "rest":
+        if not job.name:
+            raise InputError("scene", "at rest", f"{found.said} Give a larger drive or less drag")
+        return np.full(len(asked), np.nan), f"comes to rest at {job.factor - 1.0:+.0%}"
+    units = "dimensionless" if gears is None else "physical"
+    factors = np.array([unit_of(name, gears, units)[1] for name in asked])
+    with np.errstate(divide="ignore"):
+        return np.log(factors * found.table["value"].reindex(asked).fillna(0.0).to_numpy()), ""
+
+
+def _effects(
+    chosen: dict[str, Parameter], asked: list[str], runs: list[dict[tuple[str, float], Floats]], remarks: dict[str, str]
+) -> pd.DataFrame:
+    """The table of a `Sensitivity`, from the logarithms of all quantities in every group of runs."""
+    rows: list[dict[str, Any]] = []
+    for name, parameter in chosen.items():
+        fixed = {"parameter": name, "value": parameter.value, "unit": parameter.unit}
+        if name in remarks:
+            rows += [{"quantity": q, **fixed, "remark": remarks[name]} for q in asked]
+            continue
+        logs = np.array(
+            [[run[name, f] for f in _factors()] for run in runs]
+        )  # (groups, down and up by step, quantities)
+        for i, quantity in enumerate(asked):
+            own = logs[:, :, i]
+            if not np.isfinite(own).all():
+                rows.append({"quantity": quantity, **fixed, "remark": "no such impacts"})
+                continue
+            rows.append({"quantity": quantity, **fixed, **_effect(own, len(chosen) * len(asked)), "remark": ""})
+    numbers = ["effect", "se", "low", "high", "small_step", "large_step"]
+    columns = ["quantity", "parameter", "value", "unit", *numbers, "linear", "gain", "remark"]
+    table = pd.DataFrame(rows, columns=columns)
+    table["quantity"] = pd.Categorical(table["quantity"], asked)
+    table = table.sort_values("quantity", kind="stable", ignore_index=True)
+    return table.astype({"quantity": str} | dict.fromkeys([*numbers, "gain"], float))
+
+
+def _effect(logs: Floats, checks: int) -> dict[str, Any]:
+    """Effect of a parameter on a quantity from logarithms at each factor, shape (groups, factors)."""
+    groups, one = len(logs), math.log1p(CHANGE)
+    span = np.array([math.log((1.0 + h) / (1.0 - h)) for h in STEPS])
+    change = logs[:, 1::2] - logs[:, ::2]  # (groups, steps)
+    slopes = change / span
+    bent = slopes[:, 0] - slopes[:, 1]
+    differ = abs(bent.mean()) > student.isf(0.5 * (1.0 - CONFIDENCE) / checks, groups - 1) * _se(bent)
+    linear = not (differ and abs(bent.mean()) > BENT * max(abs(slopes.mean(axis=0))))
+    if not linear:
+        shown = slopes[:, 0]
+    elif differ:  # Richardson: the error of a central difference grows with the square of the step
+        shown = slopes[:, 0] + bent / (span[1] ** 2 / span[0] ** 2 - 1.0)
+    else:
+        shown = change @ span / (span @ span)  # least squares through both steps
+    half = student.isf(0.5 * (1.0 - CONFIDENCE), groups - 1) * _se(shown)
+    alone = float((logs.var(axis=0, ddof=1).reshape(-1, 2).sum(axis=1) / span**2).sum())
+    paired = float(slopes.var(axis=0, ddof=1).sum())
+    return {
+        "effect": math.expm1(one * shown.mean()),
+        "se": one * _se(shown),
+        "low": math.expm1(one * (shown.mean() - half)),
+        "high": math.expm1(one * (shown.mean() + half)),
+        "small_step": math.expm1(one * slopes[:, 0].mean()),
+        "large_step": math.expm1(one * slopes[:, 1].mean()),
+        "linear": linear,
+        "gain": alone / paired if paired > 0.0 else math.nan,
+    }
+
+
+def _se(values: Floats) -> float:
+    return float(values.std(ddof=1)) / math.sqrt(len(values))
+
+
+def _values(scene: Scene, asked: list[str], runs: Iterable[dict[tuple[str, float], Floats]]) -> pd.DataFrame:
+    """The quantities of the scene itself, over all groups."""
+    found = np.exp([run["", 1.0] for run in runs])
+    mean = found.mean(axis=0)
+    half = student.isf(0.5 * (1.0 - CONFIDENCE), len(found) - 1) * found.std(axis=0, ddof=1) / math.sqrt(len(found))
+    unit = [unit_of(name, scene.gears, "physical")[0] if scene.gears else "" for name in asked]
+    index = pd.Index(asked, name="quantity")
+    return pd.DataFrame({"value": mean, "low": mean - half, "high": mean + half, "unit": unit}, index=index)

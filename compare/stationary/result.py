@@ -1,0 +1,274 @@
+"""The result of a long run, which holds its numbers, and its quantities in physical units."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from rattle.closure.long_orbit import Attractor
+from rattle.closure.stationary import Law
+from rattle.compare.stationary.verdicts import judge_predictions, laws, predictions
+from rattle.montecarlo.long_run import LongRun, SectionDensity
+from rattle.montecarlo.long_run.estimates import NAMES, QUANTILES
+from rattle.scene.errors import InputError, choice
+from rattle.scene.gears import Gears
+from rattle.scene.scene import Scene
+from rattle.scene.text import as_html
+from rattle.scene.units import DIMENSIONLESS, check_units
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+LEAST_EFFECTIVE = 16.0
+"""Effective paths below which an interval is a tenth wider for that, or more."""
+LEAST_SHARE = 0.25  # of the paths, where there are few
+SPREAD = ("", "sd_", *(f"q{percent:02d}_" for percent in QUANTILES))
+NUMERIC = ["value", "se", "low", "high", "se_batches", "predicted", "simulated", "error", "tolerance"]
+
+
+PLAIN = {
+    "rate": "omega",
+    "flight": DIMENSIONLESS["ms"],
+    "speed": DIMENSIONLESS["mm_per_s"],
+    "energy": DIMENSIONLESS["mJ"],
+    "energy_per_period": DIMENSIONLESS["mJ"],
+    "power": f"{DIMENSIONLESS['mJ']} omega",
+}
+"""What dimensionless quantities count in, by their kind."""
+
+
+def kind_of(quantity: str) -> str:
+    """Which of the kinds of quantities it is, whatever its mesh, and its mean, sd or quantile."""
+    what = quantity.split("_mesh")[0]
+    return next((name for name in NAMES.values() if what in {p + name for p in SPREAD}), what).removesuffix("_above")
+
+
+def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]:
+    """The unit of a quantity, and its factor; empty and 1 for one without a unit.
+
+    The energy is that of both wheels in relative motion.  Its unit is the mass of wheel 1 at its rim, ``I1 / R1^2``,
+    times the square of ``backlash1 omega``; at mesh 2 the reduced mass of both wheels counts.
+    """
+    if gears is None or check_units(units, gears) == "dimensionless":
+        return "", 1.0
+    u = gears.units
+    found = {
+        "rate": ("1/s", 1000.0 / u.time),
+        "flight": ("ms", u.time),
+        "speed": ("mm/s", u.speed),
+        "energy": ("mJ", u.energy),
+        "energy_per_period": ("mJ", u.energy),
+        "power": ("mW", 1000.0 * u.energy / u.time),
+    }
+    return found.get(kind_of(quantity), ("", 1.0))
+
+
+def speed_text(speed: float, gears: Gears | None, units: str) -> str:
+    """A dimensionless speed as text, with its unit."""
+    unit, factor = unit_of("speed", gears, units)
+    return f"{speed * factor:.3g} {unit}".rstrip()
+
+
+def in_units(table: pd.DataFrame, gears: Gears | None, units: str) -> pd.DataFrame:
+    """A table of stationary quantities or verdicts in a system of units, with a column ``unit``.
+
+    The quantities are its column ``quantity``, or its index.
+    """
+    check_units(units, gears)
+    names = table.get("quantity", table.index)
+    found = [unit_of(str(name), gears, units) for name in names]
+    out = table.copy()
+    numeric = [name for name in NUMERIC if name in out]
+    out[numeric] = out[numeric].mul([factor for _, factor in found], axis=0)
+    out.insert(list(table).index("quantity") + 1 if "quantity" in table else 0, "unit", [unit for unit, _ in found])
+    return out
+
+
+@dataclass(frozen=True)
+class Stationary:
+    """The stationary motion of a scene, from `stationary`.
+
+    Attributes
+    ----------
+    scene : Scene
+    kind : str
+        ``simulated``, or ``rest`` or ``periodic`` for a motion without a random part, whose values are exact.
+    said : str
+        What kind of motion it is, as a sentence.
+    table : DataFrame
+        Index ``quantity``; columns ``value, se, low, high`` (95 % interval), ``autocorrelation`` (integrated, in
+        impacts: the variance of the estimate over that of independent impacts) and ``se_batches`` (standard error from
+        batch means, to check the other; NaN where there is none) and ``effective_paths`` (how many paths the standard
+        error rests on, about all of them where nothing is rare; for quantiles, of the units that share a distribution).
+    run : LongRun or None
+        The simulation; None for exact values.
+    orbit : Attractor
+        Where the orbit without noise ends.
+    slow : float
+        Speed below which an impact is slow.
+    closures : tuple of str
+        Closures that `verdicts` judges.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene, stationary
+    >>> found = stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=64, rng=7)
+    >>> bool(found.table.loc["rate", "value"] > 0.0)
+    True
+    """
+
+    scene: Scene
+    kind: str
+    said: str
+    table: pd.DataFrame = field(repr=False)
+    run: LongRun | None
+    orbit: Attractor = field(repr=False)
+    slow: float
+    closures: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """The main quantities, on a few lines."""
+        shown = [n for n in ("rate_above", "speed_above", "energy_per_period", "slow_share") if n in self.table.index]
+        lines = [f"Stationary: {self.said}"]
+        for name in shown:
+            row = self.table.loc[name]
+            lines.append(f"  {name} = {row['value']:.5g} ± {0.5 * (row['high'] - row['low']):.2g}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), self.table.to_html(max_rows=12))
+
+    @property
+    def densities(self) -> tuple[SectionDensity, ...]:
+        """Density of the section over phase and velocity at each mesh; empty for exact values."""
+        return () if self.run is None else self.run.densities
+
+    @property
+    def few(self) -> pd.Series:
+        """Quantities whose intervals are wide because their errors rest on few paths, with the number of these."""
+        if self.run is None:
+            return pd.Series(dtype=float)
+        own = self.table["effective_paths"].where(self.table["se"] > 0.0)
+        units = len(self.run.sums.histogram)  # whose counts quantiles are taken from
+        parts = np.where(own.index.astype(str).str.startswith("q"), units, self.run.paths)
+        return own[own < np.minimum(LEAST_EFFECTIVE, LEAST_SHARE * parts)]
+
+    @cached_property
+    def laws(self) -> dict[str, Law | str]:
+        """The stationary law of each closure, or the reason why it has none."""
+        return laws(self.scene, self.closures, self.orbit)
+
+    @cached_property
+    def verdicts(self) -> pd.DataFrame:
+        """The closures against the simulation, row by row, dimensionless."""
+        if self.run is None:
+            return pd.DataFrame()
+        return judge_predictions(self.table, self.run.periods, predictions(self.laws, self.scene, self.slow))
+
+    def table_in(self, units: str) -> pd.DataFrame:
+        """`table` in physical units, for a scene that was made from gears.
+
+        Parameters
+        ----------
+        units : {"physical", "dimensionless"}
+            The units; the second gives `table` with a column of units.
+
+        Returns
+        -------
+        DataFrame
+            With a column ``unit``: impacts per s, ms, mm/s, mJ and mW.
+
+        Raises
+        ------
+        InputError
+            For unknown units, or a scene without gears.
+        """
+        return in_units(self.table, self.scene.gears, units)
+
+    def figures(self) -> "dict[str, Figure]":
+        """All figures of the page by name; none for exact values."""
+        from rattle.compare.stationary.figures import draw
+
+        return {} if self.run is None else draw(self.run, self.table, self.laws, self.verdicts)
+
+    def plot(self, kind: str = "distribution") -> "Figure":
+        """Draw a figure of the page.
+
+        Parameters
+        ----------
+        kind : {"distribution", "section", "memory", "closures"}
+            Velocities before an impact, their density over the phase, autocorrelation times, or errors of the closures.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+
+        Raises
+        ------
+        InputError
+            For an unknown kind, closures that predict nothing, or exact values.
+        """
+        figures = self.figures()
+        if not figures:
+            raise InputError("kind", kind, "nothing to draw: these values are exact, and there is no distribution")
+        return figures[choice("kind", kind, figures)]
+
+    def to_xarray(self, units: str = "dimensionless") -> "xr.Dataset":
+        """Convert the table to a dataset; needs the optional dependency ``xarray``.
+
+        Parameters
+        ----------
+        units : {"dimensionless", "physical"}
+            Units of the quantities; the second for a scene that was made from gears.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimension ``statistic`` (``value, se, low, high, ...``), a variable for each quantity, with its unit in
+            ``attrs["units"]``, "1" without one.
+
+        Raises
+        ------
+        InputError
+            For unknown units, or physical ones of a scene without gears.
+        """
+        table = self.table_in(units)
+        data = table.drop(columns="unit").T.rename_axis("statistic").to_xarray()
+        for name, unit in table["unit"].items():
+            data[name].attrs["units"] = unit or PLAIN.get(kind_of(str(name)), "1")
+        return data
+
+    def verdicts_in(self, units: str) -> pd.DataFrame:
+        """`verdicts` in a system of units, with a column ``unit``, as `table_in`."""
+        return in_units(self.verdicts, self.scene.gears, units) if len(self.verdicts) else self.verdicts
+
+    def to_dict(self, units: str = "dimensionless") -> dict[str, Any]:
+        """Everything but the section as plain data.
+
+        Parameters
+        ----------
+        units : {"dimensionless", "physical"}
+            Units of the quantities.
+
+        Returns
+        -------
+        dict
+        """
+        run = self.run
+        facts: dict[str, Any] = {"kind": self.kind, "said": self.said, "slow": self.slow, "units": units}
+        if run is not None:
+            facts |= {
+                "paths": run.paths,
+                "periods": run.periods,
+                "impacts": run.impacts,
+                "burn_in": run.burn_in.periods,
+                "seconds": round(run.wall_seconds, 3),
+                "reach": None if run.reach is None else run.reach.sentence,
+                "reached": run.reach is None or run.reach.reached,
+            }
+        table = self.table_in(units).reset_index().to_dict("records")
+        return facts | {"table": table, "verdicts": self.verdicts_in(units).to_dict("records")}

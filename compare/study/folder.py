@@ -1,0 +1,240 @@
+"""The folder of a finished study of any kind: tables, figures, a page and a manifest beside its cells."""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+from matplotlib.figure import Figure as Drawn
+
+from rattle.compare.report import Code, Figure, Page, PageSection, Row, Table, Text, manifest, numbers
+from rattle.compare.report.folder import scratch_folder, within
+from rattle.compare.report.json_text import check_not_newer
+from rattle.compare.report.provenance import provenance, source_of
+from rattle.compare.report.render import pages
+from rattle.compare.report.save import MANIFEST, contents, file_digest, write_files
+from rattle.compare.study.design import Point, Study, kind_of, page_of
+from rattle.compare.study.store import numerical_version
+from rattle.scene.errors import FileError, OutputError
+
+CELLS, FILE = "cells", "study.toml"
+"""Names in a study's folder: the folder of results, and the study file."""
+
+BROKEN = "is damaged; run rattle study again: it rewrites the tables from the stored cells"
+PAGE = "page"
+"""Part of the name of scratch folders, in which the output is written before it is moved to its place."""
+
+
+def load_study(folder: str | Path) -> Any:
+    """Load the tables of a study from a folder that ``rattle study`` has written.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The folder.
+
+    Returns
+    -------
+    Tables
+        Of a study of the long run, an object with ``study, record, quantities, verdicts, cost, reasons``, `plot` and
+        `to_xarray`.
+
+    Raises
+    ------
+    FileError
+        If the folder holds no finished study, or a file in it is damaged or cannot be read.
+
+    Examples
+    --------
+    >>> load_study("nowhere")
+    Traceback (most recent call last):
+    ...
+    rattle.scene.errors.FileError: study folder = 'nowhere': holds no finished study; give the folder of one
+    """
+    if not isinstance(folder, str | Path):
+        raise FileError("study folder", folder, "is no path; give the folder that rattle study wrote")
+    place = Path(folder)
+    record = _read_record(place)
+    study = Study.load(place / FILE)
+    if record.get("study_sha256") != study.digest:
+        why = "is not the study of these tables; run rattle study with it again"
+        raise FileError("study file", str(place / FILE), why)
+    kind = kind_of(study.kind)
+    _check_files(place, record, [f"{name}.parquet" for name in kind.tables])
+    return kind.make(study, record, **{name: pd.read_parquet(place / f"{name}.parquet") for name in kind.tables})
+
+
+def _read_record(folder: Path) -> dict[str, Any]:
+    """Read the manifest of a finished study."""
+    try:
+        record = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, ValueError, RecursionError):
+        record = None
+    except OSError as error:
+        raise FileError("study folder", str(folder), f"{MANIFEST} cannot be read ({error.strerror})") from None
+    if not isinstance(record, dict):
+        raise FileError("study folder", str(folder), "holds no finished study; give the folder of one")
+    check_not_newer("manifest", record.get("version"), manifest.VERSION, folder / MANIFEST)
+    if not manifest.is_whole(record):
+        raise FileError("study folder", str(folder), f"{MANIFEST} {BROKEN}")
+    return record
+
+
+def _check_files(folder: Path, record: dict[str, Any], files: Iterable[str]) -> None:
+    """Refuse a folder in which a file is missing or has changed since it was written."""
+    written = record.get("files")
+    for file in files:
+        try:
+            sound = isinstance(written, dict) and written.get(file) == file_digest(folder / file)
+        except OSError as error:
+            raise FileError("study folder", str(folder), f"{file} cannot be read ({error.strerror})") from None
+        if not sound:
+            raise FileError("study folder", str(folder), f"{file} {BROKEN}")
+
+
+def files_of(study: Study) -> tuple[str, ...]:
+    """Files whose digests the manifest of a finished study holds."""
+    return (*(f"{name}.parquet" for name in kind_of(study.kind).tables), *pages("study"))
+
+
+def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
+    """Read the manifest of a folder, if it belongs to this study and covers all of its cells.
+
+    Returns: The manifest; None if the folder is missing, damaged, incomplete, or of another study or version.
+    """
+    with suppress(FileError):  # what cannot be read is written again, from the cells
+        record = _read_record(folder)
+        if record.get("cells_sha256") == cells_digest(study) and record.get("complete"):
+            _check_files(folder, record, files_of(study))
+            return record
+    return None
+
+
+def cells_digest(study: Study) -> str:
+    """Compute a digest of the study's file and of the keys of its cells."""
+    keys = ",".join(sorted(cell.key for cell in study.cells))
+    return hashlib.sha256(f"{study.digest} {keys}".encode()).hexdigest()
+
+
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
+NAMES = {"scene": "the scene", "sample": "the simulation"}
+"""Names for readers of those keys of `Point.reasons` that are not closures."""
+
+
+class FailedPoints(NamedTuple):
+    """Something that cannot be computed at some points; their error messages differ at most in numbers."""
+
+    what: str  # the scene, the simulation, or a closure
+    why: str  # error message at the first of the points: field, value and remedy
+    points: int  # points, of: number of points concerned, and number of all points
+    of: int
+    first: dict[str, Any]  # coordinates of the first point concerned
+
+    @property
+    def where(self) -> str:
+        """Coordinates of the first point concerned, as text."""
+        return ", ".join(f"{name} = {value}" for name, value in self.first.items()) or "the only point"
+
+    def __str__(self) -> str:
+        """Describe the failure in one sentence."""
+        return f"{self.what} cannot be computed at {self.points} of {self.of} points, first at {self.where}: {self.why}"
+
+
+def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[FailedPoints]:
+    """Group the error messages of a study's points by their reason.
+
+    Examples
+    --------
+    >>> said = "gap1 = {}: must be greater than 0"
+    >>> print(*group_failures([Point({"gap1": g}, None, (), {"scene": said.format(g)}) for g in (-0.1, -0.2)], {}))
+    the scene cannot be computed at 2 of 2 points, first at gap1 = -0.1: gap1 = -0.1: must be greater than 0
+    """
+    found: dict[tuple[str, str], list[tuple[Point, str]]] = {}
+    for point in points:
+        lost = {getattr(cell, "closure", "sample"): failed[cell.key] for cell in point.cells if cell.key in failed}
+        for what, why in (point.reasons | lost).items():
+            found.setdefault((what, NUMBER.sub("", why)), []).append((point, why))
+    return [
+        FailedPoints(NAMES.get(what, what), where[0][1], len(where), len(points), where[0][0].coordinates)
+        for (what, _), where in found.items()
+    ]
+
+
+class Drawing(NamedTuple):
+    """A figure of a study's page."""
+
+    name: str  # of its file, without suffix
+    figure: Drawn
+    caption: str
+
+
+def write_page(folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[str, Any]) -> dict[str, Any]:
+    """Write tables, figures, the page and the manifest; each file is replaced atomically.
+
+    `tables`: As `combine` gives them.  `seconds`: What each cell that is stored took, by key.  Returns the manifest.
+    """
+    try:
+        with scratch_folder(folder, PAGE) as scratch:
+            record = _write(scratch, tables, seconds, facts)
+            files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
+            within(folder, *{str(file.parent) for file in files})
+            (folder / MANIFEST).unlink(missing_ok=True)  # holds the digests of the others: removed first, written last
+            for file in sorted(files, key=lambda f: f.name == MANIFEST):
+                (folder / file).parent.mkdir(exist_ok=True)
+                os.replace(scratch / file, folder / file)
+    except OutputError:
+        raise
+    except OSError as error:
+        why = f"the page cannot be written ({error.strerror}); all results stored: make room and repeat the command"
+        raise OutputError(f"out = {str(folder)!r}: {why}") from None
+    return record
+
+
+def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[str, Any]) -> dict[str, Any]:
+    study: Study = tables.study
+    kind, shown = kind_of(study.kind), page_of(study)
+    (folder / FILE).write_text(study.text, encoding="utf-8")  # another process may have replaced the file meanwhile
+    drawn: list[Drawing] = shown.draw(tables)
+    figures = [Figure(f"{name}.svg", caption, caption) for name, _, caption in drawn]
+    record = {
+        "version": manifest.VERSION,
+        "kind": "study",
+        "tables": list(kind.tables),
+        "title": study.title,
+        "answer": shown.answer(tables),
+        "complete": len(seconds) == len(study.cells),
+        "points": len(study.points),
+        "cells": len(study.cells),
+        "cells_sha256": cells_digest(study),
+        **tables.record,
+        "study_sha256": study.digest,
+        "numerical_version": numerical_version(),
+        **provenance(),
+        **facts,
+    }
+    opening, closing = shown.blocks(tables, record, seconds)
+    sections = [PageSection("Figures", tuple(figures[1:]))] if figures[1:] else []
+    if failures := group_failures(study.points, record.get("failed", {})):
+        rows: list[Row] = [[failure.what, failure.points, failure.where, failure.why] for failure in failures]
+        every = Text("All points: `reasons.csv`.", note=True)
+        lost = Table.of(["what", *numbers("points"), "the first", "why"], rows)
+        sections.append(PageSection("What could not be computed", (every, lost)))
+    text = (Text("The study, `study.toml`:"), Code(study.text, "toml"))
+    source = source_of(record, text, {"rows": "`rattle.load_study(FOLDER)` loads every one"})
+    page = Page(study.title, tuple(record["answer"]), source, (*figures[:1], *opening), (*sections, *closing))
+    return write_files(
+        folder,
+        "study",
+        page,
+        record,
+        allowed=contents("study", tables=kind.small, large=kind.tables),
+        figures={name: figure for name, figure, _ in drawn},
+        tables={name: getattr(tables, name) for name in kind.tables},
+        digits="%.9g",
+        digests=files_of(study),
+    )

@@ -1,0 +1,304 @@
+"""Errors of a closure's section moments and of its correlations at mid-flight, with intervals and verdicts."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from rattle.closure import MeanMap
+from rattle.closure.closure import describe_error
+from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
+from rattle.montecarlo import Ensemble
+from rattle.montecarlo.diagnostics.accuracy import skewness_gain, smallest_sd
+from rattle.montecarlo.diagnostics.unseen import Unseen, unseen, unseen_text
+from rattle.montecarlo.settings.plan import is_random
+from rattle.montecarlo.statistics.intervals import half_width
+from rattle.scene.elementary import each
+from rattle.scene.moments import SECTION, realizability
+from rattle.scene.scene import Scene
+from rattle.scene.types import Floats, Ints
+
+SIDES = ("predicted", "simulated")  # columns that hold a value of the closure and of the simulation
+
+WORTH_A_WORD = 0.05
+"""Share of a tolerance from which on what a branch could change is told."""
+
+FEWEST = 32
+"""Least number of paths from which an sd is judged: the fourth moment of fewer says too little about its error."""
+
+TOO_FEW = f"too few paths for an interval; that of an sd needs {FEWEST}"
+"""Remark on a row whose interval the sample cannot have."""
+
+ABSOLUTE = 1e-6
+"""Tolerance, relative to size, where nothing varies (`rattle.montecarlo.diagnostics.accuracy.smallest_sd`)."""
+
+BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the quantity's size"
+"""Remark on the rows of such quantities."""
+
+
+class Claimed(Protocol):
+    """Section moments of a closure or of a user's own model, in the columns of `rattle.closure.MeanMap.section`."""
+
+    @property
+    def closure(self) -> str:
+        """Its name; a run may have the agreement with its itinerary under this name."""
+
+    @property
+    def section(self) -> pd.DataFrame:
+        """A row for each impact (index ``impact``); NaN where a moment is not predicted."""
+
+
+class Simulated(Protocol):
+    """Section moments of a simulation: a `rattle.montecarlo.Ensemble`, or the tables stored of one."""
+
+    @property
+    def scene(self) -> Scene:
+        """What was modelled."""
+
+    @property
+    def section(self) -> pd.DataFrame:
+        """As `Ensemble.section`."""
+
+    @property
+    def step_bias(self) -> pd.DataFrame:
+        """As `Ensemble.step_bias`."""
+
+    @property
+    def agreement(self) -> pd.DataFrame:
+        """As `Ensemble.agreement`."""
+
+
+def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
+    """Errors of predicted section moments with intervals and verdicts.
+
+    Both sides are moments on the Poincaré section at the impacts: of the state of each path at its own k-th impact.
+
+    Returns: A row for each impact, quantity and moment.  ``simulated`` is the simulated value with its standard
+    error ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value;
+    ``low`` and ``high`` bound it: ``noise`` is `z` standard errors of the corrected value (the interval has
+    Student's t in place of `z`, which is wider where paths are few), ``rest`` bounds the bias that the correction
+    may have left. ``unit`` is the sd of the quantity, ``se_unit`` its standard error. ``still`` is the tolerance
+    of a quantity that does not vary, `ABSOLUTE` times its largest size over the impacts (for times, that of a
+    flight), and 0 where it varies. ``agreement`` is the share of paths on the closure's itinerary if the run has
+    it, else on the noise-free one. ``judged`` is False for the rows that `RULE` excludes. ``unseen_low`` and
+    ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
+    ``unseen_paths`` how many paths would show them (`rattle.montecarlo.diagnostics.unseen`); ``remark`` says so in
+    words where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled
+    value is longer on the side to which its own sampling distribution is skewed (`widen_for_skewness`); ``lean`` is
+    that skewness over sqrt(n). Verdicts are those of `judge`.
+    """
+    section, steps = run.section, run.step_bias
+    impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
+    name = quantity.where(is_mean, "sd_" + quantity)
+    sd = steps[~is_mean].set_index(["impact", "quantity"])
+    own = sd.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
+    unit = own["corrected"].where(own["corrected"] > 0.0, _pick(section, impact, "sd_" + quantity))
+    agreement = run.agreement.get(prediction.closure, section["agreement"])
+    predicted = _pick(prediction.section, impact, name)
+    sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
+    size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
+    columns = {str(name): section[name].to_numpy() for name in section}
+    few = ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST)
+    least = pd.DataFrame(smallest_sd(columns), index=section.index)
+    still = np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size)
+    table = pd.DataFrame(
+        {
+            "closure": prediction.closure,
+            "kind": "section",
+            "impact": impact,
+            "quantity": quantity,
+            "moment": steps["moment"],
+            "predicted": predicted,
+            "simulated": _pick(section, impact, name),
+            "se": _pick(section, impact, "se_" + name),
+            "bias": steps["bias"],
+            "error": predicted - steps["corrected"],
+            "noise": z * steps["se_corrected"].where(~few),
+            "rest": steps["rest"],
+            "unit": unit,
+            "se_unit": own["se_corrected"],
+            "tolerance": np.maximum(np.where(is_mean, tolerances.mean, tolerances.sd) * unit, still),
+            "still": still,
+            "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
+            "agreement": agreement.loc[impact].to_numpy(),
+            "paths": section["paths"].loc[impact].to_numpy(),
+        }
+    )
+    student = half_width(table["paths"], float(ndtr(-z))) / z * table["noise"]
+    gain = widen_for_skewness(columns, steps, z)
+    half, lean = student + table["rest"], gain * student
+    table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
+    up, down, needed, chance = _shift_unseen(unseen(run.scene, columns, int(section["paths"].max())), steps)
+    table["unseen_low"], table["unseen_high"], table["unseen_share"] = up, down, chance
+    table["unseen_paths"] = np.where(few, np.fmax(needed, FEWEST), needed)
+    table["low"] = table["error"] - half - lean.clip(lower=0.0) - up
+    table["high"] = table["error"] + half - lean.clip(upper=0.0) + down
+    table = judge(table)
+    return table.assign(remark=remarks(table))
+
+
+def remarks(table: pd.DataFrame) -> list[str]:
+    """What decides a row besides its sd, in words: the size of what does not vary, and what the sample has not seen."""
+    shift = np.maximum(table["unseen_low"], table["unseen_high"])
+    by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
+    few = table["low"].isna() & (table["verdict"] == "undecided")
+    said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"]) & ~few
+    out = [TOO_FEW if f else BY_SIZE if by else "" for f, by in zip(few, by_size, strict=True)]
+    columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
+    for i, m, p, s, n in zip(np.flatnonzero(said), *(column[said] for column in columns), strict=True):
+        out[i] = unseen_text(m, p, s, n)
+    return out
+
+
+def widen_for_skewness(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> Floats:
+    """`rattle.montecarlo.diagnostics.accuracy.skewness_gain` of the rows of a table.
+
+    Shapes: result (rows,).
+    """
+    gains = np.array([[skewness_gain(columns, q, of_sd, z) for q in SECTION] for of_sd in (False, True)])
+    of_sd = (steps["moment"] == "sd").to_numpy(int)
+    return np.asarray(gains[of_sd, _number(steps["quantity"]), steps["impact"].to_numpy() - 1])
+
+
+def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[Floats, ...]:
+    """Shifts up and down, paths that would tell and probability of the branch, of the rows of a table."""
+    at = steps["impact"].to_numpy() - 1, _number(steps["quantity"])
+    mean = (steps["moment"] == "mean").to_numpy()
+    up = np.where(mean, hidden.mean_up[at], hidden.sd_up[at])
+    down = np.where(mean, hidden.mean_down[at], hidden.sd_down[at])
+    return up, down, hidden.needed[at], hidden.probability[at]
+
+
+def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
+    """Convert the times in a table of errors from phase-reduced (`Scene.phase_reduced`) to absolute time.
+
+    Returns: Mean impact times and ``time`` are shifted; errors, intervals and verdicts are the same in both
+    times.
+    """
+    late = (table["quantity"] == "tau") & (table["moment"] == "mean")
+    columns = {name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name]) for name in SIDES}
+    if "time" in table:
+        columns["time"] = scene.to_absolute_time(table["time"].to_numpy(float))
+    return table.assign(**columns)
+
+
+def _pick(table: pd.DataFrame, impact: pd.Series, column: pd.Series) -> Floats:
+    """Entries of a table by row and column; NaN where it has none."""
+    code, names = pd.factorize(column)
+    values = table.reindex(index=range(1, int(impact.max()) + 1), columns=names).to_numpy(float)
+    return np.asarray(values[impact.to_numpy() - 1, code])
+
+
+def _number(quantity: pd.Series) -> NDArray[np.intp]:
+    """Place of each quantity in `SECTION`."""
+    return np.asarray(pd.Index(SECTION).get_indexer(pd.Index(quantity)))
+
+
+SIMULATED = "monte carlo"
+
+NUMBERS = ("variance_x", "variance_y", "rho", "smallest_eigenvalue")
+COLUMNS = ("closure", "impact", "stage", *NUMBERS, "realizable", "reason")
+
+
+def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
+    """Realizability of each stage's second moments.
+
+    A closure is judged just before its impacts.  The simulation is judged at mid-flight before the same impacts,
+    because at the mean impact time about half of the paths have already rebounded.
+
+    Returns: A row for each closure (or ``monte carlo``), impact and stage: ``closure, impact, stage, variance_x,
+    variance_y, rho, smallest_eigenvalue, realizable, reason``. Shapes: `flights` (fixed times,).
+    """
+    stages = range(1, run.scene.stages + 1)
+    found = [
+        (prediction.closure, impact, stage, prediction.stage_realizability(impact, stage))
+        for prediction in predictions
+        if prediction.trace.parts is None  # a mixture describes paths at their own impacts: no perturbation, no moments
+        for impact in range(1, prediction.trace.found + 1)
+        for stage in stages
+    ]
+    found = [row for row in found if not row[-1].realizable or np.isfinite(row[-1][2:5]).any()]
+    for impact, (_, row) in zip(flights, run.at_times().iterrows(), strict=True):
+        for stage in stages:
+            xx, xy, yy = (row[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
+            found.append((SIMULATED, int(impact), stage, realizability(np.array([[xx, xy], [xy, yy]]))))
+    records = [
+        {"closure": closure, "impact": impact, "stage": stage, **judged._asdict()}
+        for closure, impact, stage, judged in found
+    ]
+    return pd.DataFrame(records, columns=COLUMNS).astype({"realizable": bool})
+
+
+def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | None:
+    """The first impact, and there the first stage, at which a closure's second moments are not realizable."""
+    failed = table[(table["closure"] == closure) & ~table["realizable"]].sort_values(["impact", "stage"])
+    if failed.empty:
+        return None
+    row = failed.iloc[0]
+    return int(row["impact"]), int(row["stage"]), str(row["reason"])
+
+
+def mid_flight_errors(
+    prediction: MeanMap, run: Ensemble, flights: Ints, z: float, tolerances: Tolerances
+) -> pd.DataFrame:
+    """Errors of the correlation ``rho`` at the run's fixed times, in the middle of the orbit's flights.
+
+    The interval of the simulated value is symmetric in Fisher's z = artanh rho, whose standard error is measured (for
+    a Gaussian pair it is ``1 / sqrt(paths)``); it is widened by the change from 2 dt to dt where there is a step bias.
+
+    Returns: Rows as of `rattle.compare.validation.errors`; ``time`` is the fixed time, ``impact``
+    the one that ends its flight. Shapes: `flights` (fixed times,).
+    """
+    fixed = run.at_times()
+    reached = fixed.index.to_numpy(float)
+    predicted, remark = _at_times(prediction, reached[reached <= prediction.trace.span[1]])
+    parts = []
+    for stage in range(1, run.scene.stages + 1):
+        rho = fixed[f"rho{stage}"]
+        fisher = each(math.atanh, rho.clip(-1.0 + 1e-15, 1.0 - 1e-15))
+        half = half_width(run.paths, float(ndtr(-z))) * fixed[f"se_z_rho{stage}"]
+        bias = fixed.get(f"coarse_rho{stage}", rho) - rho
+        value = predicted[f"rho{stage}"].reindex(fixed.index)
+        low = value - each(math.tanh, fisher + half) - bias.abs()
+        high = value - each(math.tanh, fisher - half) + bias.abs()
+        parts.append(
+            pd.DataFrame(
+                {
+                    "closure": prediction.closure,
+                    "kind": "fixed time",
+                    "impact": flights,
+                    "time": fixed.index,
+                    "quantity": f"rho{stage}",
+                    "moment": "rho",
+                    "predicted": value,
+                    "simulated": rho,
+                    "se": fixed[f"se_rho{stage}"],
+                    "bias": bias,
+                    "error": value - rho,
+                    "noise": 0.5 * (high - low) - bias.abs(),
+                    "rest": bias.abs(),
+                    "unit": 1.0,
+                    "tolerance": tolerances.rho,
+                    "agreement": run.agreement[prediction.closure].to_numpy()[flights - 1],
+                    "paths": run.paths,
+                    "low": low,
+                    "high": high,
+                    "remark": remark,
+                }
+            )
+        )
+    return judge(pd.concat(parts, ignore_index=True))
+
+
+def _at_times(prediction: MeanMap, times: Floats) -> tuple[pd.DataFrame, str]:
+    """A closure's moments at fixed times, and what a function of one's own raised in place of them."""
+    try:
+        return prediction.at_times(times), ""
+    except Exception as error:
+        if not prediction.method.own:
+            raise
+        return pd.DataFrame(np.nan, index=times, columns=["rho1", "rho2"]), describe_error(error)

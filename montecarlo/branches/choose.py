@@ -1,0 +1,124 @@
+"""Which rare branches are worth paths of their own: each is probed by a block of paths near its design point.
+
+A probe estimates without bias what a branch adds to the kurtosis of each row, however far the first-order estimate of
+its probability is off.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rattle.montecarlo.branches.search import SMALLEST, Branch, search_of
+from rattle.montecarlo.kernel.block import BLOCK, Plan
+from rattle.montecarlo.rare.block import sample_mixture
+from rattle.montecarlo.rare.mixture import SPLIT, BranchMixture, mixture_of, tail
+from rattle.scene.moments import SECTION
+from rattle.scene.types import Floats
+
+if TYPE_CHECKING:
+    from rattle.montecarlo.ensemble.result import Ensemble
+
+LONGEST = 2048  # steps whose noise is searched for design points: later impacts have plain paths alone
+PROBES = 12  # branches that are probed
+LIKELY = 0.02  # probability from which plain paths take a branch often enough
+LEAST = 12.0  # kurtosis added to a row below which a branch is not worth it
+GRAIN, MOST_OF_ONE, MOST = 0.01, 0.2, 0.5  # share of the paths by which parts grow; largest of a part, and of all
+LEAST_OF_ONE = 0.04  # share of a part: fewer paths know too little of their own error
+KNOWN = 100.0  # paths in a part from which on plain paths know what it adds
+WORTH = 1.5  # ratio of the largest kurtosis without parts to that with them from which on they are worth it
+ALIKE = 0.9  # cosine from which two design points are one
+PROBE = 0x9170  # spawn key of the probes' random numbers
+
+
+def steps_of(run: Ensemble) -> int:
+    """Steps of a run until most of its paths have had all their impacts."""
+    last = run.phase_reduced.columns
+    end = np.nan_to_num(last["tau"] + 6.0 * last["sd_tau"]).max() - run.scene.phase
+    return int(min(max(end / run.dt, 0.0) + 1.0, LONGEST))
+
+
+def choose_mixture(run: Ensemble) -> BranchMixture | None:
+    """The mixture from which the paths of a scene are better drawn than plainly; None where no branch is worth it.
+
+    `run`: Of plain paths by exact flights.
+    """
+    columns, plan = run.phase_reduced.columns, run.plan
+    found = search_of(run.scene.phase_reduced, run.impacts, steps_of(run), run.dt).until(SMALLEST)
+    centre = np.nan_to_num(np.column_stack([columns[q] for q in SECTION]).astype(float))
+    sd = np.column_stack([columns["sd_" + q] for q in SECTION]).astype(float)
+    for mesh in (1, 2):
+        sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly
+    sd[:, 2 + 2 * run.scene.stages :] = 0.0
+    sd[~(sd > 1e-12 * (1.0 + np.abs(centre)))] = np.inf
+    shifts, added = list[Floats](), list[Floats]()
+    for branch, predicted in _by_influence(found.branches, sd):
+        if len(shifts) == PROBES:
+            break
+        if all(_cosine(branch.shift, other) < ALIKE for other in shifts):
+            shifts.append(branch.shift)
+            added.append(_probe(plan, centre, sd, branch, predicted, len(shifts)))
+    kurtosis = np.column_stack([columns["kurt_" + q] for q in SECTION]).astype(float)
+    kurtosis = 3.0 + np.where(np.isfinite(sd), np.nan_to_num(kurtosis), 0.0)
+    shares = _share_out(kurtosis, added, np.array([tail(math.sqrt(float(s @ s))) for s in shifts]), run.paths)
+    kept = np.flatnonzero(shares)
+    return mixture_of([shifts[i] for i in kept], shares[kept].tolist(), centre, BLOCK) if kept.size else None
+
+
+def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int) -> Floats:
+    """Share of the paths for each part, such that the largest kurtosis of a row becomes small; 0 where nothing helps.
+
+    Parts grow by `GRAIN`, always the one that lowers it most.
+
+    `kurtosis`: Of so many plain paths. Shapes: `kurtosis` (impacts, 6); `added`, each (impacts, 6), of each branch.
+    """
+    shares, each = np.zeros(len(added)), np.array(added).reshape(len(added), *kurtosis.shape)
+    seen = tails * paths > KNOWN  # what plain paths have seen cannot add more than all that they have
+    each[seen] *= np.minimum(1.0, kurtosis / np.maximum(each[seen].sum(axis=0), 1e-300))
+    rest = np.maximum(kurtosis - each[seen].sum(axis=0), 3.0)
+    rest[each[~seen].sum(axis=0) > 0.3 * kurtosis] = 3.0  # the few that they may have seen by chance
+
+    def largest(shares: Floats) -> float:
+        plain = 1.0 - shares.sum()
+        often = plain + SPLIT[-1] * shares / tails
+        return float((rest / plain + np.tensordot(1.0 / often, each, 1)).max())
+
+    before = best = largest(shares)
+    while added and shares.sum() < MOST:
+        tried = [
+            (largest(shares + GRAIN * one), i) for i, one in enumerate(np.eye(len(added))) if shares[i] < MOST_OF_ONE
+        ]
+        if not tried or min(tried)[0] > 0.999 * best:
+            break
+        best, i = min(tried)
+        shares[i] += GRAIN
+    return np.where(shares > 0.0, np.maximum(shares, LEAST_OF_ONE), 0.0) * (before > WORTH * best)
+
+
+def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[tuple[Branch, Floats]]:
+    """Rare branches with what they are expected to add to the kurtosis of a row, the most influential first."""
+    rare = [b for b in branches if b.probability < LIKELY and b.shift.any()]
+    added = [(b, np.abs(b.fourth) / sd**4) for b in rare]
+    return sorted([one for one in added if one[1].max() > 0.1 * LEAST], key=lambda one: -float(one[1].max()))
+
+
+def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, predicted: Floats, number: int) -> Floats:
+    """What paths beyond a design point's thresholds add to the kurtosis of each row.
+
+    Where none of them leaves the orbit as far as it was predicted, what so few paths may have missed.
+    """
+    mixture = mixture_of([branch.shift], [0.75], centre, BLOCK)
+    seed = np.random.SeedSequence(plan.seed.entropy, spawn_key=(*plan.seed.spawn_key, PROBE, number))
+    rows, weights, _, _ = sample_mixture(plan._replace(seed=seed), mixture, 0)
+    near = int(mixture.counts[:-1].sum())
+    fourth = weights[:near, :, None] * ((rows[:near, :, :6] - centre) / sd) ** 4
+    missed = 3.0 * tail(float(mixture.level[0, -1])) / (near * SPLIT[-1])
+    return np.asarray(np.maximum(np.nansum(fourth, axis=0) / BLOCK, predicted * min(1.0, missed / branch.probability)))
+
+
+def _cosine(a: Floats, b: Floats) -> float:
+    """Of the angle between two points of the noise, the shorter filled up with zeros."""
+    n = min(a.size, b.size)
+    return float(a[:n] @ b[:n]) / math.sqrt(float(a @ a) * float(b @ b))

@@ -1,0 +1,102 @@
+"""One block of a mixture of plain paths and of paths near rare branches, reduced to weighted sums."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rattle.montecarlo.kernel.block import (
+    BLOCK,
+    CODES,
+    PAIRS,
+    SECTION_OF,
+    BlockResult,
+    Plan,
+    energy_losses,
+    start_state,
+)
+from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job
+from rattle.montecarlo.kernel.lanes import lanes_of
+from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
+from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.rare.kernel import run_weighted
+from rattle.montecarlo.rare.mixture import BranchMixture, draw_targets
+from rattle.montecarlo.rare.weighted_sums import ORDERS, WeightedSums, add
+from rattle.scene.compiled import lean
+from rattle.scene.types import Floats
+
+
+def sample_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[Floats, Floats, int, int]:
+    """Run the paths of a block.
+
+    Returns: Impacts; weights, that is the likelihood ratio of the plain distribution to the mixture given the steps up
+    to each impact; path-steps; and those in which a mesh stayed closed. Shapes: result (BLOCK, impacts, COLUMNS),
+    (BLOCK, impacts).
+    """
+    scene, c, first = plan.scene, plan.scene.constants, block * BLOCK
+    walls, backlash = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], BLOCK, axis=1), backlash_of(scene)
+    job = Job(c, backlash, key_of(plan.seed), scene.phase, plan.dt, EXACT, False, plan.most_steps)
+    if backlash.random:
+        draw_walls(backlash, job.key, first, walls)
+    rows, weights = np.full((1, BLOCK, plan.impacts, COLUMNS), np.nan), np.full((BLOCK, plan.impacts), np.nan)
+    every, room = lanes_of(1, first, start_state(scene, walls), walls, scene.phase)
+    lanes = every.w.shape[1]
+    part, ahead = np.full(lanes, -1), np.zeros(lanes)
+    part[:BLOCK], ahead[:BLOCK] = draw_targets(mixture, plan.seed, block)
+    done = np.zeros((len(mixture.unit), lanes))
+    steps, sticking = run_weighted(job, mixture, first, every, room, part, ahead, done, rows, weights)
+    return rows[0], weights, int(steps), int(sticking)
+
+
+def run_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[BlockResult, None]:
+    """Run a block and reduce it."""
+    rows, weights, steps, sticking = sample_mixture(plan, mixture, block)
+    if plan.scene.stages == 1:
+        rows[:, :, 4:6] = 0.0  # a single stage leaves these columns undefined
+    values, centre = rows[:, :, :6], mixture.centre
+    if plan.energy:
+        values = np.concatenate([values, energy_losses(plan.scene.constants, rows)], axis=2)
+        centre = np.column_stack([centre, np.zeros(plan.impacts)])
+    sums, ends = np.zeros((mixture.counts.size, *centre.shape, ORDERS)), np.cumsum(mixture.counts)
+    for i, (end, n) in enumerate(zip(ends, mixture.counts, strict=True)):
+        add(values[end - n : end], weights[end - n : end], centre, sums[i])
+    pairs = np.array([(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS])
+    products, codes = np.zeros((plan.impacts, len(pairs))), np.zeros((plan.impacts, len(CODES)))
+    listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
+    agreeing = np.zeros((len(listed), plan.impacts))
+    _tally(rows, weights, centre, pairs, listed, products, codes, agreeing)
+    # in paths: their weights add up to the number of paths only on average
+    scale = np.isfinite(rows[:, :, 6]).sum(axis=0) / np.maximum(codes.sum(axis=1), 1e-300)
+    codes, agreeing = codes * scale[:, None], agreeing * scale
+    found = {"weighted": WeightedSums(mixture.counts.astype(float), centre, sums, products)}
+    unfinished = int(np.isnan(rows[:, -1, 0]).sum())
+    return BlockResult(
+        found, codes, dict(zip(plan.itineraries, agreeing, strict=True)), steps, sticking, unfinished
+    ), None
+
+
+@lean
+def _tally(
+    rows: Floats,
+    weights: Floats,
+    centre: Floats,
+    pairs: Floats,
+    itineraries: Floats,
+    products: Floats,
+    codes: Floats,
+    agreeing: Floats,
+) -> None:
+    """Weighted products of pairs, weights by each of `CODES`, and of the paths that have followed each itinerary."""
+    for p in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            w = weights[p, k]
+            if w > 0.0:
+                for j in range(pairs.shape[0]):
+                    a, b = pairs[j]
+                    products[k, j] += w * (rows[p, k, a] - centre[k, a]) * (rows[p, k, b] - centre[k, b])
+                for i, code in enumerate(CODES):
+                    codes[k, i] += w * (rows[p, k, 6] == code)
+        for i in range(len(itineraries)):
+            for k in range(rows.shape[1]):
+                if rows[p, k, 6] != itineraries[i, k]:
+                    break
+                agreeing[i, k] += weights[p, k]

@@ -1,0 +1,146 @@
+"""Mergeable sums over weighted paths, and the moments and standard errors that follow from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from rattle.scene.compiled import lean
+from rattle.scene.types import Floats
+
+ONCE, TWICE, THRICE = 5, 9, 7  # powers of a deviation d, from 0 on, that are summed with w, with w^2 and with w^3
+ORDERS = ONCE + TWICE + THRICE
+
+
+@lean
+def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
+    """Add the paths of one part to its sums, about a centre; impacts that a path did not have count nothing.
+
+    Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); `centre` (impacts, variables); `sums`
+    (impacts, variables, ORDERS).
+    """
+    for p in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            w = weights[p, k]
+            if not w > 0.0:
+                continue
+            for q in range(sums.shape[1]):
+                d, s = rows[p, k, q] - centre[k, q], sums[k, q]
+                once, twice, thrice = w, w * w, w * w * w
+                for o in range(ONCE):
+                    s[o] += once
+                    s[ONCE + o] += twice
+                    s[ONCE + TWICE + o] += thrice
+                    once, twice, thrice = once * d, twice * d, thrice * d
+                for o in range(ONCE, TWICE):
+                    s[ONCE + o] += twice
+                    twice *= d
+                for o in range(ONCE, THRICE):
+                    s[ONCE + TWICE + o] += thrice
+                    thrice *= d
+
+
+@dataclass(frozen=True)
+class WeightedSums:
+    """Sums over the paths of a mixture, apart for each of its parts: each has a fixed number of paths."""
+
+    paths: Floats  # of each part; (parts,)
+    centre: Floats  # about which the deviations are; (impacts, variables)
+    sums: Floats  # (parts, impacts, variables, ORDERS)
+    products: Floats  # weighted products of the deviations of pairs; (impacts, pairs)
+
+    def merge(self, other: WeightedSums) -> WeightedSums:
+        """The sums over two sets of paths together."""
+        paths, sums, products = self.paths + other.paths, self.sums + other.sums, self.products + other.products
+        return WeightedSums(paths, self.centre, sums, products)
+
+    @property
+    def weight(self) -> Floats:
+        """Total weight of each row."""
+        return np.asarray(self.sums[..., 0].sum(axis=0))
+
+    def batch(self) -> tuple[Floats, Floats, Floats]:
+        """Weight, mean and sum of squares of the section quantities."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            w, first, second = (self.sums[:, :, :6, o].sum(axis=0) for o in range(3))
+            off = np.nan_to_num(first / w)
+        return w, self.centre[:, :6] + off, np.maximum(second - off * first, 0.0)
+
+    def moments(self) -> dict[str, Floats]:
+        """Mean, sd, skewness and excess kurtosis with standard errors, as `single_statistics` has them.
+
+        Estimates are ratios of weighted sums; mean and variance are corrected for the bias that a ratio has to first
+        order in 1 / paths.  Standard errors are those of the influence functions, whose variances add up over the
+        parts.  ``lean_mean`` and ``lean_sd``: skewness of the sampling distributions.
+
+        Shapes: result (impacts, variables).
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            about = _shift(self.sums, self.sums[..., 1].sum(axis=0) / self.weight)
+            m2, m3, m4 = (about[..., o].sum(axis=0) / self.weight for o in (2, 3, 4))
+            one, nil = np.ones_like(m2), np.zeros_like(m2)
+            of_mean = [nil, one]
+            error = self._covariance(about, of_mean, of_mean)
+            variance = np.maximum(m2 + error + self._covariance(about, [-m2, nil, one], [one]), 0.0)
+            sd = np.where(m2 > 0.0, np.sqrt(variance), 0.0)
+            skew, kurt = m3 / m2**1.5, m4 / m2**2  # NaN of what does not vary
+            of_square = [-m2, nil, one]
+            of_skew = [1.5 * skew, -3.0 * one / m2**0.5, -1.5 * skew / m2, one / m2**1.5]
+            of_kurt = [2.0 * kurt, -4.0 * skew / m2**0.5, -2.0 * kurt / m2, nil, one / m2**2]
+            se_square = np.sqrt(self._covariance(about, of_square, of_square))
+            return {
+                "mean": self.centre
+                + self.sums[..., 1].sum(axis=0) / self.weight
+                + self._covariance(about, of_mean, [one]),
+                "se_mean": np.sqrt(error),
+                "sd": sd,
+                "se_sd": np.where(sd > 0.0, se_square / (2.0 * sd), 0.0 * sd),
+                "skew": skew,
+                "se_skew": np.sqrt(self._covariance(about, of_skew, of_skew)),
+                "kurt": kurt - 3.0,
+                "se_kurt": np.sqrt(self._covariance(about, of_kurt, of_kurt)),
+                "lean_mean": np.nan_to_num(self._third(about, of_mean) / error**1.5),
+                "lean_sd": np.nan_to_num(self._third(about, of_square) / se_square**3),
+            }
+
+    def _covariance(self, about: Floats, a: list[Floats], b: list[Floats]) -> Floats:
+        """Covariance of the weighted means of two polynomials (ascending coefficients), from within the parts."""
+        n = self.paths[:, None, None]
+        twice = about[..., ONCE : ONCE + TWICE]
+        both = sum(p * q * twice[..., i + j] for i, p in enumerate(a) for j, q in enumerate(b))
+        first, second = (sum(p * about[..., i] for i, p in enumerate(c)) for c in (a, b))
+        within = (both - first * second / n) * (n / np.maximum(n - 1.0, 1.0))
+        total = within.sum(axis=0) / self.weight**2
+        return np.asarray(np.maximum(total, 0.0) if a is b else total)
+
+    def _third(self, about: Floats, a: list[Floats]) -> Floats:
+        """Third moment of the error of the weighted mean of a polynomial of at most second degree."""
+        thrice, total = about[..., ONCE + TWICE :].sum(axis=0), np.zeros_like(a[0])
+        for i, p in enumerate(a):
+            for j, q in enumerate(a):
+                for k, r in enumerate(a):
+                    total += p * q * r * thrice[..., i + j + k]
+        return np.asarray(total / self.weight**3)
+
+    def pair_moment(self, pairs: list[tuple[int, int]]) -> Floats:
+        """Covariances of pairs of variables.
+
+        Shapes: result (impacts, pairs).
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            off = self.sums[..., 1].sum(axis=0) / self.weight
+            first, second = np.array(pairs).T
+            return np.asarray(self.products / self.weight[:, first] - off[:, first] * off[:, second])
+
+
+def _shift(sums: Floats, by: Floats) -> Floats:
+    """The same sums about a centre that lies further by `by`, by the binomial theorem."""
+    out, first = np.zeros_like(sums), 0
+    for orders in (ONCE, TWICE, THRICE):
+        for o in range(orders):
+            for j in range(o + 1):
+                out[..., first + o] += comb(o, j) * (-by) ** (o - j) * sums[..., first + j]
+        first += orders
+    return out

@@ -1,0 +1,76 @@
+"""Intervals from independent paths: Student's, with as many degrees of freedom as paths the error rests on, less one.
+
+A standard error is known as well as the variance of what paths put into a value.  Where rare bursts are nearly all of
+it, that variance comes from the few paths that had one, and is most often too small when few had.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import stdtrit
+
+from rattle.scene.types import Floats
+
+CONFIDENCE = 0.95
+
+
+def half_width(effective_paths: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any:
+    """Half width of an interval in standard errors, from the number of paths that the error rests on.
+
+    `tail`: Probability on each side of the interval; by default those of a 95 % interval.
+
+    Examples
+    --------
+    >>> [round(float(half_width(n)), 2) for n in (1000, 10, 3)]
+    [1.96, 2.26, 4.3]
+    """
+    return -stdtrit(np.maximum(np.asarray(effective_paths) - 1.0, 1.0), tail)
+
+
+def count_effective_paths(rest: Floats) -> float:
+    """How many paths an error rests on: all where what they deviate by is normal, few where rare bursts are all.
+
+    Where few of many paths do, their number is about ``(sum r^2)^2 / sum r^4``, which is a third of all where the
+    deviations r are normal; the inverses are shifted such that these count in full.
+
+    Shapes: `rest` (paths,).
+
+    Examples
+    --------
+    >>> burst = np.zeros(300)
+    >>> burst[:5] = 1.0
+    >>> round(count_effective_paths(burst - burst.mean()), 1)
+    5.3
+    """
+    n, largest = len(rest), float(np.abs(rest).max())
+    if largest == 0.0:
+        return float(n)
+    square = (rest / largest) ** 2  # of any magnitude: a fourth power would overflow
+    few = float(square.sum()) ** 2 / float((square**2).sum())
+    inverse = 1.0 / max(few - 1.0, 1e-9) - 1.0 / (n / 3.0 - 1.0) + 1.0 / (n - 1.0)
+    return 1.0 + 1.0 / max(inverse, 1.0 / (n - 1.0))
+
+
+class Spread(NamedTuple):
+    """A value with the spread of what independent paths put into it."""
+
+    value: float  # value, se: value and standard error
+    se: float
+    effective_paths: float  # how many paths the error rests on, see `count_effective_paths`
+
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the value."""
+        half = float(half_width(self.effective_paths)) * self.se
+        return self.value - half, self.value + half
+
+
+def spread(parts: Floats, value: float | None = None) -> Spread:
+    """The mean of what paths put into a value, with its spread.
+
+    Shapes: `parts` (paths,).
+    """
+    n, rest = len(parts), parts - parts.mean()
+    value = float(parts.mean()) if value is None else value
+    return Spread(value, math.sqrt(float((rest**2).sum()) / (n - 1) / n), count_effective_paths(rest))

@@ -1,0 +1,112 @@
+"""What a simulation records beside central sums: means and sds of batches of paths, and histograms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.scene.moments import SECTION
+from rattle.scene.types import Floats, Ints
+
+BATCHES = 32
+"""Number of batches; a standard error estimated from 32 batches is itself known to 1/8 (1 / sqrt(2 * 31))."""
+
+
+@dataclass
+class Batches:
+    """Number, mean and sum of squares of each section quantity in each batch; block b belongs to batch ``b % BATCHES``.
+
+    Two runs with one seed use the same noise in each batch.  The spread of the differences between their batches is
+    therefore the standard error of the difference, with the correlation of the runs taken into account.
+    """
+
+    # n, mean, squares: paths that had the impact, their mean, and the sum of squares about it; (BATCHES, impacts, 6)
+    n: Floats
+    mean: Floats
+    squares: Floats
+    control: Floats  # mean of the control variate, whose expectation is zero; 0 without one; (BATCHES, impacts, 6)
+
+    @classmethod
+    def empty(cls, impacts: int) -> Batches:
+        """Batches without paths."""
+        return cls(*np.zeros((4, BATCHES, impacts, 6)))
+
+    def copy(self) -> Batches:
+        """A copy that can be added to without changing the original."""
+        return Batches(self.n.copy(), self.mean.copy(), self.squares.copy(), self.control.copy())
+
+    def add(self, block: int, sums: dict[str, Any]) -> None:
+        """Add a block's sums, by the pairwise update of Chan, Golub and LeVeque (1979)."""
+        b = block % BATCHES
+        own, mean, squares = sums["weighted"].batch() if "weighted" in sums else _batch(sums["section"])
+        n = self.n[b] + own
+        share = np.divide(own, n, out=np.zeros_like(n), where=n > 0.0)
+        away = mean - self.mean[b]
+        self.squares[b] += squares + away**2 * self.n[b] * share
+        self.mean[b] += away * share
+        if "control" in sums:
+            self.control[b] += (sums["control"].mean[1] - self.control[b]) * share
+        self.n[b] = n
+
+    @property
+    def sd(self) -> Floats:
+        """Standard deviation in each batch, shape (BATCHES, impacts, 6); NaN where no path had the impact."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.sqrt(self.squares / self.n))
+
+
+def _batch(s: CentralSums) -> tuple[Floats, Floats, Floats]:
+    """Number, mean and sum of squares of the paths of a block."""
+    return s.n, s.mean[0], s.sums[0]
+
+
+BINS, REACH = 240, 6.0  # equal bins over +- REACH sds of the first block
+
+
+@dataclass
+class Histograms:
+    """Counts over equal bins, for every impact and section quantity."""
+
+    low: Floats  # low, width: lower edge of the first bin, and width of a bin; (impacts, 6)
+    width: Floats
+    counts: Ints  # the first and last count values below and above the bins; (impacts, 6, BINS + 2)
+
+    @classmethod
+    def for_sample(cls, section: Floats) -> Histograms:
+        """Empty histograms that reach `REACH` standard deviations of a sample to both sides of its mean.
+
+        Shapes: `section` (paths, impacts, 6).
+        """
+        impacts = section.shape[1]
+        seen = np.isfinite(section)
+        n = np.maximum(seen.sum(axis=0), 1)
+        mean = np.where(seen, section, 0.0).sum(axis=0) / n
+        sd = np.sqrt((np.where(seen, section - mean, 0.0) ** 2).sum(axis=0) / n)
+        sd = np.where(sd > 0.0, sd, 1e-12)
+        return cls(mean - REACH * sd, 2.0 * REACH * sd / BINS, np.zeros((impacts, 6, BINS + 2), np.int64))
+
+    def add(self, section: Floats) -> None:
+        """Count a block of paths.
+
+        Shapes: `section` (paths, impacts, 6).
+        """
+        _, impacts, quantities = section.shape
+        seen = np.isfinite(section)
+        with np.errstate(invalid="ignore"):
+            place = np.clip(np.floor((section - self.low) / self.width), -1, BINS) + 1
+        cell = np.arange(impacts * quantities).reshape(impacts, quantities) * (BINS + 2)
+        flat = (cell + np.where(seen, place, 0)).astype(np.int64)[seen]
+        self.counts += np.bincount(flat, minlength=self.counts.size).reshape(self.counts.shape)
+
+    def density(self, impact: int, quantity: str) -> tuple[Floats, Floats]:
+        """Probability density of a quantity at an impact, over all paths that reached it.
+
+        Shapes: `edges` (BINS + 1,); `density` (BINS,).
+        """
+        k, i = impact - 1, SECTION.index(quantity)
+        edges = self.low[k, i] + self.width[k, i] * np.arange(BINS + 1)
+        counts = self.counts[k, i]
+        return edges, counts[1:-1] / max(counts.sum(), 1) / self.width[k, i]

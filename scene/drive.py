@@ -1,0 +1,253 @@
+"""The driver's motion ``f(tau)`` and its derivatives: ``sin tau``, or a sum of orders (docs/model.md section 1).
+
+Functions take ``Constants.drive`` itself as an argument: its length is known when they are compiled, and what belongs
+to the other kind of drive is left out.
+"""
+
+import math
+from typing import Any
+
+from rattle.scene.compiled import lean, shared_inline
+from rattle.scene.damping import Pair
+
+# pi / 2 in three parts; multiples of the first two below 2^20 are exact
+QUARTER_HIGH, QUARTER_MIDDLE = 1.57079632673412561417, 6.07710050630396597660e-11
+QUARTER_LOW = 2.02226624879595063154e-21
+QUARTERS = 0.63661977236758134308  # 2 / pi
+
+
+@lean
+def sine_cosine(tau: float) -> tuple[float, float]:
+    """Sine and cosine to rounding, by the same operations on every processor.
+
+    Reduction to a quarter turn and the polynomials of FDLIBM (k_sin.c, k_cos.c).
+
+    Examples
+    --------
+    >>> [round(v, 15) for v in sine_cosine(0.5)]
+    [0.479425538604203, 0.877582561890373]
+    """
+    turns = math.floor(QUARTERS * tau + 0.5)
+    x = tau - turns * QUARTER_HIGH - turns * QUARTER_MIDDLE - turns * QUARTER_LOW
+    z = x * x
+    sine = x + x * z * (
+        -1.66666666666666324348e-1
+        + z
+        * (
+            8.33333333332248946124e-3
+            + z
+            * (
+                -1.98412698298579493134e-4
+                + z * (2.75573137070700676789e-6 + z * (-2.50507602534068634195e-8 + z * 1.58969099521155010221e-10))
+            )
+        )
+    )
+    cosine = 1.0 - (
+        0.5 * z
+        - z
+        * z
+        * (
+            4.16666666666666019037e-2
+            + z
+            * (
+                -1.38888888888741095749e-3
+                + z
+                * (
+                    2.48015872894767294178e-5
+                    + z
+                    * (-2.75573143513906633035e-7 + z * (2.08757232129817482790e-9 - z * 1.13596475577881948265e-11))
+                )
+            )
+        )
+    )
+    quadrant = turns & 3
+    if quadrant == 0:
+        return sine, cosine
+    if quadrant == 1:
+        return cosine, -sine
+    if quadrant == 2:
+        return -sine, -cosine
+    return -cosine, sine
+
+
+@shared_inline
+def _turn(
+    drive: Any, i: int, angle: float, unit: tuple[float, float], last: tuple[float, float]
+) -> tuple[float, float]:
+    """Sine and cosine of ``j angle`` of order i: those of the order before it, turned by the angle `gap` times.
+
+    `unit`, `last`: Sine and cosine of the angle, and of the order before times the angle.
+    """
+    sine, cosine = last
+    if drive.gap[i] == 0:
+        return sine_cosine(drive.order[i] * angle)
+    for _ in range(drive.gap[i]):
+        sine, cosine = sine * unit[1] + cosine * unit[0], cosine * unit[1] - sine * unit[0]
+    return sine, cosine
+
+
+@shared_inline
+def _derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
+    """``f'``, ``f''`` and ``f'''`` of several orders."""
+    first, second, third = 0.0, 0.0, 0.0
+    unit, at = sine_cosine(tau), (0.0, 1.0)
+    for i in range(drive.order.size):
+        j, at = drive.order[i], _turn(drive, i, tau, unit, at)
+        slope = j * (drive.odd[i] * at[1] - drive.even[i] * at[0])
+        first += slope
+        second -= j * j * (drive.odd[i] * at[0] + drive.even[i] * at[1])
+        third -= j * j * slope
+    return first, second, third
+
+
+@shared_inline
+def velocity(drive: Any, tau: float) -> float:
+    """``f'``."""
+    return math.cos(tau) if len(drive) == 0 else _derivatives(drive, tau)[0]
+
+
+@shared_inline
+def acceleration(drive: Any, tau: float) -> float:
+    """``f''``."""
+    return -math.sin(tau) if len(drive) == 0 else _derivatives(drive, tau)[1]
+
+
+@shared_inline
+def jerk(drive: Any, tau: float) -> float:
+    """``f'''``."""
+    return -math.cos(tau) if len(drive) == 0 else _derivatives(drive, tau)[2]
+
+
+@shared_inline
+def velocity_acceleration(drive: Any, tau: float) -> tuple[float, float]:
+    """``f'`` and ``f''``."""
+    if len(drive) == 0:
+        cosine = math.cos(tau)
+        return cosine, -math.sin(tau)
+    first, second, _ = _derivatives(drive, tau)
+    return first, second
+
+
+@shared_inline
+def phase_of_orders(drive: Any, tau: float) -> tuple[float, float, float, float]:
+    """``-f''``, ``f'``, ``-f'''`` and the time; what sine and cosine are for one order."""
+    first, second, third = _derivatives(drive, tau)
+    return -second, first, -third, tau
+
+
+@shared_inline
+def begin_derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
+    """``f'``, ``f''`` and ``f'''``; the next two derivatives by order go into the rows of ``drive.waves``."""
+    first, second, third = 0.0, 0.0, 0.0
+    unit, at = sine_cosine(tau), (0.0, 1.0)
+    for i in range(drive.order.size):
+        j, at = drive.order[i], _turn(drive, i, tau, unit, at)
+        slope = j * (drive.odd[i] * at[1] - drive.even[i] * at[0])
+        bend = -j * j * (drive.odd[i] * at[0] + drive.even[i] * at[1])
+        square = -j * j
+        first += slope
+        second += bend
+        third += square * slope
+        drive.waves[0, i], drive.waves[1, i] = square * bend, square * (square * slope)
+    return first, second, third
+
+
+@shared_inline
+def next_derivative(drive: Any, k: int) -> float:
+    """Derivative ``k + 3`` of f, for k = 1, 2, ... in turn after `begin_derivatives`."""
+    total, row = 0.0, drive.waves[(k - 1) & 1]
+    for i in range(drive.order.size):
+        part = row[i]
+        total += part
+        row[i] = -(drive.order[i] * drive.order[i]) * part
+    return total
+
+
+@shared_inline
+def highest_order(drive: Any) -> float:
+    """The largest order."""
+    return 1.0 if len(drive) == 0 else drive.highest
+
+
+@shared_inline
+def most_velocity(drive: Any) -> float:
+    """Bound of ``|f'|``."""
+    return 1.0 if len(drive) == 0 else drive.most1
+
+
+@shared_inline
+def most_acceleration(drive: Any) -> float:
+    """Bound of ``|f''|``."""
+    return 1.0 if len(drive) == 0 else drive.most2
+
+
+@shared_inline
+def most_jerk(drive: Any) -> float:
+    """Bound of ``|f'''|``."""
+    return 1.0 if len(drive) == 0 else drive.most3
+
+
+@shared_inline
+def most_modulation(drive: Any, beta: float) -> float:
+    """Bound of ``|f'' + beta f'|``."""
+    return math.sqrt(1.0 + beta**2) if len(drive) == 0 else drive.most2 + beta * drive.most1
+
+
+@shared_inline
+def most_modulation_rate(drive: Any, beta: float) -> float:
+    """Bound of ``|f''' + beta f''|``."""
+    return math.sqrt(1.0 + beta**2) if len(drive) == 0 else drive.most3 + beta * drive.most2
+
+
+@lean
+def t_minus_sine(t: float, sine: float) -> float:
+    """``t - sin t`` for a given ``sine = sin t``; by its series where the difference would cancel."""
+    z = t * t
+    if z > 1.0:
+        return t - sine
+    total = 1.0
+    for k in (16.0, 14.0, 12.0, 10.0, 8.0, 6.0, 4.0):
+        total = 1.0 - z / (k * (k + 1.0)) * total
+    return z * t / 6.0 * total
+
+
+@shared_inline
+def excite(drive: Any, beta: float, p: Pair, tau: float, t: float) -> tuple[float, float, float]:
+    """What the drive adds to stage 1 in a flight from `tau` on: ``f(tau + t) - f - e1 f'``, ``f'(tau + t) - d1 f'``.
+
+    e1 and d1 are the phi-functions of `beta`, in `p`.  Terms vanish with t as the sums do.  The third number is ``f'``.
+    """
+    if len(drive) == 0:
+        sine, cosine = math.sin(tau), math.cos(tau)
+        sh, ch = math.sin(0.5 * t), math.cos(0.5 * t)
+        versine, sine_t = 2.0 * sh * sh, 2.0 * sh * ch  # 1 - cos t, sin t
+        # sin(tau + t) - sin tau - cos tau e1, with sin t - e1 = beta g1 - (t - sin t)
+        ahead = beta * p.g1 - t_minus_sine(t, sine_t) if t < 1.0 else sine_t - p.e1
+        return cosine * ahead - sine * versine, cosine * (beta * p.e1 - versine) - sine * sine_t, cosine
+    moved, gained, first = 0.0, 0.0, 0.0
+    unit, at, half_unit, half = sine_cosine(tau), (0.0, 1.0), sine_cosine(0.5 * t), (0.0, 1.0)
+    for i in range(drive.order.size):
+        j, at, half = drive.order[i], _turn(drive, i, tau, unit, at), _turn(drive, i, 0.5 * t, half_unit, half)
+        sine, cosine = drive.odd[i] * at[0] + drive.even[i] * at[1], drive.odd[i] * at[1] - drive.even[i] * at[0]
+        versine, sine_t = 2.0 * half[0] * half[0], 2.0 * half[0] * half[1]
+        ahead = j * beta * p.g1 - t_minus_sine(j * t, sine_t) if j * t < 1.0 else sine_t - j * p.e1
+        moved += cosine * ahead - sine * versine
+        gained += j * (cosine * (beta * p.e1 - versine) - sine * sine_t)
+        first += j * cosine
+    return moved, gained, first
+
+
+def mean_square(drive: Any, beta: float) -> float:
+    """The mean of ``(f'' + beta f')^2`` over a period."""
+    if not drive:
+        return 0.5 * (1.0 + beta**2)
+    size = (drive.odd**2 + drive.even**2) * drive.order**2 * (drive.order**2 + beta**2)
+    return 0.5 * float(size.sum())
+
+
+def driver_motion(drive: Any, tau: float) -> float:
+    """``f``."""
+    if not drive:
+        return math.sin(tau)
+    pairs = zip(drive.order.tolist(), drive.odd.tolist(), drive.even.tolist(), strict=True)
+    return float(sum(odd * math.sin(j * tau) + even * math.cos(j * tau) for j, odd, even in pairs))

@@ -1,0 +1,200 @@
+"""A closure of one's own: what is read of its table, what is refused, and when its digest changes."""
+
+import functools
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rattle import CLOSURES, DAT21, Closure, InputError, Scene, mean_map
+from rattle.closure.mean_map import find_closure, find_closures, predict
+
+SCENE = Scene.from_gears(DAT21, sigma=0.02)
+SALTATION = mean_map(SCENE, impacts=4, closure="saltation")
+
+
+def copy(scene, impacts):
+    """Saltation, as if it were one's own."""
+    return mean_map(scene, impacts=impacts, closure="saltation").section
+
+
+def table(**columns):
+    return lambda scene, impacts: columns
+
+
+def test_what_it_predicts_stands_in_the_columns_of_the_other_closures():
+    own = mean_map(SCENE, impacts=4, closure=copy).section
+    pd.testing.assert_frame_equal(own, SALTATION.section[own.columns])
+
+
+def test_what_it_leaves_out_is_not_predicted_and_the_orbit_gives_its_impacts():
+    found = mean_map(SCENE, impacts=2, closure=table(tau=[0.5, 0.9], sd_y1=[0.1, 0.2]))
+    assert found.section["flight"].tolist() == pytest.approx([0.5, 0.4])
+    assert found.section[["y1", "sd_tau", "rho1"]].isna().all(axis=None)
+    assert found.itinerary == SALTATION.itinerary[:2]
+    assert found.section["realizable"].all()
+    assert found.at_times([0.3])["rho1"].isna().all()
+    assert found.density(1, "y1", np.zeros(3)) is None
+
+
+def test_flights_alone_give_the_times():
+    found = mean_map(SCENE, impacts=3, closure=table(flight=[0.5, 0.25, 0.25])).section
+    assert found["tau"].tolist() == [0.5, 0.75, 1.0]
+
+
+def test_a_late_start_is_seen_within_a_period_of_the_drive():
+    late = Scene.from_gears(DAT21, sigma=0.02, start=replace(SCENE.start, tau=2e6))
+    seen = []
+    mean_map(late, impacts=1, closure=lambda scene, impacts: seen.append(scene.start.tau) or {"tau": [0.5]})
+    assert abs(seen[0]) <= np.pi
+
+
+@pytest.mark.parametrize(
+    ("columns", "reason"),
+    [
+        ({"sd_y1": [-0.1, 0.1]}, "sd of y1 = -0.1 < 0"),
+        ({"sd_tau": [-1e-3, 0.1]}, "sd of tau = -0.001 < 0"),
+        ({"rho1": [1.2, 0.0]}, "|rho| = 1.2 > 1"),
+    ],
+)
+def test_what_no_distribution_has_is_marked_and_not_refused(columns, reason):
+    found = mean_map(SCENE, impacts=2, closure=table(tau=[0.5, 0.9], **columns))
+    assert found.section["realizable"].tolist() == [False, True]
+    assert found.breakdown.reason == reason
+
+
+def test_rows_of_nan_or_infinity_are_not_predicted():
+    found = mean_map(SCENE, impacts=3, closure=table(tau=[0.5, np.inf, np.nan], sd_tau=[0.1, np.nan, np.nan]))
+    assert found.section["tau"].isna().tolist() == [False, True, True]
+    assert found.stopped == "it predicts nothing after impact 1"
+
+
+def frame(**columns):
+    return lambda scene, impacts: pd.DataFrame(columns, index=range(1, len(next(iter(columns.values()))) + 1))
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (
+            frame(tau=[0.5]),
+            r"index of .* = \[1\]: must hold each impact once, from 1 to 2; NaN where nothing is predicted",
+        ),
+        (table(tau=[0.5]), "tau of .* = 1: has so many values; return 2"),
+        (frame(tau=[0.5j, 1.0]), "tau of .*: holds complex numbers; return real ones"),
+        (table(tau=["a", "b"]), "tau of .* = .*: must hold numbers"),
+        (table(tau=[0.5, 0.9], sd_tua=[0.1, 0.1]), "columns of .* = 'sd_tua': did you mean 'sd_tau'?"),
+        (table(mesh=[1, 2]), "columns of .*: nothing is predicted; return tau or sd_y1, say"),
+        (lambda scene, impacts: None, "result of .* = 'NoneType': return a DataFrame, a row for each impact"),
+        (
+            lambda scene, impacts: pd.DataFrame({"tau": [0.5, 0.9]}),
+            r"index of .* = \[0, 1\]: must hold each impact once",
+        ),
+    ],
+)
+def test_a_table_that_cannot_be_read_is_refused_by_field_value_and_remedy(function, message):
+    with pytest.raises(InputError, match=message):
+        mean_map(SCENE, impacts=2, closure=function)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("saltation", copy), "closure.name = 'saltation': is a closure of this package; give yours another name"),
+        (("monte carlo", copy), "closure.name = 'monte carlo'"),
+        (("two\nlines", copy), "closure.name = .*give a short text on one line"),
+        (("mine", 3), "closure.function = 3: cannot be called"),
+        (("mine", copy, 3), "closure.at_times = 3: cannot be called"),
+        (("mine", copy, None, ("sd_tua",)), "closure.predicts = 'sd_tua': did you mean 'sd_tau'"),
+        (("mine", copy, None, "tau"), "closure.predicts = 'tau': give a list of columns"),
+        (("mine", copy, None, (), 3), "closure.stages = 3: give 1 or 2"),
+    ],
+)
+def test_what_cannot_be_a_closure_is_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        Closure(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("no_such_module:f", "cannot be imported .ModuleNotFoundError.*; run where its module is, or set PYTHONPATH"),
+        ("rattle.closure.mean_map:mean_mop", "has no 'mean_mop'; did you mean 'mean_map'?"),
+        ("rattle.closure.mean_map:ORDERS", "is a tuple; name a function"),
+        ("saltaton", "did you mean 'saltation'"),
+        (3.0, "give the name of a closure, package.module:function, or a function"),
+    ],
+)
+def test_what_names_no_closure_is_refused(given, message):
+    with pytest.raises(InputError, match=message):
+        find_closure("closure", given)
+
+
+def test_two_closures_of_one_name_are_refused_and_one_given_twice_is_one():
+    assert [c.name for c in find_closures("closures", ["saltation", copy, copy, "saltation"])] == ["saltation", "copy"]
+    with pytest.raises(InputError, match="closures = 'copy': is the name of two closures"):
+        find_closures("closures", [copy, Closure("copy", frame(tau=[0.5]))])
+
+
+def test_missing_columns_and_stages_are_those_that_it_says():
+    with pytest.raises(InputError, match="'sd_tau' is missing; return it too"):
+        mean_map(SCENE, impacts=2, closure=Closure("mine", table(tau=[0.5, 0.9]), predicts=["tau", "sd_tau"]))
+    with pytest.raises(InputError, match=r"scene\.stages = 2: closure 'mine' is made for 1 stage"):
+        mean_map(SCENE, impacts=2, closure=Closure("mine", copy, stages=1))
+
+
+def test_fixed_times_may_be_given_by_covariances():
+    def at_times(scene, times):
+        return {"cov_x1_x1": 4.0 + 0.0 * times, "cov_x1_y1": 1.0 + 0.0 * times, "cov_y1_y1": 1.0 + 0.0 * times}
+
+    found = mean_map(SCENE, impacts=2, closure=Closure("mine", copy, at_times)).at_times([0.3, 0.4])
+    assert found["rho1"].tolist() == [0.5, 0.5]
+    assert found["rho2"].isna().all()
+
+
+def test_an_exception_is_raised_by_mean_map_and_becomes_a_reason_in_comparisons():
+    def fails(scene, impacts):
+        raise ValueError("two\nlines")
+
+    with pytest.raises(ValueError, match="two"):
+        mean_map(SCENE, impacts=2, closure=fails)
+    found = predict(SCENE, find_closure("closure", fails), 2, 4)
+    assert found.stopped == "raised ValueError: two lines"
+    inner = Closure("inner", lambda scene, impacts: mean_map(scene, impacts=0))
+    assert predict(SCENE, inner, 2, 4).stopped.startswith("raised InputError: impacts = 0")
+    assert found.section["tau"].isna().all()
+
+
+HELPER = "def helper(x):\n    return {}\n\ndef mine(scene, impacts):\n    return [helper(k) for k in range(impacts)]\n"
+
+
+def test_its_digest_changes_with_its_source_and_with_what_that_names(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    digests, plain = set(), HELPER.format("x")
+    for number, text in enumerate((plain, HELPER.format("x + 1"), plain.replace("[h", "[0 + h"))):
+        (tmp_path / f"own{number}.py").write_text(text)
+        digests.add(find_closure("closure", f"own{number}:mine").digest)
+    assert len(digests) == 3
+
+
+def test_its_digest_changes_with_the_values_that_it_is_made_with_and_with_nothing_else():
+    def make(factor):
+        return lambda scene, impacts: {"tau": factor * np.arange(impacts)}
+
+    def scaled(scene, impacts, factor=1.0):
+        return {"tau": factor * np.arange(impacts)}
+
+    assert Closure("a", make(1.0)).digest != Closure("a", make(2.0)).digest
+    assert Closure("a", make(1.0)).digest == Closure("a", make(1.0)).digest
+    assert Closure("a", functools.partial(scaled, factor=2.0)).digest != Closure("a", scaled).digest
+    assert all(closure.digest == "" for closure in CLOSURES.values())
+
+
+def test_it_is_found_again_by_its_reference_and_when_pickled():
+    assert find_closure("closure", Closure("copy", copy).reference).function is copy
+    assert Closure("mine", copy).reference == ""
+    assert Closure("mine", lambda scene, impacts: None).reference == ""
+    found = pickle.loads(pickle.dumps(mean_map(SCENE, impacts=2, closure=copy)))
+    assert found.closure == "copy"

@@ -1,0 +1,130 @@
+"""The search for a boundary: on known functions, against simulation, with what stays undecided, and bad input."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rattle import DAT21, InputError, Scene, boundary, mean_map
+from rattle.compare.boundary.page import boundary_page
+from rattle.compare.boundary.search import ACCURATE, MOST, UNDECIDED, WRONG, Point, critical, search
+from rattle.compare.validation.verdict import widest
+
+DRIVEN = Scene.from_gears(DAT21)
+
+
+def verdicts(*changes, doubt=1.0):
+    """A judge: accurate up to the first change, wrong up to the next, and so on; undecided within a factor of each."""
+
+    def judge(value):
+        near = any(c / doubt < value < c * doubt for c in changes)
+        verdict = UNDECIDED if near else (ACCURATE, WRONG)[sum(value > c for c in changes) % 2]
+        return Point(value, verdict, 1, 0.0, 0.0, 0.0, "", "")
+
+    return judge
+
+
+@pytest.mark.parametrize("width", [0.02, 0.1, 0.5])
+@pytest.mark.parametrize("change", np.geomspace(0.0011, 1.9, 7))
+def test_an_edge_is_found_to_its_width(change, width):
+    known = {}
+    (edge,) = search(verdicts(change), 1e-3, 2.0, 8, width, known)
+    assert edge.accurate <= change < edge.wrong
+    assert edge.wrong / edge.accurate <= 1.002 * (1.0 + width) / (1.0 - width)
+    assert len(known) <= 8 + math.ceil(math.log2(math.log(2000.0) / 7.0 / math.log1p(width)))
+
+
+def test_islands_are_listed():
+    edges = search(verdicts(0.004, 0.02, 0.3), 1e-3, 2.0, 12, 0.1, {})
+    assert [edge.accurate < edge.wrong for edge in edges] == [True, False, True]
+
+
+def test_what_is_undecided_is_approached_from_both_sides():
+    known = {}
+    (edge,) = search(verdicts(0.05, doubt=1.2), 1e-3, 2.0, 8, 0.05, known)
+    assert edge.accurate <= 0.05 / 1.2 < 0.05 * 1.2 <= edge.wrong
+    assert edge.wrong / edge.accurate < 1.2**2 * 1.11
+    assert len(known) < MOST
+    assert not search(verdicts(0.05, doubt=1e9), 1e-3, 2.0, 8, 0.05, {})
+
+
+@pytest.fixture(scope="module")
+def found():
+    return boundary(DRIVEN, impacts=3, points=4, width=0.3, rng=3)
+
+
+def test_the_boundary_of_saltation(found):
+    """One edge; a search with other random numbers agrees with it, and thirty times the tolerance moves it up."""
+    (edge,) = found.edges
+    assert edge.wrong / edge.accurate <= 1.3 / 0.7 * 1.01
+    (again,) = boundary(DRIVEN, impacts=3, points=4, width=0.3, rng=4).edges
+    assert max(edge.accurate, again.accurate) < min(edge.wrong, again.wrong)
+    (looser,) = boundary(DRIVEN, impacts=3, points=4, width=0.3, rng=3, tolerances=(1.5, 3.0, 1.0)).edges
+    assert looser.accurate > edge.wrong  # a planted error: another tolerance is noticed
+
+
+def test_the_result_shows_itself(found):
+    assert "`saltation` is accurate up to sigma = " in repr(found)
+    assert "<table" in found._repr_html_()
+    assert found.plot().axes[0].get_xlabel() == "sigma"
+    facts = {"scene": DRIVEN.to_dict(), "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
+    assert "stops holding" in boundary_page(found, {"name": "DAT21", **facts}).title
+    assert found.to_dict()["edges"][0]["accurate"] == found.edges[0].accurate
+
+
+def test_a_search_continues_where_it_ended(found, tmp_path):
+    settings = {"impacts": 3, "points": 4, "width": 0.3, "rng": 3, "folder": tmp_path}
+    first = boundary(DRIVEN, budget=1e-9, **settings)
+    assert set(first.points["remark"]) == {"the budget ended"}
+    second = boundary(DRIVEN, **settings, workers=2)
+    stored = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
+    assert second.points.equals(found.points)
+    assert boundary(DRIVEN, **settings).points.equals(found.points)
+    assert stored == {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
+
+
+def test_nowhere_accurate_is_said():
+    found = boundary(DRIVEN, closure="published", between=(0.01, 0.1), impacts=2, points=2)
+    assert found.answer[0] == "`published` is nowhere accurate from sigma = 0.01 to 0.1."
+
+
+def test_gears_are_searched_in_their_units():
+    scene = DRIVEN.with_sigma(0.01)
+    found = boundary(scene, over="torque1", between=(90.0, 110.0), impacts=1, points=2)
+    assert found.unit == "N mm"
+    assert "torque1 = 90 to 110 N mm" in found.answer[0]
+
+
+def test_all_looks_and_values_are_counted():
+    assert critical(12, 2) > widest(12 * 10) + 0.8
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"over": "sigmaa"}, "did you mean 'sigma'"),
+        ({"closure": "saltatoin"}, "did you mean 'saltation'"),
+        ({"between": (0.5, 0.1)}, "give a smaller and a larger value"),
+        ({"over": "epsilon", "between": (0.5, 1.5)}, "no scene can have epsilon = 1.5"),
+        ({"points": 1}, "must be at least 2"),
+        ({"width": 0.0}, "width = 0.0"),
+        ({"width": 1.0}, "width = 1.0"),
+    ],
+)
+def test_bad_input_is_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        boundary(DRIVEN, **settings)
+
+
+def test_a_closure_of_ones_own_has_a_boundary():
+    """One that repeats saltation has its boundary; one that fails is nowhere accurate."""
+
+    def mine(scene, impacts):
+        return mean_map(scene, impacts=impacts, closure="saltation").section[["tau", "sd_tau"]]
+
+    def broken(scene, impacts):
+        raise RuntimeError("no")
+
+    settings = {"impacts": 2, "between": (0.01, 0.1), "points": 2}
+    assert boundary(DRIVEN, closure=mine, **settings).points["verdict"].iloc[0] == ACCURATE
+    assert set(boundary(DRIVEN, closure=broken, **settings).points["row"]) == {"nothing is predicted"}

@@ -1,0 +1,115 @@
+"""Effects of parameters against exact laws, with planted errors; what is not linear; bad input."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rattle import DAT21, InputError, Scene, Tolerance, sensitivity
+from rattle.compare.sensitivity.figures import lever_sentences, tornado
+from rattle.compare.sensitivity.page import sensitivity_page
+from rattle.compare.sensitivity.parameters import STEPS, find_parameters
+from rattle.compare.sensitivity.sensitivity import _effect
+
+# Noise alone drives this stage: in the long run all that it supplies, sigma^2 (1 + beta1^2) / 4, is lost in impacts.
+NOISE_ALONE = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
+DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
+
+
+@pytest.fixture(scope="module")
+def balance():
+    return sensitivity(NOISE_ALONE, quantities=["power"], accuracy=0.002, rng=3)
+
+
+def test_the_energy_lost_follows_the_balance(balance):
+    """Twice the noise, four times the power; restitution and gap do not matter.  Three checks, 4 errors each."""
+    rows = balance.of("power")
+    for name, power in {"sigma": 2.0, "epsilon": 0.0, "gap1": 0.0}.items():
+        exact = 1.01**power - 1.0
+        assert abs(rows.loc[name, "effect"] - exact) < 4.0 * rows.loc[name, "se"] + 1e-12
+    assert abs(rows.loc["sigma", "effect"] - (1.01 - 1.0)) > 4.0 * rows.loc["sigma", "se"]  # a planted error
+    assert abs(balance.values.loc["power", "value"] - 0.25) < 0.01
+
+
+def test_the_result_shows_itself(balance):
+    assert "noise intensity: 1% more adds 1.997" in repr(balance)
+    assert "<table" in balance._repr_html_()
+    assert balance.plot().axes[0].get_xlabel().startswith("change (%)")
+    assert balance.to_dict()["groups"] == balance.groups
+    with pytest.raises(InputError, match="quantity = 'flight'"):
+        balance.of("flight")
+
+
+def test_the_result_does_not_depend_on_the_workers():
+    one, two = (
+        sensitivity(DRIVEN, quantities=["power"], parameters=["torque1"], accuracy=0.1, workers=n) for n in (1, 2)
+    )
+    assert one.table.equals(two.table)
+
+
+def logs(power, noise=0.0, bend=0.0, groups=6):
+    """Logarithms at each factor of a quantity that grows as a power, with noise and a term of third order."""
+    x = np.log([1.0 + sign * step for step in STEPS for sign in (-1.0, 1.0)])
+    rng = np.random.default_rng(5)
+    return power * x + bend * x**3 + noise * rng.standard_normal((groups, 4))
+
+
+def test_what_bends_is_extrapolated_or_called_not_linear():
+    straight, slightly, strongly = (_effect(logs(2.0, 1e-5, bend), 10) for bend in (0.0, 60.0, 600.0))
+    assert [found["linear"] for found in (straight, slightly, strongly)] == [True, True, False]
+    for found in (straight, slightly):
+        assert found["effect"] == pytest.approx(1.01**2 - 1.0, abs=1e-4)
+    assert slightly["large_step"] - 0.0201 > 5e-4  # what one step alone would be off by
+    assert strongly["effect"] == strongly["small_step"]
+
+
+def test_intervals_have_their_coverage():
+    """2,000 effects of pure noise: within 4 standard errors of 95 %; an interval of z in place of t is caught."""
+    rng = np.random.default_rng(7)
+    found = [_effect(0.01 * rng.standard_normal((4, 4)), 1) for _ in range(2000)]
+    hit = np.mean([e["low"] < 0.0 < e["high"] for e in found])
+    short = np.mean([abs(e["effect"]) < 1.96 * e["se"] for e in found])
+    error = 4.0 * math.sqrt(0.95 * 0.05 / 2000)
+    assert abs(hit - 0.95) < error < abs(short - 0.95)
+
+
+def test_parameters_of_gears_are_physical():
+    found = find_parameters(replace(DRIVEN, tolerance=Tolerance(0.01, 0.02)))
+    assert found["amplitude"][1:3] == (pytest.approx(0.3), "mm")
+    wider = found["backlash1"].scene_at(0.4)
+    assert (wider.gears.amplitude, wider.tolerance.c1_max, wider.sigma) == (pytest.approx(0.3), 0.005, 0.5)
+    assert found["torque2"].words == "drag torque on wheel 2"
+    single = find_parameters(replace(DRIVEN, stages=1))
+    assert not [name for name in single if name.endswith("2")]
+    assert "gap1" in find_parameters(NOISE_ALONE)
+
+
+def test_a_parameter_that_cannot_be_changed_has_a_remark():
+    scene = replace(NOISE_ALONE, epsilon=0.97)
+    found = sensitivity(scene, quantities=["power", "rate"], parameters=["epsilon", "sigma"], accuracy=0.1)
+    assert found.table.query("parameter == 'epsilon'")["remark"].str.contains("cannot be changed by 4%").all()
+    assert found.table.query("parameter == 'sigma'")["effect"].notna().all()
+    record = {"name": "x", "scene": scene.to_dict(), "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
+    assert "cannot be changed" in str(sensitivity_page(found, record))
+    assert len(tornado(found.table, ["power", "rate"]).axes) == 2
+    assert len(lever_sentences(scene, found.table)) == 2
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"quantities": ["powr"]}, "did you mean 'power'"),
+        ({"parameters": ["torque3"]}, "did you mean 'torque"),
+        ({"accuracy": 0.0}, "accuracy = 0.0: must be greater than 0"),
+        ({"budget": -1.0}, "budget = -1.0"),
+    ],
+)
+def test_bad_input_is_refused_before_any_run(settings, message):
+    with pytest.raises(InputError, match=message):
+        sensitivity(DRIVEN, **settings)
+
+
+def test_a_motion_at_rest_is_refused():
+    with pytest.raises(InputError, match="at rest"):
+        sensitivity(Scene(alpha=0.1, epsilon=0.5, beta1=0.1, gamma1=1.0, stages=1))

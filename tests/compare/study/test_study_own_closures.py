@@ -1,0 +1,82 @@
+"""A closure of one's own in a study: computed once, again when its source changes, and missed where it fails."""
+
+import pickle
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from rattle import InputError, Study
+from rattle.compare.cli.main import main
+
+STUDY = """[study]
+impacts = 2
+closures = ["saltation", "{}"]
+paths = 512
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.08
+gamma1 = 0.05
+stages = 1
+[[axes]]
+sigma = [0.01, 0.1]
+"""
+OWN = """from rattle import mean_map
+
+def mine(scene, impacts):
+    if scene.sigma > 0.05:
+        raise ValueError("too strong")
+    return {shift} + mean_map(scene, impacts=impacts, closure="saltation").section[["tau", "y1"]]
+"""
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """Writes a module with a closure that is wrong by a shift, and forgets an earlier one."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "study.toml").write_text(STUDY.format("own_closures:mine"))
+
+    def write(shift):
+        (tmp_path / "own_closures.py").write_text(OWN.format(shift=shift))
+        sys.modules.pop("own_closures", None)
+        return Study.load("study.toml")
+
+    yield write
+    sys.modules.pop("own_closures", None)
+
+
+def keys(study):
+    return {cell.closure: cell.key for cell in study.points[0].predictions}
+
+
+def test_its_source_is_in_the_key_of_its_cells_and_of_no_others(own):
+    first, same, other = (keys(own(shift)) for shift in ("0.0", "0.0", "0.00"))
+    assert first == same
+    assert first["saltation"] == other["saltation"]
+    assert first["mine"] != other["mine"]
+
+
+def test_a_cell_goes_to_another_process(own):
+    cell = own("0.0").points[0].predictions[1]
+    assert pickle.loads(pickle.dumps(cell)).key == cell.key
+
+
+def test_where_it_fails_the_study_is_complete_but_for_that(own):
+    own("0.0")
+    done = CliRunner().invoke(main, ["study", "study.toml"])
+    assert done.exit_code == 1
+    assert "mine cannot be computed at 1 of 2 points" in done.stderr
+    assert "raised ValueError: too strong" in done.stderr
+    assert "`mine`: accurate up to sigma = 0.01" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("nowhere:mine", "study.closures = 'nowhere:mine': cannot be imported"), ("saltaton", "did you mean 'saltation'")],
+)
+def test_what_names_no_closure_is_refused_before_anything_is_written(own, name, message):
+    own("0.0")
+    with pytest.raises(InputError, match=message):
+        _ = Study.from_toml(STUDY.format(name)).points

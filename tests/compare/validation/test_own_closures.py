@@ -1,0 +1,111 @@
+"""A closure of one's own in a validation: its verdicts, its page, its time, and what becomes of its mistakes."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from rattle import DAT21, Closure, InputError, Scene, mean_map, validate
+from rattle.compare.cli.main import main
+from rattle.compare.validation.answer import answer
+from rattle.compare.validation.comparison import measure_speeds
+
+SCENE = Scene.from_gears(DAT21, sigma=0.01)
+
+
+def copy(scene, impacts):
+    """Saltation under another name."""
+    return mean_map(scene, impacts=impacts, closure="saltation").section
+
+
+def shifted(scene, impacts):
+    """Negative control: the mean of y1 is wrong by a fifth of its sd."""
+    section = copy(scene, impacts)
+    return {"tau": section["tau"], "y1": section["y1"] + 0.2 * section["sd_y1"]}
+
+
+def strong(scene, impacts):
+    if scene.sigma > 0.05:
+        raise ValueError("the noise\nis too strong")
+    return copy(scene, impacts)
+
+
+def rows(v, closure):
+    return v.table[v.table["closure"] == closure].drop(columns="closure").reset_index(drop=True)
+
+
+@pytest.fixture(scope="module")
+def compared():
+    same = Closure("same", copy, lambda scene, times: mean_map(scene, impacts=3, closure="saltation").at_times(times))
+    return validate(SCENE, impacts=3, closures=["saltation", same, shifted], paths=20_000, rng=7)
+
+
+def test_it_is_judged_as_a_closure_of_the_package_is(compared):
+    assert rows(compared, "same").equals(rows(compared, "saltation"))
+
+
+def test_what_is_wrong_with_it_is_found(compared):
+    table = rows(compared, "shifted").set_index(["quantity", "moment"])["verdict"]
+    assert set(table["y1", "mean"]) == {"inaccurate"}
+    assert set(table["tau", "mean"]) == {"accurate"}
+    assert set(table["tau", "sd"]) == {"not predicted"}
+
+
+def test_its_time_is_measured_and_decides_nothing(compared):
+    speed = measure_speeds([compared]).set_index("closure")
+    assert np.isnan(speed.loc["same", "speed_up"])
+    assert speed.loc["same", "closure_seconds"] > 0.0
+    said = " ".join(answer([compared]))
+    assert "take `saltation` at σ = 0.01" in said
+    assert "measured on this machine, not counted: `same`" in said
+
+
+def test_an_exception_is_a_remark_on_its_rows(compared):
+    v = validate(SCENE.with_sigma(0.1), impacts=2, closures=["saltation", strong], paths=2000)
+    assert v.failed == {"strong": "raised ValueError: the noise is too strong"}
+    assert set(rows(v, "strong")["verdict"]) <= {"not predicted", "not judged"}
+    assert set(rows(v, "strong")["remark"]) == {"raised ValueError: the noise is too strong"}
+    assert "At σ = 0.1 `strong` raised ValueError" in " ".join(answer([v]))
+    assert "strong raised ValueError" in repr(v)
+
+
+def test_an_exception_at_fixed_times_loses_only_these():
+    def fails(scene, times):
+        raise ZeroDivisionError
+
+    v = validate(SCENE, impacts=2, closures=[Closure("mine", copy, fails)], paths=2000)
+    table = rows(v, "mine").set_index("kind")
+    assert set(table.loc["fixed time", "remark"]) == {"raised ZeroDivisionError: "}
+    assert not (table.loc["section", "verdict"] == "not predicted").any()
+
+
+def test_a_table_that_cannot_be_read_is_refused_before_anything_is_simulated(monkeypatch):
+    monkeypatch.setattr("rattle.compare.validation.validate.simulate", None)
+    with pytest.raises(InputError, match="index of few"):
+        validate(SCENE, impacts=3, closures=[Closure("few", lambda scene, impacts: copy(scene, impacts)[:-1])])
+
+
+def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_failed(tmp_path, monkeypatch):
+    (tmp_path / "own.py").write_text(
+        '"""Closures."""\nfrom tests.compare.validation.test_own_closures import copy, strong\n\n'
+        'def mine(scene, impacts):\n    """The first closure of all."""\n    return copy(scene, impacts)\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    words = ["validate", "--closure", "saltation", "--closure", "own:mine", "--closure", "own:strong", "--sigma", 0.01]
+    words += ["--sigma", 0.1, "--impacts", 2, "--paths", 2000, "--validity", "0.01:0.1:2", "--validity-paths", 1000]
+    done = CliRunner().invoke(main, [str(word) for word in (*words, "--out", "report")])
+    assert done.exit_code == 1
+    assert "closure strong raised ValueError: the noise is too strong" in done.stderr
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "The first closure of all." in page
+    manifest = json.loads((tmp_path / "report" / "manifest.json").read_text())
+    assert manifest["settings"]["closures"] == ["saltation", "own:mine", "own:strong"]
+    again = CliRunner().invoke(main, ["validate", "--repeat", "report/manifest.json", "--out", "again"])
+    assert again.exit_code == 1
+    assert "Repeated bit for bit" in again.stdout
+
+
+def test_a_report_from_python_says_how_it_is_repeated(compared, tmp_path):
+    page = compared.report(tmp_path / "report")
+    assert "in Python, with the same seed and tolerances" in page.read_text()

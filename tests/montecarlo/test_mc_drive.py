@@ -1,0 +1,239 @@
+"""Several orders and noise with a memory, against an independent sampler in plain numpy and against exact laws."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from rattle import DAT21, SCHEMES, InputError, Order, Record, Sampling, Scene, Start, mean_map, simulate, simulate_rare
+from rattle.montecarlo.kernel.block import sample
+from rattle.montecarlo.long_run.run import long_run
+from rattle.montecarlo.settings.plan import plan_of
+
+ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
+THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)
+IMPACTS = 4
+
+
+def reference(scene, paths, impacts, rng, h=5e-4):
+    """Section states ``tau, x1, y1, x2, y2`` by steps with a constant rate of the noise, and parabolas to the walls."""
+    s, theta = scene, scene.correlation_time
+    x = np.repeat([[s.start.x1], [s.start.x2]], paths, axis=1)
+    y = np.repeat([[-s.epsilon * s.start.y1], [s.start.y2 - (1.0 + s.epsilon) * s.start.y1]], paths, axis=1)
+    eta = rng.normal(size=paths) / math.sqrt(2.0 * theta) if theta else np.zeros(paths)
+    found, seen, tau = np.full((impacts, 5, paths), np.nan), np.zeros(paths, int), 0.0
+
+    def accelerate(t, y, push):
+        first = sum(o.amplitude * o.order * np.cos(o.order * t + o.phase) for o in s.drive)
+        second = -sum(o.amplitude * o.order**2 * np.sin(o.order * t + o.phase) for o in s.drive)
+        a1 = s.gamma1 - s.beta1 * y[0] + (s.alpha + push) * (second + s.beta1 * first)
+        a2 = s.gamma1 - s.gamma2 - s.beta2 * y[1] + (s.beta2 - s.beta1) * y[0]
+        return np.array([a1, a2 + (s.beta1 - s.beta2) * (s.alpha + push) * first])
+
+    while seen.min() < impacts and tau < 30.0:
+        if theta:
+            last, e = eta, math.exp(-h / theta)
+            eta = e * eta + math.sqrt((1.0 - e * e) / (2.0 * theta)) * rng.normal(size=paths)
+            push = 0.5 * s.sigma * (last + eta)
+        else:
+            push = s.sigma * rng.normal(size=paths) / math.sqrt(h)
+        left = np.full(paths, h)
+        for _ in range(8):
+            now = tau + h - left
+            a = accelerate(now + 0.5 * left, y + 0.5 * left * accelerate(now, y, push), push)
+            ends = x + left * y + 0.5 * left**2 * a
+            share, mesh = left.copy(), np.full(paths, -1)
+            for i, gap in enumerate((s.gap1, s.gap2)):
+                for side in (1.0, -1.0):
+                    away, speed, pull = gap - side * x[i], side * y[i], side * a[i]
+                    hit = (side * ends[i] > gap) & (away > -1e-9)
+                    root = speed + np.sqrt(np.maximum(speed**2 + 2.0 * pull * away, 0.0))
+                    t = np.where(
+                        hit & (root > 0.0), 2.0 * np.maximum(away, 0.0) / np.where(root > 0.0, root, 1.0), np.inf
+                    )
+                    mesh = np.where(t < share, i, mesh)
+                    share = np.minimum(share, t)
+            x, y = x + share * y + 0.5 * share**2 * a, y + share * a
+            for i, gap in enumerate((s.gap1, s.gap2)):
+                p = np.flatnonzero(mesh == i)
+                x[i, p] = np.sign(x[i, p]) * gap
+                k = np.minimum(seen[p], impacts - 1)
+                new = p[seen[p] < impacts]
+                found[k[seen[p] < impacts], :, new] = np.array(
+                    [(now + share)[new], x[0, new], y[0, new], x[1, new], y[1, new]]
+                ).T
+                seen[p] += 1
+                factor = (1.0 + s.epsilon) * (s.mu if i else 1.0)
+                y[1 - i, p] -= factor * y[i, p]
+                y[i, p] *= -s.epsilon
+            left = left - share
+            if not (mesh >= 0).any():
+                break
+        tau += h
+    return found
+
+
+def farthest(scene, sampled, exact_paths=40_000):
+    """Largest difference of a mean or an sd, in combined standard errors."""
+    run = simulate(scene, paths=exact_paths, impacts=IMPACTS, rng=11).section
+    worst = 0.0
+    for i, name in enumerate(("tau", "x1", "y1", "x2", "y2")):
+        values = sampled[:, i]
+        mean, sd, n = values.mean(axis=1), values.std(axis=1), values.shape[1]
+        fourth = ((values - mean[:, None]) ** 4).mean(axis=1)
+        free = sd > 1e-9
+        se_sd = np.sqrt(np.maximum(fourth - sd**4, 0.0) / n)[free] / (2.0 * sd[free])
+        z_mean = (run[name] - mean)[free] / np.hypot(run["se_" + name][free], sd[free] / math.sqrt(n))
+        z_sd = (run["sd_" + name] - sd)[free] / np.hypot(run["se_sd_" + name][free], se_sd)
+        worst = max(worst, np.abs(z_mean).max(), np.abs(z_sd).max())
+    return worst
+
+
+PLANTED = {
+    "three orders": (THREE, {"drive": (ORDERS[0], Order(2, 0.4, 0.35), ORDERS[2])}),
+    "theta 0.1": (Scene.from_gears(DAT21, sigma=0.1, correlation_time=0.1), {"correlation_time": 0.13}),
+    "theta 1": (Scene.from_gears(DAT21, sigma=0.1, correlation_time=1.0), {"correlation_time": 1.2}),
+    "theta 10": (replace(THREE, correlation_time=10.0), {"correlation_time": 12.0}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLANTED)
+def test_moments_are_those_of_an_independent_sampler_and_a_planted_error_is_found(name):
+    scene, wrong = PLANTED[name]
+    sampled = reference(scene, 10_000, IMPACTS, np.random.default_rng(3))
+    assert farthest(scene, sampled) < 5.0  # of 36 comparisons
+    assert farthest(replace(scene, **wrong), sampled) > 5.0
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("theta", [0.05, 1.0])
+def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta):
+    start, wide = Start(0.0, 0.0, 1.0, 0.0, 1.0), {"gap1": 1e5, "gap2": 1e5}
+    numbers = {"alpha": 1.0, "epsilon": 0.9, "beta1": 0.1, "beta2": 0.4, "gamma1": 0.05, "mu": 0.6, "sigma": 0.5}
+    scene = Scene(**numbers, **wide, correlation_time=theta, drive=ORDERS, start=start)
+    dt, paths, until = 5e-3, 20_480, 1.0
+    settings = {"record": Record(times=[until]), "sampling": Sampling(horizon=1.1), "rng": 5}
+    plan = plan_of(scene, paths=paths, impacts=1, dt=dt, scheme=scheme, **settings)
+    states = np.concatenate([sample(plan, block).fixed[0, :, 0] for block in range(plan.blocks)])
+    exact = _covariance(scene, until)
+    se = np.sqrt((np.outer(np.diag(exact), np.diag(exact)) + exact**2) / paths)
+    bias = 0.0 if scheme == "exact-flight" else 0.02 * np.abs(exact)  # of the Euler step
+    off = np.abs(np.cov(states.T) - exact) - bias
+    assert (off < 5.0 * se).all()
+    assert (
+        np.abs(np.cov(states.T) - _covariance(replace(scene, correlation_time=3.0 * theta), until)) > 5.0 * se
+    ).any()
+
+
+def _covariance(scene, t):
+    c, theta = scene.constants, scene.correlation_time
+
+    def rates(tau, p):
+        first = sum(o.amplitude * o.order * math.cos(o.order * tau + o.phase) for o in ORDERS)
+        second = -sum(o.amplitude * o.order**2 * math.sin(o.order * tau + o.phase) for o in ORDERS)
+        a, noise = np.zeros((5, 5)), np.zeros((5, 5))
+        a[0, 1], a[1, 1], a[2, 3], a[3, 1], a[3, 3] = 1.0, -c.beta1, 1.0, c.beta2 - c.beta1, -c.beta2
+        a[1, 4], a[3, 4] = c.sigma * (second + c.beta1 * first), c.sigma * (c.beta1 - c.beta2) * first
+        a[4, 4], noise[4, 4] = -1.0 / theta, 1.0 / theta**2
+        grown = a @ p.reshape(5, 5)
+        return (grown + grown.T + noise).ravel()
+
+    first = np.zeros((5, 5))
+    first[4, 4] = 0.5 / theta
+    return solve_ivp(rates, (0.0, t), first.ravel(), rtol=1e-10, atol=1e-14).y[:, -1].reshape(5, 5)[:4, :4]
+
+
+@pytest.mark.parametrize("drive", [(Order(1),), ORDERS])
+@pytest.mark.parametrize("theta", [0.0, 0.1, 1.0, 10.0])
+def test_saltation_is_the_limit_of_small_noise(drive, theta):
+    scene = Scene.from_gears(DAT21, sigma=3e-3, drive=drive, correlation_time=theta)
+    predicted, run = mean_map(scene, impacts=4).section, simulate(scene, paths=20_000, impacts=4, rng=2).section
+    for name in ("tau", "flight", "y1", "y2"):
+        assert (abs(predicted["sd_" + name] - run["sd_" + name]) < 5.0 * run["se_sd_" + name]).all()
+        assert (abs(predicted[name] - run[name]) < 5.0 * run["se_" + name]).all()
+        assert (abs(predicted["skew_" + name] - run["skew_" + name]) < 5.0 * run["se_skew_" + name]).all()
+    other = replace(scene, correlation_time=theta + 0.1 + 0.2 * theta)
+    wrong = mean_map(other, impacts=4).section
+    assert (abs(wrong["sd_tau"] - run["sd_tau"]) > 5.0 * run["se_sd_tau"]).any()
+
+
+def test_at_fixed_times_saltation_with_a_memory_is_the_sample():
+    scene = Scene.from_gears(DAT21, sigma=3e-3, drive=ORDERS, correlation_time=0.5)
+    orbit = mean_map(scene, impacts=4)
+    tau = orbit.section["tau"].to_numpy()
+    times = 0.5 * (tau[1:] + tau[:-1])
+    found = simulate(scene, paths=20_000, impacts=4, rng=2, record=Record(times=times)).at_times(times)
+    predicted = orbit.at_times(found.index)  # whole steps
+    for name in ("cov_x1_x1", "cov_y1_y1", "cov_x2_y2", "cov_y2_y2"):
+        off = abs(predicted[name].to_numpy() - found[name].to_numpy())
+        assert (off < 5.0 * found["se_" + name].to_numpy()).all()
+
+
+def test_moments_go_to_those_of_white_noise_as_the_memory_does():
+    white = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=3).section
+    thetas = np.array([0.001, 0.0005, 0.00025])
+    coloured = [mean_map(Scene.from_gears(DAT21, sigma=0.01, correlation_time=t), impacts=3).section for t in thetas]
+    for name in ("sd_tau", "sd_y1"):
+        off = np.array([abs(one[name] - white[name]).to_numpy() for one in coloured])
+        slopes = np.polyfit(np.log(thetas), np.log(off), 1)[0]
+        assert slopes == pytest.approx(1.0, abs=0.03)  # no sampling error
+
+
+@pytest.mark.slow
+def test_sampled_moments_go_to_those_of_white_noise_at_the_first_order():
+    base = Scene.from_gears(DAT21, sigma=0.1)
+    white = simulate(base, paths=200_000, impacts=2, rng=1, workers=2).section
+    thetas, off, se = np.array([0.4, 0.2, 0.1]), [], []
+    for k, theta in enumerate(thetas):
+        run = simulate(replace(base, correlation_time=theta), paths=200_000, impacts=2, rng=2 + k, workers=2).section
+        off.append(1.0 - run["sd_tau"].iloc[0] / white["sd_tau"].iloc[0])
+        se.append(math.hypot(run["se_sd_tau"].iloc[0], white["se_sd_tau"].iloc[0]) / white["sd_tau"].iloc[0])
+    rate = np.log(off[1] / off[2]) / math.log(2.0)
+    spread = math.hypot(se[1] / off[1], se[2] / off[2]) / math.log(2.0)
+    assert abs(rate - 1.0) < 0.15 + 4.0 * spread
+
+
+def test_the_start_of_the_memory_is_stationary_and_of_each_path_alone():
+    scene = Scene.from_gears(DAT21, sigma=0.3, correlation_time=0.5)
+    few, many = (simulate(scene, paths=n, impacts=2, rng=4, record=Record(raw=True)) for n in (100, 1500))
+    assert (few.raw == many.raw[:100]).all()
+
+
+def test_a_long_run_of_slow_noise_is_a_mixture_over_amplitudes():
+    base = Scene(alpha=1.0, epsilon=0.6, beta1=0.1, gamma1=0.05, stages=1, sigma=0.3)
+    white = long_run(base, periods=64, paths=64).estimates["rate"]
+    slow = long_run(replace(base, correlation_time=20.0), periods=64, paths=64).estimates["rate"]
+    assert slow.value != pytest.approx(white.value, rel=1e-3)
+    assert slow.value == pytest.approx(white.value, rel=0.3)
+
+
+def test_a_long_run_of_one_order_written_as_several_is_the_same():
+    base = Scene.from_gears(DAT21, sigma=0.3)
+    nearly = replace(base, drive=(Order(1), Order(2, 1e-12)))
+    one, other = (long_run(scene, periods=64, paths=32, rng=1) for scene in (base, nearly))
+    values = {name: (e.value, other.estimates[name].value, e.se) for name, e in one.estimates.items()}
+    for name, (a, b, se) in values.items():
+        assert abs(a - b) < 6.0 * se + 1e-9, name
+
+
+@pytest.mark.parametrize(
+    ("change", "settings", "message"),
+    [
+        ({"drive": ORDERS}, {"sampling": Sampling(device="cuda")}, "is not simulated on a GPU"),
+        ({"correlation_time": 1.0}, {"sampling": Sampling(device="cuda")}, "is not simulated on a GPU"),
+        ({"correlation_time": 1.0}, {"sampling": Sampling(control=True)}, "for white noise only"),
+        ({"correlation_time": 0.01}, {"dt": 0.01}, "must be at most 0.001: a longer step cannot follow the memory"),
+        ({"drive": (Order(50),)}, {"dt": 0.01}, "cannot follow the noise's modulation"),
+    ],
+)
+def test_what_a_sampler_cannot_do_is_refused(change, settings, message):
+    with pytest.raises(InputError, match=message):
+        simulate(replace(Scene.from_gears(DAT21, sigma=0.1), **change), paths=10, impacts=2, **settings)
+
+
+def test_rare_branches_are_of_white_noise():
+    with pytest.raises(InputError, match="with white noise only"):
+        simulate_rare(Scene.from_gears(DAT21, sigma=0.1, correlation_time=1.0), paths=10, impacts=2)

@@ -1,0 +1,207 @@
+"""A drive of several orders: input, files, and the physics against plain numpy."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import rattle.scene
+from rattle import DAT21, InputError, Order, Scene, follow, refusals
+from rattle.closure.section_step import noise_slope
+from rattle.scene.flight import field_rate, flow, noise_covariance
+from rattle.scene.sticking import opening
+
+ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
+THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)
+STATE = (0.1, -1.3, 0.2, 0.7)
+SPARSE = (Order(3, 0.3, 0.1), Order(40, 1e-3, 1.0))  # the second is too far from the first for a recurrence
+
+
+def motion(orders, n, tau):
+    """Derivative n of ``sum a sin(j tau + phase)``."""
+    return sum(o.amplitude * o.order**n * math.sin(o.order * tau + o.phase + 0.5 * n * math.pi) for o in orders)
+
+
+def modulation(c, orders, tau):
+    """Eq. 5: what multiplies ``alpha + sigma eta``."""
+    first = motion(orders, 1, tau)
+    return np.array([0.0, motion(orders, 2, tau) + c.beta1 * first, 0.0, (c.beta1 - c.beta2) * first])
+
+
+def matrix(c):
+    """Eq. 8."""
+    a = np.zeros((4, 4))
+    a[0, 1], a[1, 1], a[2, 3], a[3, 1], a[3, 3] = 1.0, -c.beta1, 1.0, c.beta2 - c.beta1, -c.beta2
+    return a
+
+
+@pytest.mark.parametrize("orders", [ORDERS, SPARSE])
+@pytest.mark.parametrize("t", [1e-3, 0.05, 0.7, 9.0])
+def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
+    c = replace(THREE, drive=orders).constants
+    drag = np.array([0.0, c.gamma1, 0.0, c.gamma1 - c.gamma2])
+
+    def rates(tau, s):
+        return matrix(c) @ s + drag + c.alpha * modulation(c, orders, tau)
+
+    exact = solve_ivp(rates, (0.4, 0.4 + t), STATE, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    assert flow(c, 0.4, *STATE, t) == pytest.approx(exact, abs=1e-12)
+    shifted = replace(THREE, drive=(Order(1, 1.0, 0.2 + 1e-9), *orders[1:])).constants  # negative control
+    assert flow(shifted, 0.4, *STATE, 0.7) != pytest.approx(flow(c, 0.4, *STATE, 0.7), abs=1e-12)
+
+
+@pytest.mark.parametrize("t", [0.02, 0.7, 20.0])
+def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
+    c = THREE.constants
+
+    def rates(tau, p):
+        m = modulation(c, ORDERS, tau)
+        grown = matrix(c) @ p.reshape(4, 4)
+        return (grown + grown.T + c.sigma**2 * np.outer(m, m)).ravel()
+
+    exact = solve_ivp(rates, (0.4, 0.4 + t), np.zeros(16), method="DOP853", rtol=1e-12, atol=1e-18).y[:, -1]
+    found = noise_covariance(c, 0.4, t)
+    assert found == pytest.approx(exact.reshape(4, 4), rel=1e-9, abs=1e-11 * np.abs(found).max())
+    h = 1e-5
+    slope = (noise_covariance(c, 0.4 + h, t) - noise_covariance(c, 0.4 - h, t)) / (2.0 * h)
+    assert noise_slope(c, 0.4, t) == pytest.approx(slope, rel=1e-7, abs=1e-9)
+
+
+def test_the_drift_changes_with_time_as_its_difference_quotient():
+    from rattle.scene.flight import field
+
+    c, h = THREE.constants, 1e-6
+    slope = (field(c, 0.4 + h, 1.0, 0.5) - field(c, 0.4 - h, 1.0, 0.5)) / (2.0 * h)
+    assert field_rate(c, 0.4) == pytest.approx(slope, abs=1e-7)
+
+
+def test_the_orbit_is_that_of_an_ode_solver_with_events():
+    c, orbit = THREE.constants, follow(THREE, 4)
+    drag = np.array([0.0, c.gamma1, 0.0, c.gamma1 - c.gamma2])
+
+    def rates(tau, s):
+        return matrix(c) @ s + drag + c.alpha * modulation(c, ORDERS, tau)
+
+    for k in range(4):
+        ends = orbit.tau[k], orbit.tau[k + 1]
+        flight = solve_ivp(rates, ends, orbit.after[k], method="DOP853", rtol=1e-12, atol=1e-14, dense_output=True)
+        assert flight.y[:, -1] == pytest.approx(orbit.before[k + 1], abs=1e-10)
+        inside = flight.sol(np.linspace(*ends, 400)[1:-1])
+        assert np.abs(inside[[0, 2]]).max() <= 0.5  # no earlier impact
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("gamma", [0.02, 0.8, 3.0])
+def test_a_mesh_opens_where_its_contact_force_first_falls_to_zero(side, gamma):
+    scene = Scene(alpha=0.5, epsilon=0.3, beta1=0.1, gamma1=gamma, stages=1, drive=ORDERS)
+    tau = np.linspace(0.3, 0.3 + 2.0 * math.pi, 200_001)
+    push = np.array([modulation(scene.constants, ORDERS, t)[1] for t in tau[::100]])
+    force = side * (gamma + 0.5 * push)
+    found = opening(scene.constants, 0.3, 0.0, 0.0, (side, 0))[0]
+    below = np.flatnonzero(force <= 0.0)
+    assert found == (pytest.approx(tau[::100][below[0]] - 0.3, abs=4e-3) if below.size else math.inf)
+
+
+def test_one_order_that_is_the_sine_is_the_default():
+    plain = Scene.from_gears(DAT21, sigma=0.1)
+    for drive in ((Order(1),), (Order(2, 0.0), Order(1, 1.0, 0.0))):
+        assert replace(plain, drive=drive).constants == plain.constants
+    assert "drive" not in plain.to_dict()
+    assert "drive" not in repr(plain)
+    assert "correlation_time" not in plain.to_toml()
+
+
+def test_a_single_order_of_another_phase_is_a_start_at_another_time():
+    turned = replace(THREE, drive=(Order(1, 1.0, 0.7),), sigma=0.0)
+    late = Scene.from_gears(DAT21, start=replace(THREE.start, tau=0.7))
+    assert follow(turned, 6).tau + 0.7 == pytest.approx(follow(late, 6).tau, abs=1e-11)
+
+
+def test_files_give_back_the_drive():
+    for scene in (THREE, replace(THREE, correlation_time=0.3), replace(THREE, gears=None, alpha=1.2)):
+        again = Scene.from_toml(scene.to_toml())
+        assert again == scene
+        assert again.gears == scene.gears
+        names = {**vars(rattle.scene), "Order": Order}
+        assert eval(repr(again), names) == scene
+
+
+GEARS = """
+[gears]
+epsilon = 0.9
+omega = 300.0
+inertia1 = 4000.0
+radius1 = 41.0
+backlash1 = 0.2
+[scene]
+stages = 1
+"""
+
+
+def test_amplitudes_may_be_given_on_the_pitch_circle_or_as_angles():
+    alpha = GEARS.replace("omega", "alpha = 1.5\nomega")
+    relative = Scene.from_toml(alpha + "[[drive]]\norder = 1\namplitude = 1.0\n[[drive]]\norder = 2\namplitude = 0.5\n")
+    assert relative.drive == (Order(1), Order(2, 0.5))
+    in_mm = "[[drive]]\norder = 1\namplitude_mm = 0.3\n[[drive]]\norder = 2\namplitude_mm = 0.15\nphase = 0.1\n"
+    assert Scene.from_toml(GEARS + in_mm).alpha == pytest.approx(1.5)
+    assert Scene.from_toml(GEARS + in_mm).drive[1] == Order(2, 0.5, 0.1)
+    assert Scene.from_toml(GEARS + in_mm).drive[0] == Order(1)
+    assert [o.amplitude for o in Scene.from_toml(alpha + in_mm).drive] == pytest.approx([1.0, 0.5])
+    in_rad = in_mm.replace("amplitude_mm = 0.3", "amplitude_rad = 0.01").replace(
+        "amplitude_mm = 0.15", "amplitude_rad = 0.005"
+    )
+    radius = GEARS.replace("omega", "driver_radius = 30.0\nomega")
+    assert Scene.from_toml(radius + in_rad).drive[1].amplitude == pytest.approx(0.5)
+
+
+ONE = "[scene]\nalpha = 1.0\nepsilon = 0.5\nbeta1 = 0.1\ngamma1 = 0.1\nstages = 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[[drive]]\norder = 0\namplitude = 1.0", "drive.order = 0: must be at least 1"),
+        ("[[drive]]\norder = -2\namplitude = 1.0", "drive.order = -2: must be at least 1"),
+        ("[[drive]]\norder = 1.5\namplitude = 1.0", "drive.order = 1.5: give a whole number"),
+        ("[[drive]]\norder = 1001\namplitude = 1.0", "drive.order = 1001: must be at most 1000"),
+        ("[[drive]]\namplitude = 1.0", "drive.order = None: is missing"),
+        ("[[drive]]\norder = 2", "give the amplitude of order 2 once"),
+        ("[[drive]]\norder = 2\namplitude = 0.1\namplitude_mm = 1.0", "give the amplitude of order 2 once"),
+        ("[[drive]]\norder = 2\namplitude_mm = 1.0", r"needs \[gears\]"),
+        ("[[drive]]\norder = 2\namplitude = nan", "drive.amplitude = nan: give a finite number"),
+        ("[[drive]]\norder = 2\namplitude = 0.1\nphase = inf", "drive.phase = inf: give a finite number"),
+        ("[[drive]]\norder = 2\namplitude = 0.1\nfase = 1.0", "did you mean 'phase'"),
+        ("[[drive]]\norder = 2\namplitude = 0.0", "has no order with an amplitude"),
+        ("[drive]\norder = 2\namplitude = 1.0", r"write each order as a table: \[\[drive\]\]"),
+        ("[[scene.drive]]\norder = 2\namplitude = 1.0", r"\[\[drive\]\] beside \[scene\]"),
+        ("[[drive]]\norder = 2\namplitude = 1.0\n[[drive]]\norder = 2\namplitude = 0.5", "is given twice"),
+    ],
+)
+def test_a_drive_that_is_none_is_refused(text, message):
+    with pytest.raises(InputError, match=message):
+        Scene.from_toml(ONE + text)
+
+
+@pytest.mark.parametrize(
+    ("drive", "message"),
+    [((), "has no order"), (3, "give a sequence of Order"), ((2,), "give a sequence of Order")],
+)
+def test_a_drive_that_holds_no_orders_is_refused(drive, message):
+    with pytest.raises(InputError, match=message):
+        Scene.from_gears(DAT21, drive=drive)
+
+
+def test_the_published_closure_is_for_one_order_and_most_are_for_white_noise():
+    assert list(refusals(THREE)) == ["published"]
+    assert "for one order only" in refusals(THREE)["published"]
+    coloured = refusals(Scene.from_gears(DAT21, sigma=0.1, correlation_time=1.0))
+    assert list(coloured) == ["published", "corrected", "branching"]
+    assert all("for white noise only" in why for why in coloured.values())
+
+
+@pytest.mark.parametrize("theta", [-1.0, 1e-5, math.nan, math.inf])
+def test_a_correlation_time_that_no_step_resolves_is_refused(theta):
+    with pytest.raises(InputError, match="correlation_time"):
+        Scene.from_gears(DAT21, correlation_time=theta)
