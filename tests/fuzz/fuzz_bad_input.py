@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from click.testing import CliRunner, Result
 from fuzz_bad import STUDY
+from fuzz_must import finite
 from settings import recorded
 
 from rattle.closure import mean_map
@@ -50,7 +51,7 @@ def spoilt(data: dict[str, Any], name: str) -> Ended:
         scene = Scene.from_dict(data)
     except InputError as error:
         return refused(error, name if error.field not in ("scene", "gears") else "")
-    if Scene.from_toml(scene.to_toml()) != scene or not np.isfinite(np.array(scene.constants, float)).all():
+    if Scene.from_toml(scene.to_toml()) != scene or not finite(scene):
         raise AssertionError(f"accepted, but not a valid scene: {scene}")
     return "complete", ""
 

@@ -7,7 +7,7 @@ import fuzz_bad_input
 import fuzz_sampled
 import numpy as np
 from fuzz_files import simulate_file, study_file, validate_file
-from fuzz_must import FAINTEST, SLACK, Ended, has_verdicts, must, own, semidefinite
+from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, semidefinite
 
 from rattle.closure import CLOSURES, MeanMap, follow, mean_map
 from rattle.closure.long_orbit import LongOrbit
@@ -47,8 +47,7 @@ def round_trip(scene: Scene, settings: dict[str, Any]) -> Ended:
     again = Scene.from_toml(scene.to_toml())
     must(again == scene and repr(again) == repr(scene), "TOML changed the scene", scene)
     must(again.to_toml() == scene.to_toml(), "the text is not the same")
-    numbers = np.array(scene.constants, float)
-    must(np.isfinite(numbers).all(), "constants", scene.constants)
+    must(finite(scene), "constants", scene.constants)
     must(scene.noise_free.sigma == 0.0 and scene.with_sigma(scene.sigma) == scene)
     return "complete", ""
 

@@ -9,7 +9,7 @@ from rattle.compare.validation.verdict import VERDICTS
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 
-__all__ = ["FAINTEST", "SLACK", "Ended", "has_verdicts", "must", "own", "semidefinite"]
+__all__ = ["FAINTEST", "SLACK", "Ended", "finite", "has_verdicts", "must", "own", "semidefinite"]
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
@@ -52,3 +52,9 @@ def has_verdicts(table: Any) -> None:
     must(silent.empty, "predicted, and not judged\n", silent)
     share = table["agreement"].dropna()
     must((share >= 0.0) & (share <= 1.0), "agreement", share)
+
+
+def finite(scene: Scene) -> bool:
+    """Whether compiled code gets finite numbers only."""
+    constants = scene.constants
+    return bool(np.isfinite(np.hstack([*constants._replace(drive=0.0), *map(np.ravel, constants.drive)])).all())

@@ -2,6 +2,7 @@
 
 import re
 
+import numba
 import pytest
 
 from rattle.closure import mean_map
@@ -13,7 +14,8 @@ from rattle.scene import DAT21, Scene
 
 @pytest.fixture(scope="session", autouse=True)
 def loaded():
-    """An inner session forgets the modules that it has loaded itself, and compiled code can be loaded only once."""
+    """An inner session forgets the modules that it has loaded itself, and numba's can be loaded only once."""
+    numba.njit(lambda: 0)()  # loads what only compiling needs, though all else comes from numba's cache
     scene = Scene.from_gears(DAT21, sigma=0.02)
     mean_map(scene, impacts=1, closure="branching")
     simulate(
