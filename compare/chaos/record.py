@@ -174,6 +174,9 @@ def noisy_record(
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
         regime.unfollowed = "has random gaps; long paths need fixed ones"
         return
+    if scene.correlation_time:
+        regime.unfollowed = "has noise with memory; long paths need white noise"
+        return
     walker = LongPath(scene, seed, path)
     walker.stretch(math.ceil(SETTLE / walker.step), tangent, velocities=False)
     settled = walker.sticking_steps

@@ -170,7 +170,7 @@ def tradeoff(
     """
     from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
-    from rattle.compare.tradeoff.multilevel import control_table
+    from rattle.compare.tradeoff.multilevel import SIGMAS, control_table
     from rattle.compare.tradeoff.page import CONTENTS, write_tradeoff
     from rattle.compare.tradeoff.weak_order import orders_over
     from rattle.montecarlo import SCHEMES, check_settings
@@ -187,7 +187,7 @@ def tradeoff(
     name, out = shared.results_folder(scene, out, "-tradeoff", CONTENTS, overwrite)
     watch = Stopwatch()
     found = measure(base, accuracies=asked, **settings)
-    control = control_table(base, seed=seed, **common)
+    control = control_table(base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common)
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
     measured = orders_over(base, sigmas, rng=seed, workers=settings["workers"]) if orders else None
     record = {

@@ -264,6 +264,9 @@ def _order_section(orders: Orders) -> PageSection:
 
 
 def _control_section(control: pd.DataFrame) -> PageSection:
+    title = "What the control variate and antithetic pairs are worth"
+    if control.empty:
+        return PageSection(title, (Text("Left out: the control variate is for white noise only."),))
     table = format_table(
         control,
         [
@@ -279,7 +282,7 @@ def _control_section(control: pd.DataFrame) -> PageSection:
             ("sds", "{antithetic_sds:.3g}"),
         ],
     )
-    return PageSection("What the control variate and antithetic pairs are worth", (Text(GAINS, note=True), table))
+    return PageSection(title, (Text(GAINS, note=True), table))
 
 
 def orders_table(table: pd.DataFrame) -> Table:
