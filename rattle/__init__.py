@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     )
     from rattle.compare import Tolerances, Validation, validate
     from rattle.compare.boundary.boundary import Boundary, boundary
+    from rattle.compare.boundary.crossing import Crossing, crossing
     from rattle.compare.sensitivity.sensitivity import Sensitivity, sensitivity
     from rattle.compare.stationary.measure import stationary
     from rattle.compare.stationary.result import Stationary
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
         Start,
         Tolerance,
     )
+    from rattle.scene.threshold import RattleThreshold, rattle_threshold
 
 __all__ = [
     "CLOSURES",
@@ -70,6 +72,7 @@ __all__ = [
     "Boundary",
     "Breakdown",
     "Closure",
+    "Crossing",
     "Edgeworth",
     "Ensemble",
     "FileError",
@@ -80,6 +83,7 @@ __all__ = [
     "Order",
     "OutputError",
     "RattleError",
+    "RattleThreshold",
     "Reach",
     "Record",
     "Sampling",
@@ -94,11 +98,13 @@ __all__ = [
     "Validation",
     "boundary",
     "closures_for",
+    "crossing",
     "default_step",
     "follow",
     "largest_step",
     "load_study",
     "mean_map",
+    "rattle_threshold",
     "refusals",
     "sensitivity",
     "simulate",
@@ -121,6 +127,7 @@ _MODULES = {
         "Start",
         "Tolerance",
     ),
+    "scene.threshold": ("RattleThreshold", "rattle_threshold"),
     "closure": (
         "CLOSURES",
         "Breakdown",
@@ -148,6 +155,7 @@ _MODULES = {
     "montecarlo.diagnostics.reach": ("Reach",),
     "compare": ("Tolerances", "Validation", "validate"),
     "compare.boundary.boundary": ("Boundary", "boundary"),
+    "compare.boundary.crossing": ("Crossing", "crossing"),
     "compare.sensitivity.sensitivity": ("Sensitivity", "sensitivity"),
     "compare.stationary.measure": ("stationary",),
     "compare.stationary.result": ("Stationary",),

@@ -184,8 +184,8 @@ def boundary(
     if not positive("width", width) < 1.0:
         raise InputError("width", width, "must be below 1")
     count("impacts", impacts)
-    at, own, unit = _along(scene, over)
-    low, high = _range(over, at, own, between)
+    at, own, unit = vary_along(scene, over)
+    low, high = find_range(over, at, own, between)
     limits, z = Tolerances(*tolerances) if tolerances else Tolerances(), critical(impacts, scene.stages)
     limit = math.inf if budget is None else positive("budget", budget)
     method = find_closure("closure", closure)
@@ -217,7 +217,7 @@ def boundary(
     return Boundary(scene, method.name, over, tuple(edges), table, steps, unit)
 
 
-def _along(scene: Scene, over: str) -> tuple[Any, float, str]:
+def vary_along(scene: Scene, over: str) -> tuple[Any, float, str]:
     """The scene as a function of a parameter, its own value, and its unit."""
     known = find_parameters(scene, absent=True)
     choice("over", over, [*known, *(name for name in FIELDS if name not in known)])
@@ -226,7 +226,7 @@ def _along(scene: Scene, over: str) -> tuple[Any, float, str]:
     return (lambda value: with_field(scene, over, value)), getattr(scene, over), ""
 
 
-def _range(over: str, at: Any, own: float, between: Sequence[float] | None) -> tuple[float, float]:
+def find_range(over: str, at: Any, own: float, between: Sequence[float] | None) -> tuple[float, float]:
     """The range of a search; both ends are values that a scene can have."""
     if between is None and over != "sigma" and own == 0.0:
         raise InputError("between", None, f"give a range: {over} is 0 in this scene")

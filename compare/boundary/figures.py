@@ -1,4 +1,4 @@
-"""The sentences and the figure of a boundary."""
+"""The sentences and the figures of a boundary and of a crossing."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rattle.compare.boundary.search import ACCURATE, UNDECIDED, WRONG, Edge
 from rattle.compare.report.style import legend_above, new_figure
 
-COLOURS = {ACCURATE: "#009E73", WRONG: "#D55E00", UNDECIDED: "#999999"}
+COLOURS = {ACCURATE: "#009E73", WRONG: "#D55E00", UNDECIDED: "#999999", "below": "#009E73", "above": "#D55E00"}
 
 
 def boundary_sentences(
@@ -68,5 +68,24 @@ def boundary_figure(over: str, unit: str, edges: Sequence[Edge], points: pd.Data
     ax.set_ylim(bottom=least)
     ax.set_xlabel(f"{over} ({unit})" if unit else over)
     ax.set_ylabel("worst error / tolerance")
+    legend_above(figure, [ax], 5)
+    return figure
+
+
+def crossing_figure(level: float, edges: Sequence[Any], points: pd.DataFrame, labels: tuple[str, str]) -> Figure:
+    """Draw a quantity with its interval at every value, and the level."""
+    figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
+    table = points[points["estimate"].notna()]
+    for verdict, rows in table.groupby("verdict"):
+        ends = np.array([rows["estimate"] - rows["low"], rows["high"] - rows["estimate"]])
+        style: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2, "color": COLOURS[str(verdict)]}
+        ax.errorbar(rows["value"], rows["estimate"], yerr=ends, label=str(verdict), **style)
+    for edge in edges:
+        ax.axvspan(*sorted(edge), color="0.5", alpha=0.3, lw=0, label="where it crosses")
+    ax.axhline(level, color="0.2", lw=0.8, ls="--", label="level")
+    ax.set_xscale("log")
+    ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
+    ax.set_xlabel(labels[0])
+    ax.set_ylabel(labels[1])
     legend_above(figure, [ax], 5)
     return figure

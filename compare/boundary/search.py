@@ -5,9 +5,9 @@ At each value paths are added until the verdict on the closure is decided.  All 
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -95,28 +95,51 @@ def judge_value(
 def search(
     judge: Callable[[float], Point], low: float, high: float, points: int, width: float, known: dict[float, Point]
 ) -> list[Edge]:
-    """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a relative width.
+    """Find every edge in a range, each to ± a relative width.
 
     `known`: Filled with every value that was judged.
     """
+    changes = find_changes(judge, low, high, points, width, known, first=ACCURATE)
+    return [Edge(good.value, bad.value, bad.row) for good, bad in changes]
 
-    def at(value: float) -> Point:
+
+def find_changes(
+    judge: Callable[[float], Any],
+    low: float,
+    high: float,
+    points: int,
+    width: float,
+    known: dict[float, Any],
+    *,
+    first: str,
+    each: Callable[..., Iterable[Any]] = map,
+) -> list[tuple[Any, Any]]:
+    """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a relative width.
+
+    Returns pairs of what was judged, that with the verdict `first` before the other.
+
+    `judge`: Gives an object with ``value`` and ``verdict``.
+    `known`: Filled with every value that was judged.
+    `each`: Applies a function to all values of the scan.
+    """
+
+    def at(value: float) -> Any:
         value = float(f"{value:.6g}")
         if value not in known:
             known[value] = judge(value)
         return known[value]
 
-    scan = [at(value) for value in np.geomspace(low, high, points)]
+    scan = list(each(at, np.geomspace(low, high, points)))
     decided = [point for point in scan if point.verdict != UNDECIDED]
     return [
-        _narrow(at, *((a, b) if a.verdict == ACCURATE else (b, a)), width, known)
+        _narrow(at, *((a, b) if a.verdict == first else (b, a)), width, known)
         for a, b in pairwise(decided)
         if a.verdict != b.verdict
     ]
 
 
-def _narrow(at: Callable[[float], Point], good: Point, bad: Point, width: float, known: dict[float, Point]) -> Edge:
-    """Narrow the two values of an edge; what stays undecided between them is approached from both sides."""
+def _narrow(at: Callable[[float], Any], good: Any, bad: Any, width: float, known: dict[float, Any]) -> tuple[Any, Any]:
+    """Narrow the two values of a change; what stays undecided between them is approached from both sides."""
     doubt = [point.value for point in known.values() if _between(point.value, good.value, bad.value)]
     enough = math.log((1.0 + width) / (1.0 - width))
     while len(known) < MOST and abs(math.log(bad.value / good.value)) > 1.001 * enough:  # values are rounded
@@ -130,14 +153,14 @@ def _narrow(at: Callable[[float], Point], good: Point, bad: Point, width: float,
         # where one more verdict suffices, at the value that is easiest to show wrong
         last = not doubt and abs(span) < 2.0 * enough
         middle = at(one * math.exp(math.copysign(enough, span) if last else 0.5 * span))
-        if middle.verdict == ACCURATE:
+        if middle.verdict == good.verdict:
             good = middle
-        elif middle.verdict == WRONG:
+        elif middle.verdict == bad.verdict:
             bad = middle
         else:
             doubt.append(middle.value)
         doubt = [value for value in doubt if _between(value, good.value, bad.value)]
-    return Edge(good.value, bad.value, bad.row)
+    return good, bad
 
 
 def _between(value: float, one: float, other: float) -> bool:

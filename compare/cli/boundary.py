@@ -19,12 +19,15 @@ from rattle.compare.cli.shared import (
     say_lines,
     whole,
 )
+from rattle.scene.errors import InputError
 
 
 @click.command()
 @SCENE
 @SIGMA
-@click.option("--closure", default="saltation", show_default=True, metavar="NAME", help="Closure.")
+@click.option("--closure", metavar="NAME", help="Closure. [default: saltation]")
+@click.option("--quantity", metavar="NAME", help="In place of a closure: a quantity of the long run, with --level.")
+@real("level", "Its level; impacts per second, mm/s or mW for a scene with [gears].")
 @click.option("--over", default="sigma", show_default=True, metavar="NAME", help="Parameter of the gears or the scene.")
 @click.option("--between", nargs=2, type=float, metavar="LOW HIGH", help="Range. [default: 0.001 2 for sigma]")
 @whole("impacts", 12, "Impacts that must be accurate.")
@@ -39,7 +42,9 @@ from rattle.compare.cli.shared import (
 def boundary(
     scene: Path | None,
     sigma: float | None,
-    closure: str,
+    closure: str | None,
+    quantity: str | None,
+    level: float | None,
     over: str,
     between: tuple[float, float] | None,
     impacts: int,
@@ -54,21 +59,32 @@ def boundary(
 ) -> None:
     """Find where along a parameter a closure stops holding.
 
-    It is accurate up to one value and shown wrong from another. SCENE is a TOML file, DAT21 if none is given. Results
+    It is accurate up to one value and shown wrong from another. With --quantity: where a quantity of the long run
+    crosses a level. SCENE is a TOML file, DAT21 if none is given. Results
     are stored in OUT-cells: after an interruption the same command continues.
     """
     from rattle.compare.boundary.boundary import boundary as find
+    from rattle.compare.boundary.crossing import crossing
     from rattle.compare.boundary.page import CONTENTS, write_boundary
     from rattle.compare.report.provenance import Stopwatch, provenance
 
     base = load_scene(scene, sigma)
+    if quantity is not None and closure is not None:
+        raise InputError("quantity", quantity, "takes the place of a closure; give one of them")
+    if (quantity is None) != (level is None):
+        raise InputError("level", level, "goes with --quantity; give both or none")
     writes = out is not None or not as_json
     name, out = results_folder(scene, out, "-boundary", CONTENTS, overwrite, writes)
-    settings: dict[str, Any] = {"closure": closure, "over": over, "between": between, "impacts": impacts}
-    settings |= {"points": points, "width": width, "budget": budget}
+    settings: dict[str, Any] = {"over": over, "between": between, "points": points, "width": width, "budget": budget}
+    if quantity is None:
+        settings |= {"closure": closure or "saltation", "impacts": impacts}
+    else:
+        settings |= {"quantity": quantity, "level": level}
     watch = Stopwatch()
     cells = out.with_name(f"{out.name}-cells") if writes else None  # beside the report, which is replaced as a whole
-    found = find(base, **settings, folder=cells, rng=seed, workers=workers, progress="boundary")
+    found = (find if quantity is None else crossing)(
+        base, **settings, folder=cells, rng=seed, workers=workers, progress="boundary"
+    )
     if writes:
         record = {"name": name, "scene": base.to_dict(), **settings, "seed": seed, **provenance(watch)}
         write_boundary(out, found, record, overwrite)

@@ -18,6 +18,8 @@ from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TOLERANCES
 from rattle.montecarlo.long_run import LongRun
+from rattle.scene.scene import Scene
+from rattle.scene.threshold import rattle_threshold
 
 FIGURES = {
     "distribution": "Velocity just before an impact, with its 95 % interval, on a logarithmic scale: the stationary "
@@ -125,11 +127,22 @@ def write_stationary(
 def answer(found: Stationary) -> list[str]:
     """Summarise a long run in sentences."""
     units, run = _units(found), found.run
-    said = [*_impacts(found, found.table_in(units), units), found.said]
+    said = [*_impacts(found, found.table_in(units), units), found.said, threshold_sentence(found.scene)]
     if run is not None:
         said += [run.burn_in.sentence, run.reach.sentence if run.reach else ""]
         said += [_memory(found.table), _few(found, run), _compare_errors(found.table), *_closures(found, units)]
     return [sentence for sentence in said if sentence]
+
+
+def threshold_sentence(scene: Scene) -> str:
+    """The drag from which on closed teeth stay closed, beside what the wheels have."""
+    found = rattle_threshold(scene)
+    least = " and ".join(f"{t.least:.4g} {t.unit}".rstrip() + f" on wheel {t.wheel}" for t in found)
+    own = " and ".join(f"{t.drag:.4g} {t.unit}".rstrip() for t in found)
+    what = "drag torque" if scene.gears else "gamma"
+    if any(t.opens for t in found):
+        return f"Threshold of rattle, without noise: closed teeth open below a {what} of {least}; here it is {own}."
+    return f"Without noise closed teeth stay closed: from a {what} of {least} on; here it is {own}."
 
 
 def _show(table: pd.DataFrame, name: str) -> str:

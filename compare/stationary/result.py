@@ -16,6 +16,7 @@ from rattle.scene.errors import InputError, choice
 from rattle.scene.gears import Gears
 from rattle.scene.scene import Scene
 from rattle.scene.text import as_html
+from rattle.scene.threshold import rattle_threshold
 from rattle.scene.units import DIMENSIONLESS, check_units
 
 if TYPE_CHECKING:
@@ -260,6 +261,7 @@ class Stationary:
         """
         run = self.run
         facts: dict[str, Any] = {"kind": self.kind, "said": self.said, "slow": self.slow, "units": units}
+        facts["threshold"] = [t._asdict() for t in rattle_threshold(self.scene)]
         if run is not None:
             facts |= {
                 "paths": run.paths,

@@ -1,0 +1,309 @@
+"""Where along a parameter a quantity of the long run crosses a level: the public entry and its result."""
+
+import math
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from rattle.compare.boundary.boundary import find_range, vary_along
+from rattle.compare.boundary.search import MOST, UNDECIDED, find_changes
+from rattle.compare.stationary.result import unit_of
+from rattle.compare.stationary.study import LongCell, LongResult
+from rattle.compare.study.engine import Runner
+from rattle.compare.study.store import Store
+from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.statistics.intervals import half_width
+from rattle.scene.errors import InputError, choice, count, positive
+from rattle.scene.scene import Scene
+from rattle.scene.text import as_html
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Crossing", "crossing"]
+
+PATHS = 64  # of each long run
+LOOKS = (64, 256, 1024, 4096)
+"""Periods after which a value is judged."""
+TAIL = 0.5 * 0.05 / (len(LOOKS) * MOST)
+"""Probability on each side of the interval of every look at every value (Bonferroni)."""
+BELOW, ABOVE = "below", "above"
+
+
+class Level(NamedTuple):
+    """A value of the parameter, and on which side of the level the quantity is there."""
+
+    value: float
+    verdict: str  # `BELOW`, `ABOVE` or `UNDECIDED`
+    periods: int
+    estimate: float  # of the quantity, with the bounds of its interval
+    low: float
+    high: float
+    remark: str  # why it is undecided
+
+
+class Sides(NamedTuple):
+    """Two values of the parameter between which the quantity crosses the level."""
+
+    below: float
+    above: float
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """The values of a parameter between which a quantity of the long run crosses a level, from `crossing`.
+
+    Attributes
+    ----------
+    scene : Scene
+    quantity : str
+    level : float
+        In physical units for a scene with gears.
+    over : str
+    edges : tuple
+        Each with ``below`` and ``above``: the values at which the quantity is shown below and above the level.
+    points : DataFrame
+        Every value that was judged, in their order: ``value, verdict, periods, estimate, low, high, remark``.
+    unit : str
+        Of the parameter, empty where it has none.
+    quantity_unit : str
+        Of the quantity and the level.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21, sigma=0.5)
+    >>> found = crossing(scene, quantity="rate_above", level=600.0, over="amplitude", points=2, width=0.5)
+    >>> set(found.points["verdict"]) <= {"below", "above", "undecided"}
+    True
+    """
+
+    scene: Scene
+    quantity: str
+    level: float
+    over: str
+    edges: tuple[Sides, ...]
+    points: pd.DataFrame = field(repr=False)
+    unit: str = ""
+    quantity_unit: str = ""
+
+    def __repr__(self) -> str:
+        """What was found, on a few lines."""
+        title = f"Crossing of {self.quantity} = {self.level:g} over {self.over}"
+        return "\n".join([title, *(f"  {line}" for line in self.answer)])
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), self.points.to_html(max_rows=12))
+
+    @property
+    def answer(self) -> list[str]:
+        """The crossings in words, and what is not known."""
+        unit = f" {self.unit}" if self.unit else ""
+        level = f"{self.level:g} {self.quantity_unit}".rstrip()
+        table, over = self.points, f"{self.over} = "
+        span = f"from {over}{table['value'].min():.4g} to {table['value'].max():.4g}{unit}"
+        said = []
+        for edge in self.edges:
+            first, then = (BELOW, ABOVE) if edge.below < edge.above else (ABOVE, BELOW)
+            low, high = sorted(edge)
+            said.append(
+                f"`{self.quantity}` is {first} {level} up to {over}{low:.4g}{unit} and {then} it at {high:.4g}."
+            )
+        if len(self.edges) > 1:
+            said.append("It crosses the level more than once.")
+        sides = set(table["verdict"])
+        if not self.edges and len(sides - {UNDECIDED}) == 1 and UNDECIDED not in sides:
+            said.append(f"`{self.quantity}` is {sides.pop()} {level} {span}: it does not cross it there.")
+        elif not self.edges:
+            said.append(f"No crossing of {level} by `{self.quantity}` was decided {span}.")
+        for why, rows in table[table["verdict"] == UNDECIDED].groupby("remark", sort=False):
+            values = ", ".join(f"{value:.4g}" for value in rows["value"])
+            said.append(f"Undecided at {over}{values}{unit}: {str(why).rstrip('.')}.")
+        return [*said, f"{len(table)} values were judged."]
+
+    def plot(self) -> "Figure":
+        """Draw the quantity, with its interval, at every value, and the level.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+        """
+        from rattle.compare.boundary.figures import crossing_figure
+
+        axes = ((self.over, self.unit), (self.quantity, self.quantity_unit))
+        across, up = (f"{name} ({unit})" if unit else name for name, unit in axes)
+        return crossing_figure(self.level, self.edges, self.points, (across, up))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        return {
+            "quantity": self.quantity,
+            "level": self.level,
+            "quantity_unit": self.quantity_unit,
+            "over": self.over,
+            "unit": self.unit,
+            "answer": self.answer,
+            "edges": [edge._asdict() for edge in self.edges],
+            "points": self.points.to_dict("records"),
+        }
+
+
+def crossing(
+    scene: Scene,
+    *,
+    quantity: str,
+    level: float,
+    over: str = "sigma",
+    between: tuple[float, float] | None = None,
+    points: int = 8,
+    width: float = 0.1,
+    slow: float = 0.1,
+    folder: str | Path | None = None,
+    budget: float | None = None,
+    rng: int = 0,
+    workers: int = 1,
+    progress: str | None = None,
+) -> Crossing:
+    """Find where along a parameter a quantity of the long run crosses a level.
+
+    For one: from which drag torque on is a pair quiet.  A coarse scan, then halving of the logarithm wherever the
+    quantity changes sides.  At each value long runs of 64 paths and 64 to 4,096 periods are made until its interval is
+    on one side of the level.  What is said of the whole search is right with 95 % probability: all looks at all values
+    are counted.  Between the values of the scan nothing is said: a quantity may cross the level more than once.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    quantity : str
+        A quantity of `stationary`: ``rate_above`` (of impacts that are not slow), ``power``, ``q95_speed_above``, ...
+    level : float
+        The level; for a scene with gears in physical units (impacts per second, mW, mm/s).
+    over : str
+        A parameter, as in `boundary`.
+    between : pair of float, optional
+        Where to search, as in `boundary`.
+    points : int
+        Values of the scan.
+    width : float
+        To which every crossing is narrowed: 0.1 for ± 10 %.
+    slow : float
+        Speed below which an impact counts as slow; of gears it stays the same in mm/s.
+    folder : path, optional
+        Where results are stored: the same search continues there after an interruption.
+    budget : float, optional
+        Seconds of processor time after which no further long run is begun.
+    rng : int
+        Seed.
+    workers : int
+        Threads; the result does not depend on it.
+    progress : str, optional
+        Label of a progress bar on a terminal.
+
+    Returns
+    -------
+    Crossing
+
+    Raises
+    ------
+    InputError
+        For an unknown quantity or parameter, a level that is not positive, or a range that no scene can have.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21, sigma=0.5)
+    >>> found = crossing(scene, quantity="power", level=1e3, over="amplitude", between=(0.1, 0.6), points=2)
+    >>> found.quantity_unit
+    'mW'
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    choice("quantity", quantity, all_names(scene.stages))
+    level = float(positive("level", level))
+    count("points", points, least=2)
+    if not positive("width", width) < 1.0:
+        raise InputError("width", width, "must be below 1")
+    positive("slow", slow)
+    at, own, unit = vary_along(scene, over)
+    low, high = find_range(over, at, own, between)
+    limit = math.inf if budget is None else positive("budget", budget)
+    units = "dimensionless" if scene.gears is None else "physical"
+    began, known = time.process_time(), {}  # type: float, dict[float, Level]
+    bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
+    with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
+        store = Store(Path(folder or scratch))
+
+        def judge(value: float) -> Level:
+            changed = at(value)
+            same_speed = scene.gears.units.speed / changed.gears.units.speed if scene.gears else 1.0
+            factor = unit_of(quantity, changed.gears, units)[1]
+
+            def run(periods: int) -> LongResult | None:
+                if time.process_time() - began > limit:
+                    return None
+                bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
+                cell = LongCell(changed, rng, (), periods=periods, paths=PATHS, slow=slow * same_speed)
+                found: LongResult = store.obtain(cell, runner.compute)
+                return found
+
+            found = judge_level(value, quantity, level / factor, run)
+            bar.update()
+            return found._replace(estimate=factor * found.estimate, low=factor * found.low, high=factor * found.high)
+
+        with ThreadPoolExecutor(workers) as pool:
+            changes = find_changes(judge, low, high, points, width, known, first=BELOW, each=pool.map)
+    table = pd.DataFrame(sorted(known.values()), columns=list(Level._fields))
+    edges = tuple(Sides(below.value, above.value) for below, above in changes)
+    return Crossing(scene, quantity, level, over, edges, table, unit, unit_of(quantity, scene.gears, units)[0])
+
+
+def judge_level(value: float, quantity: str, level: float, run: Callable[[int], LongResult | None]) -> Level:
+    """Lengthen the long run at one value until a quantity is shown to be on one side of a level.
+
+    `run`: Makes a long run of so many periods; None once the budget is spent.
+    """
+    found = Level(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "the budget ended")
+    for periods in LOOKS:
+        try:
+            result = run(periods)
+        except InputError as error:  # no stationary motion is reached
+            return found._replace(remark=str(error))
+        if result is None:
+            break
+        estimate, low, high = find_interval(result, quantity)
+        found = Level(value, UNDECIDED, periods, estimate, low, high, "too near the level to decide")
+        if high < level:
+            return found._replace(verdict=BELOW)
+        if low > level:
+            return found._replace(verdict=ABOVE)
+        if math.isnan(estimate):
+            found = found._replace(remark="there are no such impacts")
+        elif estimate > 0.0 and periods * (0.5 * (high - low)) ** 2 > LOOKS[-1] * (estimate - level) ** 2:
+            break  # neither verdict is in reach
+    return found
+
+
+def find_interval(result: LongResult, quantity: str) -> tuple[float, float, float]:
+    """A quantity of a long run with the interval that counts all looks at all values."""
+    if quantity not in result.table.index:  # at rest
+        return math.nan, math.nan, math.nan
+    row = result.table.loc[quantity].to_dict()
+    value, se = float(row["value"]), float(row["se"])
+    if result.facts["kind"] != "simulated":
+        return value, value, value
+    if quantity.startswith("rate") and value == 0.0:  # none was seen: the upper limit of a Poisson count
+        return 0.0, 0.0, -math.log(TAIL) / (2.0 * math.pi * result.facts["paths"] * result.facts["periods"])
+    if not se > 0.0:
+        return math.nan, math.nan, math.nan
+    half = float(half_width(np.asarray(row["effective_paths"]), TAIL)) * se
+    return value, value - half, value + half

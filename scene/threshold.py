@@ -1,0 +1,119 @@
+"""The threshold of rattle: the drag from which on closed teeth stay closed, without noise (docs/model.md section 3)."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rattle.scene.constants import Constants
+from rattle.scene.drive import velocity_acceleration
+from rattle.scene.errors import InputError
+from rattle.scene.gears import KG_MM_PER_S2_PER_N
+from rattle.scene.scene import Scene
+
+__all__ = ["RattleThreshold", "rattle_threshold"]
+
+GRID = 32  # points for each order of the drive, among which the largest pull is looked for
+ZOOMS = 6  # times that the place of the largest pull is looked for sixteen times as closely
+
+
+class RattleThreshold(NamedTuple):
+    """The drag of a wheel from which on its closed teeth stay closed, from `rattle_threshold`.
+
+    Attributes
+    ----------
+    wheel : int
+        Which loose wheel, 1 or 2.
+    drag : float
+        What the scene has: the drag torque in N mm, or ``gamma`` of a scene without gears.
+    least : float
+        The threshold, in the same unit.
+    unit : str
+        ``N mm``, or empty.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> wheel1, wheel2 = rattle_threshold(Scene.from_gears(DAT21))
+    >>> wheel2.drag, round(wheel2.least), wheel2.opens
+    (50.0, 2579, True)
+    """
+
+    wheel: int
+    drag: float
+    least: float
+    unit: str
+
+    @property
+    def opens(self) -> bool:
+        """Whether the drag is below the threshold, so that closed teeth open."""
+        return self.drag < self.least
+
+
+def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
+    """Compute the drag of each loose wheel from which on its closed teeth stay closed, without noise.
+
+    Closed teeth open when the driver decelerates faster than the drag slows the wheel.  With both meshes closed all
+    wheels move with the driver, and they stay closed if
+
+    - at mesh 2, ``gamma2 >= alpha max(-(f'' + beta2 f'))``;
+    - at mesh 1, the same with the damping and the drag of both wheels as one body, ``(1 - mu) gamma1 + mu gamma2`` and
+      ``(1 - mu) beta1 + mu beta2``.  What wheel 1 must have is stated for a wheel 2 that has its own threshold or more.
+
+    For ``f = sin`` the maximum is ``sqrt(1 + beta^2)``: the torque ``I amplitude omega^2 sqrt(1 + beta^2) / R``.  Below
+    the threshold there is no rest.  Above it a motion that is at rest stays so, but one that rattles may go on where
+    the restitution is high: `stationary` without noise lists both.  White noise opens closed teeth at any drag.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled; its noise is left out.
+
+    Returns
+    -------
+    tuple of RattleThreshold
+        One for each loose wheel; torques in N mm for a scene with gears.
+
+    Raises
+    ------
+    InputError
+        If `scene` is no Scene.
+
+    Examples
+    --------
+    >>> (wheel,) = rattle_threshold(Scene(alpha=2.0, epsilon=0.7, beta1=0.0, gamma1=1.0, stages=1))
+    >>> wheel.least, wheel.opens
+    (2.0, True)
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    c = scene.constants
+    if scene.stages == 1:
+        found = [(c.gamma1, _largest_pull(c, c.beta1))]
+    else:
+        second = _largest_pull(c, c.beta2)
+        both = _largest_pull(c, (1.0 - c.mu) * c.beta1 + c.mu * c.beta2)
+        first = max((both - c.mu * max(c.gamma2, second)) / (1.0 - c.mu), 0.0)
+        found = [(c.gamma1, first), (c.gamma2, second)]
+    gears, out = scene.gears, []
+    for wheel, (gamma, least) in enumerate(found, 1):
+        if gears is None:
+            out.append(RattleThreshold(wheel, gamma, least, ""))
+            continue
+        inertia, radius, torque = (gears.values[f"{name}{wheel}"] for name in ("inertia", "radius", "torque"))
+        newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)  # N mm of gamma = 1
+        out.append(RattleThreshold(wheel, torque, least * newton, "N mm"))
+    return tuple(out)
+
+
+def _largest_pull(c: Constants, beta: float) -> float:
+    """``alpha max(-(f'' + beta f'))`` over a period."""
+    if len(c.drive) == 0:
+        return float(c.alpha * np.hypot(1.0, beta))
+    middle, half = np.pi, np.pi
+    points = GRID * int(c.drive.highest)
+    for _ in range(ZOOMS):
+        tau = np.linspace(middle - half, middle + half, points + 1)
+        rates = np.array([velocity_acceleration(c.drive, t) for t in tau])
+        pull = -(rates[:, 1] + beta * rates[:, 0])
+        middle, half, points = tau[pull.argmax()], 2.0 * half / points, GRID
+    return c.alpha * float(pull.max())

@@ -1,0 +1,123 @@
+"""Where a quantity of the long run crosses a level: against known functions, against long runs, and bad input."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rattle import DAT21, InputError, Scene, crossing, stationary
+from rattle.compare.boundary.crossing import ABOVE, BELOW, LOOKS, PATHS, judge_level
+from rattle.compare.boundary.page import crossing_page
+from rattle.compare.boundary.search import UNDECIDED
+from rattle.compare.stationary.study import LongResult
+
+DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
+SETTINGS = {"quantity": "power", "level": 1000.0, "over": "amplitude", "between": (0.1, 0.6), "points": 3, "width": 0.2}
+
+
+def long_result(value, se, kind="simulated", periods=64):
+    columns = {"value": value, "se": se, "effective_paths": float(PATHS)}
+    table = pd.DataFrame([columns], index=pd.Index(["rate_above"], name="quantity"))
+    return LongResult(table, pd.DataFrame(), {"kind": kind, "paths": PATHS, "periods": periods})
+
+
+@pytest.mark.parametrize(
+    ("true", "verdict"), [(0.7, BELOW), (0.98, BELOW), (1.02, ABOVE), (3.0, ABOVE), (1.0, UNDECIDED)]
+)
+def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
+    seen = []
+
+    def run(periods):
+        seen.append(periods)
+        return long_result(true, 0.02 / math.sqrt(periods / LOOKS[0]))
+
+    found = judge_level(1.0, "rate_above", 1.0, run)
+    assert found.verdict == verdict
+    assert seen == list(LOOKS[: len(seen)])
+    assert (len(seen) == 1) == (abs(true - 1.0) > 0.1 or true == 1.0)  # far from the level, or never to be decided
+
+
+def test_the_share_of_wrong_statements_is_the_stated_one():
+    """Values a little above the level, 20,000 searches of one look: far fewer than a share are called below."""
+    rng = np.random.default_rng(3)
+    wrong = sum(
+        judge_level(1.0, "rate_above", 1.0, lambda _: long_result(1.0 + 0.01 * rng.standard_t(PATHS - 1), 0.01)).verdict
+        != UNDECIDED
+        for _ in range(20_000)
+    )
+    share = 0.05 / 40  # of all four looks at one value, both sides
+    assert wrong <= 20_000 * share + 4.0 * math.sqrt(20_000 * share)
+    assert wrong > 0  # an interval that never fails would be too wide
+
+
+def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
+    found = judge_level(1.0, "rate_above", 1e-2, lambda n: long_result(0.0, 0.0, periods=n))
+    assert (found.verdict, found.estimate) == (BELOW, 0.0)
+    assert 0.0 < found.high < 1e-2
+    nearer = judge_level(1.0, "rate_above", 1e-9, lambda n: long_result(0.0, 0.0, periods=n))
+    assert nearer.verdict == UNDECIDED
+    assert judge_level(1.0, "rate_above", 0.5, lambda _: long_result(0.5000001, 0.0, "periodic")).verdict == ABOVE
+
+
+@pytest.fixture(scope="module")
+def found():
+    return crossing(DRIVEN, **SETTINGS, rng=3)
+
+
+def test_the_crossing_is_between_its_two_values(found):
+    """Long runs with other random numbers agree on both sides; another level has another crossing."""
+    (edge,) = found.edges
+    assert max(edge) / min(edge) <= 1.2 / 0.8 * 1.01
+    for amplitude, sign in ((edge.below, -1.0), (edge.above, 1.0)):
+        gears = replace(DAT21, alpha=amplitude / DAT21.backlash1)
+        run = stationary(Scene.from_gears(gears, sigma=0.5), periods=1024, paths=64, rng=11, closures=())
+        row = run.table_in("physical").loc["power"]
+        assert sign * (row["value"] - found.level) > -4.0 * row["se"]
+    (higher,) = crossing(DRIVEN, **SETTINGS | {"level": 2000.0}, rng=3).edges
+    assert higher.below > edge.above
+
+
+def test_the_result_shows_itself(found):
+    assert "`power` is below 1000 mW up to amplitude = " in repr(found)
+    assert "<table" in found._repr_html_()
+    assert found.plot().axes[0].get_xlabel() == "amplitude (mm)"
+    facts = {"scene": DRIVEN.to_dict(), "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
+    assert "crosses 1000" in crossing_page(found, {"name": "DAT21", **facts}).title
+    assert found.to_dict()["edges"] == [found.edges[0]._asdict()]
+
+
+def test_a_search_continues_where_it_ended(found, tmp_path):
+    first = crossing(DRIVEN, **SETTINGS, rng=3, folder=tmp_path, budget=1e-9)
+    assert set(first.points["remark"]) == {"the budget ended"}
+    assert "Undecided at amplitude = " in first.answer[1]
+    assert crossing(DRIVEN, **SETTINGS, rng=3, folder=tmp_path, workers=2).points.equals(found.points)
+    stored = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
+    assert crossing(DRIVEN, **SETTINGS, rng=3, folder=tmp_path).points.equals(found.points)
+    assert stored == {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
+
+
+def test_drag_ends_the_rattle():
+    """Without noise the closed teeth of a single stage lose no energy beyond its threshold of rattle."""
+    scene = Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1)
+    found = crossing(scene, quantity="rate", level=0.1, over="gamma1", between=(0.5, 3.0), points=4, width=0.05)
+    (edge,) = found.edges
+    assert edge.above < scene.alpha * math.hypot(1.0, scene.beta1) < edge.below
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"quantity": "powr"}, "did you mean 'power'"),
+        ({"over": "amplitud"}, "did you mean 'amplitude'"),
+        ({"level": 0.0}, "level = 0.0"),
+        ({"between": (0.5, 0.1)}, "give a smaller and a larger value"),
+        ({"points": 1}, "must be at least 2"),
+        ({"width": 1.0}, "width = 1.0"),
+        ({"slow": 0.0}, "slow = 0.0"),
+    ],
+)
+def test_bad_input_is_refused(changed, message):
+    with pytest.raises(InputError, match=message):
+        crossing(DRIVEN, **SETTINGS | changed)
