@@ -4,7 +4,7 @@ import logging
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,14 +19,16 @@ from rattle.scene.units import RATE, UNITS, check_units, in_units
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from rattle.montecarlo.diagnostics.reach import Reach
     from rattle.scene import Gears
 
 EXIT_NOT_MET = 3
+MOST_NAMED = 8  # rows that miss an accuracy which are named
 TABLE_UNITS = "Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears]."
 JSON_UNITS = "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
 COMPARED = "Closure to compare; repeatable. [default: all]"
 QUANTITY = "Quantity that the accuracy is for; repeatable. [default: rate, speed, energy_per_period]"
-AN_HOUR = "what is expected to take more than an hour is refused"
+AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 
 
 @click.command()
@@ -67,9 +69,9 @@ def simulate(
     """Simulate a scene and print its moments at each impact.
 
     SCENE is a TOML file, DAT21 if none is given. With --accuracy the expected time is printed before the work starts.
+    Means and sds that miss the accuracy are marked with a star, and listed with their own bound and the reason.
 
-    Exit codes: 0 done; 2 bad input, or an accuracy that would take too long; 3 the budget ended before the accuracy was
-    reached.
+    Exit codes: 0 done; 2 bad input; 3 a mean or an sd misses the accuracy.
     """
     from rattle.compare.report.folder import write_whole
     from rattle.montecarlo import Record, simulate, simulate_to
@@ -90,7 +92,7 @@ def simulate(
             if value is not None:
                 raise InputError(name, value, "is chosen by --accuracy; leave out one of them")
         with _estimates_shown():
-            run = simulate_to(base, accuracy, scheme=scheme, budget=budget, **common)
+            run = simulate_to(base, accuracy, scheme=scheme, budget=budget, refuse=False, **common)
     reach = run.reach
     if as_json:
         record = {
@@ -99,18 +101,22 @@ def simulate(
             "paths": run.paths,
             "seconds": round(run.wall_seconds, 3),
             "reach": None if reach is None else reach.sentence,
+            "missed": [] if reach is None else [row._asdict() for row in reach.missed],
             "diagnostics": run.diagnostics,
             "units": units,
             "section": run.section_in(units).reset_index().to_dict("records"),
         }
         say_json(record)
     else:
-        say(_table(in_units(run.columns, base.gears, units), columns_in(units, base.gears)), keep="\n")
+        shown = columns_in(units, base.gears)
+        say(_table(in_units(run.columns, base.gears, units), shown, _stars(reach, shown)), keep="\n")
         took = f"{run.wall_seconds:.1f} s on {settings['workers']} threads"
         say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {took}")
         if reach is not None and reach.reached:  # else it is among the diagnostics
             say(reach.sentence)
         say_lines(run.diagnostics)
+        if reach is not None and reach.missed:
+            say_lines(_missed(reach, 2 * (2 + 2 * base.stages) * settings["impacts"]))
     if out is not None:  # last, so that the results have been printed if the file cannot be written
         from rattle.compare.report.save import csv_text
 
@@ -166,14 +172,31 @@ def columns_in(units: str, gears: "Gears | None") -> tuple[str, ...]:
     return (names[0], RATE, *names[1:])
 
 
-def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...]) -> str:
+def _stars(reach: "Reach | None", shown: tuple[str, ...]) -> Set[tuple[str, int]]:
+    """The shown columns and the impacts of the means and sds that miss the accuracy."""
+    name = dict(zip(SHOWN, (column for column in shown if column != RATE), strict=True))
+    missed = () if reach is None else reach.missed
+    found = ((f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed)
+    return {(name[column], impact) for column, impact in found if column in name}
+
+
+def _missed(reach: "Reach", rows: int) -> list[str]:
+    """The means and sds that miss the accuracy, the worst by name."""
+    named = [row.sentence for row in reach.missed[:MOST_NAMED]]
+    more = len(reach.missed) - len(named)
+    said = f"{len(reach.missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):"
+    return [said, *(f"  {sentence}" for sentence in named), *([f"  and {more} more"] if more else [])]
+
+
+def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...], stars: Set[tuple[str, int]]) -> str:
     """The columns shown on a terminal, without absent and empty ones; pandas would take as long to load as sampling."""
     texts = [["impact", *(str(k) for k in range(1, len(columns["mesh"]) + 1))]]
     for name in (name for name in shown if name in columns):
         values = columns[name].tolist()
         if not all(math.isnan(v) for v in values):
             form = next((form for start, form in FORMS.items() if name.startswith(start)), ".5f")
-            texts.append([name, *(format(v, form) if isinstance(v, float) else str(v) for v in values)])
+            cells = [format(v, form) if isinstance(v, float) else str(v) for v in values]
+            texts.append([name, *(f"{cell}*" if (name, k) in stars else cell for k, cell in enumerate(cells, 1))])
     wide = [max(map(len, text)) for text in texts]
     return "\n".join(
         "  ".join(cell.rjust(w) for cell, w in zip(line, wide, strict=True)) for line in zip(*texts, strict=True)

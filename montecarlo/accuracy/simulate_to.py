@@ -2,9 +2,9 @@
 
 Where nothing is random one path is the answer, and only the bias of the step is left to be made small.
 
-A budget of processor time bounds all of it, the search for rare branches too, and an answer that is expected to cost
-more than an hour without one is refused as soon as pilots have shown it.  The budget is looked at between runs and
-between blocks of paths: a block that runs is not cut short.
+A budget of processor time bounds all of it, the search for rare branches too.  Without one, an answer that is expected
+to cost more than an hour is refused as soon as pilots have shown it, or cut to a stated amount of counted work.  The
+budget is looked at between runs and between blocks of paths: a block that runs is not cut short.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.accuracy.cost import expect_paths
+from rattle.montecarlo.accuracy.cost import cost_of, expect_paths
 from rattle.montecarlo.accuracy.pilots import (
     COARSEST,
     ROUGHEST,
@@ -27,6 +27,7 @@ from rattle.montecarlo.accuracy.pilots import (
     choose_scheme,
     sample_branches,
 )
+from rattle.montecarlo.accuracy.rows import dearest_row, missed_rows
 from rattle.montecarlo.accuracy.step_error import step_error
 from rattle.montecarlo.branches.simulate_rare import extend_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
@@ -51,16 +52,20 @@ ESTIMATES = logging.getLogger("rattle.estimate")
 
 MOST_BIAS = 0.6  # share of an accuracy that the bias of the step may take; pilots aim at half
 SPARE = 1.05  # paths that are run over those foreseen, so that the next look is the last
+INSTEAD = 20.0  # nominal core-seconds of an answer in place of one that would take more than an hour
 LEAST_ROOM = 0.2  # share that is left to the error of sampling while the step is too long
 GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
 
 
-def _check_affordable(pilot_run: PilotRun, accuracy: float) -> None:
-    """Refuse what is expected to take longer than where no budget is given."""
+def _expect_seconds(pilot_run: PilotRun, accuracy: float) -> float:
+    """Core-seconds that an accuracy is expected to take; those of the fewest paths where there was no whole pilot."""
     expected = pilot_run.at(accuracy)
-    seconds = max(expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * LEAST)
-    if seconds <= HOUR:
-        return
+    return max(expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * LEAST)
+
+
+def _refuse(pilot_run: PilotRun, accuracy: float) -> None:
+    """Refuse what is expected to take longer than an hour where no budget is given."""
+    expected, seconds = pilot_run.at(accuracy), _expect_seconds(pilot_run, accuracy)
     gives = pilot_run.within(HOUR, accuracy) if pilot_run.whole else math.inf
     instead = f"ask for {_round_up(gives):g}, which an hour is expected to give, or " if gives < math.inf else ""
     raise InputError(
@@ -96,6 +101,7 @@ def simulate_to(
     record: Record | None = None,
     progress: str | None = None,
     sampling: Sampling | None = None,
+    refuse: bool = True,
 ) -> Ensemble:
     """Simulate until all section means and sds are known to an accuracy, with 95 % probability for all of them at once.
 
@@ -125,6 +131,9 @@ def simulate_to(
         Label of a progress bar on a terminal; none by default, and none in a pipe.
     sampling : Sampling
         ``blocks`` alone can be given: who runs the blocks of paths; by default threads of this process.
+    refuse : bool
+        Whether what is expected to take more than an hour is refused where no budget is given.  Otherwise the answer is
+        what about 20 seconds of counted work give, on every machine the same; `Ensemble.reach` has the rows that miss.
 
     Returns
     -------
@@ -134,13 +143,12 @@ def simulate_to(
     Raises
     ------
     InputError
-        For a setting that cannot be run, and for an accuracy that is expected to take more than an hour where no budget
-        is given; no more than pilot runs has started then.
+        For a setting that cannot be run, and for an accuracy that is refused; no more than pilot runs has started then.
 
     Warns
     -----
     AccuracyWarning
-        Where the budget ended before the accuracy was reached.
+        Where the accuracy was not reached.
 
     Examples
     --------
@@ -175,7 +183,7 @@ def simulate_to(
     accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:
         budget = float(positive("budget", budget))
-    run = _simulate(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, sampling.blocks)
+    run = _simulate(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, sampling.blocks, refuse)
     if run.reach is not None and not run.reach.reached:
         warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=3)
     return run
@@ -192,6 +200,7 @@ def _simulate(
     record: Record,
     progress: str | None,
     blocks: Blocks | None,
+    refuse: bool,
 ) -> Ensemble:
     """Pilot runs, then the scheme that they choose until both errors are within the accuracy or the budget is spent."""
     left = Budget(HOUR if budget is None else budget)
@@ -210,11 +219,18 @@ def _simulate(
         longer = _extend(pilot_run.run, count_followed(scene, LEAST), blocks, progress)
         pilot_run = sample_branches(PilotRun(longer, pilot_run.path_seconds, True), accuracy, blocks, left)
         candidates = [pilot_run.at(accuracy) if c.scheme == pilot_run.run.scheme else c for c in candidates]
-    ESTIMATES.info("Accuracy %g sd: %s%s.", accuracy, pilot_run.at(accuracy).sentence, _most_for(pilot_run, accuracy))
+    dearest = dearest_row(pilot_run.run, accuracy, share_of_look(1)) if pilot_run.whole else ""
+    said = pilot_run.at(accuracy).sentence + _most_for(pilot_run, accuracy) + (f"; {dearest}" if dearest else "")
+    short = budget is None and _expect_seconds(pilot_run, accuracy) > HOUR
+    if short and refuse:
+        _refuse(pilot_run, accuracy)
+    if short:
+        said += f". That is more than an hour: the answer is what about {INSTEAD:g} s give, or give a budget in seconds"
+    ESTIMATES.info("Accuracy %g sd: %s.", accuracy, said)
     if budget is None:
-        _check_affordable(pilot_run, accuracy)
         left.ends = math.inf  # from here on no clock decides
-    run, more, look = _follow_up(pilot_run, again, record, blocks, accuracy, left, progress)
+    follow = _cut_short if short else _follow_up
+    run, more, look = follow(pilot_run, again, record, blocks, accuracy, left, progress)
     bound = error_bound(run, share_of_look(look))
     step = 0.0 if not SCHEMES[run.scheme].has_step_bias else step_error(run)[0]
     worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
@@ -222,6 +238,8 @@ def _simulate(
     reach = Reach(
         accuracy, sampling_error(run)[0], step, bound.error + step, worst, candidates, more, enough, bound.remark
     )
+    if not reach.reached:
+        reach = reach._replace(missed=missed_rows(run, accuracy, share_of_look(look)))
     return replace(run, reach=reach)
 
 
@@ -230,6 +248,28 @@ def _extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None) -> 
     if paths <= run.paths:
         return run
     return (extend if run.plan.mixture is None else extend_rare)(run, paths, blocks, progress)
+
+
+def _cut_short(
+    pilot_run: PilotRun,
+    simulate: Simulate,
+    record: Record,
+    blocks: Blocks,
+    accuracy: float,
+    budget: Budget,
+    progress: str | None,
+) -> tuple[Ensemble, float, int]:
+    """As `_follow_up`, but what `INSTEAD` core-seconds of counted work give."""
+    run, more = pilot_run.run, _expect_seconds(pilot_run, accuracy)
+    if not pilot_run.whole:
+        return run, more, 1
+    if SCHEMES[run.scheme].has_step_bias:
+        aim = min(pilot_run.within(INSTEAD, accuracy), ROUGHEST)
+        run, _, look = _follow_up(pilot_run, simulate, record, blocks, aim, budget, progress)
+        return run, more, look
+    grain = count_followed(run.scene, BLOCK)
+    paths = int(INSTEAD / cost_of(run, 1).core_seconds) // grain * grain
+    return _extend(run, max(paths, count_followed(run.scene, LEAST)), blocks, progress), more, 1
 
 
 def _follow_up(

@@ -45,6 +45,21 @@ class Candidate(NamedTuple):
         )
 
 
+class Row(NamedTuple):
+    """A section mean or sd that is less accurate than was asked for."""
+
+    moment: str  # ``mean`` or ``sd``
+    quantity: str
+    impact: int
+    bound: float  # 95 % bound of its error, in units of the quantity's sd; all rows share the 5 %
+    why: str  # what most of the bound is for
+
+    @property
+    def sentence(self) -> str:
+        """The row with its bound and the reason."""
+        return f"{self.moment} of {self.quantity} at impact {self.impact}: {self.bound:.2g} sd ({self.why})"
+
+
 class Reach(NamedTuple):
     """The accuracy that a run reached, compared with the accuracy asked for.
 
@@ -74,6 +89,9 @@ class Reach(NamedTuple):
         Whether there are enough paths, over the full horizon, for events of probability 1e-4 to be sampled.
     remark : str
         The unseen branch that matters most, in words; empty if none does.
+    missed : tuple
+        Where the accuracy was not reached, the rows that miss it, the worst first: each has ``moment, quantity,
+        impact, bound, why`` and a ``sentence``.  All others are as accurate as was asked for.
 
     Examples
     --------
@@ -92,6 +110,7 @@ class Reach(NamedTuple):
     more_seconds: float
     enough: bool = True
     remark: str = ""
+    missed: tuple[Row, ...] = ()
 
     @property
     def schemes(self) -> pd.DataFrame:
@@ -124,4 +143,4 @@ class Reach(NamedTuple):
         errors += f"; {self.remark}" if self.remark else ""
         few = "" if self.enough else ", from fewer paths or a shorter time than an answer needs"
         more = f"{duration_text(self.more_seconds)} of processor time more"
-        return f"Accuracy {self.asked:g} sd NOT reached within the budget: {errors}{few}; about {more} would suffice."
+        return f"Accuracy {self.asked:g} sd NOT reached: {errors}{few}; about {more} would suffice."

@@ -62,7 +62,7 @@ def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, cont
 
 
 def test_a_spent_budget_gives_the_best_answer_and_says_what_is_missing():
-    with pytest.warns(AccuracyWarning, match="NOT reached within the budget"):
+    with pytest.warns(AccuracyWarning, match="NOT reached: with"):
         run = simulate_to(dat21(0.1), 1e-4, impacts=12, rng=5, budget=0.5)
     assert run.diagnostics[0] == run.reach.sentence
     assert not run.reach.reached

@@ -60,13 +60,29 @@ def test_what_an_accuracy_takes_is_one_line_before_the_work():
     assert [row["agreement"] for row in record["section"]] == [1.0, 1.0]
 
 
-def test_an_accuracy_beyond_an_hour_is_refused_before_the_work_unless_a_budget_is_given():
-    result = rattle("simulate", "--sigma", "0.1", "--impacts", "2", "--accuracy", "1e-9")
-    assert result.exit_code == 2
-    assert "accuracy = 1e-09: is expected to take" in result.output
-    assert " years (about " in result.output
-    assert "give the seconds that it may take as budget" in result.output
-    assert rattle("simulate", "--sigma", "0.1", "--impacts", "2", "--accuracy", "1e-9", "--budget", "1").exit_code == 3
+def test_an_accuracy_beyond_an_hour_is_answered_with_the_rows_that_miss_it(monkeypatch):
+    """The same bits with other threads: counted work decides where it ends."""
+    monkeypatch.setattr("rattle.montecarlo.accuracy.simulate_to.INSTEAD", 0.2)
+    words = ("simulate", "--sigma", "0.1", "--impacts", "2", "--accuracy", "1e-9")
+    result = rattle(*words)
+    assert result.exit_code == 3
+    assert " years of processor time: exact-flight" in result.stderr
+    assert "That is more than an hour: the answer is what about 0.2 s give" in result.stderr
+    assert "24 of 24 means and sds miss 1e-09 sd (* in the table):" in result.stdout
+    assert "  and 16 more" in result.stdout
+    assert result.stdout.count("*") == 12 + 1
+    one, two = (json.loads(rattle(*words, "--json", "--workers", n).stdout) for n in "12")
+    assert (one["paths"], one["section"], one["missed"]) == (two["paths"], two["section"], two["missed"])
+    assert len(one["missed"]) == 24
+
+
+def test_stars_stand_at_what_misses_alone_in_either_units(monkeypatch):
+    words = ("simulate", "--sigma", "0.1", "--impacts", "3", "--accuracy", "0.02", "--budget", "0.5")
+    for units in ("dimensionless", "physical"):
+        result = rattle(*words, "--units", units)
+        record = json.loads(rattle(*words, "--units", units, "--json").stdout)
+        assert (result.exit_code == 3) == (result.stdout.count("*") > 0)
+        assert (record["missed"] == []) == ("reached:" in (record["reach"] or ""))
 
 
 @pytest.mark.parametrize(

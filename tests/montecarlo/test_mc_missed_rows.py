@@ -1,0 +1,80 @@
+"""Rows that miss an accuracy: which are named, with which bound and reason, and what a cut-off answer does not hide."""
+
+import numpy as np
+import pytest
+
+from rattle import DAT21, AccuracyWarning, InputError, Scene, simulate, simulate_to
+from rattle.montecarlo.accuracy.rows import dearest_row, missed_rows
+from rattle.montecarlo.diagnostics.accuracy import error_bound, share_of_look
+
+NOISY = Scene.from_gears(DAT21, sigma=0.1)
+SHARE = share_of_look(1)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return simulate(NOISY, paths=20_000, impacts=4, rng=5)
+
+
+def test_the_bound_of_all_rows_lies_among_their_own(run):
+    """At the simultaneous bound some row misses; just above the largest own bound none does."""
+    bound = error_bound(run, SHARE).error
+    rows = missed_rows(run, bound * 0.999, SHARE)
+    assert rows
+    assert rows[0].bound == max(row.bound for row in rows) >= bound * 0.999
+    assert not missed_rows(run, rows[0].bound * 1.001, SHARE)
+    assert len(missed_rows(run, 1e-9, SHARE)) > len(rows)
+
+
+def test_own_bounds_hold_together():
+    """In 60 runs against one with 400 times the paths: at most the stated share has a row beyond its own bound."""
+    settings = {"impacts": 3, "scheme": "exact-flight"}
+    reference = simulate(NOISY, paths=800_000, rng=1, **settings)
+    failed = 0
+    for seed in range(60):
+        few = simulate(NOISY, paths=2_000, rng=100 + seed, **settings)
+        worst = 0.0
+        for row in missed_rows(few, 1e-9, 0.05):
+            name, k = ("sd_" if row.moment == "sd" else "") + row.quantity, row.impact - 1
+            off = abs(few.columns[name][k] - reference.columns[name][k])
+            unit = few.columns["sd_" + row.quantity][k]
+            if unit > 1e-6 and f"x{int(few.columns['mesh'][k])}" != row.quantity:
+                worst = max(worst, off / unit / row.bound)
+        failed += worst > 1.0
+    assert failed <= 60 * 0.05 + 3.0 * np.sqrt(60 * 0.05)
+
+
+def test_reasons_are_the_largest_part():
+    scene = Scene.from_gears(DAT21, sigma=0.01)
+    biased = simulate(scene, paths=4_000, impacts=3, scheme="euler-maruyama", dt=0.01, rng=1)
+    assert {row.why for row in missed_rows(biased, 0.5, SHARE)} == {"bias of the step"}
+    few = simulate(scene, paths=200, impacts=3, rng=1)
+    assert {row.why for row in missed_rows(few, 0.01, SHARE)} >= {"too few paths"}
+
+
+def test_without_noise_no_row_is_named():
+    still = simulate(NOISY.with_sigma(0.0), paths=1, impacts=3)
+    assert missed_rows(still, 1e-9, SHARE) == ()
+    assert dearest_row(still, 1e-9, SHARE) == ""
+
+
+def test_the_dearest_row_is_named_where_it_is_much_dearer():
+    scene = Scene(alpha=1.5, epsilon=0.9, beta1=0.083, gamma1=0.057, stages=1, sigma=0.3)
+    found = simulate(scene, paths=20_000, impacts=6, rng=1)
+    heavy = dearest_row(found, 0.01, SHARE)
+    columns = found.columns
+    ratio = max(columns["kurt_tau"].max(), columns["kurt_y1"].max())
+    assert (heavy == "") or ("nine in ten of the others would take" in heavy and ratio > 3.0)
+
+
+def test_an_answer_in_place_of_a_refusal(monkeypatch):
+    monkeypatch.setattr("rattle.montecarlo.accuracy.simulate_to.INSTEAD", 0.5)
+    with pytest.raises(InputError, match="is expected to take"):
+        simulate_to(NOISY, 1e-8, impacts=2)
+    for scheme in ("exact-flight", "euler-maruyama"):
+        with pytest.warns(AccuracyWarning, match="NOT reached: with 95 %"):
+            found = simulate_to(NOISY, 1e-8, impacts=2, refuse=False, scheme=scheme)
+        assert not found.reach.reached
+        assert len(found.reach.missed) == 24
+        assert found.reach.more_seconds > 3600.0
+    assert simulate_to(NOISY, 0.1, impacts=2, refuse=False).reach.missed == ()
