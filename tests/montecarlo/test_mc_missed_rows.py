@@ -5,7 +5,7 @@ import pytest
 
 from rattle import DAT21, AccuracyWarning, InputError, Scene, simulate, simulate_to
 from rattle.montecarlo.accuracy.rows import dearest_row, missed_rows
-from rattle.montecarlo.diagnostics.accuracy import error_bound, share_of_look
+from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, share_of_look, units_by_quantity
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
 SHARE = share_of_look(1)
@@ -27,21 +27,19 @@ def test_the_bound_of_all_rows_lies_among_their_own(run):
 
 
 def test_own_bounds_hold_together():
-    """In 60 runs against one with 400 times the paths: at most the stated share has a row beyond its own bound."""
-    settings = {"impacts": 3, "scheme": "exact-flight"}
-    reference = simulate(NOISY, paths=800_000, rng=1, **settings)
-    failed = 0
+    """In 60 runs against one with 60 times the paths: at most the stated share has a row beyond its own bound."""
+    reference = simulate(NOISY, paths=2_000_000, rng=1, impacts=3)
+    failed = halved = 0
     for seed in range(60):
-        few = simulate(NOISY, paths=2_000, rng=100 + seed, **settings)
-        worst = 0.0
-        for row in missed_rows(few, 1e-9, 0.05):
+        run = simulate(NOISY, paths=LEAST, rng=100 + seed, impacts=3)
+        unit, off = units_by_quantity(run), []
+        for row in missed_rows(run, 1e-9, 0.05):
             name, k = ("sd_" if row.moment == "sd" else "") + row.quantity, row.impact - 1
-            off = abs(few.columns[name][k] - reference.columns[name][k])
-            unit = few.columns["sd_" + row.quantity][k]
-            if unit > 1e-6 and f"x{int(few.columns['mesh'][k])}" != row.quantity:
-                worst = max(worst, off / unit / row.bound)
-        failed += worst > 1.0
-    assert failed <= 60 * 0.05 + 3.0 * np.sqrt(60 * 0.05)
+            off.append(abs(run.columns[name][k] - reference.columns[name][k]) / unit[row.quantity][k] / row.bound)
+        failed, halved = failed + (max(off) > 1.0), halved + (max(off) > 0.5)
+    allowed = 60 * 0.05 + 3.0 * np.sqrt(60 * 0.05)
+    assert failed <= allowed
+    assert halved > allowed  # a planted error: bounds of half the length are caught
 
 
 def test_reasons_are_the_largest_part():
@@ -75,6 +73,6 @@ def test_an_answer_in_place_of_a_refusal(monkeypatch):
         with pytest.warns(AccuracyWarning, match="NOT reached: with 95 %"):
             found = simulate_to(NOISY, 1e-8, impacts=2, refuse=False, scheme=scheme)
         assert not found.reach.reached
-        assert len(found.reach.missed) == 24
+        assert len(found.reach.missed) > 20
         assert found.reach.more_seconds > 3600.0
     assert simulate_to(NOISY, 0.1, impacts=2, refuse=False).reach.missed == ()
