@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         Start,
         Tolerance,
     )
+    from rattle.scene.measured_drive import MeasuredDrive, measure_drive
     from rattle.scene.threshold import RattleThreshold, rattle_threshold
 
 __all__ = [
@@ -79,6 +80,7 @@ __all__ = [
     "Gears",
     "InputError",
     "MeanMap",
+    "MeasuredDrive",
     "Orbit",
     "Order",
     "OutputError",
@@ -104,6 +106,7 @@ __all__ = [
     "largest_step",
     "load_study",
     "mean_map",
+    "measure_drive",
     "rattle_threshold",
     "refusals",
     "sensitivity",
@@ -127,6 +130,7 @@ _MODULES = {
         "Start",
         "Tolerance",
     ),
+    "scene.measured_drive": ("MeasuredDrive", "measure_drive"),
     "scene.threshold": ("RattleThreshold", "rattle_threshold"),
     "closure": (
         "CLOSURES",

@@ -1,8 +1,8 @@
 """Gears as people write them: the tables of a scene file, and questions about gears that cannot exist.
 
-The table ``[gears]`` has gears, and their tolerances as a drawing gives them; each table ``[[drive]]`` has an order.  A
-value is questioned, in the user's own fields and units and with the likely conversion, only where no gear pair can have
-it:
+The table ``[gears]`` has gears, and their tolerances as a drawing gives them; each table ``[[drive]]`` has an order,
+and a table ``[drive]`` the file of a measured drive.  A value is questioned, in the user's own fields and units and
+with the likely conversion, only where no gear pair can have it:
 
 - a radius below 0.05 mm, under the smallest pinions of watches;
 - a backlash that is not smaller than its radius, or smaller than 1e-5 of it, by which steel grows in one kelvin;
@@ -20,10 +20,12 @@ the paper's example.
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
+from pathlib import Path
 from typing import Any
 
 from rattle.scene.errors import InputError, check_keys, finite, non_negative, positive
 from rattle.scene.gears import DAT21, DRIVES, SPEEDS, WHEEL2, Gears
+from rattle.scene.measured_drive import MeasuredDrive, measure_drive
 from rattle.scene.parts import Order
 
 FIELDS = tuple(f.name for f in fields(Gears))
@@ -31,6 +33,8 @@ REQUIRED = tuple(f.name for f in fields(Gears) if f.default is MISSING)
 OPTIONAL = (*DRIVES, "driver_radius", *SPEEDS, "tolerance")
 AMPLITUDES = {"amplitude_mm": "amplitude", "amplitude_rad": "amplitude_rad"}
 """An order's amplitude on the driver's pitch circle, in mm or rad, and what the gears call their own."""
+MEASURED = ("file", "periods", "periods_per_turn", "highest_order")
+"""Keys of the table ``[drive]`` of a measured drive."""
 ORDER = ("order", "amplitude", *AMPLITUDES, "phase")
 TOLERANCE = ("backlash1", "backlash2", "distribution", "draw")
 
@@ -146,6 +150,43 @@ def read_drive(given: object, gears: Gears | None = None, radius: float | None =
             amplitude = amplitude / gears.backlash1 / own  # as alpha is made: the gears' own is exactly 1
         orders.append(Order(table["order"], amplitude, table.get("phase", 0.0)))
     return tuple(orders)
+
+
+def read_measured(data: Mapping[str, Any]) -> MeasuredDrive:
+    """The measured drive of a scene file: its table ``[drive]`` with a ``file``."""
+    table, gears = data["drive"], data.get("gears", {})
+    if "order" in table:
+        raise InputError("drive", table, "write each order as a table: [[drive]]")
+    check_keys("drive", table, MEASURED)
+    if "file" not in table:
+        raise InputError("drive.file", None, "is missing; or write each order as a table: [[drive]]")
+    if not gears:
+        raise InputError("drive.file", table["file"], "needs [gears], whose wheels it drives")
+    if given := [name for name in DRIVES if name in gears]:
+        raise InputError(f"gears.{given[0]}", gears[given[0]], "leave it out: the file of the drive has the amplitude")
+    return measure_drive(omega=gears.get("omega"), driver_radius=gears.get("driver_radius"), **table)
+
+
+def take_measured(data: dict[str, Any]) -> dict[str, Any]:
+    """The data of a scene with the orders of its measured drive, and their noise where it gives none of its own."""
+    if not isinstance(data.get("drive"), Mapping):
+        return data
+    found = read_measured(data)
+    gears = {"omega": found.omega} | data["gears"] | {"amplitude": found.amplitude}
+    if not set(SPEEDS) & set(gears):
+        gears.pop("driver_radius", None)  # the amplitude is in mm now
+    backlash = positive("gears.backlash1", finite("gears.backlash1", gears.get("backlash1", 1.0)))
+    scene = {"sigma": found.sigma_ratio * found.amplitude / backlash} | data.get("scene", {})
+    orders = [{"order": one.order, "amplitude": one.amplitude, "phase": one.phase} for one in found.drive]
+    return data | {"gears": gears, "drive": orders, "scene": scene}
+
+
+def find_measured(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The data of a scene file with the path of its measured drive from the folder of that file."""
+    drive = data.get("drive")
+    if not isinstance(drive, Mapping) or not isinstance(drive.get("file"), str):
+        return data
+    return data | {"drive": {**drive, "file": str(folder / drive["file"])}}
 
 
 def _full(field: str) -> str:

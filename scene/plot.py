@@ -1,32 +1,21 @@
 """Figures of section moments, predicted or sampled, and of an orbit between its walls."""
 
 from collections.abc import Mapping, Sequence
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rattle.scene.constants import Constants
 from rattle.scene.errors import choice
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
+from rattle.scene.shown_figure import ShownFigure
 from rattle.scene.types import Floats, Ints
 from rattle.scene.units import units_of
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-class ShownFigure(Figure):
-    """A figure of matplotlib that a notebook shows, once, as the value of a cell."""
-
-    def _repr_png_(self) -> bytes:
-        """The picture that a notebook asks for."""
-        picture = BytesIO()
-        self.savefig(picture, format="png")
-        return picture.getvalue()
 
 
 def plot_section(

@@ -23,7 +23,16 @@ from rattle.scene.errors import (
 )
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears
-from rattle.scene.gears_input import check_plausible, of_gears, own_amplitude, read_drive, read_gears, read_tolerance
+from rattle.scene.gears_input import (
+    check_plausible,
+    find_measured,
+    of_gears,
+    own_amplitude,
+    read_drive,
+    read_gears,
+    read_tolerance,
+    take_measured,
+)
 from rattle.scene.parts import GAPS, MEMORY, SINE_ALONE, TINY, Order, Start, Tolerance
 from rattle.scene.text import as_call, as_html
 from rattle.scene.types import Floats
@@ -448,6 +457,7 @@ class Scene:
             For unknown or missing keys and values that are not admissible.
         """
         check_keys("top level", _table("scene", data), ("gears", "scene", "drive"))
+        data = take_measured(data)
         settings = _table("scene", data.get("scene", {}))
         if "drive" in settings:
             raise InputError("scene.drive", settings["drive"], "write each order as a table [[drive]] beside [scene]")
@@ -531,7 +541,7 @@ class Scene:
         """
         text = read_text("scene file", path)
         with in_file(path, text):
-            data = read_toml(text)
+            data = find_measured(read_toml(text), Path(path).parent)
             scene = cls.from_dict(data)
             if scene.gears is not None:
                 check_plausible(scene.gears, data["gears"])

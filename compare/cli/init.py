@@ -56,7 +56,8 @@ SCENE = """\
 sigma = 0.08               # 1        intensity of the white noise on the drive, here of 3 % rms from 0 to 50 Hz:
 #                                     alpha * 0.03 * sqrt(omega / (2 * 50 Hz)), Gears.sigma_from; if left out, no noise
 # correlation_time = 3.0   # 1        memory of the noise, in units of 1/omega; white if left out
-# A drive of more orders than one sine: tables [[drive]], as in examples/engine-orders.toml.
+# A drive of more orders than one sine: tables [[drive]], as in examples/engine-orders.toml; a measured one:
+# [drive] with a file, as in examples/measured-drive.toml.
 stages = 2                 # 1        1: driver and wheel 1 alone; the values of wheel 2 may then be left out
 """
 START = {

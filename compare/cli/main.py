@@ -11,6 +11,7 @@ with ends_soon(raises=False):
     from rattle.compare.cli.boundary import boundary
     from rattle.compare.cli.chaos import chaos, claims
     from rattle.compare.cli.check import check, warm_up
+    from rattle.compare.cli.drive import drive
     from rattle.compare.cli.init import init
     from rattle.compare.cli.sensitivity import sensitivity
     from rattle.compare.cli.shared import say
@@ -96,6 +97,7 @@ for command in (
     chaos,
     check,
     claims,
+    drive,
     init,
     order,
     sensitivity,

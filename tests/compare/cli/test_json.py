@@ -43,6 +43,7 @@ SMALL = {
     "study": ["study.toml"],
     "check published": ["--result", "bouncing-ball"],
     "check extremes": [],
+    "drive": [str(ROOT / "examples" / "measured-drive.toml"), "--out", "out"],
     "boundary": ["--impacts", "1", "--points", "2", "--width", "0.9", "--out", "out"],
     "sensitivity": ["scene.toml", "--parameter", "epsilon", "--quantity", "power", "--accuracy", "1", "--out", "out"],
     "stationary": ["scene.toml", "--paths", "64", "--periods", "64", "--out", "out"],

@@ -194,5 +194,5 @@ def test_an_example_loads_and_simulates(path):
     assert run.unfinished == 0
 
 
-def test_there_are_four_examples():
-    assert len(EXAMPLES) == 4
+def test_there_are_five_examples():
+    assert len(EXAMPLES) == 5

@@ -1,0 +1,216 @@
+"""A measured drive: orders and noise from made measurements of every kind, files of scenes, and bad files."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from rattle import InputError, Scene, measure_drive
+from rattle.compare.cli.main import main
+
+OMEGA, RADIUS = 167.6, 32.0
+ORDERS = ((1, 0.45, 0.3), (2, 0.08, 1.1), (5, 0.002, -0.4))  # amplitudes in mm
+GEARS = """
+[gears]
+driver_radius = 32.0
+omega = 167.6
+epsilon = 0.7
+inertia1 = 950.0
+inertia2 = 620.0
+radius1 = 38.0
+radius2 = 30.0
+backlash1 = 0.12
+torque1 = 6.0
+"""
+DEGREES = {"displacement": "deg", "speed": "rpm", "acceleration": "rad/s^2"}
+TO_UNIT = {"mm": 1.0, "deg": math.degrees(1.0) / RADIUS, "rpm": 30.0 / math.pi / RADIUS, "rad/s^2": 1.0 / RADIUS}
+
+
+def motion(tau, power, orders=ORDERS):
+    """The derivative of some order of the driver's motion by time, in mm and s."""
+    parts = [a * (1j * j * OMEGA) ** power * np.exp(1j * (j * tau + p - 0.5 * math.pi)) for j, a, p in orders]
+    return np.real(sum(parts))
+
+
+def table(head, x, y):
+    return head + "\n" + "".join(f"{a:.10g},{b:.12g}\n" for a, b in zip(x, y, strict=True))
+
+
+def noisy(seed, ratio, periods=60, samples=32, finer=8, memory=0.0):
+    """The speed in mm/s of a drive whose modulation is white noise, or one with a memory, as a table."""
+    rng = np.random.default_rng(seed)
+    step = 2.0 * math.pi / (samples * finer)
+    tau = step * np.arange(periods * samples * finer + 1)
+    push = motion(tau, 2) / OMEGA
+    kicks = ratio * math.sqrt(step) * rng.normal(size=len(tau) - 1)
+    if memory:
+        keep = math.exp(-step / memory)
+        for k in range(1, len(kicks)):
+            kicks[k] = keep * kicks[k - 1] + (1.0 - keep) * kicks[k]
+    wander = np.concatenate([[0.0], np.cumsum(0.5 * (push[1:] + push[:-1]) * kicks)])
+    speed = motion(tau, 1) + wander
+    return table("time [s],speed [mm/s]", tau[:-1:finer] / OMEGA, speed[:-1:finer])
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "speed", "acceleration"])
+@pytest.mark.parametrize("angular", [False, True])
+def test_the_orders_are_found_in_every_quantity_and_unit(quantity, angular):
+    tau = 2.0 * math.pi / 40.0 * np.arange(40 * 30)
+    power = ["displacement", "speed", "acceleration"].index(quantity)
+    unit = DEGREES[quantity] if angular else "mm" + ("/s" * (power > 0) + "^2" * (power > 1))
+    y = motion(tau, power) * TO_UNIT.get(unit, 1.0) + 7.0 * (power < 2)  # a constant does not matter
+    text = table(f"time [ms],{quantity} [{unit}]", 1e3 * tau / OMEGA, y)
+    found = measure_drive(text, omega=1.01 * OMEGA, driver_radius=RADIUS if angular else None)
+    assert found.omega == pytest.approx(OMEGA, rel=1e-6)
+    assert found.amplitude == pytest.approx(0.45, rel=2e-4)
+    for one, (order, amplitude, phase) in zip(found.drive, ORDERS, strict=True):
+        assert one.order == order
+        assert one.amplitude == pytest.approx(amplitude / 0.45, rel=2e-3)
+        assert one.phase == pytest.approx(phase, abs=3e-3)
+    assert found.left_out < 5e-3
+    assert found.sigma_ratio < 1e-3
+
+
+def test_an_angle_with_the_speed_of_rotation_needs_no_frequency():
+    """Equal steps of angle are not equal steps of time: a speed that swings by a tenth would distort the orders."""
+    mean, swing, per_turn = 80.0, 8.0, 2
+    t = np.linspace(0.0, 40.0 * 2.0 * math.pi / mean, 400_001)
+    speed = mean + swing * np.sin(per_turn * mean * t)
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
+    even = np.arange(0.0, angle[-1], math.radians(2.0))
+    text = table("crank angle (deg);speed (rad/s)", np.degrees(even), np.interp(even, angle, speed)).replace(",", ";")
+    found = measure_drive(text, driver_radius=RADIUS, periods_per_turn=per_turn)
+    assert found.omega == pytest.approx(per_turn * mean, rel=1e-4)
+    assert [one.order for one in found.drive] == [1]
+    assert found.amplitude == pytest.approx(swing * RADIUS / found.omega, rel=1e-3)
+
+
+def test_the_interval_of_the_noise_holds():
+    """100 made measurements: 95 % of the intervals have the true intensity, and hardly any has half as much again."""
+    ratio, seeds = 0.05, range(100)
+    found = [measure_drive(noisy(seed, ratio), omega=OMEGA) for seed in seeds]
+    holds = sum(one.low < ratio < one.high for one in found)
+    assert abs(holds - 95) <= 3.5 * math.sqrt(100 * 0.05 * 0.95)
+    assert sum(one.low < 1.5 * ratio < one.high for one in found) < 20  # a planted error is caught
+    assert np.mean([one.sigma_ratio for one in found]) == pytest.approx(ratio, rel=0.03)
+    assert abs(np.mean([one.memory for one in found])) < 0.06
+    errors = [(one.table["amplitude_mm"][0] - 0.45) / one.table["se_mm"][0] for one in found]
+    assert 0.5 < np.std(errors) < 1.5
+    said = found[0].answer
+    assert len(said) == 2
+    assert "order 2 0.08" in said[0]
+
+
+def test_noise_that_remembers_is_said():
+    found = measure_drive(noisy(1, 0.05, periods=200, memory=20.0), omega=OMEGA)
+    assert found.memory > 0.4
+    assert "the noise has a memory" in found.answer[-1]
+
+
+def test_a_scene_file_takes_drive_and_noise_from_the_file_beside_it(tmp_path):
+    (tmp_path / "speed.csv").write_text(noisy(3, 0.05))
+    path = tmp_path / "gears.toml"
+    path.write_text('[drive]\nfile = "speed.csv"\n' + GEARS)
+    scene, found = Scene.load(path), measure_drive(tmp_path / "speed.csv", omega=OMEGA)
+    assert scene.drive == found.drive
+    assert scene.alpha == pytest.approx(found.amplitude / 0.12)
+    assert scene.sigma == pytest.approx(found.sigma_ratio * scene.alpha)
+    assert Scene.from_toml(scene.to_toml()) == scene  # without the measurement
+    path.write_text('[drive]\nfile = "speed.csv"\n' + GEARS + "[scene]\nsigma = 0.5\n")
+    assert Scene.load(path).sigma == 0.5
+
+
+def test_it_is_drawn():
+    figure = measure_drive(noisy(3, 0.05), omega=OMEGA).plot()
+    assert figure.axes[0].get_ylabel() == "speed in mm/s, less its mean"
+
+
+def broken(change, rows=400):
+    lines = noisy(3, 0.0, periods=20).splitlines()[: rows + 1]
+    change(lines)
+    return "\n".join([*lines, ""])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda rows: rows.__setitem__(slice(None), ["# nothing"]), "is empty"),
+        (lambda rows: rows.__setitem__(0, "time,speed"), "name two columns with their units"),
+        (lambda rows: rows.__setitem__(0, "time [s],torque [N mm]"), "torque': is no such column"),
+        (
+            lambda rows: rows.__setitem__(0, "time [min],speed [mm/s]"),
+            "has an unknown unit; give s, ms",
+        ),
+        (lambda rows: rows.__setitem__(0, "time [s],speed [km/h]"), "has an unknown unit; give rad/s, rpm"),
+        (lambda rows: rows.__setitem__(9, "0.01,nan"), "line 10 = '0.01,nan': needs two numbers"),
+        (lambda rows: rows.__setitem__(9, "0.01"), "line 10 = '0.01': needs two numbers"),
+        (lambda rows: rows.__delitem__(slice(50, 60)), "line 51.*follows a gap of 11 steps"),
+        (lambda rows: rows.insert(50, "0.0," + rows[50].split(",")[1]), "line 51.*another step"),
+        (lambda rows: rows.__delitem__(slice(100, None)), "99 samples': is too short"),
+        (lambda rows: rows.__delitem__(slice(200, None)), "periods': is too short"),
+    ],
+)
+def test_a_bad_file_is_refused_in_its_own_words(change, message):
+    with pytest.raises(InputError, match=message):
+        measure_drive(broken(change), omega=OMEGA)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({}, "gears.omega = None: give the frequency"),
+        ({"omega": 1.3 * OMEGA}, "is not in the file"),
+        ({"periods": 19, "omega": OMEGA}, "periods = 19: would be a frequency of"),
+        ({"omega": OMEGA, "highest_order": 0}, "highest_order = 0"),
+    ],
+)
+def test_bad_settings_are_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        measure_drive(noisy(3, 0.0, periods=20), **settings)
+    assert measure_drive(noisy(3, 0.0, periods=20), periods=20).omega == pytest.approx(OMEGA, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[drive]\nfile = 'no.csv'" + GEARS, "cannot be read"),
+        ("[drive]\nfil = 'speed.csv'" + GEARS, "did you mean 'file'"),
+        ("[drive]\nperiods = 3" + GEARS, "drive.file = None: is missing"),
+        ("[drive]\nfile = 'speed.csv'\n[scene]\nalpha = 1.5", r"needs \[gears\]"),
+        ("[drive]\nfile = 'speed.csv'" + GEARS + "amplitude = 0.3", "leave it out: the file of the drive"),
+    ],
+)
+def test_bad_scene_files_are_refused(text, message, tmp_path):
+    (tmp_path / "speed.csv").write_text(noisy(3, 0.05))
+    (tmp_path / "gears.toml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        Scene.load(tmp_path / "gears.toml")
+
+
+def test_a_motion_in_rad_needs_the_radius_of_the_driver():
+    with pytest.raises(InputError, match="driver_radius = None: give it, in mm, for a drive in rad/s"):
+        measure_drive(noisy(3, 0.0).replace("mm/s", "rad/s"), omega=OMEGA)
+
+
+def test_the_command_writes_its_page_and_refuses_a_scene_without_a_measurement(tmp_path):
+    examples = Path(__file__).parents[2] / "examples"
+    done = CliRunner().invoke(main, ["drive", str(examples / "measured-drive.toml"), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert "order 3" in done.output
+    assert {"drive.html", "drive.svg", "orders.csv"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    refused = CliRunner().invoke(main, ["drive", str(examples / "gearbox.toml")])
+    assert refused.exit_code == 2
+    assert "has no measured drive" in refused.output
+
+
+def test_the_example_is_found_again():
+    """Within four of its standard errors, and in its interval: what make_driver_speed.py put into the file."""
+    examples = Path(__file__).parents[2] / "examples"
+    found = measure_drive(examples / "driver-speed.csv", omega=167.0, driver_radius=RADIUS)
+    assert [one.order for one in found.drive] == [1, 2, 3]
+    for k, amplitude in enumerate((0.014, 0.0025, 0.0006)):
+        off = found.table["amplitude_mm"][k] - amplitude * RADIUS
+        assert abs(off) < 4.0 * found.table["se_mm"][k]
+    assert found.low < 0.05 < found.high
