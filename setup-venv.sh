@@ -19,7 +19,8 @@ if ! "$python" -c 'import ensurepip' 2>/dev/null; then
 fi
 "$python" -m venv "$venv"
 # Byte code is made of what is imported; of everything it would take longer than the rest.  Nothing without a known hash
-# is installed, nor is what builds this project: setuptools is among the requirements.
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes \
+# is installed, nor is what builds this project: setuptools is among the requirements.  All that these need is among them,
+# and pip does not look for it: it would take a newer release of a package with an extra, which has no hash here.
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes --no-deps \
     --only-binary=:all: --requirement requirements.txt
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
