@@ -36,6 +36,12 @@ class ChaosStudy:
     missing: dict[str, str]  # what was left out, with the reason
 
 
+def require_record(drift: Exponents) -> None:
+    """Raise NoRecord if noisy paths stick: two of them are one from then on, and a rest has impacts without end."""
+    if not drift.regime.has_record:
+        raise NoRecord(f"the noisy path {drift.regime.brief}")
+
+
 def study(
     scene: Scene,
     *,
@@ -68,10 +74,10 @@ def study(
     power = spectra(scene, impacts=impacts, seed=seed, workers=workers, missing=missing)
     progress("two paths on the same noise")
     with leave_out(missing, "the square-root law"):
+        require_record(drift)
         law = sqrt_law(scene, impacts=events, seed=seed)
     with leave_out(missing, "the finite-size exponents"):
-        if not drift.regime.has_record:  # two paths that stick are one from then on
-            raise NoRecord(f"the noisy path {drift.regime.brief}")
+        require_record(drift)
         sizes = finite_size(scene, events=events, seed=seed, workers=workers)
     if scenes:
         progress(f"exponents at {len(scenes)} values of {field}")
