@@ -20,7 +20,7 @@ from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks
-from rattle.montecarlo.schemes.step_size import largest_step
+from rattle.montecarlo.schemes.step_size import LEFT_OUT, largest_step, resolve_start
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.budget import Budget, clock
 from rattle.montecarlo.settings.plan import count_followed, default_horizon, is_random
@@ -36,6 +36,7 @@ FIRST_STEP = 0.01  # dt of the Euler-Maruyama pilots, where it is admissible
 ENOUGH = 5.0  # core-seconds of exact flights below which no other scheme is tried: its pilot would take as long
 PROBE_SPAN = 0.01  # share of the horizon over which the first probe is run
 ROUGHEST = 1e3  # the least accuracy that is considered, in sds
+NEGLECT, LEAST_NEGLECT = 0.1, 1e-7  # share of an accuracy that noise left out by exact flights may take, and its least
 
 Simulate = Callable[..., Ensemble]
 
@@ -45,11 +46,13 @@ def pilot(scene: Scene, scheme: str, simulate: Simulate) -> Ensemble:
     return simulate(paths=PILOT, **_pilot_settings(scene, scheme))
 
 
-def _pilot_settings(scene: Scene, scheme: str) -> dict[str, Any]:
+def _pilot_settings(scene: Scene, scheme: str, accuracy: float = math.inf) -> dict[str, Any]:
     exact = not SCHEMES[scheme].has_step_bias
     levels = 1 if exact else COARSEST
     dt = min(SCHEMES[scheme].step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
     sampling = Sampling(control=exact and small_noise(scene))
+    if exact:
+        dt = resolve_start(scene, dt, min(LEFT_OUT, max(NEGLECT * accuracy, LEAST_NEGLECT)))
     return {"scheme": scheme, "dt": dt, "record": Record(step_bias=not exact), "sampling": sampling}
 
 
@@ -104,9 +107,9 @@ def sample_branches(plain: PilotRun, accuracy: float, blocks: Blocks, budget: Bu
     return found if found.at(accuracy).core_seconds < CHEAPER * cost else plain
 
 
-def _pilot_within(scene: Scene, scheme: str, simulate: Simulate, budget: Budget) -> PilotRun:
+def _pilot_within(scene: Scene, scheme: str, accuracy: float, simulate: Simulate, budget: Budget) -> PilotRun:
     """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
-    settings = _pilot_settings(scene, scheme)
+    settings = _pilot_settings(scene, scheme, accuracy)
 
     def until(horizon: float) -> Sampling:
         return Sampling(control=settings["sampling"].control, horizon=horizon)
@@ -144,11 +147,11 @@ def choose_scheme(
 
     Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget lasts.
     """
-    pilots = [_pilot_within(scene, names[0], simulate, budget)]
+    pilots = [_pilot_within(scene, names[0], accuracy, simulate, budget)]
     if pilots[0].whole and pilots[0].at(accuracy).core_seconds > ENOUGH:
         for name in names[1:]:
             if budget.remaining > 0.0:
-                pilots.append(_pilot_within(scene, name, simulate, budget))
+                pilots.append(_pilot_within(scene, name, accuracy, simulate, budget))
     tried = [pilots[0], *(p for p in pilots[1:] if p.whole)]
     candidates = [p.at(accuracy) for p in tried]
     return min(zip(tried, candidates, strict=True), key=lambda pair: pair[1].core_seconds)[0], candidates

@@ -232,7 +232,7 @@ def _simulate(
     follow = _cut_short if short else _follow_up
     run, more, look = follow(pilot_run, again, record, blocks, accuracy, left, progress)
     bound = error_bound(run, share_of_look(look))
-    step = 0.0 if not SCHEMES[run.scheme].has_step_bias else step_error(run)[0]
+    step = step_error(run)[0]
     worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
     enough = pilot_run.whole and run.paths >= count_followed(scene, LEAST)
     reach = Reach(
@@ -310,10 +310,10 @@ def _follow_up(
         seconds_per_path = took or pilot_run.path_seconds
         look += 1
         bound = error_bound(run, share_of_look(look))
-        step, se_step = (0.0, 0.0) if exact else step_error(run)
+        step, se_step = step_error(run)
         room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
         wanted = run.paths
-        shorten = step > MOST_BIAS * accuracy and step > 3.0 * se_step
+        shorten = not exact and step > MOST_BIAS * accuracy and step > 3.0 * se_step
         if bound.error + step > accuracy:
             foreseen = SPARE * expect_paths(run, room, share_of_look(look + 1)).paths  # when it will be looked at
             wanted = math.ceil(max(foreseen, 1.1 * run.paths) / grain) * grain  # more also where a bias may be noise

@@ -1,12 +1,15 @@
 """The bias that the step gives to section means and sds, in units of each quantity's sd.
 
 It is measured from dt, 2 dt and 4 dt on the same Brownian paths, or, where nothing is random, against the exact orbit.
+Of exact flights it is the noise that a step leaves out.
 """
 
 import numpy as np
 
 from rattle.montecarlo.diagnostics.accuracy import units_by_quantity
 from rattle.montecarlo.ensemble.result import Ensemble
+from rattle.montecarlo.kernel.neglected_noise import neglected_noise
+from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import exact_orbit, is_random
 from rattle.scene.moments import SECTION
 
@@ -19,6 +22,8 @@ def step_error(run: Ensemble) -> tuple[float, float]:
     Where nothing is random the exact orbit is known, and the bias is the difference from it: extrapolation cannot see
     that a step strikes another mesh.
     """
+    if not SCHEMES[run.scheme].has_step_bias:
+        return neglected_noise(run.scene, run.dt), 0.0
     if not is_random(run.scene):
         return _distance_from_orbit(run), 0.0
     unit, bias = units_by_quantity(run), run.step_bias

@@ -13,7 +13,7 @@ from rattle.montecarlo.diagnostics.accuracy import HasColumns, error_bound
 from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.kernel.control_variate import no_control
-from rattle.montecarlo.schemes.step_size import default_step, largest_step, trusted_step
+from rattle.montecarlo.schemes.step_size import trusted_step, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import STEPS, is_random
@@ -196,10 +196,10 @@ def diagnose_short_step(run: _Run) -> str:
     >>> print(diagnose_short_step(simulate(scene, paths=100, impacts=1, sampling=Sampling(horizon=0.01))))
     dt = 0.00271 in place of the scheme's 0.0327: a longer step holds too many impacts.
     """
-    allowed, usual = default_step(run.scene, run.plan.scheme, run.plan.levels > 1), SCHEMES[run.plan.scheme].step
+    (allowed, why), usual = usual_step(run.scene, run.plan.scheme, run.plan.levels > 1), SCHEMES[run.plan.scheme].step
     if not run.plan.dt == allowed < usual:
         return ""
-    return f"dt = {allowed:.3g} in place of the scheme's {usual:.3g}: {largest_step(run.scene, run.plan.scheme)[1]}."
+    return f"dt = {allowed:.3g} in place of the scheme's {usual:.3g}: {why}."
 
 
 def _of_step(run: _Run) -> tuple[str, ...]:

@@ -74,7 +74,7 @@ class Reach(NamedTuple):
     sampling : float
         Largest standard error.
     step : float
-        Largest step bias; 0 for a scheme without one.
+        Largest step bias; of ``exact-flight`` the largest share of an sd that the noise left out by a step has.
     bound : float
         95 % bound of all errors at once: sampling, skewness, branches that the sample cannot have seen, and the bias of
         the step.

@@ -59,14 +59,16 @@ def no_control() -> LinearPath:
     )
 
 
-class _Impact(NamedTuple):
+class LinearImpact(NamedTuple):
+    """An impact of the orbit, as linear maps of the perturbation and of the time of the impact before."""
+
     tau: float
-    read: Floats
-    carry: Floats
+    read: Floats  # to the section quantities; (6, 5)
+    carry: Floats  # to the perturbation after it; (5, 5)
 
 
-def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
-    """The orbit's impacts, until it grazes or ends: section quantities and saltation, as maps of (xi, last tau)."""
+def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
+    """The orbit's impacts, until it grazes or ends."""
     c, start = scene.constants, scene.start
     x1, y1, x2, y2 = scene.start_state
     if start.mesh:
@@ -94,7 +96,7 @@ def _impacts(scene: Scene, impacts: int) -> list[_Impact]:
         carry[:4, :4] = r
         carry[:4] -= jump[:, None] * delay
         carry[4] = delay
-        found.append(_Impact(tau, read, carry))
+        found.append(LinearImpact(tau, read, carry))
     return found
 
 
@@ -121,7 +123,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     ([11, 22], [0.00016, 0.00128])
     """
     c = scene.constants
-    orbit = [impact for impact in _impacts(scene, impacts) if impact.tau - scene.phase < MOST_STEPS * dt]
+    orbit = [impact for impact in orbit_impacts(scene, impacts) if impact.tau - scene.phase < MOST_STEPS * dt]
     steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
     program = LinearPath(
         np.empty((steps, 5, 5)),

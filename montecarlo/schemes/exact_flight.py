@@ -9,8 +9,8 @@ wall, its noise is split there (`split`), its first part is flown as a trial (`r
 and so on: the distance to the wall falls with exponent 3/2, so that about two cuts bring a path so near that the rest
 of its way is flown without noise.
 
-There is no step bias apart from these bounds.  At the default step the neglected noise is 1e-4 of sd(x1) where the
-variance grows from zero (a flight of 0.2 from tau = 0), and 5e-9 of the other sds.
+There is no step bias apart from these bounds.  At the default step the neglected noise is at most 2e-4 of any sd of
+the section: where the variance grows from zero the step is shortened (`rattle.montecarlo.kernel.neglected_noise`).
 """
 
 import math

@@ -6,6 +6,7 @@
 import math
 from typing import NamedTuple
 
+from rattle.montecarlo.kernel.neglected_noise import neglected_noise
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.scene.drive import highest_order, most_modulation, most_velocity
@@ -26,6 +27,9 @@ __all__ = [
 ]
 
 Limit = tuple[float, str]
+
+LEFT_OUT = 2e-4
+"""Largest share of an sd that the noise left out by a default step may have."""
 
 MOST_PER_STEP = 10**7
 """Longest admissible step over the shortest."""
@@ -205,8 +209,28 @@ def _least(limits: dict[str, float]) -> Limit:
     return limits[reason], reason
 
 
+def resolve_start(scene: Scene, dt: float, most: float = LEFT_OUT) -> float:
+    """A step of ``exact-flight``, halved until `neglected_noise` is within `most`."""
+    while neglected_noise(scene, dt) > most:
+        dt *= 0.5
+    return dt
+
+
+def usual_step(scene: Scene, scheme: str, step_bias: bool = False) -> Limit:
+    """As `default_step`, with the reason for which it is shorter than the scheme's, if it is."""
+    kind, (largest, why) = SCHEMES[scheme], largest_step(scene, scheme)
+    if kind.has_step_bias:
+        return min(kind.step, largest / (COARSEST if step_bias else 1)), why
+    longest = min(kind.step, largest)
+    dt = resolve_start(scene, longest)
+    return dt, why if dt == longest else "a longer step leaves out noise of the first flight"
+
+
 def default_step(scene: Scene, scheme: str, step_bias: bool = False) -> float:
-    """The scheme's default step, or a shorter one where the longest admissible step is shorter.
+    """The scheme's default step, or a shorter one where the scene requires it.
+
+    The longest admissible step may be shorter, and ``exact-flight`` must not leave out noise where a short first flight
+    begins or ends with none.
 
     Parameters
     ----------
@@ -229,8 +253,7 @@ def default_step(scene: Scene, scheme: str, step_bias: bool = False) -> float:
     >>> round(default_step(Scene.from_gears(DAT21, sigma=1e4), "euler-maruyama"), 6)
     0.000339
     """
-    coarsest = COARSEST if step_bias and SCHEMES[scheme].has_step_bias else 1
-    return min(SCHEMES[scheme].step, largest_step(scene, scheme)[0] / coarsest)
+    return usual_step(scene, scheme, step_bias)[0]
 
 
 def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float:

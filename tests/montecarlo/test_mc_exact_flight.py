@@ -9,7 +9,9 @@ from mc_checks import DAMPED, FALSE_ALARM, PRESSED, TOLERANT, UNEQUAL_GAPS, agre
 from scipy import stats
 from scipy.integrate import quad_vec
 
-from rattle.montecarlo import Record, largest_step, simulate
+from rattle.montecarlo import SCHEMES, Record, largest_step, simulate, simulate_to
+from rattle.montecarlo.diagnostics.diagnostics import diagnose_short_step
+from rattle.montecarlo.kernel.neglected_noise import neglected_noise
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes.crossing import CLOSE
@@ -183,6 +185,38 @@ def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
     assert 0.14 < lacking[0] < 0.16
     assert 0.008 < lacking[1] < 0.01
     assert lacking[1:-1] / lacking[2:] == pytest.approx(16.0, rel=0.1)
+
+
+FROM_NOTHING = {
+    "mesh 1": Scene(
+        alpha=1.5, epsilon=0.9, beta1=0.083, gamma1=0.057, stages=1, sigma=0.1,
+        start=Start(math.atan(0.083) - 0.011, 0.5, 35.0, 0.0, 0.0, mesh=1),
+    ),
+    "mesh 2": Scene(
+        alpha=1.5, epsilon=0.9, mu=0.5, beta1=0.3, gamma1=0.057, beta2=0.05, gamma2=0.02, sigma=0.1,
+        start=Start(0.5 * math.pi - 0.015, 0.1, 0.1, -0.45, 31.7),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mesh", [1, 2])
+def test_first_flight_of_a_step_in_which_the_modulation_crosses_zero(mesh):
+    """The default step is shortened until the sd of the first impact's time is the exact one; the usual one is not."""
+    scene = FROM_NOTHING[f"mesh {mesh}"]
+    tau, speed = orbit_of(scene, 1)[0, [0, 2 * mesh]]
+    spread = noise_covariance(scene.constants, scene.start.tau, tau - scene.start.tau)
+    truth = math.sqrt(spread[2 * mesh - 2, 2 * mesh - 2]) / abs(speed)
+
+    def z(dt):
+        columns = simulate(scene, paths=100_000, impacts=1, rng=7, dt=dt).columns
+        return float((columns["sd_tau"][0] - truth) / columns["se_sd_tau"][0])
+
+    usual = min(SCHEMES[EXACT].step, largest_step(scene, EXACT)[0])
+    assert abs(z(None)) < limit(1)
+    assert z(usual) < -10.0
+    run = simulate_to(scene, 0.02, impacts=1)
+    assert 0.0 < run.reach.step == neglected_noise(scene, run.dt) < 2e-4 < 0.01 < neglected_noise(scene, usual)
+    assert "leaves out noise" in diagnose_short_step(simulate(scene, paths=100, impacts=1))
 
 
 def test_coarse_levels_of_one_noise_differ_by_no_bias():
