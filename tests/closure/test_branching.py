@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from rattle.closure import mean_map
-from rattle.closure.branching import LEVELS
 from rattle.compare import validate
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
@@ -114,25 +113,3 @@ def test_small_noise_is_the_saltation_closure():
         sd = saltation[f"sd_{quantity}"]
         assert ((branching[quantity] - saltation[quantity]).abs() < 1e-3 * sd).all()
         np.testing.assert_allclose(branching[f"sd_{quantity}"], sd, rtol=1e-3)
-
-
-def test_no_noise_is_the_orbit():
-    branching, orbit = (mean_map(dat21(0.0), impacts=12, closure=name).section for name in ("branching", "corrected"))
-    for quantity in ("tau", "x1", "y1", "x2", "y2"):
-        np.testing.assert_allclose(branching[quantity], orbit[quantity], atol=1e-12)
-
-
-def test_single_stage():
-    """Slow impacts make the paths of a single stage diverge soon: the mixture holds for five impacts."""
-    scene = dat21(0.3, stages=1)
-    m = mean_map(scene, impacts=5, closure="branching")
-    run = simulate(scene, paths=30_000, impacts=5, rng=2, workers=2, scheme="euler-maruyama-located")
-    sd = corrected(run, "sd", "tau")
-    assert ((m.section["tau"] - corrected(run, "mean", "tau")).abs() < 0.1 * sd).all()
-    assert m.section[["x2", "y2"]].isna().all().all()
-
-
-def test_components_are_many_and_bounded():
-    """The work of an impact is in the components that fly to it."""
-    m = mean_map(dat21(1.5**0.5), impacts=12, closure="branching")
-    assert 500 < max(len(mixture[0]) for mixture in m.trace.parts.values()) <= 2 * LEVELS[-1].cut

@@ -93,13 +93,6 @@ def test_one_orbit_alone_is_wrong(case):
     assert count > 0.3 * rows
 
 
-def test_the_weights_of_all_flights_sum_to_one(case):
-    """Each impact ends one flight and begins the next; splitting and merging in between keep moments, not tails."""
-    _, _, fixed, at = case
-    for time in fixed.index:
-        assert at.gaussians(time)[0].sum() == pytest.approx(1.0, abs=0.02)
-
-
 @pytest.mark.parametrize("scene", [DAT, LONE, PAIR], ids=["DAT21", "one stage", "two stages"])
 def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
     """To first order: means differ by O(sigma) of an sd, which saltation leaves out there, sds by O(sigma^2)."""
@@ -117,23 +110,6 @@ def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
         coarse, fine = off[1e-4][i].max(), off[1e-5][i].max()
         assert fine < 5e-3
         assert np.log10(coarse / fine) == pytest.approx(power, abs=0.1)
-
-
-def test_without_noise_it_is_the_orbit():
-    orbit, at = follow(DAT, IMPACTS), moments_of(DAT)
-    for time in times_of(DAT)[::2]:
-        mean, covariance = at(time)
-        np.testing.assert_allclose(mean, orbit.state(time), atol=1e-12)
-        assert not covariance.any()
-
-
-def test_the_unit_of_length_does_not_matter():
-    scene, _ = SCENES["two stages"]
-    times = times_of(scene)[:5]
-    one, other = (mean_map(s, impacts=2, closure="branching").at_times(times[:2]) for s in (scene, scene.scaled(4.0)))
-    np.testing.assert_array_equal(other[[*STATE]], 4.0 * one[[*STATE]])
-    np.testing.assert_array_equal(other["cov_x1_y2"], 16.0 * one["cov_x1_y2"])
-    np.testing.assert_array_equal(other["rho1"], one["rho1"])
 
 
 def test_as_many_flights_are_followed_as_the_time_asks_for():

@@ -8,7 +8,7 @@ import pytest
 
 from rattle.closure import mean_map
 from rattle.closure.branching import LEVELS, _trace
-from rattle.closure.moments import advice, bounds, paths_as_accurate, within
+from rattle.closure.moments import advice, bounds, paths_as_accurate
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError
@@ -58,20 +58,6 @@ def test_only_branching_refines(quiet):
         mean_map(quiet.scene, impacts=2, tolerance=0.05)
 
 
-def test_what_only_the_finer_level_reaches_is_unknown(quiet):
-    short = replace(quiet.trace, found=2)
-    error = bounds(short, quiet.trace)
-    assert np.isinf(np.nanmax(error[3]))
-    assert np.isfinite(np.nanmax(error[2]))
-    assert within(error, 0.05).tolist() == [True, True, True, False, False]
-
-
-def test_advice_counts_the_work(quiet):
-    """What many components reach only as well as few paths is for simulation."""
-    assert advice(replace(quiet.trace, work=1), 0.05).endswith("within the tolerance 0.05")
-    assert advice(replace(quiet.trace, work=10**9), 0.05).endswith("s of a core): simulate")
-
-
 def test_advice_says_how_far_the_tolerance_is_met(quiet):
     """Before, one impact above the tolerance and nothing of the closure was to be used."""
     error = quiet.trace.error.copy()
@@ -91,12 +77,6 @@ def test_paths_as_accurate_count_heavy_tails(quiet):
     kurtosis = ((sample - sample.mean()) ** 4).mean() / sample.var() ** 2
     heavy = paths_as_accurate(replace(quiet.trace, parts=parts), 0.1)
     assert heavy / plain == pytest.approx(0.25 * (kurtosis - 1.0), rel=0.1)
-
-
-def test_a_row_is_bounded_as_the_rows_it_follows_from():
-    error = mean_map(Scene.from_gears(DAT21, sigma=0.5), impacts=6, closure="branching").trace.error
-    for k in range(2, 7):
-        assert (np.nanmin(error[k], axis=1) >= np.nanmax(error[k - 1], axis=1)).all()
 
 
 def test_an_sd_that_few_paths_carry_is_not_within():

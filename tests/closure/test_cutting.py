@@ -1,14 +1,11 @@
 """Splitting a Gaussian: total moments are kept, and the plane is where the next impact changes."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy import stats
 
 from rattle.closure.branching.advance import _cut, buffers
-from rattle.closure.branching.propagate import cut_plane, event, half
-from rattle.scene import DAT21, Scene
+from rattle.closure.branching.propagate import half
 
 
 def whole():
@@ -53,40 +50,3 @@ def test_halves_have_the_moments_of_a_cut_gaussian(depth):
         assert np.linalg.solve(root, b.start.mean[i] - centre) @ n == pytest.approx(mean, rel=1e-9)
         whitened = np.linalg.inv(root) @ b.start.covariance[i] @ np.linalg.inv(root).T
         assert n @ whitened @ n == pytest.approx(variance, rel=1e-9)
-
-
-def test_halves_do_not_search_for_each_other_again():
-    _, b, _ = pieces(2.5)
-    assert b.ignored[0] == 1 << (-2 + 2)
-    assert b.ignored[1] == 1 << (1 + 2)
-
-
-def test_three_pieces_are_close_to_the_whole():
-    """The distribution across the split, compared with the normal one."""
-    _, b, n = pieces(0.0)
-    centre, root = whole()
-    z = np.linspace(-4.0, 4.0, 801)
-    total = np.zeros_like(z)
-    for i in range(3):
-        at = np.linalg.solve(root, b.start.mean[i] - centre) @ n
-        inverse = np.linalg.inv(root)
-        width = math.sqrt(n @ inverse @ b.start.covariance[i] @ inverse.T @ n)
-        total += b.start.weight[i] / 0.7 * stats.norm.cdf(z, at, width)
-    assert np.abs(total - stats.norm.cdf(z)).max() < 0.006
-
-
-def test_cut_plane_finds_an_oblique_boundary():
-    """Two walls met at about one time: the plane between the events, against the events of many points."""
-    c = Scene.from_gears(DAT21, sigma=0.0).constants
-    centre = np.array([0.0, 0.0, 1.0, 0.02, 1.0])
-    axes = np.ascontiguousarray(0.02 * np.eye(5)[:, 1:])
-    before = np.empty(4)
-    code = event(c, centre, before)[1]
-    other, q = cut_plane(c, centre, axes, code, 0, 4.0, before)
-    assert {abs(code), abs(other)} == {1, 2}
-    rng = np.random.default_rng(1)
-    z = rng.standard_normal((3000, 4))
-    beyond = np.array([event(c, centre + axes @ point, before)[1] == other for point in z])
-    predicted = z @ q > 1.0
-    assert (beyond == predicted).mean() > 0.98
-    assert beyond.mean() == pytest.approx(0.5 * math.erfc(1.0 / np.linalg.norm(q) / math.sqrt(2.0)), abs=0.03)

@@ -32,10 +32,6 @@ BRANCHING = ["agreement", "discarded", "error_mean", "error_sd", "within"]
 ONE_ORBIT = pytest.mark.parametrize("closure", ["published", "corrected", "saltation"])
 
 
-def test_four_closures_are_offered():
-    assert set(CLOSURES) == {"published", "corrected", "saltation", "branching"}
-
-
 def test_section_keeps_the_contract(dat21, closure):
     section = mean_map(dat21, impacts=7, closure=closure).section
     others = [f"skew_{q}" for q in ("tau", "flight", *STATE)] + BRANCHING * (closure == "branching")
@@ -73,12 +69,6 @@ def test_a_single_stage_leaves_stage_2_empty(closure):
     assert section[predicted].notna().any().all()
 
 
-def test_itinerary_is_mesh_times_side(dat21):
-    m = mean_map(dat21, impacts=7)
-    assert m.itinerary == tuple(m.section["mesh"] * m.section["side"])
-    assert m.itinerary[:3] == (-1, 2, -1)
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -112,11 +102,6 @@ def test_every_order_is_propagated(dat21, closure, order):
     assert m.section.loc[1, "realizable"]
 
 
-def test_corrected_breaks_down_nowhere(dat21, paper):
-    for scene in (dat21, paper):
-        assert mean_map(scene, impacts=40, closure="corrected").breakdown is None
-
-
 def test_breakdown_is_the_first_unrealizable_row(paper):
     m = mean_map(paper, impacts=12, closure="published")
     realizable = m.section["realizable"].to_numpy()
@@ -136,12 +121,6 @@ def test_a_table_at_fixed_times_keeps_the_contract(dat21, closure):
     assert table.index.tolist() == times
 
 
-def test_rho_at_fixed_times_is_that_of_its_covariance(dat21):
-    table = mean_map(dat21, impacts=5).at_times([0.1, 0.8])
-    expected = table["cov_x1_y1"] / np.sqrt(table["cov_x1_x1"] * table["cov_y1_y1"])
-    assert table["rho1"].to_numpy() == pytest.approx(expected.to_numpy())
-
-
 @pytest.mark.parametrize("outside", [-1e-9, 1e9, float("nan")])
 def test_fixed_times_go_no_further_than_was_followed(dat21, closure, outside):
     m = mean_map(dat21, impacts=3, closure=closure)
@@ -158,10 +137,6 @@ def test_fixed_times_end_where_the_closure_stopped():
         m.at_times([end + 1e-6])
 
 
-def test_no_fixed_times_give_an_empty_table(dat21):
-    assert mean_map(dat21, impacts=2).at_times([]).empty
-
-
 # --- the end, and the series -----------------------------------------------------------------------------------------
 
 
@@ -174,10 +149,6 @@ def test_a_closure_that_stops_early_says_why_and_leaves_the_other_rows_empty():
     assert rest[["tau", "x1", "sd_y1", "rho1"]].isna().all().all()
     assert not rest["realizable"].any()
     assert set(m.itinerary[m.trace.found :]) == {0}
-
-
-def test_a_complete_closure_has_no_reason_to_stop(dat21, closure):
-    assert mean_map(dat21, impacts=3, closure=closure).stopped == ""
 
 
 def test_edgeworth_has_the_moments_of_its_impact(dat21):
@@ -218,13 +189,3 @@ def test_edgeworth_asks_for_an_impact_and_a_stage_that_exist(dat21, impact, stag
 def test_a_single_stage_has_no_second_series():
     with pytest.raises(InputError, match="stage = 2: must be at most 1"):
         mean_map(Scene.from_gears(DAT21, sigma=0.1, stages=1), impacts=2).edgeworth(1, 2)
-
-
-def test_the_default_closure_is_saltation(dat21):
-    assert mean_map(dat21, impacts=1).closure == "saltation"
-
-
-def test_an_impact_that_was_not_reached_has_no_density():
-    m = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=8, closure="published")
-    assert m.trace.found < 8
-    assert m.density(8, "y1", np.linspace(-3.0, 3.0, 5)) is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rattle.closure.branching.mixture import empty, moments, reduce
+from rattle.closure.branching.mixture import empty, reduce
 
 
 def cloud(count, seed=2):
@@ -35,12 +35,6 @@ def test_merging_keeps_weight_mean_and_covariance_of_every_label(most):
         assert out.weight[out.label == label].sum() == pytest.approx(parts.weight[parts.label == label].sum())
 
 
-def test_few_components_stay_as_they_are():
-    parts, out = cloud(9), empty(20)
-    assert reduce(parts, 9, 20, out) == 9
-    np.testing.assert_allclose(np.sort(out.weight[:9]), np.sort(parts.weight))
-
-
 def test_components_of_one_place_are_merged():
     """Three clusters of one label become three components, each with the moments of its cluster."""
     parts, out = cloud(300), empty(3)
@@ -51,10 +45,3 @@ def test_components_of_one_place_are_merged():
     expected = sorted(parts.weight[cluster == h].sum() for h in range(3))
     np.testing.assert_allclose(np.sort(out.weight), expected)
     assert out.covariance.max() < 0.5
-
-
-def test_moments_of_two_components():
-    mean, sd, skew = moments(np.array([3.0, 1.0]), np.array([[0.0], [4.0]]), np.array([[1.0], [1.0]]))
-    assert mean[0] == pytest.approx(1.0)
-    assert sd[0] == pytest.approx(2.0)  # 1 + 0.75 * 1 + 0.25 * 9
-    assert skew[0] == pytest.approx((0.75 * (-1.0) + 0.25 * 27.0 + 3.0 * 0.0) / 8.0)

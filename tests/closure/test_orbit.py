@@ -1,5 +1,3 @@
-import math
-
 import numpy as np
 import pytest
 from reference_moments import contact, first_crossing
@@ -74,22 +72,6 @@ def test_an_orbit_restarted_in_flight_goes_on_alike():
     assert again.tau[1:] == pytest.approx(orbit.tau[4:], abs=1e-11)
 
 
-def test_a_period_of_the_excitation_later_all_is_the_same():
-    early = follow(Scene.from_gears(DAT21), 8)
-    start = Start(2 * math.pi, 0.5, 2.0, 0.5, 2.0, mesh=1)
-    late = follow(Scene.from_gears(DAT21, start=start), 8)
-    assert late.tau == pytest.approx(early.tau, abs=1e-14)  # in local time
-    assert late.before == pytest.approx(early.before, abs=1e-10)
-
-
-def test_no_state_of_an_orbit_is_outside_its_walls():
-    scene = Scene.from_gears(DAT21)
-    c, orbit = scene.constants, follow(scene, 200)
-    for time_ in np.linspace(0.0, orbit.tau[200], 4001):
-        x1, _, x2, _ = orbit.state(time_)
-        assert max(abs(x1) - c.wall1, abs(x2) - c.wall2) <= 1e-14
-
-
 def test_every_impact_goes_outward_and_on_its_wall():
     orbit = follow(Scene.from_gears(DAT21), 200)
     column = 2 * (orbit.mesh - 1)
@@ -98,20 +80,3 @@ def test_every_impact_goes_outward_and_on_its_wall():
     assert (orbit.before[rows, column + 1] * orbit.side > 0.0).all()
     assert (orbit.after[rows, column + 1] * orbit.side < 0.0).all()
     assert (np.diff(orbit.tau) > 0.0).all()
-
-
-def test_the_state_at_an_impact_is_the_one_after_it():
-    scene = Scene.from_gears(DAT21)
-    orbit = follow(scene, 5)
-    assert orbit.state(orbit.tau[3]) == pytest.approx(orbit.after[3], abs=1e-15)
-    assert orbit.state(orbit.tau[3] - 1e-9) == pytest.approx(orbit.before[3], abs=1e-8)
-
-
-def test_a_start_in_flight_is_impact_0_at_no_mesh():
-    orbit = follow(Scene.from_gears(DAT21, start=Start(0.3, 0.1, 1.0, -0.2, 0.4)), 3)
-    assert (orbit.mesh[0], orbit.side[0]) == (0, 0)
-    assert np.array_equal(orbit.before[0], orbit.after[0])
-
-
-def test_a_perfectly_plastic_mesh_is_followed():
-    assert follow(Scene(alpha=0.1, epsilon=0.0, beta1=0.0, gamma1=0.0, stages=1), 20).found == 20

@@ -159,13 +159,6 @@ def test_tolerances_as_components_of_the_section_state(name):
         assert (np.abs(without - having) > 0.02 * having).any()
 
 
-def test_tolerance_alone_spreads_a_noise_free_scene():
-    scene = Scene.from_gears(DAT21, sigma=0.0, tolerance=Tolerance(1e-3, 1e-3))
-    table, _ = compared_with(scene, 20_000, dt=2e-3)
-    outside = table[(table["low"] > 0.0) | (table["high"] < 0.0)]
-    assert len(outside) <= 1
-
-
 def test_mid_flight_correlation():
     """rho of both stages against simulation at mid-flight; the corrected closure fails there."""
     v = validate(
@@ -236,26 +229,6 @@ def test_what_remains_grows_as_sigma_squared():
         chi2[power] = (weight * (errors - slope * shape) ** 2).sum()
     assert chi2[2] < 13.8  # chi-square with 2 degrees of freedom at 0.1 %
     assert chi2[0] > 13.8
-
-
-def test_order_two_is_first_order():
-    m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=12, order=2)
-    orbit = follow(m.scene, 12)
-    np.testing.assert_array_equal(m.section["tau"], orbit.tau[1:])
-    assert m.section["skew_tau"].isna().all()
-
-
-def test_struck_coordinate_does_not_vary():
-    m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=12)
-    s = m.section
-    assert (s.loc[s["mesh"] == 1, "sd_x1"] == 0.0).all()
-    assert (s.loc[s["mesh"] == 1, "x1"].abs() == 0.5).all()
-
-
-def test_always_realizable():
-    m = mean_map(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=12, order=2)
-    assert m.breakdown is None
-    assert m.section["realizable"].all()
 
 
 def test_a_graze_is_reported_and_ends_the_closure():

@@ -10,12 +10,10 @@ from click.testing import CliRunner
 from small_disks import DEAD, scratch_name
 
 from rattle.compare.cli.main import main
-from rattle.compare.report.folder import whole_folder, write_whole
 from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.figures import FIGURES
 from rattle.compare.study.folder import CELLS
 from rattle.compare.study.store import Store
-from rattle.compare.thresholds.fixture import write_baseline
 from rattle.scene import DAT21, InputError, OutputError, Scene
 
 TEXT = """
@@ -129,22 +127,6 @@ def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask)
     """Cells, locks, log, tables, page and figures: missing permissions never make results look damaged."""
     assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
     found = rights(file.with_suffix(""))
-    assert set(found) == as_asked(umask), found
-
-
-def test_so_may_reports_tables_baselines_and_ensembles_of_tests(tmp_path, cell, umask):
-    place = tmp_path / "all"
-    for _ in range(2):  # new, and in the place of another
-        with whole_folder(place / "report", frozenset({"one.txt"}), overwrite=True) as inside:
-            (inside / "one.txt").write_text("one")
-        write_whole(place / "table.csv", "1,2\n")
-    write_baseline(place / "baselines" / "test_a" / "test_b.toml", {"values": {}}, "corrected")
-    store = Store(place / "ensembles")
-    store.obtain(cell)
-    store.path(cell).write_bytes(b"damaged")
-    assert store.read(cell) is None
-    store.obtain(cell)
-    found = rights(place)
     assert set(found) == as_asked(umask), found
 
 

@@ -6,10 +6,10 @@ import sys
 import time
 
 import pytest
-from small_disks import DEAD, disk, make_read_only, scratch_name
+from small_disks import disk
 
 from rattle.compare.report import folder as module
-from rattle.compare.report.folder import check_free, whole_folder, write_whole
+from rattle.compare.report.folder import whole_folder, write_whole
 from rattle.scene import OutputError
 
 OURS = frozenset({"one.txt", "two.txt"})
@@ -49,28 +49,6 @@ def test_killed_at_any_moment_a_folder_is_old_or_new(tmp_path):
         assert contents(tmp_path) == ["report"]  # what the killed process left is gone
 
 
-def test_what_was_moved_away_is_put_back(tmp_path):
-    """Killed between the two steps: the old report is there, under another name."""
-    out = tmp_path / "report"
-    written(out, "old")
-    out.rename(tmp_path / scratch_name("report", DEAD, ".old"))
-    with module.scratch_folder(tmp_path, "report"):
-        assert (out / "one.txt").read_text() == "old"
-    assert contents(tmp_path) == ["report"]
-
-
-def test_what_a_living_process_writes_is_left_to_it(tmp_path):
-    with module.scratch_folder(tmp_path, "report") as one:
-        (one / "one.txt").write_text("mine")
-        with module.scratch_folder(tmp_path, "report") as other:
-            assert one.exists()
-            assert one != other
-    (tmp_path / ".report-x").mkdir()
-    with module.scratch_folder(tmp_path, "report"):
-        pass
-    assert contents(tmp_path) == [".report-x"]  # a name that is not ours
-
-
 def test_two_runs_into_one_folder_lose_nothing(tmp_path):
     out = tmp_path / "report"
 
@@ -97,20 +75,3 @@ def test_a_full_disk_keeps_the_old_report(tmp_path, monkeypatch):
             write_whole(place / "one.csv", "new" * 40_000)
         assert contents(place) == ["report"]
         assert (place / "report" / "two.txt").read_text() == "old"
-
-
-def test_too_little_room_is_said_before_the_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "ROOM", 10**18)
-    with pytest.raises(OutputError, match="MB are free there; make room"):
-        check_free(tmp_path / "report", OURS, overwrite=False)
-
-
-def test_a_read_only_disk(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "ROOM", 0)
-    with disk(tmp_path / "disk", "64k") as place:
-        written(place / "report", "old")
-        make_read_only(place)
-        with pytest.raises(OutputError, match="cannot be written; choose another place"):
-            check_free(place / "report", OURS, overwrite=True)
-        with pytest.raises(OutputError, match=r"cannot be written .Read-only file system.; choose another place"):
-            write_whole(place / "one.csv", "new")

@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 import subprocess
 import sys
 
@@ -83,30 +82,3 @@ def test_a_second_interrupt_does_not_stop_the_cleaning_up(tmp_path):
     assert done.returncode == 130, done.stderr
     assert done.stderr.count("\n") == 1
     assert (tmp_path / "cleaned").exists()
-
-
-MOMENTS = ["json", "numpy._core", "numba", "matplotlib"]
-
-
-@pytest.mark.parametrize("module", MOMENTS)
-def test_a_command_that_is_interrupted_while_it_loads_its_libraries(tmp_path, module):
-    """At several moments, recognised by the modules that Python reports as imported."""
-    words = ["validate", "--paths", "100000000", "--out", "it"]
-    command = [sys.executable, "-X", "importtime", "-m", "rattle.compare", *words]
-    path = os.pathsep.join(filter(None, sys.path))
-    running = subprocess.Popen(
-        command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        for line in running.stderr:
-            if line.startswith("import time:") and line.rpartition("|")[2].strip() == module:
-                break
-        running.send_signal(signal.SIGINT)
-        _, said = running.communicate(timeout=LONG)
-    finally:
-        running.kill()
-    said = [line for line in said.splitlines() if not line.startswith("import time:")]
-    assert running.returncode == 130, said
-    assert len(said) == 1, said
-    assert said[0].startswith("rattle: interrupted")
-    assert not list(tmp_path.iterdir())

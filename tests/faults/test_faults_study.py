@@ -1,12 +1,11 @@
 """A study whose folder is full, read-only, damaged, newer, shared, or whose clock goes backwards."""
 
-import json
 import shutil
 import subprocess
 
 import pytest
 from click.testing import CliRunner
-from small_disks import disk, make_read_only
+from small_disks import disk
 
 from rattle.compare.cli.main import main
 from rattle.compare.report.save import MANIFEST
@@ -102,21 +101,6 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
         assert len(load_study(place / "noise").errors) == 2 * 2 * 2 * 4
 
 
-def test_a_finished_study_on_a_read_only_disk_shows_its_result(file, finished, tmp_path):
-    words = ("study", file, "--out", tmp_path / "disk" / "noise")
-    with disk(tmp_path / "disk", "20m") as place:
-        shutil.copytree(finished, place / "noise")
-        whole = rattle(*words)
-        make_read_only(place)
-        shown = rattle(*words)
-        assert shown.stdout == whole.stdout
-        assert shown.stderr == whole.stderr == "All 4 results are stored, and the page is up to date.\n"
-        assert json.loads(rattle(*words, "--json").stdout)["complete"]
-        assert "4 cells, 0 to compute" in rattle(*words, "--explain").stdout
-        assert "4 of 4 results stored" in rattle(*words, "--status").stdout
-        assert len(load_study(place / "noise").errors) == 32
-
-
 # --- damaged and newer
 
 
@@ -142,21 +126,3 @@ def test_a_damaged_page_is_written_again_from_its_cells(file, finished):
     assert "0 results computed, 4 stored" in rattle("study", file).output
     assert (finished / "errors.parquet").read_bytes() == whole
     assert "All 4 results are stored" in rattle("study", file).output
-
-
-def test_a_folder_of_a_newer_version_says_so(finished):
-    record = json.loads((finished / MANIFEST).read_text())
-    (finished / MANIFEST).write_text(json.dumps(record | {"version": 2}))
-    with pytest.raises(FileError, match=r"newer version of rattle .manifest 2; this one reads 1.; update rattle"):
-        load_study(finished)
-
-
-def test_a_page_of_another_study_is_not_taken_for_ours(file, finished):
-    """Two studies in one folder: tables and the study beside them are always of the same one."""
-    other = file.with_name("other.toml")
-    other.write_text(TEXT.format(title="other"))
-    rattle("study", other, "--out", finished)
-    assert load_study(finished).study.title == "other"
-    assert load_study(finished).record["title"] == "other"
-    assert "0 results computed" in rattle("study", file).output
-    assert load_study(finished).study.title == "noise"

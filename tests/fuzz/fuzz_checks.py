@@ -3,11 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-import fuzz_bad_input
 import fuzz_sampled
 import numpy as np
 from fuzz_files import simulate_file, study_file, validate_file
-from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, semidefinite
+from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, refused, semidefinite
 
 from rattle.closure import CLOSURES, MeanMap, follow, mean_map
 from rattle.closure.long_orbit import LongOrbit
@@ -25,19 +24,17 @@ MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})
 """Settings that do not suit a scene, where they are given; `published` takes no start in flight."""
 
 
-def check(entry: str, *given: Any) -> Ended:
+def check(entry: str, data: dict[str, Any], settings: dict[str, Any]) -> Ended:
     """How an entry point ends: complete, stopped (and why), or refused (and which field)."""
     try:
-        if entry in BAD_INPUT:
-            return BAD_INPUT[entry](*given)
-        scene = Scene.from_dict(given[0])
+        scene = Scene.from_dict(data)
     except RattleError as error:
-        return fuzz_bad_input.refused(error, "")
+        return refused(error, "")
     try:
-        return ENTRIES[entry](scene, given[1])
+        return ENTRIES[entry](scene, settings)
     except RattleError as error:
-        ended, field = fuzz_bad_input.refused(error, "")
-        asked = field not in ("dt", "record.times") or field.removeprefix("record.") in given[1]
+        ended, field = refused(error, "")
+        asked = field not in ("dt", "record.times") or field.removeprefix("record.") in settings
         must(field in MAY_REFUSE and asked, f"refused for its {field}, although the scene is valid: {error}")
         return ended, field
 
@@ -166,12 +163,6 @@ def _scales(m: MeanMap, n: int) -> Any:
 def _reason(stopped: str) -> str:
     return stopped.partition(" after impact")[0]
 
-
-BAD_INPUT: dict[str, Callable[..., Ended]] = {
-    "spoilt scene": fuzz_bad_input.spoilt, "setting": fuzz_bad_input.setting, "text": fuzz_bad_input.text,
-    "command": fuzz_bad_input.command, "file": fuzz_bad_input.file,
-}  # fmt: skip
-"""Entry points that are given invalid input."""
 
 ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
     "scene": round_trip, "orbit": orbit, "long orbit": long_orbit,

@@ -1,5 +1,6 @@
 """Scene files and study files through the command line, and what was written read back."""
 
+import contextlib
 import json
 import tempfile
 from pathlib import Path
@@ -8,16 +9,30 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import tomli_w
-from fuzz_bad_input import ran, refused
-from fuzz_must import Ended, has_verdicts, must
+from click.testing import CliRunner, Result
+from fuzz_must import Ended, has_verdicts, must, refused
 
+from rattle.compare.cli.main import main
 from rattle.compare.report.json_text import read_page
 from rattle.compare.study.folder import load_study
 from rattle.montecarlo import simulate
 from rattle.scene import Scene
 from rattle.scene.errors import FileError
 
-__all__ = ["simulate_file", "strict", "study_file", "validate_file"]
+__all__ = ["ran", "simulate_file", "strict", "study_file", "validate_file"]
+
+
+def ran(words: list[str], folder: Path) -> Result:
+    """A command line that has ended as ours do, begun in a folder: a report without --out goes below it."""
+    with contextlib.chdir(folder):
+        done = CliRunner().invoke(main, words)
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    must(done.exit_code in (0, 1, 2, 3, 4), "exit code", done.exit_code, done.output)
+    if done.exit_code == 2:
+        reason = any(word in done.stderr for word in ("rattle: ", "Error: ", "Usage: "))
+        must(reason and "Traceback" not in done.output, "exit code 2 without a reason:", done.output, done.stderr)
+    return done
 
 
 def simulate_file(scene: Scene, settings: dict[str, Any]) -> Ended:

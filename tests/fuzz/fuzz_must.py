@@ -6,14 +6,29 @@ import numpy as np
 
 from rattle.compare.validation.errors import TOO_FEW
 from rattle.compare.validation.verdict import VERDICTS
+from rattle.scene.errors import RattleError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 
-__all__ = ["FAINTEST", "SLACK", "Ended", "finite", "has_verdicts", "must", "own", "semidefinite"]
+__all__ = ["FAINTEST", "SIMPLE", "SLACK", "Ended", "finite", "has_verdicts", "must", "own", "refused", "semidefinite"]
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
 Ended = tuple[str, str]
+SIMPLE: dict[str, Any] = {
+    "scene": {
+        "alpha": 1.5, "epsilon": 0.9, "beta1": 0.083, "beta2": 0.133, "gamma1": 0.057, "gamma2": 0.029, "mu": 0.6,
+        "sigma": 0.1, "tolerance": {"c1_max": 0.01, "c2_max": 0.01},
+    }
+}  # fmt: skip
+"""A scene for negative controls."""
+
+
+def refused(error: RattleError, name: str) -> Ended:
+    """An error of ours that names what it is about."""
+    must(str(error) and name in str(error), repr(error), "does not name", repr(name))
+    must(len(str(error)) <= 2000, "a message of", len(str(error)), "characters")
+    return "refused", getattr(error, "field", type(error).__name__)
 
 
 def must(holds: Any, *what: Any) -> None:

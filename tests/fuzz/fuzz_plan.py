@@ -1,61 +1,159 @@
-"""Which entry points are tried, with which settings, and how long one may take."""
+"""Which entry points are tried, how often, and with which settings: small work mostly, much of it rarely."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
-from fuzz_space import scenes
-from hypothesis import strategies as st
+from fuzz_space import LEAST, Numbers, any_scene
 
-__all__ = ["BOUNDS", "PLAN", "SIMPLE", "examples", "warm_up"]
+from rattle.montecarlo import SCHEMES, default_step, largest_step
+from rattle.montecarlo.settings.plan import HORIZON_PER_IMPACT, STEPS, is_random
+from rattle.scene import Scene
+from rattle.scene.errors import RattleError
 
-BOUNDS = {"validate": 300.0, "validate a file": 300.0, "study a file": 300.0}
-"""Seconds that one answer may take, if not 60.
+__all__ = ["PLAN", "job"]
 
-`validate` abandons paths after ten million steps, which take 72 s for 64 sticking paths, and makes a pilot run.
-"""
-
-SIMPLE: dict[str, Any] = {
-    "scene": {
-        "alpha": 1.5, "epsilon": 0.9, "beta1": 0.083, "beta2": 0.133, "gamma1": 0.057, "gamma2": 0.029, "mu": 0.6,
-        "sigma": 0.1, "tolerance": {"c1_max": 0.01, "c2_max": 0.01},
-    }
-}  # fmt: skip
-
-_closure = st.fixed_dictionaries({"impacts": st.just(3), "order": st.sampled_from([2, 4, 6])})
-_run = {"paths": st.sampled_from([2, 8]), "impacts": st.just(2), "horizon": st.just(20.0), "rng": st.integers(0, 2**40)}
-_times = st.sampled_from([(), (0.5,), (0.2, 10.0)])
-_euler = st.fixed_dictionaries(
-    _run | {"dt": st.just(0.002), "step_bias": st.booleans(), "increments": st.sampled_from(["gaussian", "two-point"])}
-)
-PLAN: dict[str, st.SearchStrategy[dict[str, Any]]] = {
-    "scene": st.just({}),
-    "orbit": st.fixed_dictionaries({"impacts": st.sampled_from([1, 5, 30])}),
-    "long orbit": st.fixed_dictionaries({"impacts": st.sampled_from([1, 20]), "start": st.integers(0, 3)}),
-    "published": _closure, "corrected": _closure, "saltation": _closure,
-    "branching": st.just({"impacts": 2}),
-    "euler-maruyama": _euler, "euler-maruyama-located": _euler,
-    "exact-flight": st.fixed_dictionaries(
-        _run | {"dt": st.just(0.01), "control": st.booleans(), "energy": st.booleans(), "times": _times}
-    ),
-    "validate": st.just({"impacts": 2, "paths": 64, "scheme": "exact-flight"}),
-}  # fmt: skip
-"""Settings of each entry point that takes a scene."""
+WORK = 1e6  # steps of all paths
+ALONE = 2  # paths that may take the default horizon, of up to ten million steps
+USUAL = 0.3  # smallest step with the default horizon, in units of the default step
+SOON = 1e5  # steps of the default horizon above which entries without another horizon are tried rarely
+Settings = dict[str, Any]
 
 
-@st.composite
-def examples(draw: st.DrawFn, entry: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A scene and settings for an entry point; some simulations have more paths than a block."""
-    data, settings = draw(scenes()), draw(PLAN[entry])
-    if "paths" in settings and entry != "validate" and draw(st.integers(0, 19)) == 19:
-        settings = settings | {"paths": 1030}  # then one worker is compared with two
-    return data, settings
+def built(data: dict[str, Any]) -> Scene | None:
+    """The scene, if it is one."""
+    try:
+        return Scene.from_dict(data)
+    except RattleError:
+        return None
 
 
-def warm_up(*entries: str) -> list[tuple[Any, ...]]:
-    """Jobs that compile what these entry points need."""
-    few: dict[str, Any] = {"paths": 2, "impacts": 1, "horizon": 1.0, "dt": 0.002}
-    settings: dict[str, dict[str, Any]] = {
-        "euler-maruyama": few | {"step_bias": True}, "euler-maruyama-located": few | {"step_bias": True},
-        "exact-flight": few | {"control": True}, "long orbit": {"impacts": 1},
-        "validate": {"impacts": 1, "paths": 64, "scheme": "exact-flight"},
+def _closure(n: Numbers, scene: Scene) -> Settings:
+    return {"impacts": n.count(64), "order": n.one(2, 3, 4, 5, 6)}
+
+
+def _step(n: Numbers, scene: Scene, scheme: str, biased: bool, least: float = LEAST) -> tuple[float | None, float]:
+    """A step as it is given, the default among them, and its size."""
+    longest = largest_step(scene, scheme)[0] / (4 if biased else 1)
+    least = max(n.one(1e-3 * longest, 1e-3 * longest, 1e-6 * longest), least)
+    dt = None if n.often(0.4) else n.size(least, longest, zero=False)
+    return dt, default_step(scene, scheme, biased) if dt is None else dt
+
+
+def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
+    exact = not SCHEMES[scheme].has_step_bias
+
+    def settings(n: Numbers, scene: Scene) -> Settings:
+        biased = not exact and n.often(0.3)
+        paths, impacts = n.one(1, 2, 3, 31, 33, n.one(31, 33, 1000, 1030)), n.count(64)
+        waits = paths <= ALONE and n.often(0.05 if _soon(scene) else 0.005)
+        dt, step = _step(n, scene, scheme, biased, USUAL * default_step(scene, scheme, biased) if waits else LEAST)
+        out: Settings = {"paths": paths, "impacts": impacts, "dt": dt, "rng": n.seed(), "step_bias": biased}
+        out["horizon"] = None if waits else step * n.size(1.0, WORK / paths, False)
+        longest = min(HORIZON_PER_IMPACT * impacts, STEPS * step) if out["horizon"] is None else out["horizon"]
+        coarsest = 4.0 * step if biased else step
+        if n.often(0.3) and longest > coarsest:
+            since = [n.size(coarsest, longest, False) for _ in range(n.one(1, 1, 3))]
+            out["times"] = tuple(scene.start.tau + t for t in since)
+        if exact:
+            out["control"] = n.often(0.25)
+        else:
+            out["increments"] = n.one("gaussian", "gaussian", "two-point")
+        if n.often(0.2):
+            out["itineraries"] = {"mine": tuple(n.one(1, -1, 2, -2) for _ in range(impacts))}
+        return out | {name: n.often(0.3) for name in ("histogram", "batches", "energy")} | {"raw": n.often(0.8)}
+
+    return settings
+
+
+def _accuracy(n: Numbers, scene: Scene) -> Settings:
+    return {
+        "impacts": n.one(1, 1, 2, n.count(64)), "accuracy": n.size(1e-9, 0.9, False),
+        "budget": n.size(1e-2, 0.3, False),
+        "scheme": n.one(None, None, *SCHEMES), "rng": n.seed(), "batches": n.often(0.3), "energy": n.often(0.3),
     }  # fmt: skip
-    return [(e, SIMPLE, settings.get(e, {"impacts": 1})) for e in entries if e in PLAN]
+
+
+def _validation(n: Numbers, scene: Scene) -> Settings:
+    return {
+        "impacts": n.one(1, 2, 3, n.count(12)), "paths": n.one(1, 2, 3, 31, 33, 64),
+        "scheme": n.one("exact-flight", "exact-flight", *SCHEMES), "order": n.one(2, 3, 4, 5, 6), "rng": n.seed(),
+    }  # fmt: skip
+
+
+def _command(n: Numbers, scene: Scene) -> Settings:
+    """Options of ``rattle simulate``, whose horizon is the default one: few paths."""
+    scheme = n.one(*SCHEMES)
+    dt, step = _step(n, scene, scheme, False, USUAL * default_step(scene, scheme))
+    impacts = n.one(1, 2, n.count(64))
+    steps = min(HORIZON_PER_IMPACT * impacts / step, STEPS)
+    given: Settings = {"impacts": impacts, "seed": n.seed()}
+    if n.often(0.25):
+        return given | {"accuracy": n.size(1e-9, 0.9, False), "budget": n.size(1e-2, 0.3, False)}
+    paths = n.one(1, 2, 3, 31, 33, 1000)
+    given |= {"paths": paths if paths * steps < 10.0 * WORK else n.one(1, 2), "scheme": scheme}
+    return given if dt is None else given | {"dt": dt}
+
+
+def _report(n: Numbers, scene: Scene) -> Settings:
+    return {"impacts": n.one(1, 2), "paths": n.one(2, 33), "seed": n.seed()}
+
+
+def _study(n: Numbers, scene: Scene) -> Settings:
+    """A study over one or two fields; an accuracy only where nothing is random: it has no budget there."""
+    sigmas = sorted({0.0, scene.sigma, 0.5 * scene.sigma, n.size(1e-30, 1e6, False)})
+    axes = [{"sigma": sigmas[: n.one(1, 2, 3)]}]
+    if n.often(0.5):
+        axes.append({n.one("epsilon", "start.tau"): [0.25, 0.75]})
+    study: Settings = {"impacts": n.one(1, 2, 3), "order": n.one(2, 4, 6), "seed": n.one(0, 1, 2**60), "paths": 64}
+    study["closures"] = n.one(["saltation"], ["saltation", "corrected"], ["published", "branching", "saltation"])
+    if not is_random(scene) and n.often(0.5):
+        del study["paths"]
+        study["accuracy"], axes[0] = n.size(1e-9, 0.9, False), {"sigma": [0.0]}
+    return {"study": study, "axes": axes}
+
+
+def _soon(scene: Scene) -> bool:
+    """Whether the default horizon of a scene has few steps."""
+    return min(HORIZON_PER_IMPACT / default_step(scene, "exact-flight"), STEPS) < SOON
+
+
+class Tried(NamedTuple):
+    """How often an entry point is tried, of `sum` of all, with which settings, and whether it waits for the horizon."""
+
+    share: float
+    settings: Callable[[Numbers, Scene], Settings]
+    waits: bool = False
+
+
+PLAN: dict[str, Tried] = {
+    "scene": Tried(8, lambda n, scene: {}),
+    "orbit": Tried(12, lambda n, scene: {"impacts": n.count(1000)}),
+    "long orbit": Tried(6, lambda n, scene: {"impacts": n.count(64), "start": n.one(0, 1, 2, 3)}),
+    "published": Tried(8, _closure), "corrected": Tried(8, _closure), "saltation": Tried(10, _closure),
+    "branching": Tried(3, lambda n, scene: {"impacts": n.one(1, 2, 3), "order": n.one(2, 3, 4, 5, 6)}),
+    "euler-maruyama": Tried(10, _run("euler-maruyama")),
+    "euler-maruyama-located": Tried(10, _run("euler-maruyama-located")),
+    "exact-flight": Tried(14, _run("exact-flight")),
+    "accuracy": Tried(4, _accuracy),
+    "validate": Tried(1.5, _validation, waits=True),
+    "simulate a file": Tried(5, _command, waits=True),
+    "validate a file": Tried(0.2, _report, waits=True),
+    "study a file": Tried(0.5, _study, waits=True),
+}  # fmt: skip
+"""Every entry point: the API, scene files, the command line, studies; the last three read back what was written."""
+
+_EDGES = [sum(tried.share for tried in list(PLAN.values())[: i + 1]) for i in range(len(PLAN))]
+
+
+def job(seed: int, number: int, entry: str = "") -> tuple[str, dict[str, Any], Settings]:
+    """The scene of this number, with an entry point and settings; always the same for the same seed."""
+    n = Numbers(seed, number)
+    at = n.stream.random() * _EDGES[-1]
+    drawn = next(name for name, edge in zip(PLAN, _EDGES, strict=True) if at <= edge)
+    entry = entry or drawn
+    for _ in range(20):
+        data = any_scene(n)
+        scene = built(data)
+        if scene is None or not PLAN[entry].waits or _soon(scene) or n.often(0.01):
+            break
+    return entry, data, PLAN[entry].settings(n, scene) if scene else {"impacts": 1}

@@ -1,117 +1,171 @@
-"""A strategy over all that a scene may be: plain data, as a caller or a file would give it.
+"""Scenes of every magnitude, log-uniform over the whole admissible range, with weight on its ends.
 
-Every scene is drawn field by field, each either near the paper's example or anywhere in its range (log-uniform, with
-the values that break things: zero, the ends of the range, equal dampings, restitution 0 and 1), so that wild fields
-meet tame ones.
+Numbers come from a stream of numpy's Philox, so that a job is a function of the seed and of its own number.  A third of
+the scenes draw each field by itself, over all decades; a third draw lengths around one unit of any size, so that
+something happens in them; a third are near the paper's example.
 """
 
 import math
-from typing import Any
+from typing import Any, TypeVar
 
-from hypothesis import strategies as st
+import numpy as np
 
-__all__ = ["scenes"]
+from rattle.scene.parts import GAPS, SPEED, TIME, TINY, UNIT_VARIANCE
+from rattle.scene.scene import LARGEST
 
-TINY = (1e-30, 1e-30, 1e-20, 1e-16, 1e-12)
+__all__ = ["LEAST", "Numbers", "any_scene"]
+
+LEAST = 5e-324
+"""The least number above 0."""
+BELOW_ONE = 1.0 - 2.0**-53
+SIZES = (1e-12, 1e12)  # of a gear
 Data = dict[str, Any]
+T = TypeVar("T")
 
 
-def over(low: float, high: float, *special: float) -> st.SearchStrategy[float]:
-    """Log-uniform numbers, now and then one of the special ones."""
-    ends = math.log10(low), math.log10(high)
-    spread = st.floats(*ends).map(lambda e: min(max(10.0**e, low), high))
-    return st.one_of(spread, spread, st.sampled_from(special)) if special else spread
+class Numbers:
+    """What is drawn, one after the other."""
+
+    def __init__(self, *key: int) -> None:
+        self.stream = np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
+
+    def often(self, share: float) -> bool:
+        """True in this share of the draws."""
+        return bool(self.stream.random() < share)
+
+    def one(self, *values: T) -> T:
+        """One of some values; what is given twice comes twice as often."""
+        return values[int(self.stream.integers(len(values)))]
+
+    def size(self, least: float, most: float, zero: bool = True) -> float:
+        """Log-uniform between two ends; each end in one draw of twenty, 0 in one of ten where it is admissible.
+
+        Where the least is the least of all floats, half of the draws keep to those that have a square.
+        """
+        if zero and self.often(0.1):
+            return 0.0
+        if self.often(0.1):
+            return self.one(least, most)
+        if least < TINY < most and self.often(0.5):
+            least = TINY
+        return float(min(max(10.0 ** self.stream.uniform(math.log10(least), math.log10(most)), least), most))
+
+    def count(self, most: int) -> int:
+        """A log-uniform whole number from 1 on."""
+        return min(int(self.size(1.0, most + 1.0, zero=False)), most)
+
+    def signed(self, most: float) -> float:
+        """A number of either sign, 0 among them."""
+        return self.one(1.0, -1.0) * self.size(LEAST, most)
+
+    def seed(self) -> int:
+        """A seed."""
+        return self.one(0, 1, 2**63, 2**128 - 1, int(self.stream.integers(2**62)))
 
 
-def either(tame: st.SearchStrategy[float], wild: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
-    """Tame twice in three times."""
-    return st.one_of(tame, tame, wild)
+class _Lengths:
+    """Sizes of what is a length over a power of time: anywhere, or around one unit, near to it or far."""
+
+    def __init__(self, numbers: Numbers) -> None:
+        self.numbers = numbers
+        self.unit, self.near = numbers.one((None, 0.0), (numbers.size(*GAPS, zero=False), 300.0), (0.5, 4.0))
+
+    def size(self, least: float, most: float, zero: bool = True) -> float:
+        if self.unit is None:
+            return self.numbers.size(least, most, zero)
+        low, high = max(least, self.unit / self.near), min(most, self.unit * self.near)
+        return self.numbers.size(low, high, zero)
 
 
-ALPHA = either(over(0.3, 3.0, 1.5, 0.0), over(1e-12, 1e4, *TINY, 1e6))
-EPSILON = either(st.sampled_from([0.9, 0.5, 0.7]), st.one_of(over(1e-3, 1.0), st.sampled_from(
-    [0.0, 1.0, 0.163, 5e-324, 1e-12, 1.0 - 2.0**-53]
-)))  # fmt: skip
-BETA = either(over(0.03, 0.3, 0.0), over(1e-12, 1e3, *TINY, 5e-324, 1e4))
-GAMMA = either(over(0.02, 0.2, 0.0), over(1e-12, 1e4, *TINY, 1e6))
-GAP = either(over(0.2, 2.0, 0.5), over(1e-8, 1e4, 1e-9, 1e6))
-SIGMA = either(over(1e-3, 2.0, 0.0), over(1e-12, 1e4, *TINY, 1e6))
-MU = either(st.sampled_from([0.6, 0.2]), st.one_of(
-    over(1e-12, 0.999), st.sampled_from([1e-30, 1e-12, 0.5, 1.0 - 2.0**-53])
-))  # fmt: skip
-SPEED = either(over(0.1, 5.0, 2.0), over(1e-12, 1e4, *TINY, 5e-324, 1e6))
-SIGN = st.sampled_from([1.0, -1.0])
-TAU = either(st.floats(-10.0, 10.0), st.sampled_from([0.0, -0.0, 1e-300, 1e3, 1e6, 1e9, 1e12, -1e12]))
+def _share(n: Numbers) -> float:
+    """Between 0 and 1, ends included, as close to either as floats allow."""
+    any_size, near_one = n.size(LEAST, 1.0), 1.0 - n.size(2.0**-53, 1.0)
+    return n.one(0.0, 1.0, LEAST, BELOW_ONE, any_size, near_one, n.stream.random(), n.stream.random())
 
 
-@st.composite
-def tolerances(draw: st.DrawFn, gap1: float, gap2: float) -> Data:
-    """A tolerance that leaves both gaps open."""
-    deviation = st.sampled_from([0.0, 0.01, 0.1, 0.5, 1.0 - 2.0**-53, 1e-12, 1e-20])
-    return {
-        "c1_max": draw(deviation) * gap1,
-        "c2_max": draw(deviation) * gap2,
-        "distribution": draw(st.sampled_from(["fixed", "uniform", "normal"])),
-        "draw": draw(st.sampled_from(["path", "contact"])),
-    }
+def _damping(n: Numbers, tame: bool) -> float:
+    return n.size(1e-3, 10.0) if tame else n.size(LEAST, LARGEST["beta1"])
 
 
-@st.composite
-def starts(draw: st.DrawFn, stages: int, gaps: tuple[float, float], c_max: tuple[float, float]) -> Data:
-    """A start on a flank, inside, with zero velocity, or with both meshes struck at once."""
-    mesh = draw(st.integers(0, stages))
-    start: Data = {"tau": draw(TAU), "mesh": mesh}
+def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
+    tame = lengths.unit is not None
+    scene: Data = {
+        "alpha": lengths.size(TINY, LARGEST["alpha"]), "epsilon": _share(n), "beta1": _damping(n, tame),
+        "gamma1": lengths.size(TINY, LARGEST["gamma1"]), "gap1": lengths.size(*GAPS, zero=False),
+    }  # fmt: skip
+    if stages == 2 or n.often(0.2):
+        beta1 = scene["beta1"]
+        scene["beta2"] = n.one(beta1, min(math.nextafter(beta1, math.inf), 1e4), *(_damping(n, tame) for _ in range(6)))
+        scene["gamma2"] = lengths.size(TINY, LARGEST["gamma2"])
+        scene["gap2"] = n.one(scene["gap1"], *(lengths.size(*GAPS, zero=False) for _ in range(3)))
+        near_one = 1.0 - n.size(2.0**-53, 0.5, zero=False)
+        scene["mu"] = n.one(n.size(TINY, BELOW_ONE, zero=False), near_one, n.stream.uniform(0.1, 0.9))
+    return scene
+
+
+def _gears(n: Numbers, scene: Data) -> Data:
+    """A gear pair of any size that makes about this scene."""
+    names = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1")
+    pair = {name: n.size(1e-3, 1e3) if n.often(0.7) else n.size(*SIZES, zero=False) for name in names}
+    pair = {name: value or 1.0 for name, value in pair.items()}
     for i in (1, 2):
-        gap, free = gaps[i - 1], gaps[i - 1] - c_max[i - 1]
-        side, speed = draw(SIGN), draw(SPEED)
-        where = "struck" if mesh == i else draw(st.sampled_from(["inside", "rest", "inward", "edge", "struck"]))
-        x, y = gap * side, speed * side
-        if where == "inside":
-            x, y = draw(st.sampled_from([0.0, 0.3, 0.999, 1.0 - 1e-15])) * free * side, speed * draw(SIGN)
-        elif where == "rest":
-            x, y = draw(st.sampled_from([0.0, 0.5, 1.0 - 1e-12])) * free * side, 0.0
-        elif where == "edge":
-            x, y = free * side, -speed * side
-        elif where == "inward" or (mesh == 0 and i <= stages):
-            y = -speed * side
+        inertia, omega = pair[f"inertia{i}"], pair["omega"]
+        pair[f"damping{i}"] = min(1e-3 * scene[f"beta{i}"] * inertia * omega, SIZES[1])
+        drag = 1e-3 * scene[f"gamma{i}"] * inertia * omega**2 * pair["backlash1"] / pair[f"radius{i}"]
+        pair[f"torque{i}"] = min(drag, SIZES[1])
+    pair["backlash2"] = min(max(2.0 * scene["gap2"] * pair["backlash1"], SIZES[0]), SIZES[1])
+    return pair | {"alpha": scene["alpha"], "epsilon": scene["epsilon"]}
+
+
+def _deviation(n: Numbers, gap: float) -> float:
+    """0, the least, anything below the gap, or just under it."""
+    under = math.nextafter(gap, 0.0)
+    return n.one(0.0, TINY, under, 0.1 * gap, n.size(TINY, under), n.size(TINY, under))
+
+
+def _tolerance(n: Numbers, gaps: tuple[float, float], stages: int) -> Data:
+    second = n.size(TINY, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
+    return {
+        "c1_max": _deviation(n, gaps[0]), "c2_max": second, "distribution": n.one(*UNIT_VARIANCE),
+        "draw": n.one("path", "contact"),
+    }  # fmt: skip
+
+
+def _start(n: Numbers, lengths: _Lengths, stages: int, gaps: tuple[float, float], free: tuple[float, float]) -> Data:
+    """At a mesh or in flight; with zero velocity, at an edge, in the middle; early, and as late as is admissible."""
+    mesh = n.one(*range(stages + 1))
+    tau = n.one(n.signed(TIME), n.stream.uniform(-10.0, 10.0))
+    start: Data = {"tau": tau, "mesh": mesh}
+    for i in (1, 2):
+        side, speed = n.one(1.0, -1.0), lengths.size(LEAST, SPEED, zero=False)
+        where = "flank" if mesh == i else n.one("flank", "edge", "inside", "inside", "near")
+        inward = mesh == 0 and i <= stages
+        if where == "flank":
+            x, y = gaps[i - 1] * side, side * speed * (1.0 if mesh == i else -1.0 if inward else n.one(1.0, -1.0))
+        else:
+            share = {"edge": 1.0, "inside": n.size(1e-300, 1.0), "near": 1.0 - n.size(2.0**-53, 1.0)}[where]
+            x, y = free[i - 1] * share * side, n.one(0.0, speed, -speed)
+            y = -side * speed if inward and abs(x) == gaps[i - 1] else y
         start |= {f"x{i}": x, f"y{i}": y}
     return start
 
 
-@st.composite
-def gears(draw: st.DrawFn) -> Data:
-    """A gear pair in workshop units."""
-    size = either(over(0.2, 5.0, 1.0), over(1e-3, 1e3))
-    middle = {
-        "omega": 300.0, "inertia1": 4000.0, "inertia2": 2500.0, "radius1": 41.0, "radius2": 26.4, "backlash1": 0.2,
-        "backlash2": 0.2, "damping1": 100.0, "damping2": 100.0, "torque1": 100.0, "torque2": 50.0,
-    }  # fmt: skip
-    return {"alpha": draw(ALPHA), "epsilon": draw(EPSILON)} | {k: v * draw(size) for k, v in middle.items()}
-
-
-@st.composite
-def scenes(draw: st.DrawFn, stages: int | None = None) -> Data:
+def any_scene(n: Numbers) -> Data:
     """A scene in the form of `Scene.from_dict`; nearly all of them pass input validation."""
-    stages = draw(st.sampled_from([2, 2, 1])) if stages is None else stages
-    scene: Data = {"sigma": draw(SIGMA), "stages": stages}
-    data: Data = {"scene": scene}
-    if draw(st.integers(0, 9)) == 9:
-        data["gears"] = pair = draw(gears())
-        gaps = 0.5, pair["backlash2"] / (2.0 * pair["backlash1"])
+    stages, lengths = n.one(2, 2, 1), _Lengths(n)
+    scene = _plain(n, lengths, stages)
+    if stages == 2 and n.often(0.1):
+        data: Data = {"gears": _gears(n, scene), "scene": {"stages": stages}}
+        gaps = 0.5, data["gears"]["backlash2"] / (2.0 * data["gears"]["backlash1"])
     else:
-        scene |= {"alpha": draw(ALPHA), "epsilon": draw(EPSILON), "beta1": draw(BETA), "gamma1": draw(GAMMA)}
-        scene["gap1"] = draw(GAP)
-        beta1, gap1 = scene["beta1"], scene["gap1"]
-        equal = st.sampled_from([beta1, beta1 * (1.0 + 2.0**-52)])
-        scene["beta2"] = draw(st.one_of(BETA, BETA, equal))
-        scene["gamma2"] = draw(st.one_of(GAMMA, GAMMA, st.just(scene["gamma1"])))
-        scene["gap2"] = draw(st.one_of(GAP, GAP, st.just(gap1)))
-        scene["mu"] = draw(MU)
-        gaps = gap1, scene["gap2"]
-    c_max = 0.0, 0.0
-    if draw(st.integers(0, 2)) == 0:
-        scene["tolerance"] = draw(tolerances(*gaps))
-        c_max = scene["tolerance"]["c1_max"], scene["tolerance"]["c2_max"]
-    if draw(st.booleans()):
-        scene["start"] = draw(starts(stages, gaps, c_max))
+        data = {"scene": scene | {"stages": stages}}
+        gaps = scene["gap1"], scene.get("gap2", 0.5)
+    scene, deviations = data["scene"], (0.0, 0.0)
+    scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(TINY, LARGEST["sigma"])
+    if n.often(0.4):
+        scene["tolerance"] = tolerance = _tolerance(n, gaps, stages)
+        deviations = tolerance["c1_max"], tolerance["c2_max"]
+    if n.often(0.6):
+        free = gaps[0] - deviations[0], max(gaps[1] - deviations[1], 0.0)
+        scene["start"] = _start(n, lengths, stages, gaps, free)
     return data

@@ -1,23 +1,18 @@
-"""Runs jobs in a process of its own, which is killed when a job exceeds its time limit.
-
-Compiled loops do not react to signals, so that a hang can be ended only from outside.
-"""
+"""Runs jobs in a process of its own, which the kernel ends when one takes too long: compiled loops heed no signal."""
 
 import multiprocessing
+import os
+import signal
 import time
 import traceback
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import psutil
+__all__ = ["BOUND", "Outcome", "Watched", "ends_as_named"]
 
-__all__ = ["Outcome", "Watched"]
-
-BOUND = 60.0  # seconds of processor time for a job
-START = 300.0  # for the first job, which compiles
-WAITING = 10.0  # times its processor time that a job may take on the clock: other work may be on the machine
-LOOK = 1.0  # seconds between two looks at the clocks
+BOUND = 300.0  # seconds of processor time for a job: 64 sticking paths of ten million steps each take 72
+WAITING = 10.0  # times as long may it take on the clock, for other work may be on the machine
 
 
 class Outcome(NamedTuple):
@@ -33,13 +28,12 @@ class Outcome(NamedTuple):
         return self.ended in ("broken", "hung", "died")
 
 
-def _serve(jobs: Any, function: Callable[..., tuple[str, str]]) -> None:
+def _serve(jobs: Any, function: Callable[..., tuple[str, str]], bound: float) -> None:
     warnings.simplefilter("error")
     while True:
-        try:
-            job = jobs.recv()
-        except EOFError:
-            return
+        job = jobs.recv()
+        signal.setitimer(signal.ITIMER_PROF, bound)
+        signal.setitimer(signal.ITIMER_REAL, WAITING * bound)
         started = time.process_time()
         try:
             ended, detail = function(*job)
@@ -49,64 +43,46 @@ def _serve(jobs: Any, function: Callable[..., tuple[str, str]]) -> None:
 
 
 class Watched:
-    """Runs a function, which gives how it ended and a detail, in a process that is started anew after a hang.
+    """Runs a function of a module, which gives how it ended and a detail, in a process; one that ends begins anew."""
 
-    Parameters
-    ----------
-    function : callable
-        Of a module that a new process can import.
-    bounds : dict of str to float
-        Seconds of processor time that a job may take, by the first of its arguments; `BOUND` for others.
-    warm : tuple
-        Arguments of a first job, which may take as long as compiling does.
-    """
-
-    def __init__(
-        self, function: Callable[..., tuple[str, str]], bounds: dict[str, float], warm: list[tuple[Any, ...]]
-    ) -> None:
-        self.function, self.bounds, self.warm = function, bounds, warm
+    def __init__(self, function: Callable[..., tuple[str, str]], bound: float = BOUND) -> None:
+        self.function, self.bound = function, bound
         self._process: Any = None
 
     def run(self, *job: Any) -> Outcome:
         """One job."""
         if self._process is None:
-            self._begin()
-        return self._ask(job, self.bounds.get(str(job[0]), BOUND))
-
-    def _begin(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._jobs, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, self.function), daemon=True)
-        self._process.start()
-        theirs.close()
-        for job in self.warm:
-            first = self._ask(job, START)
-            assert not first.defect, first.detail
-
-    def _ask(self, job: tuple[Any, ...], bound: float) -> Outcome:
-        started = time.perf_counter()
-        self._jobs.send(job)
-        before = self._processor_time()
+            context = multiprocessing.get_context("spawn")
+            self._jobs, theirs = context.Pipe()
+            self._process = context.Process(target=_serve, args=(theirs, self.function, self.bound), daemon=True)
+            self._process.start()
+            theirs.close()
         try:
-            while time.perf_counter() - started < WAITING * bound and self._processor_time() - before < bound:
-                if self._jobs.poll(min(LOOK, bound)):
-                    answer: Outcome = self._jobs.recv()
-                    return answer
-            ended, detail = "hung", f"no answer within {bound:g} s"
+            self._jobs.send(job)
+            return self._jobs.recv()
         except EOFError:
             self._process.join()
-            ended, detail = "died", f"exit code {self._process.exitcode}"
-        self.close()
-        return Outcome(ended, detail, time.perf_counter() - started)
-
-    def _processor_time(self) -> float:
-        used = psutil.Process(self._process.pid).cpu_times()
-        return float(used.user + used.system + used.children_user + used.children_system)
+            code, self._process = self._process.exitcode, None
+            hung = code in (-signal.SIGPROF, -signal.SIGALRM)
+            return Outcome(
+                "hung" if hung else "died", f"no answer within {self.bound:g} s, or exit code {code}", self.bound
+            )
 
     def close(self) -> None:
         """End the process."""
         if self._process is not None:
             self._process.kill()
             self._process.join()
-            self._jobs.close()
-            self._process = None
+
+
+def ends_as_named(kind: str) -> tuple[str, str]:
+    """A job with a known end, for the negative control."""
+    if kind == "waits":
+        time.sleep(60.0)
+    while kind == "loops":
+        pass
+    if kind == "dies":
+        os._exit(3)
+    if kind == "warns":
+        warnings.warn("unwanted", RuntimeWarning, stacklevel=1)
+    return "complete", kind

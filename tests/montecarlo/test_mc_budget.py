@@ -12,10 +12,8 @@ from mc_checks import dat21
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.settings.budget import Budget
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import InputError, Scene, Start
-from rattle.scene.text import duration_text
 
 
 class Watched:
@@ -140,16 +138,3 @@ def test_the_finest_accuracies_are_refused_as_others_are():
         for scheme in ("exact-flight", "euler-maruyama-located"):
             with pytest.raises(InputError, match="is expected to take"):
                 simulate_to(dat21(0.5), accuracy, impacts=1, scheme=scheme)
-
-
-def test_what_is_uncounted_costs_nothing(monkeypatch):
-    now = iter((0.0, 1.0, 5.0, 6.0))
-    monkeypatch.setattr("rattle.montecarlo.settings.budget.time.process_time", lambda: next(now))
-    budget = Budget(10.0)
-    with budget.pause():
-        pass
-    assert budget.remaining == 8.0
-
-
-def test_durations_are_said_as_people_say_them():
-    assert [duration_text(s) for s in (0.2, 80.0, 600.0, 86400.0)] == ["0.2 s", "80 s", "10 minutes", "24 h"]

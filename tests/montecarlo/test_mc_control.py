@@ -7,11 +7,11 @@ from scipy import stats
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import sample
-from rattle.montecarlo.kernel.control_variate import estimate_controlled, linear_path
+from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.settings.plan import plan_of
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import PAIR, CentralSums
-from rattle.scene import InputError, Scene, Start, Tolerance
+from rattle.scene import InputError, Scene, Start
 from rattle.scene.moments import SECTION
 
 STEP = np.pi / 64.0
@@ -60,16 +60,6 @@ def test_control_follows_the_paths_ever_closer_for_small_noise_and_short_steps(n
         left.append((rows - control).std(axis=0)[varies] / np.sqrt(path.variance[varies]))
     assert np.median(left[0]) < 0.2
     assert np.median(left[1]) < 0.6 * np.median(left[0])  # the root of the step, in velocities
-
-
-def test_program_ends_where_the_orbit_ends():
-    sticking = Scene(
-        alpha=0.1, epsilon=0.3, beta1=0.1, beta2=0.1, gamma1=2.0, gamma2=0.1, mu=0.4, gap1=0.5, gap2=0.5, sigma=0.01,
-        start=Start(0.0, 0.0, 0.0, 0.0, 0.0),
-    )  # fmt: skip
-    path = linear_path(sticking, 40, STEP)
-    assert path.at_step.size < 40
-    assert (path.variance[path.at_step.size :] == 0.0).all()
 
 
 def table(scene, control, seed=1, paths=40_000):
@@ -162,18 +152,6 @@ def test_a_variance_that_regression_makes_negative_is_left_as_it_was():
     assert (found["se_sd"][varies] > 0.0).all()
     left = found["sd"][varies] == plain["sd"][varies]
     assert 0 < left.sum() < left.size
-
-
-def test_random_gaps_do_not_mislead_it():
-    scene = dat21(0.02, tolerance=Tolerance(0.02, 0.02, draw="path"))
-    plain, controlled = table(scene, False, seed=1), table(scene, True, seed=2)
-    a, b = plain["tau"], controlled["tau"]
-    assert agrees(a, b, np.hypot(plain["se_tau"], controlled["se_tau"]))
-
-
-def test_no_noise_leaves_nothing_to_control():
-    run = simulate(dat21(0.0), paths=3, impacts=2, dt=STEP, scheme="exact-flight", sampling=Sampling(control=True))
-    assert (run.section["sd_tau"] == 0.0).all()
 
 
 def test_euler_schemes_have_no_control():

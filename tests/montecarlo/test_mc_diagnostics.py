@@ -9,7 +9,7 @@ from mc_checks import dat21, stepped
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.diagnostics.diagnostics import motion_units, orbit_shift
-from rattle.montecarlo.schemes.step_size import time_scales, trusted_step
+from rattle.montecarlo.schemes.step_size import trusted_step
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 
@@ -69,18 +69,6 @@ def test_strong_noise_is_diagnosed_where_the_step_cannot_follow_it():
     limit, why = trusted_step(dat21(30.0), LOCATED)
     assert said.endswith(f"{why}; dt = {limit:.2g} would do.")
     assert 0.002 > limit == pytest.approx(0.05 * (1.8 / (30.0 * math.hypot(1.0, dat21().beta1))) ** 2)
-
-
-def test_scales_of_a_quiet_scene_are_endless():
-    still = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 0.0))
-    assert time_scales(still) == (math.inf, math.inf, math.inf, math.inf)
-
-
-def test_fast_damping_turns_flights_into_diffusion():
-    fast = Scene(
-        alpha=1.0, epsilon=0.5, beta1=1e3, gamma1=0.0, stages=1, sigma=0.1, gap1=0.5, start=Start(0.0, 0.0, 1.0)
-    )
-    assert time_scales(fast).shaking == pytest.approx((0.5 / 0.1) ** 2, rel=1e-5)
 
 
 def test_sticking_after_the_last_impact_is_no_fault_of_the_section():

@@ -182,32 +182,10 @@ def test_moments_go_to_those_of_white_noise_as_the_memory_does():
         assert slopes == pytest.approx(1.0, abs=0.03)  # no sampling error
 
 
-@pytest.mark.slow
-def test_sampled_moments_go_to_those_of_white_noise_at_the_first_order():
-    base = Scene.from_gears(DAT21, sigma=0.1)
-    white = simulate(base, paths=200_000, impacts=2, rng=1, workers=2).section
-    thetas, off, se = np.array([0.4, 0.2, 0.1]), [], []
-    for k, theta in enumerate(thetas):
-        run = simulate(replace(base, correlation_time=theta), paths=200_000, impacts=2, rng=2 + k, workers=2).section
-        off.append(1.0 - run["sd_tau"].iloc[0] / white["sd_tau"].iloc[0])
-        se.append(math.hypot(run["se_sd_tau"].iloc[0], white["se_sd_tau"].iloc[0]) / white["sd_tau"].iloc[0])
-    rate = np.log(off[1] / off[2]) / math.log(2.0)
-    spread = math.hypot(se[1] / off[1], se[2] / off[2]) / math.log(2.0)
-    assert abs(rate - 1.0) < 0.15 + 4.0 * spread
-
-
 def test_the_start_of_the_memory_is_stationary_and_of_each_path_alone():
     scene = Scene.from_gears(DAT21, sigma=0.3, correlation_time=0.5)
     few, many = (simulate(scene, paths=n, impacts=2, rng=4, record=Record(raw=True)) for n in (100, 1500))
     assert (few.raw == many.raw[:100]).all()
-
-
-def test_a_long_run_of_slow_noise_is_a_mixture_over_amplitudes():
-    base = Scene(alpha=1.0, epsilon=0.6, beta1=0.1, gamma1=0.05, stages=1, sigma=0.3)
-    white = long_run(base, periods=64, paths=64).estimates["rate"]
-    slow = long_run(replace(base, correlation_time=20.0), periods=64, paths=64).estimates["rate"]
-    assert slow.value != pytest.approx(white.value, rel=1e-3)
-    assert slow.value == pytest.approx(white.value, rel=0.3)
 
 
 def test_a_long_run_of_one_order_written_as_several_is_the_same():

@@ -8,12 +8,10 @@ from scipy import stats
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record
-from rattle.montecarlo.kernel import block as kernel_block
-from rattle.montecarlo.kernel.lanes import lanes_of
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.section_statistics import FEWEST, estimate_remainder
-from rattle.scene import InputError, Tolerance
+from rattle.scene import InputError
 
 SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")
 STATE = SECTION[2:]
@@ -230,20 +228,6 @@ def test_error_that_first_order_leaves_is_stated_whatever_the_slope(order):
         assert abs(2.0 * change - before) / 3.0 < 0.2 * error
 
 
-def test_noise_is_not_taken_for_a_slope():
-    """At first order, changes with errors leave a third of what they miss, however the noise falls."""
-    rng = np.random.default_rng(1)
-    change, before = 0.1 + 0.03 * rng.standard_normal(4000), 0.2 + 0.06 * rng.standard_normal(4000)
-    left = estimate_remainder(change, before, np.full(4000, 0.03))
-    third = np.abs(2.0 * change - before) / 3.0
-    assert np.mean(left > 1.001 * third) < 0.004
-
-
-def test_changes_that_turn_their_sign_leave_more_than_the_last_one():
-    left = estimate_remainder(np.array([0.01]), np.array([-0.05]), np.zeros(1))
-    assert left[0] > 0.05
-
-
 def test_step_bias_may_be_left_out(run):
     assert not [name for name in run.section if "bias" in name]
     with pytest.raises(InputError, match=r"ask for it: simulate\(..., record=Record"):
@@ -313,27 +297,6 @@ def test_noise_free_run_does_not_depend_on_the_seed(scheme):
     assert np.array_equal(*runs)
 
 
-@pytest.fixture
-def buffers_of(monkeypatch):
-    """Function that simulates one block and gives its buffers: what was never computed is as at the start."""
-
-    def buffers(scene, scheme):
-        made = []
-        monkeypatch.setattr(kernel_block, "lanes_of", lambda *sizes: made.append(lanes_of(*sizes)) or made[-1])
-        simulate(scene, paths=64, impacts=1, dt=1e-2, sampling=Sampling(horizon=1.0), scheme=scheme, rng=1)
-        return made[-1]
-
-    return buffers
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_noise_free_steps_draw_no_normals(scheme, buffers_of):
-    """Walls drawn at random keep the paths apart."""
-    for sigma in (0.0, 1e-9):
-        _, room = buffers_of(open_space(sigma, tolerance=Tolerance(0.1, 0.1)), scheme)
-        assert room.z.any() == (sigma > 0.0)
-
-
 def test_single_stage_run_has_no_second_stage():
     run = simulate(
         dat21(0.2, stages=1), paths=100, impacts=3, dt=5e-3, record=Record(times=[0.5], step_bias=True, raw=True)
@@ -351,16 +314,6 @@ def test_single_stage_run_has_no_second_stage():
     assert run.at_times()[fixed_second].isna().all(axis=None)
     assert run.at_times().drop(columns=fixed_second).notna().all(axis=None)
     assert set(run.step_bias.quantity) == {"tau", "flight", "x1", "y1"}
-
-
-@pytest.mark.parametrize("scheme", ["euler-maruyama", "exact-flight"])
-def test_single_stage_flies_no_second_one(scheme, buffers_of):
-    """The second stage has a speed, and would be moved by it."""
-    for stages in (1, 2):
-        every, _ = buffers_of(open_space(0.1, tolerance=Tolerance(0.1, 0.1), stages=stages), scheme)
-        x1, x2 = every.state[0, (0, 2), :64]
-        assert (x1 != 0.1).all()
-        assert (x2 != -0.2).all() == (stages == 2)
 
 
 def test_path_steps_count_every_lane_and_step_size():

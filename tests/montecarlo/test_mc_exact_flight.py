@@ -5,23 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, FALSE_ALARM, PRESSED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, limit, open_space, orbit_of
-from scipy import stats
+from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, open_space, orbit_of
 from scipy.integrate import quad_vec
 
 from rattle.montecarlo import SCHEMES, Record, largest_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.diagnostics import diagnose_short_step
 from rattle.montecarlo.kernel.neglected_noise import neglected_noise
-from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes.crossing import CLOSE
-from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
-from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.montecarlo.schemes.whole_step import flight_forcing
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start, Tolerance
-from rattle.scene.compiled import jit
-from rattle.scene.drive import sine_cosine
 from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 
 EXACT, LOCATED = "exact-flight", "euler-maruyama-located"
@@ -168,11 +161,6 @@ def test_comparison_of_steps_sees_another_scene(change):
     assert not same_moments(sampled(scene, math.pi / 32.0), other)
 
 
-def test_section_of_a_larger_sample_does_not_depend_on_the_step():
-    scene = dat21(0.5)
-    assert same_moments(sampled(scene, math.pi / 32.0, 40_000), sampled(scene, math.pi / 128.0, 40_000, rng=2))
-
-
 def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
     """A limit, not a virtue: at tau = 0 the modulation all but vanishes, and so does the variance of a short flight.
 
@@ -282,115 +270,6 @@ def test_comparison_with_euler_steps_sees_another_scene(fault, extrapolated):
 
 # --- close to a wall
 
-HALF = 1e-6
-
-
-def exit_scene(z, sigma=1.0):
-    """As in the exit test of the other schemes, but a thousand times smaller: the modulation stays 1 to 1e-6."""
-    start = Start(-0.5 * math.pi, HALF * (2.0 * z - 1.0), 0.0)
-    return Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, start=start, stages=1)
-
-
-def exit_times(z, dt, sigma=1.0, rng=8):
-    run = simulate(
-        exit_scene(z, sigma),
-        paths=20_000,
-        impacts=1,
-        dt=dt,
-        scheme=EXACT,
-        rng=rng,
-        sampling=Sampling(horizon=0.05),
-        record=Record(raw=True),
-    )
-    assert run.unfinished == 0
-    return run.raw[:, 0, 0] + 0.5 * math.pi
-
-
-@pytest.mark.parametrize("z", [0.1, 0.25, 0.5])
-@pytest.mark.parametrize("dt", [1e-4, 2e-5])
-def test_mean_exit_time_of_random_acceleration(z, dt):
-    """Mean exit times lie around 2e-4, so that many an exit takes one long step; no slack but 2e-5."""
-    from test_mc_truths import mean_exit_time
-
-    truth = mean_exit_time(z * 2.0 * HALF, 2.0 * HALF, 1.0)
-    for sigma in (1.0, 1.05):  # the second is a negative control: exit times 3 % shorter
-        t = exit_times(z, dt, sigma)
-        assert agrees(t.mean(), truth, t.std() / math.sqrt(t.size), slack=2e-5 * truth) == (sigma == 1.0)
-
-
-def test_exit_times_have_one_distribution_at_any_step():
-    a, b = exit_times(0.25, 2e-4), exit_times(0.25, 1e-5, rng=9)
-    assert stats.ks_2samp(a, b).pvalue > FALSE_ALARM
-    assert stats.ks_2samp(1.04 * a, b).pvalue < FALSE_ALARM  # negative control
-
-
-NOWHERE = (0.0, 0.0, 0.0, 0.0)  # the end of a step that is not known beforehand
-
-
-@jit
-def first_hits(c, key, rng, paths, h, x, y):
-    """Time of the first impact of a stage-1 step from (x, y) towards the wall at c.wall1, h if there is none."""
-    out = np.empty(paths)
-    walls, room = Walls(c.wall1, c.wall1, c.wall2, c.wall2), np.empty((PARTS, 3))
-    for p in range(paths):
-        noise = Noise(math.sqrt(h) * rng.standard_normal(), math.sqrt(h / 12.0) * rng.standard_normal())
-        at = Progress(0, 0.7, h, noise, x, y, 0.0, 0.0)
-        phase = sine_cosine(at.tau)
-        after, _ = advance_exactly(
-            c, key, np.uint64(p), np.uint64(0), np.uint64(BRIDGE), at, phase, NOWHERE, False, walls, room
-        )  # fmt: skip
-        out[p] = after.tau - 0.7 if after.code != 0 else h
-    return out
-
-
-@jit
-def first_hits_by_small_steps(c, rng, paths, h, x, y, pieces):
-    """The same by brute force: exact flights of h / pieces each, looked at after each of them alone."""
-    out = np.full(paths, h)
-    ends = np.zeros(paths, np.bool_)
-    a, b = np.full(paths, x), np.full(paths, y)
-    for n in range(pieces):
-        f = flight_forcing(c, 0.7 + n * h / pieces, h / pieces)
-        for p in range(paths):
-            z, w = rng.standard_normal(), rng.standard_normal()
-            a[p] += f.x1y1 * b[p] + f.drift[0] + z * f.along[0] + w * f.across[0]
-            b[p] = f.y1y1 * b[p] + f.drift[1] + z * f.along[1] + w * f.across[1]
-            if not ends[p] and abs(a[p]) > c.wall1:
-                ends[p] = True
-                out[p] = (n + 0.5) * h / pieces
-    return out
-
-
-GRAZING = {
-    "towards the wall": (0.4998, 0.01), "along the wall": (0.4998, 0.0), "away from it": (0.499, -0.01),
-    "reversed before it": (0.48, 0.15),
-}  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", GRAZING)
-def test_grazing_impacts_within_a_step_have_the_distribution_of_small_steps(case):
-    """Whether and when a step of 0.1 meets a wall that it may just reach, in 20000 draws of its noise."""
-    c, h, (x, y), paths, pieces = dat21(0.5, stages=1).constants, 0.1, GRAZING[case], 20_000, 1000
-    rng = np.random.default_rng(1)
-    found = first_hits(c, key_of(np.random.SeedSequence(1)), rng, paths, h, x, y)
-    truth = first_hits_by_small_steps(c, rng, paths, h, x, y, pieces)
-    hit, hit_truth = found < h, truth < h
-    assert 0.03 < hit.mean() < 0.97
-    spread = math.sqrt(2.0 * hit.mean() * (1.0 - hit.mean()) / paths)
-    assert abs(hit.mean() - hit_truth.mean()) < limit(3) * spread
-    a, b = found[hit], truth[hit_truth]
-    assert agrees(a.mean(), b.mean(), math.hypot(a.std() / math.sqrt(a.size), b.std() / math.sqrt(b.size)), h / pieces)
-    assert stats.ks_2samp(np.round(a / h * 50.0), np.round(b / h * 50.0)).pvalue > FALSE_ALARM / 3.0
-
-
-def test_comparison_of_grazing_impacts_sees_a_wall_looked_at_too_rarely():
-    """Negative control: four looks a step instead of a thousand miss impacts on paths that return."""
-    c, (x, y) = dat21(0.5, stages=1).constants, GRAZING["along the wall"]
-    rng = np.random.default_rng(1)
-    truth, rare = (first_hits_by_small_steps(c, rng, 20_000, 0.1, x, y, n) < 0.1 for n in (1000, 4))
-    assert abs(truth.mean() - rare.mean()) > limit(3) * math.sqrt(2.0 * truth.mean() * (1.0 - truth.mean()) / 20_000)
-
 
 CRAWLING = Scene(
     alpha=0.0, epsilon=0.5, beta1=0.1, gamma1=0.05, gap1=0.5, sigma=0.02, stages=1,
@@ -459,41 +338,3 @@ def test_paths_that_stick_where_the_noise_vanishes_stay_within_the_gap(scene):
     assert np.isfinite(raw).all()
     assert np.abs(raw[:, 2]).max() <= scene.gap1 * (1.0 + 2.0 * CLOSE) + c1
     assert np.abs(raw[:, 4]).max() <= scene.gap2 * (1.0 + 2.0 * CLOSE) + c2
-
-
-def test_paths_that_stick_after_a_plastic_impact_stay_finite():
-    """Without restitution a struck path is at rest on its wall: the next flight starts from a gap and a speed of 0."""
-    run = sampled(PRESSED, 0.1, 20, 500, record=Record(raw=True))
-    assert run.sticking_steps > 0
-    assert run.unfinished == 0
-    assert np.isfinite(run.raw).all()
-    assert (np.diff(run.raw[:, :, 0], axis=1) >= 0.0).all()
-    assert np.abs(run.raw[:, :, [2, 4]]).max() <= 0.5 + CLOSE
-
-
-def test_every_call_comes_closer_to_the_end_of_the_step():
-    """From anywhere in the gap, on the wall and at rest included: to an impact, or to the end."""
-    c, key, rng = dat21(0.5).constants, key_of(np.random.SeedSequence(2)), np.random.default_rng(3)
-    walls, room = Walls(0.5, 0.5, 0.5, 0.5), np.empty((PARTS, 3))
-    for i in range(500):
-        x = rng.choice([0.5, 0.5 - 1e-12, 0.5 - 1e-9, 0.5 - 1e-6, 0.3], 2) * rng.choice([-1.0, 1.0], 2)
-        y = -np.sign(x) * rng.choice([0.0, 1e-15, 1e-9, 1e-4, 1.0], 2)
-        h = rng.choice([1e-6, 1e-3, 0.1])
-        noise = Noise(math.sqrt(h) * rng.standard_normal(), math.sqrt(h / 12.0) * rng.standard_normal())
-        at = Progress(0, 0.7, h, noise, x[0], y[0], x[1], y[1])
-        phase = sine_cosine(at.tau)
-        after, _ = advance_exactly(
-            c, key, np.uint64(i), np.uint64(0), np.uint64(BRIDGE), at, phase, NOWHERE, False, walls, room
-        )  # fmt: skip
-        assert np.isfinite([*after[1:3], *after.noise, *after[4:]]).all()
-        assert 0.0 <= after.left < h
-        assert max(abs(after.x1), abs(after.x2)) <= 0.5 + CLOSE
-        if after.code == 0:
-            assert after.left == 0.0
-        else:
-            side, (place, speed) = (
-                np.sign(after.code),
-                ((after.x1, after.y1), (after.x2, after.y2))[abs(after.code) - 1],
-            )
-            assert place == side * 0.5
-            assert side * speed > 0.0

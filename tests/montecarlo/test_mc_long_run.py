@@ -10,9 +10,8 @@ import pytest
 import rattle as rt
 from rattle.montecarlo.long_run import BurnInError, long_run
 from rattle.montecarlo.long_run.burn_in import apart, drift
-from rattle.montecarlo.long_run.estimates import all_names, control, corrections, estimates
-from rattle.montecarlo.long_run.noise_work import has_controls
-from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, MAIN, NOISE, NUMBER, SLOW, SPEED, bin_of, scales_of_pilot
+from rattle.montecarlo.long_run.estimates import all_names, control, estimates
+from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, MAIN, NOISE, NUMBER, SLOW
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.errors import InputError
 
@@ -72,38 +71,6 @@ def test_noise_work_has_mean_zero_and_leaves_less_variance():
         e, plain = found.estimates["power"], found.sums.main[:, :, ENERGY].sum(axis=1) / found.sums.time
         assert e.se < math.sqrt(most) * plain.std(ddof=1) / 16.0
         assert abs(e.value - plain.mean()) < 3.9 * plain.std(ddof=1) / 16.0
-
-
-def test_slopes_come_from_other_paths():
-    rng = np.random.default_rng(4)
-    controls, sums = rng.normal(size=(40, 3)), rng.normal(size=(40, 2)) + 5.0
-    slopes = corrections(sums, controls)
-    others = np.arange(40) != 7
-    x, y = controls[others], sums[others] - sums[others].mean(axis=0)
-    assert np.allclose(slopes[7], np.linalg.solve(x.T @ x, x.T @ y), rtol=1e-6)
-    sums[7] += 1e6
-    assert np.allclose(corrections(sums, controls)[7], slopes[7])
-
-
-def test_controls_are_left_out_where_they_do_not_hold(run):
-    assert control(run.sums) is not None
-    closed = run.sums.main.copy()
-    closed[0, 0, CONTACT] = 1.0
-    assert control(run.sums._replace(main=closed)) is None
-    few = run.sums._replace(main=run.sums.main[:16], power=run.sums.power[:16])
-    assert control(few) is None
-    assert not has_controls(replace(SCENE, beta1=3.0).constants)
-    assert not has_controls(SCENE.with_sigma(0.0).constants)
-
-
-def test_bins_are_those_of_a_search(run):
-    """A value is looked up in its cell; the counts are those of a search among all edges."""
-    seen = np.abs(np.random.default_rng(5).normal(1.0, 1.0, (5000, 4)))
-    scales = scales_of_pilot(np.column_stack([np.ones(5000), seen[:, 1:]]), 0.1)
-    edges = scales.edges[0, SPEED]
-    values = np.concatenate([seen[:, 3], edges, edges[[0, -1]] + [-1.0, 1.0]])
-    found = [bin_of(edges, scales.first[0, SPEED], value) for value in values]
-    assert found == np.searchsorted(edges, values, side="right").tolist()
 
 
 def test_batch_means_confirm_the_errors(run):

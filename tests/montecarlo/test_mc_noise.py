@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mc_checks import FALSE_ALARM, limit
+from mc_checks import limit
 from scipy import stats
 
 from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
 from rattle.montecarlo.noise.philox import (
     BRIDGE,
     CONTACT,
-    LEVELS,
     STEP,
     Key,
     fill_normals,
@@ -132,15 +131,6 @@ def test_normals_of_common_words_are_those_of_the_c_library():
     assert furthest_pair(highs, lows) < CLOSE
 
 
-def test_every_bit_of_a_word_counts():
-    """40 bits for the radius, 23 for the angle, and one for the half of the circle."""
-    high, low = 0x12345678, 0x2BCDEF01
-    first = pair(U(high), U(low))
-    for bit in range(32):
-        assert pair(U(high ^ 1 << bit), U(low)) != first
-        assert pair(U(high), U(low ^ 1 << bit)) != first
-
-
 def test_normals_near_a_radius_of_zero_and_the_longest():
     """The uniform number nearest to one has a radius of about 1e-6; the nearest to zero one of about 7.5."""
     nearest, longest = (math.hypot(*pair(U(h), U(h))) for h in (FULL, 0))
@@ -148,41 +138,20 @@ def test_normals_near_a_radius_of_zero_and_the_longest():
     assert longest == pytest.approx(math.sqrt(-2.0 * math.log(0.5 / 2**40)), rel=CLOSE)
 
 
-def test_directions_are_evenly_spaced():
-    """Sums of the cosine and sine over all directions of some bits vanish, and those of their squares are halves."""
-    angles = np.array([pair(U(0), U(k << 19)) for k in range(2**13)]) / math.hypot(*pair(U(0), U(0)))
-    assert abs(angles.mean(axis=0)).max() < 2.0**-12  # the lowest of the angles' bits are zero here
-    assert abs((angles**2).mean(axis=0) - 0.5).max() < CLOSE
-    assert abs((angles[:-9] ** 2).mean(axis=0) - 0.5).max() > 1e3 * CLOSE
-
-
 # bits of normals of (seed 7; path, index, purpose), as they were when the transform was introduced
 KEPT = {
-    (0, 0, 0): [
-        "0x1.f2aa72af63975p-1",
-        "-0x1.f42cfe9be12d8p-1",
-        "0x1.a0b2f673aa516p+0",
-        "-0x1.58f1be321e3e8p-1",
-    ],
-    (1099511627781, 36028797018963975, 4): [
-        "0x1.3a016f4d2c974p+0",
-        "-0x1.45e0406fca840p+0",
-        "-0x1.de9c01361abaap-2",
-        "-0x1.427ffcaacbbdfp-4",
-    ],
-    (9, 8589934592, 1): [
-        "-0x1.257d52fc85248p-1",
-        "-0x1.2302e1f21ca7dp-1",
-        "-0x1.6d0a5f450fabfp+0",
-        "0x1.8fc4845ba8a32p-5",
-    ],
+    (0, 0, 0): "0x1.f2aa72af63975p-1 -0x1.f42cfe9be12d8p-1 0x1.a0b2f673aa516p+0 -0x1.58f1be321e3e8p-1",
+    (1099511627781, 36028797018963975, 4): (
+        "0x1.3a016f4d2c974p+0 -0x1.45e0406fca840p+0 -0x1.de9c01361abaap-2 -0x1.427ffcaacbbdfp-4"
+    ),
+    (9, 8589934592, 1): "-0x1.257d52fc85248p-1 -0x1.2302e1f21ca7dp-1 -0x1.6d0a5f450fabfp+0 0x1.8fc4845ba8a32p-5",
 }
 
 
 @pytest.mark.parametrize(("address", "bits"), KEPT.items())
 def test_normals_of_known_addresses(address, bits):
     found = normals(key_of(np.random.SeedSequence(7)), *map(U, address))
-    assert [float(z).hex() for z in found] == bits
+    assert " ".join(float(z).hex() for z in found) == bits
 
 
 def test_four_normals_are_the_two_pairs_of_the_words():
@@ -263,37 +232,6 @@ def test_a_wrong_moment_is_seen(z, fault):
     assert np.abs(scores).max() > limit(scores.size)
 
 
-def kolmogorov(z):
-    return min(stats.kstest(z[..., k].ravel(), "norm").pvalue for k in range(4))
-
-
-def test_distribution_is_normal(z):
-    assert kolmogorov(z) > FALSE_ALARM / 4
-    assert kolmogorov(1.02 * z) < FALSE_ALARM / 4  # negative control
-
-
-def chi_squared(z, cells=1000):
-    """p-value of the counts in cells of equal probability."""
-    seen = np.bincount((stats.norm.cdf(z.ravel()) * cells).astype(int).clip(0, cells - 1), minlength=cells)
-    return stats.chisquare(seen).pvalue
-
-
-def test_counts_in_a_thousand_cells_are_equal(z):
-    assert FALSE_ALARM / 2 < chi_squared(z) < 1.0 - FALSE_ALARM / 2
-    assert chi_squared(z + 0.02) < FALSE_ALARM / 2  # negative control
-    assert chi_squared(np.round(z, 2)) < FALSE_ALARM / 2
-
-
-def test_tails_are_those_of_a_normal(z):
-    """Counts beyond 3, 4 and 4.5 on both sides of all components together, as Poisson numbers."""
-    for t in (3.0, 4.0, 4.5):
-        expected = 2.0 * stats.norm.sf(t) * z.size
-        seen = (np.abs(z) > t).sum()
-        tail = min(stats.poisson.cdf(seen, expected), stats.poisson.sf(seen - 1, expected))
-        assert tail > 0.5 * FALSE_ALARM / 3
-    assert stats.poisson.sf((np.abs(1.05 * z) > 3.0).sum() - 1, 2.0 * stats.norm.sf(3.0) * z.size) < FALSE_ALARM
-
-
 def correlations(pairs):
     """z-scores of the correlation of each pair of samples, and of their squares."""
     scores = []
@@ -324,43 +262,12 @@ def test_a_wrong_correlation_is_seen(z, axis):
     assert np.abs(scores).max() > limit(scores.size)
 
 
-def test_purposes_and_seeds_are_uncorrelated(z):
-    others = [sample(purpose=p) for p in range(1, BRIDGE + LEVELS)]
-    seeds = [sample(seed=8), sample(seed=2**32 + 7)]
-    child = np.random.SeedSequence(7).spawn(1)[0]
-    seeds.append(drawn(*key_of(child), *z.shape[:2], STEP))
-    every = [z, *others, *seeds]
-    scores = correlations((every[i], every[j]) for i in range(len(every)) for j in range(i))
-    assert np.abs(scores).max() < limit(scores.size)
-    assert correlations([(every[0] + 2e-2 * every[1], every[1])])[0] > limit(scores.size)
-
-
 def test_keys_of_nearby_seeds_differ():
     seeds = [np.random.SeedSequence(n) for n in range(1000)] + np.random.SeedSequence(0).spawn(1000)
     assert len({tuple(int(w) for w in key_of(s)) for s in seeds}) == 2000
 
 
 # --- no counter twice
-
-COUNTERS = st.tuples(st.integers(0, 2**64 - 1), st.integers(0, 2**56 - 1), st.integers(0, 255))
-
-
-@settings(max_examples=200, deadline=None, derandomize=True)
-@given(COUNTERS)
-def test_an_address_is_told_by_its_counter(address):
-    """So two addresses never share a counter; and Philox is a bijection of counters."""
-    assert tuple(int(v) for v in address_of(counter_of(*address))) == address
-
-
-def test_purposes_fit_into_their_bits():
-    assert len({STEP, CONTACT, *range(BRIDGE, BRIDGE + LEVELS)}) == 2 + LEVELS
-    assert max(CONTACT, BRIDGE + LEVELS - 1) < 2**8
-
-
-def test_steps_leave_room_in_their_bits():
-    """The longest run: a horizon of 1e6 impacts at the finest step that is of any use."""
-    steps = 50.0 * 1e6 / 1e-4
-    assert steps * int(SPLITS) < 2.0**56
 
 
 def test_splits_of_a_step_stay_within_its_indices():

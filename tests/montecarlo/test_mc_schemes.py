@@ -10,13 +10,7 @@ from scipy.integrate import quad_vec
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.euler_located import advance_inside
-from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import Scene, Start
-from rattle.scene.impact import struck
-
-ORBIT_IMPACTS = 8
 
 
 def exact_covariance(scene, t):
@@ -52,20 +46,6 @@ def test_step_means_converge_to_flight_at_first_order():
     assert slope(steps, errors) == pytest.approx(1.0, abs=0.1)
 
 
-def orbit_error(scheme, dt, scene=None):
-    """Largest error of impact times and states of a noise-free run against the exact orbit."""
-    scene = scene or dat21()
-    orbit = follow(scene, ORBIT_IMPACTS)
-    raw = simulate(scene, paths=1, impacts=ORBIT_IMPACTS, dt=dt, scheme=scheme, record=Record(raw=True)).raw[0]
-    assert (raw[:, 6] == orbit.mesh[1:] * orbit.side[1:]).all()
-    return np.abs(raw[:, [0, 2, 3, 4, 5]] - np.column_stack([orbit.tau[1:], orbit.before[1:]])).max()
-
-
-def test_located_scheme_follows_noise_free_orbit_at_first_order():
-    steps = 2e-3 / 2.0 ** np.arange(6)
-    assert slope(steps, [orbit_error("euler-maruyama-located", h) for h in steps]) == pytest.approx(1.0, abs=0.1)
-
-
 def test_order_check_sees_a_wrong_drag():
     """Negative control: against the orbit of a drag 0.2 % off, the error stops falling with dt."""
     values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma2", "mu")}
@@ -76,12 +56,6 @@ def test_order_check_sees_a_wrong_drag():
         for h in steps
     ]
     assert abs(slope(steps, wrong) - 1.0) > 0.1
-
-
-def test_struck_reverses_the_gap_speed_by_restitution():
-    c = dat21().constants
-    assert struck(c, 1, 2.0, 0.5)[0] == pytest.approx(-0.9 * 2.0, rel=1e-15)
-    assert struck(c, 2, 2.0, 0.5)[1] == pytest.approx(-0.9 * 0.5, rel=1e-15)
 
 
 def both_walls_at(time, gap1=0.5, gap2=1.7):
@@ -106,35 +80,3 @@ def test_mesh_1_comes_first_where_both_are_struck_at_one_instant(side):
     assert struck_together(again, 4) == [(1, 1.0), (1, 3.0), (1, 7.0), (1, 15.0)]
     later = replace(both_walls_at(2.0), gap1=0.5 + 1e-9)
     assert struck_together(later, 1) == [(2, 2.0)]
-
-
-def test_bridge_splits_an_increment_into_independent_normal_parts():
-    """Over many increments the part before the wall and the rest are uncorrelated, with variances s and left - s."""
-    scene = dat21(1.0)
-    c, h, distance, speed = scene.constants, 0.1, 0.03, 1.0
-    rng = np.random.default_rng(1)
-    n = 20_000
-    parts = np.empty((n, 2))
-    for i in range(n):
-        whole, normal = rng.normal(0.0, np.sqrt(h)), rng.normal()
-        at = Progress(0, 0.3, h, Noise(whole, 0.0), 0.5 - distance, speed, 0.0, 0.0)
-        after = advance_inside(c, at, normal, Walls(0.5, 0.5, 0.5, 0.5))
-        assert after.left == pytest.approx(h - distance / speed)
-        parts[i] = whole - after.noise.increment, after.noise.increment
-    s = np.array([distance / speed, h - distance / speed])
-    z_variance = (parts.var(axis=0) / s - 1.0) * np.sqrt(n / 2.0)
-    z_correlation = np.corrcoef(parts.T)[0, 1] * np.sqrt(n)
-    assert max(*np.abs(z_variance), abs(z_correlation)) < 3.6  # 1e-3 over three checks
-    controls = 1.1 * parts.var(axis=0)[0] / s[0] - 1.0  # variance 10 % too large
-    assert controls * np.sqrt(n / 2.0) > 3.6
-
-
-def test_noise_that_turns_a_path_at_the_wall_makes_no_impact():
-    c = dat21(1.0).constants
-    at = Progress(
-        0, 1.5, 0.1, Noise(5.0, 0.0), 0.49, 0.2, 0.0, 0.0
-    )  # at tau = 1.5 a positive increment pushes towards -x1
-    after = advance_inside(c, at, 0.0, Walls(0.5, 0.5, 0.5, 0.5))
-    assert (after.code, after.x1) == (0, 0.5)
-    assert after.y1 < 0.0
-    assert 0.0 < after.left < 0.1

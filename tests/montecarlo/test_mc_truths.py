@@ -2,70 +2,15 @@
 
 import math
 
-import numpy as np
 import pytest
-from mc_checks import agrees, dat21, open_space
+from mc_checks import agrees, dat21
 from mc_checks import stepped as simulate
-from scheme_steps import affine_step, by_steps
 from scipy.special import gamma, hyp2f1
 
 from rattle.closure.orbit import follow
-from rattle.montecarlo import Record
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
-
-PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
-TIMES = np.array([0.5, 1.5, 3.0])
-
-
-def flights_agree(scene, dt, means, covariances, se_means, se_covariances):
-    """Whether sampled means and full 4-D covariances at TIMES are those of the scheme, to sampling error."""
-    exact = [by_steps(scene, t, dt) for t in TIMES]
-    truth = np.concatenate([np.concatenate([m, [c[i, j] for i, j in PAIRS]]) for m, c in exact])
-    found = np.concatenate([np.concatenate(pair) for pair in zip(means, covariances, strict=True)])
-    se = np.concatenate([np.concatenate(pair) for pair in zip(se_means, se_covariances, strict=True)])
-    return agrees(found, truth, se, slack=1e-12)
-
-
-UNEQUAL = open_space(0.4, beta2=0.9)  # both stages feel the noise, with different modulations
-
-
-@pytest.mark.parametrize("shared", [True, False])
-def test_flight_check_sees_a_noise_that_the_stages_do_not_share(shared):
-    """A numpy Euler-Maruyama passes the contract's check with one noise and fails with one per stage."""
-    dt, paths, rng = 0.02, 20_000, np.random.default_rng(5)
-    s = UNEQUAL.start
-    state = np.tile([[s.x1], [s.y1], [s.x2], [s.y2]], (1, paths))
-    kept = []
-    for n in range(round(TIMES[-1] / dt)):
-        matrix, shift, kick = affine_step(UNEQUAL, s.tau + n * dt, dt)
-        z = rng.standard_normal((2, paths))
-        noise = np.stack([z[0], z[0], *([z[0], z[0]] if shared else [z[1], z[1]])])
-        state = matrix @ state + shift[:, None] + kick[:, None] * noise
-        if np.isclose((n + 1) * dt, TIMES).any():
-            kept.append(state)
-    means = [k.mean(axis=1) for k in kept]
-    centred = [k - m[:, None] for k, m in zip(kept, means, strict=True)]
-    products = [np.stack([d[i] * d[j] for i, j in PAIRS]) for d in centred]
-    covariances, root = [p.mean(axis=1) for p in products], np.sqrt(paths)
-    se = [d.std(axis=1) / root for d in centred], [p.std(axis=1) / root for p in products]
-    assert flights_agree(UNEQUAL, dt, means, covariances, *se) == shared
-
-
-def test_correlation_of_gaussian_flight_has_fisher_standard_error():
-    run = simulate(
-        UNEQUAL,
-        paths=20_000,
-        impacts=1,
-        dt=0.02,
-        rng=2,
-        sampling=Sampling(horizon=4.0),
-        record=Record(times=UNEQUAL.start.tau + TIMES),
-    )
-    ratio = run.at_times()[["se_z_rho1", "se_z_rho2"]].to_numpy() * math.sqrt(20_000)
-    assert np.abs(ratio - 1.0).max() < 0.03  # estimated from fourth moments: about 1 % each
-
 
 SMALL = 1e-3
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from mc_checks import agrees, dat21, open_space
+from mc_checks import agrees, dat21
 from mc_checks import stepped as simulate
 from settings import recorded
 
@@ -31,22 +31,6 @@ def test_increments_are_fair_independent_signs():
     assert agrees(np.array(checks), 0.0, 1.0 / np.sqrt(n - 64 * 512))
     by_place = z.reshape(10, 64, 512).mean(axis=(0, 2))  # no bit of a word is loaded
     assert agrees(by_place, 0.0, 1.0 / np.sqrt(n / 64))
-
-
-def test_free_flight_has_the_covariance_of_gaussian_increments():
-    """Without walls both are linear maps of increments of equal variance: equal covariance, exactly in the mean."""
-    scene = open_space(0.5)
-    two, normal = (
-        simulate(
-            scene, paths=40_000, impacts=1, dt=0.02, rng=4, scheme="euler-maruyama", record=Record(times=[2.0]),
-            sampling=Sampling(horizon=2.0, increments=i),
-        ).at_times()
-        for i in ("two-point", "gaussian")
-    )  # fmt: skip
-    for name in ("cov_x1_x1", "cov_x1_y1", "cov_y1_y1", "cov_y2_y2"):
-        error = np.hypot(two["se_" + name], normal["se_" + name])
-        assert agrees(two[name], normal[name], error)
-        assert not agrees(1.1 * two[name], normal[name], error)
 
 
 @pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])

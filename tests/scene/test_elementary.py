@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rattle.scene.elementary import each, exponentials, gauss_legendre, powers
+from rattle.scene.elementary import exponentials, gauss_legendre
 
 SPECIAL = [0.0, -0.0, 1.0, -1.0, 709.0, -745.0, -746.0, 1e-300, math.inf, -math.inf, math.nan]
 WIDE = np.random.default_rng(1).normal(0.0, 200.0, size=20_000).clip(-740.0, 700.0)
@@ -16,14 +16,6 @@ def test_exponentials_are_those_of_the_c_library_to_the_last_bit(given):
     found = exponentials(given)
     assert found.shape == np.shape(given)
     np.testing.assert_array_equal(found.ravel(), [math.exp(x) for x in np.ravel(given)])
-
-
-def test_each_keeps_the_shape():
-    np.testing.assert_array_equal(each(math.tanh, [[0.0], [1.0]]), [[0.0], [math.tanh(1.0)]])
-
-
-def test_powers():
-    np.testing.assert_array_equal(powers(np.array([2.0, -3.0]), 3), [[1, 1], [2, -3], [4, 9], [8, -27]])
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 12, 31])

@@ -146,12 +146,6 @@ def test_next_impact_is_the_first_crossing_of_an_integrator(name):
         assert there[:known] == pytest.approx(expected[3][:known], rel=0, abs=1e-10 + 1e-10 / speed)
 
 
-def test_next_impact_lies_on_its_wall_exactly(dat21):
-    c = dat21.constants
-    t, mesh, side, x1, y1, _, _ = next_impact(c, 0.0, 0.5, -1.8, 0.5, -1.8, HORIZON)
-    assert (mesh, side * x1, side * y1 > 0.0, t > 0.0) == (1, c.wall1, True, True)
-
-
 # --- crossings that a step could miss --------------------------------------------------------------------------------
 
 
@@ -235,29 +229,10 @@ def test_two_walls_at_once_are_two_events_mesh_1_first(still):
     assert next_impact(c, t, x1, y1, x2, y2, HORIZON)[:3] == (0.0, 2, 1)
 
 
-def test_the_papers_start_does_not_strike_mesh_2(dat21):
-    """The impact at mesh 1 turns stage 2 inward before its own contact."""
-    c = dat21.constants
-    y1, y2 = struck(c, 1, 2.0, 2.0)
-    assert y2 == pytest.approx(-1.8)
-    assert next_impact(c, 0.0, 0.5, y1, 0.5, y2, HORIZON)[0] > 0.1
-
-
-def test_a_state_on_its_wall_and_moving_outward_is_struck_at_once(dat21):
-    assert next_impact(dat21.constants, 0.0, -0.5, -1.0, 0.1, 0.0, HORIZON)[:3] == (0.0, 1, -1)
-
-
 @pytest.mark.parametrize(("y1", "horizon"), [(0.0, HORIZON), (1e-3, HORIZON), (1.0, 0.49)])
 def test_no_impact_within_the_horizon_is_reported(still, y1, horizon):
     t, mesh, side, *_ = next_impact(still().constants, 0.0, 0.0, y1, 0.0, 0.0, horizon)
     assert (t, mesh, side) == (horizon, NONE, 0)
-
-
-@pytest.mark.parametrize("y1", [0.0, 1e-3, 1.0])
-def test_no_impact_returns_the_state_at_the_horizon(still, y1):
-    c = still().constants
-    there = next_impact(c, 0.0, 0.0, y1, 0.0, 0.0, 0.3)[3:]
-    assert there == pytest.approx(flow(c, 0.0, 0.0, y1, 0.0, 0.0, 0.3), abs=1e-12)
 
 
 # --- sticking and grazing contact -------------------------------------------------------------------------------------
@@ -267,17 +242,6 @@ def test_no_impact_returns_the_state_at_the_horizon(still, y1):
 def test_a_mesh_under_drag_sticks(still, drag):
     t, mesh, *_ = next_impact(still(gamma1=drag, gamma2=drag).constants, 0.0, 0.5, 0.0, 0.0, 0.0, HORIZON)
     assert (t, mesh) == (0.0, REST)
-
-
-@pytest.mark.parametrize("drag", [0.01, 0.3, 1.0])
-def test_a_mesh_under_a_small_drag_sticks_too(still, drag):
-    t, mesh, *_ = next_impact(still(gamma1=drag, gamma2=drag).constants, 0.0, 0.5, 0.0, 0.0, 0.0, HORIZON)
-    assert (t, mesh) == (0.0, REST)
-
-
-def test_sticking_names_its_own_side(still):
-    side = next_impact(still(gamma1=3.0, gamma2=3.0).constants, 0.0, 0.5, 0.0, -0.1, 0.0, HORIZON)[2]
-    assert side == 1
 
 
 def test_a_state_at_rest_on_its_wall_leaves_when_pulled_inward(still):

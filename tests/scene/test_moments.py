@@ -1,13 +1,9 @@
-from math import comb, factorial
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rattle.scene.moments import (
-    SECTION,
-    STATE,
     central_from_raw,
     correlation,
     gaussian_raw_moments,
@@ -37,22 +33,6 @@ def test_gaussian_moments_are_their_integrals(covariance, order):
             assert (n + p) % 2 == 0 or raw[n, p] == 0.0
 
 
-def test_gaussian_moments_have_their_closed_forms():
-    vx, c, vy = 1.3, 0.4, 0.7
-    raw = gaussian_raw_moments(vx, c, vy, 6)
-    assert raw[6, 0] == pytest.approx(15 * vx**3)
-    assert raw[3, 1] == pytest.approx(3 * vx * c)
-    assert raw[2, 2] == pytest.approx(vx * vy + 2 * c * c)
-    assert raw[3, 3] == pytest.approx(9 * vx * vy * c + 6 * c**3)
-    assert raw[4, 2] == pytest.approx(3 * vx**2 * vy + 12 * vx * c * c)
-
-
-def test_a_point_has_no_moments_but_the_zeroth():
-    raw = gaussian_raw_moments(0.0, 0.0, 0.0, 4)
-    assert raw[0, 0] == 1.0
-    assert raw.sum() == 1.0
-
-
 @given(st.lists(st.floats(-3, 3), min_size=1, max_size=6), st.floats(-2, 2))
 @settings(deadline=None, max_examples=50, derandomize=True)
 def test_central_moments_are_those_about_the_mean(values, shift):
@@ -60,33 +40,6 @@ def test_central_moments_are_those_about_the_mean(values, shift):
     raw = np.array([np.mean(x**p) for p in range(5)])
     exact = [np.mean((x - x.mean()) ** p) for p in range(5)]
     assert central_from_raw(raw) == pytest.approx(exact, rel=0, abs=1e-15 * 5.0**4 * 20)  # |x| <= 5, 20 roundings
-
-
-def test_central_moments_keep_the_shape_behind_the_power():
-    x = np.random.default_rng(1).normal(size=(50, 3))
-    raw = np.array([np.mean(x**p, axis=0) for p in range(5)])
-    assert central_from_raw(raw)[3] == pytest.approx(np.mean((x - x.mean(axis=0)) ** 3, axis=0), abs=1e-13)
-
-
-def cumulants(m2, m3, m4):
-    return m2, m3, m4 - 3.0 * m2 * m2
-
-
-@pytest.mark.parametrize("rate", [0.5, 2.0])
-def test_cumulants_of_an_exponential(rate):
-    """An exponential has raw moments n!/rate^n and cumulants (n-1)!/rate^n."""
-    central = central_from_raw(np.array([factorial(n) / rate**n for n in range(5)]))
-    assert cumulants(*central[2:5]) == pytest.approx([factorial(n - 1) / rate**n for n in (2, 3, 4)])
-
-
-def test_cumulants_of_a_poisson_are_all_its_mean():
-    mean = 1.7
-    raw = np.array([1.0, *[sum(stirling(n, k) * mean**k for k in range(1, n + 1)) for n in range(1, 5)]])
-    assert cumulants(*central_from_raw(raw)[2:5]) == pytest.approx([mean] * 3)
-
-
-def stirling(n, k):
-    return sum((-1) ** (k - j) * comb(k, j) * j**n for j in range(k + 1)) / factorial(k)
 
 
 @pytest.mark.parametrize(
@@ -139,8 +92,3 @@ def test_without_variance_there_is_no_correlation(covariance):
 
 def test_correlation_does_not_underflow():
     assert correlation(np.array([[1e-200, 5e-201], [5e-201, 1e-200]])) == pytest.approx(0.5)
-
-
-def test_each_quantity_is_named_once():
-    assert list(SECTION) == ["tau", "flight", *STATE]
-    assert len(set(SECTION)) == 6

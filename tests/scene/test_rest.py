@@ -208,20 +208,6 @@ def test_bounces_under_the_excitation_add_up():
     assert phase.closed == pytest.approx(tau, abs=1e-11)
 
 
-def test_flights_of_1e_minus_11_keep_their_ratio():
-    """Far below the rounding of a wall: epsilon from one flight to the next, to 1e-4."""
-    orbit, phase = sticking_of(SINGLE, 1, 16)
-    c, k = orbit.constants, phase.impact - 4
-    tau, flights, state = orbit.tau[k], [], tuple(orbit.after[k])
-    for _ in range(14):
-        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, *state, 10.0)
-        state, tau = (x1, *struck(c, mesh, y1, y2)[:1], x2, y2), tau + t
-        flights.append(t)
-    ratios = np.array(flights[1:]) / np.array(flights[:-1])
-    assert flights[-1] < 1e-11
-    assert ratios[-5:] == pytest.approx(c.epsilon, rel=1e-4)
-
-
 def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls_at_one_instant():
     """Impacts at mesh 1 and mesh 2 in turn, down to flights in which doubles no longer resolve a displacement."""
     gears = Gears(
@@ -240,13 +226,6 @@ def test_an_elastic_mesh_never_sticks():
     assert (orbit.found, orbit.sticking) == (5000, ())
 
 
-@COMPILED
-def test_wheels_alike_stay_together_after_a_plastic_impact():
-    """No contact force, no acceleration between them: mesh 2 touches."""
-    scene = Scene(alpha=1.5, epsilon=0.0, beta1=0.1, beta2=0.1, gamma1=0.05, gamma2=0.05, mu=0.5, gap1=0.5, gap2=0.2)
-    assert follow(scene, 100).found > 0
-
-
 # --- what is said of it -----------------------------------------------------------------------------------------------
 
 
@@ -261,15 +240,6 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     m = mean_map(SINGLE, impacts=40, closure="saltation")  # which ends at the first impact that is too slow for it
     assert m.stopped == f"impact {m.trace.found + 1} grazes its wall"
     assert 0 < m.trace.found <= first
-
-
-def test_no_state_is_outside_its_walls_during_sticking_or_flight():
-    for scene, impacts in ((SINGLE, 60), (FIRST, 200), (BOTH, 60)):
-        orbit = follow(scene, impacts)
-        for t in np.linspace(orbit.tau[0], orbit.tau[orbit.found], 501):
-            x1, _, x2, _ = orbit.state(t)
-            assert abs(x1) <= scene.gap1 + 1e-12
-            assert scene.stages == 1 or abs(x2) <= scene.gap2 + 1e-12
 
 
 @COMPILED

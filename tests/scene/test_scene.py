@@ -1,4 +1,4 @@
-from dataclasses import FrozenInstanceError, asdict, replace
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -125,31 +125,11 @@ def test_a_single_stage_knows_mesh_1_only():
         Scene(**VALUES, stages=1, start=Start(x2=0.4, y2=1.0, mesh=2))
 
 
-def test_the_start_left_out_is_the_papers():
-    assert Scene(**VALUES).start == Start(0.0, 0.5, 2.0, 0.4, 2.0, mesh=1)
-
-
-@pytest.mark.parametrize("form", ["scene", "tolerance", "start"])
-def test_parts_do_not_change(form):
-    part, name = {
-        "scene": (Scene(**VALUES), "alpha"),
-        "tolerance": (Tolerance(), "distribution"),
-        "start": (Start(), "x1"),
-    }[form]
-    with pytest.raises(FrozenInstanceError):
-        setattr(part, name, 0.25)
-
-
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("number", [np.float32(0.25), Fraction(1, 4)], ids=["float32", "Fraction"])
 def test_numbers_lie_in_the_scene_as_plain_floats(name, number):
     scene = Scene(**VALUES | {name: number})
     assert type(getattr(scene, name)) is float
-    assert Scene.from_toml(scene.to_toml()) == scene
-
-
-def test_a_numpy_mesh_goes_through_toml():
-    scene = Scene(**VALUES, start=Start(x1=0.5, y1=1.0, mesh=np.int64(1)))
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
@@ -188,11 +168,6 @@ def test_a_scene_keeps_its_gears_while_they_are_its_gears():
         assert replace(scene, **other).gears is None
     assert replace(scene, alpha=2.0).alpha == 2.0
     assert Scene.from_toml(replace(scene, alpha=2.0).to_toml()).alpha == 2.0
-
-
-def test_with_sigma_is_validated():
-    with refused("sigma", -0.7, "must be 0 or greater"):
-        Scene(**VALUES).with_sigma(-0.7)
 
 
 @pytest.mark.parametrize(("distribution", "kept"), [("fixed", True), ("uniform", False), ("normal", False)])
@@ -334,13 +309,6 @@ def test_toml_refuses_in_words(text, words):
     assert words in str(caught.value)
 
 
-def test_gears_leave_no_room_for_their_numbers_in_the_scene():
-    data = Scene.from_gears(DAT21).to_dict()
-    data["scene"]["alpha"] = 1.0
-    with refused("scene", "alpha", "unknown key"):
-        Scene.from_dict(data)
-
-
 @pytest.mark.parametrize("text", ["[scene", "alpha = ", "[scene]\nalpha = 1\nalpha = 2"])
 def test_broken_toml_is_a_file_error_that_says_where(text):
     with pytest.raises(FileError, match=r"line \d+|end of document"):
@@ -360,19 +328,8 @@ def test_a_missing_file_is_named(tmp_path):
         Scene.load(path)
 
 
-def test_a_folder_is_not_a_scene(tmp_path):
-    with pytest.raises(FileError, match="cannot be read"):
-        Scene.load(tmp_path)
-
-
 def test_a_file_that_is_not_utf8_is_refused(tmp_path):
     path = tmp_path / "latin.toml"
     path.write_bytes("# Spiel für zwei Räder\n[scene]\n".encode("latin-1"))
     with pytest.raises(FileError, match=r"latin\.toml.*is not UTF-8 text; give a TOML file"):
         Scene.load(path)
-
-
-def test_to_dict_shares_nothing_with_the_scene():
-    scene = Scene(**VALUES)
-    scene.to_dict()["scene"]["start"]["x1"] = 99.0
-    assert asdict(scene.start)["x1"] == 0.5

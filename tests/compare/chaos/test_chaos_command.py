@@ -6,10 +6,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from rattle.compare.chaos.figures import spectrum_figure
 from rattle.compare.chaos.page import CONTENTS
-from rattle.compare.chaos.section import NOISY, ORBIT
-from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
 from rattle.compare.cli.main import main
 
 SMALL = ["--points", "2000", "--impacts", "40000", "--events", "300", "--width", "0.2"]
@@ -74,13 +71,6 @@ def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(tmp_path)
     assert {p.stem for p in out.glob("*.svg")} == {"section", "spectra", "sqrt_law"}
     assert not (out / "fsle.csv").exists()
     assert pd.read_csv(out / "exponents.csv")["value"].isna().all()
-
-
-def test_legends_of_one_stage_fit_their_figure():
-    one = Spectrum(np.linspace(0.1, 6.0, 60), np.ones(60), 40.0, 20)
-    found = {(side, kind, "y1"): one for side in (ORBIT, NOISY) for kind in (SEQUENCE, TIME)}
-    figure = spectrum_figure(found)
-    assert figure.legends[0].get_window_extent().width <= figure.bbox.width
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,11 @@ import pytest
 from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov, ratio_mean
-from rattle.compare.chaos.record import NoRecord, Regime, noisy_record, orbit_record
+from rattle.compare.chaos.record import NoRecord, Regime, noisy_record
 from rattle.compare.chaos.section import NOISY, orbit_section, sections
-from rattle.compare.chaos.sweep import ALPHAS, crossings, mean_maps, paper_noise, sweep, values, vary
-from rattle.montecarlo.coupling.pairs import growths
+from rattle.compare.chaos.sweep import crossings, mean_maps, paper_noise, sweep, vary
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
-from rattle.scene.flight import flow, jacobian
+from rattle.scene.flight import jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.tangent import saltation_matrix
 
@@ -50,21 +49,6 @@ def test_the_saltation_matrix_is_the_derivative_through_an_impact(alpha):
         right, wrong = (jacobian(c, late) @ matrix @ jacobian(c, early) for matrix in matrices)
         assert np.abs(np.transpose(moved) - right).max() < 1e-6 * np.abs(right).max()
         assert np.abs(np.transpose(moved) - wrong).max() > 1e-2  # the restitution map alone is not the derivative
-
-
-def test_growths_are_those_of_the_orbit_s_own_neighbours():
-    """Central differences of the orbit over seven impacts; their QR has the frame's growths on its diagonal."""
-    orbit = follow(DAT, 7)
-    c, after, end = DAT.constants, orbit.after[0], orbit.tau[7] + 0.05
-    early = 0.05  # after the start's impact, where a neighbour is off the wall
-    begin = np.array(flow(c, 0.0, *after, early))
-    h, columns = 1e-7, []
-    for e in np.eye(4):
-        pair = [state_from(c, early, begin + s * h * e, end) for s in (1.0, -1.0)]
-        columns.append((pair[0] - pair[1]) / (2.0 * h))
-    whole = jacobian(c, -0.05) @ np.transpose(columns) @ jacobian(c, early)
-    expected = np.log(np.abs(np.diag(np.linalg.qr(whole)[1])))
-    assert LongOrbit(DAT).stretch(7).growth.sum(axis=0) == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.3, 1.0, 1.5, 2.5])
@@ -180,25 +164,6 @@ def test_exponents_whose_sum_is_off_are_not_reported():
     assert found.regime.kind == "sticks often"
 
 
-def test_two_paths_of_one_stage_that_stick_become_one():
-    """Wheel 2, which a single stage does not have, is no part of their distance."""
-    _, growth = growths(Scene.from_gears(PAIR, sigma=0.03, stages=1), 0.1, 3, 0, patience=20.0, settle=200)
-    assert growth.min() < np.log(1e-3)
-
-
-def test_chatter_before_sticking_is_left_out():
-    regime = Regime()
-    slowest = min(np.abs(s.before[s.code == 1, 1]).min() for s in orbit_record(at(0.1), 20_000, regime, tangent=False))
-    assert regime.stuck > 0
-    assert slowest > 1e-6  # sticking is recognised at speeds of 1e-10
-
-
-def test_a_long_transient_is_recognised_and_left_out():
-    found = lyapunov(at(values("alpha", ALPHAS)[36]), width=0.01)
-    assert found.regime.transient > 0
-    assert found.largest[2] < 0.0
-
-
 def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
     one, two = (sweep(vary(DAT, "alpha", (0.05, 0.4, 1.5), paper_noise), width=0.1, workers=n) for n in (1, 2))
     assert one.equals(two)
@@ -206,20 +171,6 @@ def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
     assert orbit["regime"].tolist() == ["sticks often", "runs", "runs"]
     assert crossings(one)[["low", "high", "to"]].to_numpy().tolist() == [[0.4, 1.5, 1]]
     assert (one["sum_error"].abs().dropna() < 1e-10).all()
-
-
-def test_the_corrected_map_grows_as_the_orbit_does():
-    """Means of two corrected maps 1e-9 apart at the start: their logarithm grows by the orbit's own growth."""
-    from rattle.closure import mean_map
-
-    small = DAT.with_sigma(1e-3)
-    moved = replace(small, start=replace(small.start, y1=2.0 + 1e-9))
-    a, b = (mean_map(s, impacts=60, closure="corrected", order=2).trace for s in (small, moved))
-    o, p = (follow(s, 60) for s in (small, moved))
-    means, orbits = np.abs(a.mean - b.mean).max(axis=1), np.abs(o.before - p.before).max(axis=1)
-    far = slice(20, 60)
-    assert np.abs(np.log(means[far] / orbits[far])).max() < 1.0
-    assert np.log(means[50] / 1e-9) > 2.0
 
 
 def test_mean_maps_report_where_they_break_down():

@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -128,20 +126,6 @@ def test_require_accurate(tmp_path):
     rattle(*SMALL, "--sigma", 0, "--closure", "corrected", "--out", tmp_path / "yes", "--dt", 1e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
-def test_scene_file_in_either_form(tmp_path):
-    scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.05, sigma=0.2, stages=1)
-    (tmp_path / "single <b>.toml").write_text(scene.to_toml())
-    rattle(tmp_path / "single <b>.toml", *SWEPT, "--out", tmp_path / "single")
-    html = (tmp_path / "single" / "report.html").read_text()
-    assert "single &lt;b&gt;" in html
-    assert "single <b>" not in html
-    (tmp_path / "gears.toml").write_text(Scene.from_gears(DAT21, sigma=0.3).to_toml())
-    rattle(tmp_path / "gears.toml", *SMALL, "--closure", "corrected", "--out", tmp_path / "gears")
-    assert set(pd.read_csv(tmp_path / "gears" / "table.csv")["sigma"]) == {0.3}
-
-
 def captions(page):
     """The captions of the figures of a page."""
     return "\n".join(re.findall(r"!\[([^\]]*)\]", page))
@@ -171,25 +155,6 @@ def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
     table = pd.read_csv(tmp_path / "o" / "table.csv")
     assert set(table["closure"]) == {"published", "corrected", "saltation", "branching"}
     assert "Dashed" in captions((tmp_path / "o" / "report.md").read_text())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("words", "drawn", "absent"),
-    [
-        (("saltation", 0.1), ("Filled", "Open", "Edgeworth"), ("branching", "Dashed", "mixture", "cross marks")),
-        (("branching", 0.1), ("Dashed", "mixture"), ("Filled", "Open", "shaded", "Edgeworth", "cross marks")),
-        (("saltation", 0.0), (), ("Filled", "Open", "Edgeworth", "Dashed", "cross marks")),
-        (("published", 1.0), ("Filled", "Open", "cross marks"), ("Dashed", "mixture")),
-    ],
-)
-@pytest.mark.usefixtures("undrawn")
-def test_captions_speak_of_what_is_drawn(tmp_path, words, drawn, absent):
-    closure, sigma = words
-    rattle(*SMALL, "--sigma", sigma, "--closure", closure, "--out", tmp_path / "o")
-    said = captions((tmp_path / "o" / "report.md").read_text())
-    assert all(word in said for word in drawn), said
-    assert not [word for word in absent if word in said], said
 
 
 BAD = {
@@ -240,32 +205,6 @@ def test_missing_and_foreign_files(tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("")
     assert "other things" in rattle(*SMALL, "--out", tmp_path / "full", "--overwrite", code=2).stderr
-
-
-@pytest.mark.slow
-def test_quiet_in_a_pipe(tmp_path):
-    command = [
-        sys.executable,
-        "-m",
-        "rattle.compare",
-        "validate",
-        *SMALL,
-        "--sigma",
-        "0.1",
-        "--out",
-        str(tmp_path / "o"),
-        "--json",
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    assert json.loads(done.stdout)["report"] == str(tmp_path / "o")
-
-
-@pytest.mark.slow
-def test_figures_are_deterministic(report, tmp_path):
-    rattle("--repeat", report / "manifest.json", "--out", tmp_path / "o")
-    for path in (report / "figures").iterdir():
-        assert path.read_bytes() == (tmp_path / "o" / "figures" / path.name).read_bytes()
 
 
 def test_committed_report_is_of_this_code():

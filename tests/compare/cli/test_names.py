@@ -9,7 +9,6 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rattle.closure.closure import name_of
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
 
@@ -40,15 +39,6 @@ def test_whatever_is_said_is_one_line(text):
         say(f"Page: {text}")
     assert out.getvalue().endswith("\n")
     assert is_plain(out.getvalue()[:-1])
-
-
-@given(st.text())
-def test_the_name_of_a_model_is_one_line(text):
-    def model(scene, impacts):
-        pass
-
-    model.__name__ = text
-    assert is_plain(name_of(model))
 
 
 @pytest.mark.parametrize("name", NAMES)

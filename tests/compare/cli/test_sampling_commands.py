@@ -50,16 +50,6 @@ def test_a_budget_too_small_ends_with_code_3():
     assert result.output.count("NOT reached") == 1
 
 
-def test_what_an_accuracy_takes_is_one_line_before_the_work():
-    result = rattle("simulate", "--sigma", "0", "--impacts", "2", "--accuracy", "0.05", "--json")
-    assert result.stderr.startswith("Accuracy 0.05 sd: about ")
-    assert result.stderr.endswith("of processor time: exact-flight, dt = 0.0327, 1 path.\n")
-    assert result.stderr.count("\n") == 1
-    record = json.loads(result.stdout)
-    assert record["paths"] == 1
-    assert [row["agreement"] for row in record["section"]] == [1.0, 1.0]
-
-
 def test_an_accuracy_beyond_an_hour_is_answered_with_the_rows_that_miss_it(monkeypatch):
     """The same bits with other threads: counted work decides where it ends."""
     monkeypatch.setattr("rattle.montecarlo.accuracy.simulate_to.INSTEAD", 0.2)

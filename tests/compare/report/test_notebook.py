@@ -1,7 +1,5 @@
 """A notebook shows the figures of results, once, whatever pyplot does; no window is opened and none stays open."""
 
-import io
-
 import matplotlib.pyplot as plt
 import nbformat
 import pytest
@@ -77,14 +75,6 @@ def test_a_dataset_holds_the_numbers_of_the_table(results):
     assert float(rate.sel(statistic="value")) == results["long run"].table_in("physical").loc["rate", "value"]
 
 
-def test_the_orbit_between_its_walls_shows_impacts_and_sticking():
-    orbit = rt.follow(rt.Scene(alpha=1.0, epsilon=0.3, beta1=0.0, gamma1=0.8, stages=1), 40)
-    (ax,) = orbit.plot().axes
-    drawn = ax.lines[0].get_ydata()
-    assert abs(drawn).max() <= 0.5 + 1e-12
-    assert {t.get_text() for t in ax.get_legend().get_texts()} == {"impact at mesh 1", "mesh 1 sticks"}
-
-
 def test_what_cannot_be_drawn_is_said(results):
     single = rt.Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1)
     with pytest.raises(rt.InputError, match="quantity = 'y2'"):
@@ -93,12 +83,6 @@ def test_what_cannot_be_drawn_is_said(results):
         rt.stationary(single).plot()
     with pytest.raises(rt.InputError, match="did you mean 'memory'"):
         results["long run"].plot("memori")
-
-
-def test_a_picture_is_written():
-    file = io.BytesIO()
-    rt.mean_map(SCENE, impacts=1).plot().savefig(file)
-    assert file.getvalue().startswith(b"\x89PNG")
 
 
 def test_public_names_are_all_that_is_listed():

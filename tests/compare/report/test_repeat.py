@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
-from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED
+from rattle.compare.cli.validate import EXIT_NOT_REPEATED, EXIT_ROUNDED
 from rattle.compare.report import manifest, provenance
 from rattle.compare.report.manifest import EXACT, ROUNDING, difference
 
@@ -123,25 +123,6 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path, left):
         shutil.copy(first / "table.csv", earlier.parent)
     found = validate("--repeat", earlier, "--out", tmp_path / "here", code=EXIT_NOT_REPEATED).stdout
     assert "Only digests could be compared: no table.csv with the manifest's digest lies beside it" in found
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
-def test_a_table_that_was_altered_beside_its_manifest_is_named(first, tmp_path):
-    shutil.copytree(first, tmp_path / "there")
-    rounded(pd.read_csv(first / "table.csv")).to_csv(tmp_path / "there" / "table.csv", index=False)
-    said = validate(
-        "--repeat", tmp_path / "there" / "manifest.json", "--out", tmp_path / "here", code=EXIT_NOT_REPEATED
-    )
-    assert "table.csv beside it was changed since" in said.output
-    assert "bit for bit" not in said.output
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
-def test_a_requirement_that_is_not_met_counts_more_than_rounding(first, tmp_path):
-    earlier = elsewhere(first, tmp_path / "there", rounded)
-    validate("--repeat", earlier, "--out", tmp_path / "here", "--require", "accurate", code=EXIT_NOT_MET)
 
 
 def test_the_codes_are_documented():

@@ -1,7 +1,6 @@
 """Results show themselves in a few lines, draw and report themselves, and come in physical units."""
 
 import json
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from rattle.closure import mean_map
-from rattle.compare import Tolerances, validate
+from rattle.compare import validate
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, InputError, Scene
 
@@ -35,12 +34,6 @@ def test_every_repr_is_a_few_lines_and_its_html_has_a_table(validation, run):
         assert "<table" in shown._repr_html_()
     assert "seed 7" in repr(run)
     assert "saltation: " in repr(validation)
-
-
-def test_the_prediction_says_where_it_breaks_down():
-    paper = mean_map(SCENE.with_sigma(1.5**0.5), impacts=4, closure="published")
-    assert f"not realizable from impact {paper.breakdown.impact} on" in repr(paper)
-    assert "moments are realizable" in repr(mean_map(SCENE, impacts=2))
 
 
 def test_sections_in_physical_units(run):
@@ -103,17 +96,6 @@ def test_a_report_of_a_validation_says_what_repeats_it(validation, tmp_path):
     with pytest.raises(OSError, match="mine"):
         validation.report(tmp_path / "mine")
     validation.report(tmp_path / "mine", overwrite=True)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_report_with_other_tolerances_is_not_said_to_be_repeated_by_the_command(validation, tmp_path):
-    replace(validation, tolerances=Tolerances(mean=0.5)).report(tmp_path / "mine")
-    assert "in Python" in json.loads((tmp_path / "mine" / "manifest.json").read_text())["repeat"]
-
-
-def test_a_figure_for_which_there_is_nothing_is_refused(validation):
-    with pytest.raises(InputError, match="kind = 'correlation'"):
-        replace(validation, predictions={}).plot("correlation")
 
 
 @pytest.mark.parametrize("rng", [np.random.default_rng(1), np.random.PCG64(1), np.random.RandomState(1)])

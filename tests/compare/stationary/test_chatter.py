@@ -42,19 +42,6 @@ def test_impacts_above_the_threshold_stand_first(found):
     assert "mesh 1 for 31 % of the time" in second
 
 
-def test_speeds_above_the_threshold_are_those_of_the_impacts(found):
-    """The share above it in the counts of all speeds is that of the counts above it, whatever the bins."""
-    sums = found.run.sums
-    every, above = (sums.histogram[:, 0, i].sum(axis=0) for i in (1, 2))
-    assert above.sum() == pytest.approx(every.sum() * (1.0 - found.table.loc["slow_share", "value"]), rel=1e-3)
-    speeds, fast = (sums.scales.edges[0, i] for i in (1, 2))
-    assert fast.min() >= found.slow
-    for p in (0.2, 0.5, 0.8):
-        cut = np.interp(p, np.cumsum(above)[:-1] / above.sum(), fast)
-        beyond = 1.0 - np.interp(cut, speeds, np.cumsum(every)[:-1]) / every.sum()
-        assert beyond / (above.sum() / every.sum()) == pytest.approx(1.0 - p, abs=0.05)
-
-
 def test_a_law_above_the_threshold_is_that_of_a_sample():
     """A mixture of normal speeds, cut at the threshold, against its own random numbers."""
     n, zero = 200_000, np.zeros(2)
@@ -92,15 +79,3 @@ def test_a_page_of_gears_is_physical_throughout(found):
         labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel())]
         assert not any("omega" in label for label in labels), name
         assert name not in ("distribution", "section") or any("mm/s" in label for label in labels)
-
-
-def test_figures_of_one_stage_hold_their_legends(found):
-    """The legend above one panel was wider than the figure."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    for name, figure in found.figures().items():
-        FigureCanvasAgg(figure).draw()
-        for legend in figure.legends:
-            box = legend.get_window_extent()
-            assert box.x0 >= 0.0, name
-            assert box.x1 <= figure.bbox.x1, name

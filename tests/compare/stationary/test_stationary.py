@@ -5,7 +5,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -14,7 +13,6 @@ from rattle.closure.long_orbit import attractor
 from rattle.closure.stationary import NotPredicted, linear_law, multipliers
 from rattle.compare.cli.main import main
 from rattle.compare.stationary.page import answer
-from rattle.compare.stationary.verdicts import judge_predictions, law_of, values_of
 from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.sums import SLOW
@@ -51,16 +49,6 @@ def test_several_attractors_are_named_with_their_shares():
         rt.stationary(Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1))
     assert "3 periods of the excitation and 6 impacts" in str(caught.value)
     assert "is periodic with the period of the excitation and 2 impacts" in str(caught.value)
-
-
-def test_a_load_on_the_one_wheel_leaves_the_orbit_periodic():
-    """What is carried along as the second stage falls for ever, and does not count."""
-    scene = Scene(alpha=0.9, epsilon=0.6, beta1=0.1, gamma1=0.1, stages=1)
-    found = attractor(scene)
-    assert (found.kind, found.periods, found.impacts) == ("periodic", 1, 4)
-    law = linear_law(scene.with_sigma(1e-4), found)
-    far = rt.mean_map(scene.with_sigma(1e-4), impacts=2400, closure="saltation").section.iloc[-4:]
-    assert np.allclose(np.sort(far["sd_y1"]), np.sort(law.sd_speed), rtol=1e-3)
 
 
 def test_linear_law_obeys_lyapunov_and_iteration():
@@ -116,14 +104,6 @@ def test_closures_are_judged():
         assert verdicts["saltation", name] == "accurate", found.verdicts
     assert verdicts["saltation", "sd_speed"] in ("accurate", "undecided")
     assert verdicts["corrected", "sd_speed"] == "inaccurate"
-
-
-def test_values_of_a_law_are_those_of_its_orbit():
-    a = attractor(Scene(**PAIR))
-    values = values_of(law_of(a), Scene(**PAIR), 0.1)
-    assert values["speed"] == pytest.approx(0.59497327, rel=1e-7)
-    assert values["q01_speed"] == pytest.approx(values["q99_speed"])
-    assert values["flight"] == pytest.approx(math.pi)
 
 
 def test_intervals_that_rest_on_few_paths_are_named():
@@ -218,14 +198,3 @@ def test_a_diagram_without_impacts_is_refused_before_the_long_run(monkeypatch, t
     done = run(scene, "--over", "0.1:0.2:2", "--out", tmp_path / "report")
     assert done.exit_code == 2, done.output
     assert "mesh 1 is not struck" in done.output
-
-
-def test_verdicts_allow_for_errors_that_rest_on_few_paths():
-    """The same error and standard error decide where it rests on all paths, and leave open where it does on two."""
-    table = pd.DataFrame({"value": [1.0], "se": [0.002], "effective_paths": [256.0]}, index=["rate"])
-    claim = pd.DataFrame({
-        "closure": ["mine"], "kind": [""], "quantity": ["rate"], "predicted": [1.07], "se_predicted": [0.0],
-        "reason": [""],
-    })  # fmt: skip
-    assert judge_predictions(table, 64, claim)["verdict"].tolist() == ["inaccurate"]
-    assert judge_predictions(table.assign(effective_paths=2.0), 64, claim)["verdict"].tolist() == ["undecided"]

@@ -3,15 +3,12 @@
 import json
 from dataclasses import replace
 from itertools import pairwise
-from types import SimpleNamespace
 
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 
 import rattle as rt
 from rattle.compare.cli.main import main
-from rattle.compare.stationary.study_page import answer
 from rattle.compare.thresholds.claim import Settings, read_claim
 from rattle.compare.thresholds.decision import Thresholds, decide_long, predict_long
 from rattle.scene import InputError, Scene
@@ -119,24 +116,3 @@ def test_bad_claims_are_refused(model, quantities, word):
         predict_long(model, PAIR, quantities)
     with pytest.raises(InputError, match="chaotic"):
         predict_long("saltation", Scene.from_gears(rt.DAT21, sigma=0.1), ["rate"])
-
-
-def test_one_value_is_not_said_to_be_a_range():
-    """Before: "from 17.26 to 17.26", "5% to 5% of its quantities"."""
-    rows = [
-        {"quantity": name, "sigma": sigma, "value": value}
-        for name, values in (("rate", (17.258, 17.262)), ("energy_per_period", (0.5, 0.6)))
-        for sigma, value in zip((0.1, 0.2), values, strict=True)
-    ]
-    found = SimpleNamespace(
-        empty=False, quantities=pd.DataFrame(rows), cost=pd.DataFrame({"kind": ["simulated"]}),
-        verdicts=pd.DataFrame({
-            "closure": "saltation", "sigma": (0.1, 0.1, 0.2, 0.2), "reason": "",
-            "verdict": ("accurate", "inaccurate") * 2, "quantity": ("rate", "speed") * 2,
-        }),
-        study=SimpleNamespace(along="sigma", closures=("saltation",)),
-    )  # fmt: skip
-    said = " ".join(answer(found))
-    assert "impacts per unit of time: 17.26." in said
-    assert "from 0.5 (at sigma = 0.1) to 0.6 (at sigma = 0.2)" in said
-    assert "of them; 50% of its quantities" in said

@@ -10,7 +10,7 @@ from study_files import study_text
 from rattle.compare import validate
 from rattle.compare.cli.main import main
 from rattle.compare.study.cells import Sample
-from rattle.compare.study.estimate import Work, expect_work, scaling
+from rattle.compare.study.estimate import expect_work, scaling
 from rattle.montecarlo import simulate_to
 from rattle.montecarlo.accuracy.cost import cost_to
 from rattle.montecarlo.kernel.block import BLOCK
@@ -93,11 +93,3 @@ def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
     assert 0.5 < work[cell.key].path_steps / run.path_steps < 2.0
     assert 0.5 < cost_to(page.run, accuracy).path_steps / run.path_steps < 2.0
     assert 0.9 < work[fixed.key].path_steps / fixed.compute().facts["path_steps"] < 1.1
-
-
-def test_pilot_runs_of_a_large_study_are_few(monkeypatch):
-    made = []
-    monkeypatch.setattr("rattle.compare.study.estimate._pilot", lambda cell, a: made.append(a) or Work(a, a))
-    cells = [Sample(SCENES["quiet"][0], 2, seed=seed, accuracy=0.1 + seed) for seed in range(50)]
-    assert len(expect_work(cells)) == 50
-    assert made == [0.1 + seed for seed in range(0, 50, 3)]

@@ -137,19 +137,6 @@ def kept(study, store):
     return [cell for cell in study.cells if store.read(cell)]
 
 
-def test_a_worker_of_another_version_that_joins_later_is_named(small, tmp_path):
-    """It joined after the check at the start; the task itself refuses to run on it."""
-    store = Store(tmp_path / CELLS)
-    with of_our_own("") as (_, address, (worker,)), Cluster(address, patience=60.0) as place:
-        store.write(small.cells[0], place.compute(small.cells[0]))
-        with processes.worker(address, processes.OTHER) as (_, other):
-            worker.kill()
-            for cell in small.cells[:2]:
-                with pytest.raises(Lost, match=rf"worker {other} has numerical version .*, here it is "):
-                    place.compute(cell)
-    assert store.read(small.cells[0]) is not None
-
-
 def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
     """A command that is interrupted; the same command continues, here or on the cluster."""
     file = tmp_path / "s.toml"
@@ -165,20 +152,6 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
     assert "\n" not in line, line
     assert line.startswith(f"rattle: scheduler = {address!r}: no longer answers: start it again; finished results")
     assert 2 <= len(kept(Study.load(file), store)) < 9
-
-
-def test_a_scheduler_that_falls_silent_is_not_waited_for(small, tmp_path):
-    with of_our_own("") as (scheduler, address, _):
-        place = Cluster(address, patience=60.0)
-
-        def act():
-            place.patience = 3.0
-            scheduler.send_signal(signal.SIGSTOP)
-
-        stopper = meanwhile(Store(tmp_path / CELLS), 1, act)
-        with pytest.raises(Lost, match="no longer answers"):
-            run(Study.from_toml(study_text(paths=30_000_000)).cells, Store(tmp_path / CELLS), place)
-        stopper.join()
 
 
 def test_the_loss_of_all_workers_is_said(small, tmp_path):

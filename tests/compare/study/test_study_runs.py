@@ -6,10 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
-from unittest.mock import Mock
 
-import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -20,7 +17,6 @@ from rattle.compare.study.design import Study
 from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.figures import validity
 from rattle.compare.study.folder import CELLS, load_study
-from rattle.compare.study.impacts import find_validity
 from rattle.compare.study.impacts_page import answer
 from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import Tolerances
@@ -232,15 +228,6 @@ def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
     assert len(load_study(tmp_path / "s").reasons) == 6
 
 
-def test_a_study_without_a_closure_that_can_still_ends(tmp_path):
-    file = tmp_path / "s.toml"
-    start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n'
-    file.write_text(study_text(paths=512, more=start).replace('"saltation", "corrected"', '"published"'))
-    found = rattle(file)
-    assert found.exit_code == 1, found.output
-    assert load_study(tmp_path / "s").errors.empty
-
-
 UNDECIDED = """
 [study]
 impacts = 4
@@ -283,38 +270,6 @@ def test_undecided_is_not_called_wrong(tmp_path):
     assert "published: shown wrong at the smallest" in words
     (band,) = (c for c in figure.axes[0].collections if c.get_paths() and len(c.get_paths()[0].vertices) > 3)
     assert band.get_paths()[0].vertices[:, 1].max() == 0.02  # from the smallest up, though nothing is accurate
-
-
-def test_a_range_that_depends_on_another_field_is_said_for_each(tmp_path):
-    text = UNDECIDED.replace("[0.01, 0.02]", "[0.01, 0.3]") + "[[axes]]\nepsilon = [0.5, 0.9]\n"
-    study, store = Study.from_toml(text), Store(tmp_path / CELLS)
-    run(study.cells, store, Runner(1))
-    found = tables_of(study, store)
-    errors = found.errors
-
-    def say():
-        return answer(replace(found, validity=find_validity(study, errors)))
-
-    errors["verdict"] = "accurate"
-    assert "`saltation`: accurate up to sigma = 0.3." in say()
-    wrong = (errors["epsilon"] == 0.5) & (errors["sigma"] == 0.3) & (errors["closure"] == "saltation")
-    errors["verdict"] = np.where(wrong, "inaccurate", "accurate")
-    said = (
-        "`saltation`: accurate up to sigma = 0.01, shown wrong at 0.3 (at epsilon = 0.5); accurate up to sigma = 0.3 "
-        "(at "
-        "epsilon = 0.9)."
-    )
-    assert said in say()
-    errors.loc[wrong, "verdict"] = "not predicted"
-    assert said.replace("shown wrong at", "not followed to its end at") in say()
-
-
-def test_a_study_that_changes_while_it_runs_stops(tmp_path):
-    study = Study.from_toml(study_text())
-    store = Store(tmp_path / CELLS)
-    with pytest.raises(InputError, match="has changed"):
-        run(study.cells, store, Runner(1), check=Mock(side_effect=InputError("study", study.title, "has changed")))
-    assert len(store.missing(study.cells)) < 9  # what is finished is kept
 
 
 def test_results_do_not_depend_on_workers(tmp_path):

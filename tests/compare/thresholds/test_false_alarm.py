@@ -10,15 +10,14 @@ A session is measured with one look at its paths, and with four: at a block of t
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import binomtest
 
-from rattle.compare.thresholds.claim import Settings, read_claim
-from rattle.compare.thresholds.decision import ModelPrediction, TimedRun, decide, errors_of, judge_errors, merge_looks
+from rattle.compare.thresholds.claim import read_claim
+from rattle.compare.thresholds.decision import ModelPrediction, errors_of, judge_errors, merge_looks
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import BLOCK
@@ -65,10 +64,6 @@ class Stacked:
     @property
     def sessions(self):
         return len(self.section) // IMPACTS
-
-    def session(self, i):
-        """One of the runs, with its own impacts."""
-        return Stacked(self.section.iloc[i * IMPACTS : (i + 1) * IMPACTS].set_axis(range(1, IMPACTS + 1)))
 
 
 def merged(results):
@@ -203,37 +198,6 @@ def test_one_row_at_the_edge_fails_at_half_the_stated_rate(once, truth, edge):
     assert high >= 0.25 * RATE, measured
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("within", [0.05, 0.5])
-@pytest.mark.parametrize("edge", [-1.0, 0.0, 1.0])
-def test_sessions_whose_claims_are_true_fail_at_most_at_the_stated_rate(once, looks, truth, edge, within):
-    for runs in (once, looks):
-        low, measured, _ = failing(outcomes(runs, truth, edge, within=within))
-        assert low <= RATE, measured
-        assert edge or measured == 0.0
-
-
-@pytest.mark.slow
-def test_looks_as_they_are_taken_fail_at_most_at_the_stated_rate(looks, truth):
-    """Which looks are taken depends on what has been seen."""
-    options = {"scene": SCENE, "impacts": IMPACTS, "quantities": ["tau", "y1"], "within": 0.05, "paths": BLOCK}
-    claim = read_claim(options, Path())
-    prediction, settings, taken = displaced(truth, claim, 1.0), Settings(RATE), set()
-    assert settings.sizes(claim.paths, claim.budget) == tuple(n * BLOCK for n in LOOKS)
-
-    def failed(i):
-        def take(sample):
-            return TimedRun(looks[LOOKS.index(sample.paths // BLOCK)].session(i), True, 0.0)
-
-        table, runs, _ = decide(prediction, claim, SimpleNamespace(settings=settings, simulate=take))
-        taken.add(tuple(int(d.run.section["paths"].iloc[0]) // BLOCK for d in runs))
-        return (table["outcome"] == "fail").any()
-
-    low, measured, _ = share(np.array([failed(i) for i in range(100)]))
-    assert low <= RATE, measured
-    assert len(taken) > 1  # not the same looks each time
-
-
 def test_without_a_correction_it_would_be_found_out(once, looks, truth):
     low, _, _ = failing(outcomes(once, truth, 1.0, within=0.05, naive=("rows",)))
     assert low > RATE
@@ -256,8 +220,3 @@ def test_a_model_just_outside_seldom_passes(once, looks, truth, beyond):
 def test_a_model_well_outside_fails_and_one_well_inside_passes(once, truth):
     assert failing(outcomes(once, truth, 4.0, rate=0.01, within=0.05))[1] > 0.99
     assert passing(outcomes(once, truth, 0.0, rate=0.01, within=0.3))[1] == 1.0
-
-
-def test_more_looks_decide_more(once, looks, truth):
-    few, many = (passing(outcomes(runs, truth, 0.0, rate=0.01, within=0.02)) for runs in (once, looks))
-    assert few[2] < many[0]

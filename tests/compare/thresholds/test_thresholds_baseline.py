@@ -5,8 +5,6 @@ import tomllib
 
 import pytest
 
-from rattle.compare.thresholds.fixture import baseline_path, find_changes, update_baseline
-
 SUITE = """
 import pytest
 from rattle.closure import mean_map
@@ -147,15 +145,3 @@ def test_no_name_of_a_model_or_in_a_baseline_steers_the_terminal(pytester):
     path.write_text(recorded + '\n["\\u001b[2J\\u202e"]\nx = "\\u009b\\na"\n', encoding="utf-8")
     assert r"\x1b[2J\u202e.x: \x9b a -> nothing" in said()
     assert r"\x1b[2J\u202e.x: \x9b a -> nothing" in said("--rattle-baselines=regenerate")
-
-
-def test_what_is_left_out_or_new_counts_as_a_change():
-    old, new = {"values": {"y1": {"1": 0.5, "2": 0.6}}}, {"values": {"y1": {"2": 0.6 + 1e-12, "3": 0.7}}}
-    found = find_changes(old, new, 1e-9, 0.0)
-    assert found == {"values.y1.1": (0.5, None), "values.y1.3": (None, 0.7)}
-    assert update_baseline(old, new, found) == {"values": {"y1": {"2": 0.6, "3": 0.7}}}
-
-
-def test_a_baseline_lies_beside_its_test(tmp_path):
-    assert baseline_path(tmp_path / "test_a.py", "test_b[x]") == tmp_path / "baselines" / "test_a" / "test_b[x].toml"
-    assert baseline_path(tmp_path / "test_a.py", "test_b[x/y]") != baseline_path(tmp_path / "test_a.py", "test_b[x:y]")

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from rattle.compare.thresholds.claim import merge
 from rattle.compare.validation.verdict import widest
 
 DAT21 = Path(__file__).resolve().parent / "example_suite" / "dat21.toml"
@@ -73,62 +72,10 @@ def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said):
     assert said(result, r"intervals  (\S+) standard errors, ") == z
 
 
-def test_a_session_of_bad_markers_alone_fails(run):
-    result = run(HEAD.replace("def test_good", "def good") + marked("scene=S, within=0.0"))
-    result.assert_outcomes(passed=1, errors=1)
-    assert result.ret == pytest.ExitCode.TESTS_FAILED
-
-
-@pytest.mark.slow
-def test_on_workers_of_xdist_too(run_workers):
-    result = run_workers(HEAD + marked("scene=S, within=0.0"))
-    result.assert_outcomes(passed=2, errors=1)
-    result.stdout.fnmatch_lines(
-        ["rattle: within of the mean = 0.0: must be greater than 0", "intervals  3.53 standard errors, *"]
-    )
-
-
 def test_a_bad_marker_that_is_not_selected_is_not_read(run):
     result = run(HEAD + marked("scene=S, within=0.0"), "-k", "good")
     result.assert_outcomes(passed=1, deselected=2)
     assert result.ret == pytest.ExitCode.OK
-
-
-CLASSES = """
-@pytest.mark.rattle(scene="nowhere.toml", impacts=1, paths=2048)
-class TestClass:
-    def test_inherits(self, rattle): pass
-
-    @pytest.mark.rattle(scene=S)
-    def test_refines(self, rattle):
-        rattle.check("saltation")
-
-    def test_claims_nothing(self): pass
-
-@pytest.mark.parametrize("model", [
-    "saltation",
-    pytest.param("saltation", marks=pytest.mark.rattle(within=-1.0), id="bad"),
-])
-@pytest.mark.rattle(scene=S, impacts=1, paths=2048)
-def test_each(rattle, model):
-    rattle.check(model)
-"""
-
-
-def test_only_the_tests_that_a_bad_marker_reaches_are_errors(run):
-    result = run(HEAD + CLASSES, "-rA")
-    result.assert_outcomes(passed=5, errors=2)
-    text = result.stdout.str()
-    assert re.findall(r"^ERROR test_suite.py::(\S+)", text, re.MULTILINE) == [
-        "TestClass::test_inherits",
-        "test_each[bad]",
-    ]
-
-
-def test_a_module_with_a_bad_marker_leaves_the_others(run, pytester):
-    pytester.makepyfile(test_module=f"{HEAD}\npytestmark = pytest.mark.rattle(within=-1.0)\n" + marked("scene=S"))
-    result = run(HEAD)
-    result.assert_outcomes(passed=3, errors=2)
 
 
 def test_collecting_alone_says_what_could_not_be_read(run):
@@ -137,13 +84,6 @@ def test_collecting_alone_says_what_could_not_be_read(run):
     result.stdout.fnmatch_lines(
         ["rattle: test_suite.py::test_bad: within of the mean = 0.0: must be *", "test_suite.py::test_good"]
     )
-
-
-def test_a_nearer_accuracy_replaces_paths_and_budget():
-    far = {"paths": 2048, "budget": 4096}
-    assert merge([{"accuracy": 0.1}, far]) == {"accuracy": 0.1}
-    assert merge([{"budget": 8192}, far]) == {"paths": 2048, "budget": 8192}
-    assert merge([{"budget": 8192}, {"accuracy": 0.1}]) == {"budget": 8192}
 
 
 BAD_OPTIONS = {
@@ -166,16 +106,3 @@ def test_bad_options_end_the_session(run, pytester, option, where):
     result = run(HEAD, *options)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert BAD_OPTIONS[option] in result.stderr.str()
-
-
-def test_a_bad_choice_in_the_configuration_file_ends_the_session(run, pytester):
-    pytester.makeini("[pytest]\nrattle_undecided = pass\n")
-    result = run(HEAD)
-    assert result.ret == pytest.ExitCode.USAGE_ERROR
-    assert "rattle-undecided = 'pass': valid are 'fail', 'skip'" in result.stderr.str()
-
-
-def test_a_bad_option_ends_the_session_before_workers_start(run_workers):
-    result = run_workers(HEAD, "--rattle-false-alarm=2")
-    assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["ERROR: rattle-false-alarm = 2.0: must lie between 0 and 1*"])

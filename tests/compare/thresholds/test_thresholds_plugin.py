@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from rattle.compare.thresholds.claim import PROFILES
 from rattle.compare.validation.verdict import widest
 
 HERE = Path(__file__).resolve().parent
@@ -100,16 +99,6 @@ def test_without_a_cache_nothing_is_kept(run, pytester, said):
     assert "Figure" not in result.stdout.str()
 
 
-def test_names_of_models_stay_on_one_line(run):
-    forged = "def near(scene, impacts):\n    return right(scene, impacts)\nnear.__name__ = 'near\\n== 9 passed =='\n"
-    suite = SUITE.replace("def test_passes", forged + "def test_passes").replace('check("saltation")', "check(near)")
-    result = run(suite, "-k", "undecided")
-    result.stdout.fnmatch_lines(
-        ["rattle: near == 9 passed == is undecided in *", "undecided  * (near == 9 passed ==) *"]
-    )
-    assert "== 9 passed ==" not in result.outlines
-
-
 def test_nothing_is_simulated_twice(run, tmp_path, said):
     some = ("-k", "passes or undecided")
     first = run(SUITE, *some, cache=tmp_path)
@@ -121,15 +110,6 @@ def test_nothing_is_simulated_twice(run, tmp_path, said):
     assert len(kept) == 2
     run(SUITE, *some, "--rattle-seed=1", cache=tmp_path)
     assert len(list(tmp_path.glob("*.parquet"))) == 4
-
-
-def test_profiles_and_settings_of_the_configuration_file(run, pytester):
-    suite = SUITE.replace(", paths=2048", "").replace("impacts=2", "impacts=1")
-    pytester.makeini("[pytest]\nrattle_false_alarm = 0.05\nrattle_undecided = skip\n")
-    result = run(suite, "-k", "fails", "--rattle-workers=2")
-    result.stdout.fnmatch_lines(["*32768 paths*", "intervals *of at most 0.05"])
-    assert PROFILES["full"] == 2**20
-    run(SUITE, "-k", "undecided").assert_outcomes(skipped=1, deselected=6)
 
 
 @pytest.mark.slow
@@ -195,23 +175,6 @@ def test_an_idle_plugin_loads_nothing(tmp_path):
     assert "rattle" not in out.stdout.split("collected")[1].replace("test_idle", "")
 
 
-def test_naming_the_plugin_twice_registers_it_once(tmp_path, monkeypatch):
-    """By its module and by its entry point, which is made here in case the project has not been installed."""
-    monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD")
-    info = tmp_path / "rattle_entry-1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: rattle-entry\nVersion: 1\n")
-    (info / "entry_points.txt").write_text("[pytest11]\nrattle = rattle.compare.thresholds\n")
-    (tmp_path / "test_nothing.py").write_text("def test_nothing(): pass\n")
-    for options in ([], ["-p", "rattle.compare.thresholds.plugin"], ["-p", "rattle"]):
-        out = subprocess.run(
-            [sys.executable, "-m", "pytest", "-W", "error", "--markers", *options], cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}, capture_output=True, text=True,
-            check=False,
-        )  # fmt: skip
-        assert out.stdout.count("@pytest.mark.rattle(") == 1, (options, out.stdout[-500:], out.stderr)
-
-
 LONG = """
 import pytest
 from rattle.scene import Scene
@@ -237,42 +200,6 @@ def test_checks_of_the_long_run_have_their_lines(run, tmp_path):
         result.stdout.fnmatch_lines([
             "long run   3 rows in 2 tests: 2 passed, 1 failed, 0 undecided", "intervals  * standard errors, *", line,
         ])  # fmt: skip
-
-
-BURSTS = """
-import pytest
-import rattle as rt
-
-pytestmark = pytest.mark.rattle(scene=rt.Scene.from_gears(rt.DAT21, sigma=0.01), impacts=1)
-
-def test_wrong(rattle):
-    rattle.check(lambda scene, names: {"rate": 2.2, "speed": 2.0}, quantities=["rate", "speed"])
-
-@pytest.mark.rattle(budget=512)
-def test_near(rattle):
-    rattle.check(lambda scene, names: {"rate": 2.147}, quantities=["rate"])
-
-@pytest.mark.parametrize("n", range(9))
-def test_other(rattle, n):
-    rattle.check("saltation")
-"""
-
-
-@pytest.mark.slow
-def test_rare_bursts_are_shown_and_more_paths_taken(run, said, tmp_path):
-    alone = run(BURSTS, "-k", "wrong or near", cache=tmp_path)
-    alone.assert_outcomes(failed=2, deselected=9)
-    wide = r"speed: its standard error rests on (\d\.\d of 256 paths, .* \d+\.?\d* standard errors on .*, not 3.34)"
-    rows = [
-        wide,
-        r"(rate .* 512 +1024)",
-        r"budget=(\S+) in",
-        r"test_near \(.*\) (after 512 paths of 1,024 periods: .*)",
-    ]
-    found = [said(alone, row) for row in rows]
-    assert int(found[2]) > 2_400
-    beside = run(BURSTS, cache=tmp_path)
-    assert [said(beside, row) for row in rows] == found
 
 
 def test_a_closure_of_ones_own_is_the_same_by_its_function_its_object_and_its_module(run, pytester, monkeypatch):

@@ -10,26 +10,23 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
-from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
+from rattle.compare.tradeoff.figures import tradeoff_figure
 from rattle.compare.tradeoff.measure import (
     CostModel,
     CostPoint,
     Tradeoff,
     _compare,
-    check_accuracies,
     closure_points,
     slope,
 )
-from rattle.compare.tradeoff.multilevel import Levels, Rate, antithetic_gain, control_table, fit, giles_cost, levels_of
-from rattle.compare.tradeoff.page import CONTENTS, cheapest, orders_said, orders_table, verdict
-from rattle.compare.tradeoff.weak_order import orders_over
+from rattle.compare.tradeoff.multilevel import Levels, Rate, control_table, fit, giles_cost, levels_of
+from rattle.compare.tradeoff.page import CONTENTS, cheapest, verdict
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.kernel.block import sample
-from rattle.montecarlo.settings.plan import plan_of
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene import DAT21, InputError, Scene
+from rattle.scene import DAT21, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.3)
 IMPACTS, PATHS = 3, 1500
@@ -104,7 +101,6 @@ def test_table_of_levels_is_that_of_the_paths_themselves(runs):
     sums = runs[2].result.sums["fine_coarse"]
     fine = run.raw[:, :, :6]
     np.testing.assert_allclose(fine.mean(axis=0), sums.mean[0], rtol=1e-12)
-    from rattle.montecarlo.kernel.block import sample
 
     raw = [sample(runs[2].plan, block).rows[:2, :, :, :6] for block in range(runs[2].plan.blocks)]
     fine, coarse = np.concatenate(raw, axis=1)
@@ -169,13 +165,6 @@ def test_extrapolated_costs_grow_as_they_should_and_are_flagged(bias, power):
     assert all(p.sampling_error <= p.accuracy * 1.0001 and p.step_error <= p.accuracy * 1.0001 for p in points)
 
 
-def test_points_that_pilots_dominate_are_left_out_of_the_slope():
-    rows = [CostPoint("s", "scheme", a, 0.1, n, t, a, 0.0, a, True) for a, n, t in (
-        (1.0, 1024, 1.0), (0.1, 100_000, 1.0), (0.01, 10**7, 100.0),
-    )]  # fmt: skip
-    assert slope(pd.DataFrame(rows), "s", True) == (pytest.approx(-2.0), 2)
-
-
 def test_the_cheapest_method_is_that_of_least_counted_work():
     """Whatever the clock said while they ran."""
     rows = pd.DataFrame([
@@ -204,31 +193,6 @@ def test_a_run_that_promised_too_much_is_found_out():
     assert missed.error == missed.actual_error > 0.001
     assert not beside.measured
     assert beside.accuracy == 0.001
-
-
-def test_a_cost_model_learns_from_more_paths_and_from_those_of_another_scheme():
-    own = model()
-    more = simulate(SCENE, paths=3000, impacts=2, dt=0.005, scheme="euler-maruyama", record=Record(step_bias=True))
-    own.learn(more)
-    assert own.best is more
-    before = own.at(0.003).paths
-    own.shared = simulate(SCENE.with_sigma(2.0 * SCENE.sigma), paths=4000, impacts=2, scheme="exact-flight")
-    assert own.at(0.003).paths != before
-
-
-def test_a_path_alone_takes_the_steps_of_one_step_size():
-    own = model(10.0)
-    alone = Record(step_bias=False)
-    steps = simulate(SCENE, paths=1024, impacts=2, dt=0.01, scheme="euler-maruyama", record=alone).path_steps / 1024
-    assert own.path_alone(1.0) == pytest.approx(1e-9 * steps, rel=0.03)
-    assert own.path_alone(1.0, 5.0) == pytest.approx(5.0 * own.path_alone(1.0))
-
-
-def test_accuracies_are_ordered_and_checked():
-    assert check_accuracies((0.1, 0.3, 0.1)) == (0.3, 0.1)
-    for bad in ((), (0.0,), (-1.0,), (math.nan,)):
-        with pytest.raises(InputError, match="accuracy"):
-            check_accuracies(bad)
 
 
 def test_the_verdict_on_multilevel_follows_the_numbers():
@@ -268,21 +232,6 @@ def test_the_control_is_worth_most_at_small_noise():
     assert table["antithetic_sds"][0] == pytest.approx(0.5, abs=0.01)
 
 
-def test_gain_of_antithetic_pairs_is_that_of_means_of_pairs():
-    """Variance of block means of paths over that of as many paths in pairs: a ratio known to a tenth or so."""
-    plan = plan_of(SCENE.with_sigma(0.05), paths=8192, impacts=1, dt=0.01, scheme="exact-flight", rng=2)
-    path, partner = (
-        np.concatenate([sample(p, block).rows[0, :, 0, 3] for block in range(plan.blocks)])
-        for p in (plan, plan._replace(mirrored=True))
-    )
-    apart = np.var(np.concatenate([path, partner]).reshape(512, -1).mean(axis=1))
-    together = np.var((0.5 * (path + partner)).reshape(512, -1).mean(axis=1))
-    gain = antithetic_gain(plan)[0][0, 3]
-    assert gain > 10.0
-    assert apart / together == pytest.approx(gain, rel=4.0 * math.sqrt(4.0 / 512))
-    assert antithetic_gain(plan._replace(seed=np.random.SeedSequence(3)))[0][0, 3] == pytest.approx(gain, rel=0.2)
-
-
 def test_what_is_extrapolated_is_drawn_hollow():
     points = pd.DataFrame([
         CostPoint("exact-flight", "scheme", a, 0.1, 5000, 1.0 / a**2, a, 0.0, a, a > 0.05)
@@ -294,26 +243,6 @@ def test_what_is_extrapolated_is_drawn_hollow():
     assert [x for line in hollow for x in line.get_ydata()] == [0.03, 0.01]
     solid = [line for line in ax.lines if line.get_linestyle() == "-" and line.get_linewidth() == 1.8]
     assert [list(line.get_ydata()) for line in solid] == [[0.3, 0.1]]
-
-
-def test_orders_are_drawn_with_their_intervals_and_said_in_words():
-    orders = orders_over(SCENE, (0.3, 1.0), rng=1, workers=2, impacts=1, paths=1024, replicates=3)
-    axes = order_figure(orders.changes).axes
-    assert len(axes) == 2 * 2 * 3
-    c = orders.changes[orders.changes["scheme"] == "euler-maruyama-located"]
-    means = c[(c["sigma"] == 1.0) & (c["moment"] == "mean") & (c["quantity"] == "y1")]
-    drawn = [list(bars[0].get_ydata()) for bars in axes[9].containers]
-    assert list(means["change"].dropna()) in drawn
-    said = orders_table(orders.table).rows
-    assert len(said) == orders.table["slope"].notna().sum()
-    row = orders.table[orders.table["slope"].notna()].iloc[0]
-    assert said[0][3].text == "0.016 to 0.001"
-    assert said[0][4].text == f"{row['slope']:.2f} ({row['low']:.2f} to {row['high']:.2f})"
-    unsettled = orders.table[orders.table["slope"].notna()]["order"].isna().to_numpy()
-    assert [cells[7].text == "not settled" for cells in said] == unsettled.tolist()
-    sentences = orders_said(orders.table)
-    assert len(sentences) == 4
-    assert all("dt from 0.016 to 0.001" in sentence for sentence in sentences)
 
 
 # the command

@@ -5,14 +5,12 @@ import pandas as pd
 import pytest
 
 from rattle.compare import validate
-from rattle.compare.report.glossary import TERMS, glossary
 from rattle.compare.validation.answer import advice, answer, cost_sentence
 from rattle.compare.validation.comparison import WANTED, simulation_costs
-from rattle.compare.validation.figures import error_figure
 from rattle.compare.validation.validate import sweep
 from rattle.montecarlo import simulate_to
 from rattle.montecarlo.accuracy.cost import cost_of
-from rattle.scene import DAT21, InputError, Scene
+from rattle.scene import DAT21, Scene
 
 SIGMAS = (0.01, 0.1, 1.0)
 ALL, OPEN, WRONG = (12, 12), (3, 12), (0, 0)
@@ -111,17 +109,3 @@ def test_the_cost_is_that_of_a_run_to_the_accuracy():
     assert 0.7 < cost.paths / run.paths < 1.4
     assert 0.7 < cost.path_steps / run.path_steps < 1.4
     assert cost.core_seconds == pytest.approx(cost_of(run, cost.paths).core_seconds, rel=0.05)
-
-
-def test_legend_names_each_colour_once_and_ticks_are_whole_impacts(v):
-    figure = error_figure(v)
-    labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    assert len(labels) == len(set(labels)) == 2
-    assert sum("accurate" in label for label in labels) == 1
-    assert all(float(tick).is_integer() for ax in figure.axes for tick in ax.get_xticks())
-
-
-def test_every_term_is_explained_in_one_sentence_and_unknown_ones_are_refused():
-    assert all(meaning and not meaning.endswith(".") and len(meaning) < 200 for meaning in TERMS.values())
-    with pytest.raises(InputError, match="is not explained"):
-        glossary("σ", "phlogiston")

@@ -41,17 +41,6 @@ def test_first_flight_rho_is_right_and_a_wrong_one_is_caught(validation):
     assert row["high"] - row["low"] < 0.1
 
 
-def test_fisher_interval_shrinks_with_paths():
-    widths = []
-    for paths in (4096, 65_536):
-        v = validate(
-            Scene.from_gears(DAT21, sigma=0.01), impacts=2, closures=["corrected"], paths=paths, rng=5, workers=2
-        )
-        row = v.table.query("kind == 'fixed time' and impact == 1 and quantity == 'rho2'").iloc[0]
-        widths.append(row["se"])
-    assert widths[0] / widths[1] == pytest.approx(4.0, rel=0.1)
-
-
 def test_no_noise_has_no_correlation_rows():
     v = validate(Scene.from_gears(DAT21), impacts=3, paths=10)
     assert set(v.table["kind"]) == {"section"}

@@ -10,7 +10,7 @@ from rattle.closure import mean_map
 from rattle.closure.edgeworth import section_density
 from rattle.compare.validation.realizability import bin_masses, distances, section_distances
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.statistics.records import BINS, Histograms
+from rattle.montecarlo.statistics.records import Histograms
 from rattle.scene import DAT21, Scene
 
 PATHS = 20_000
@@ -52,47 +52,6 @@ def test_a_negative_control_is_far_above_the_floor(mean, sd):
         np.abs(stats.norm.cdf(np.linspace(-4, 4, 4001), mean, sd) - stats.norm.cdf(np.linspace(-4, 4, 4001))).max()
     )
     assert found.kolmogorov == pytest.approx(exact, abs=found.kolmogorov_floor)
-
-
-def test_floor_shrinks_with_the_root_of_paths():
-    few, many = (against_normal_sample(1, paths=n) for n in (10_000, 160_000))
-    assert few.kolmogorov_floor / many.kolmogorov_floor == pytest.approx(4.0)
-    assert few.total_variation_floor / many.total_variation_floor == pytest.approx(4.0, rel=0.05)
-
-
-def test_bin_masses_are_those_of_the_distribution():
-    edges = np.linspace(-2.0, 3.0, 41)
-    for mean, sd in ((0.3, 1.0), (0.3, 1e-3), (0.3, 40.0), (-9.0, 0.5), (30.0, 0.5)):
-        expected = np.diff(stats.norm.cdf(np.concatenate([[-np.inf], edges, [np.inf]]), mean, sd))
-        np.testing.assert_allclose(bin_masses(gaussian(mean, sd), edges, mean, sd), expected, atol=1e-9)
-
-
-def test_series_keeps_its_mass_and_its_sign():
-    edges = np.linspace(-6.0, 6.0, BINS + 1)
-    masses = bin_masses(gaussian(skew=1.0), edges, 0.0, 1.0)
-    assert masses.sum() == pytest.approx(1.0, abs=1e-12)
-    assert masses.min() < 0.0  # not clipped
-
-
-def test_total_variation_is_a_distance():
-    rng = np.random.default_rng(5)
-    for _ in range(20):
-        a, b = (rng.multinomial(500, rng.dirichlet(np.full(12, 0.3))) for _ in range(2))
-        there, back = distances(a / 500, b), distances(b / 500, a)
-        assert there.total_variation == pytest.approx(back.total_variation)
-        assert there.kolmogorov == pytest.approx(back.kolmogorov)
-        assert 0.0 <= there.kolmogorov <= there.total_variation + 1e-12 <= 1.0 + 1e-12
-    assert distances(a / 500, a)[::2] == (0.0, 0.0)
-    assert distances(np.array([1.0, 0.0, 0.0]), np.array([0, 0, 7]))[::2] == (1.0, 1.0)
-
-
-def test_mass_outside_the_bins_counts_on_its_side():
-    counts = np.zeros(42, int)
-    counts[20] = 100
-    for mean, place in ((-50.0, 0), (50.0, -1)):
-        masses = bin_masses(gaussian(mean), np.linspace(-1.0, 1.0, 41), mean, 1.0)
-        assert masses[place] == pytest.approx(1.0)
-        assert distances(masses, counts).total_variation == pytest.approx(1.0)
 
 
 @pytest.fixture(scope="module")
@@ -144,15 +103,6 @@ def test_rows_only_where_something_varies_and_is_predicted(run):
     assert set(of(run, "published")["quantity"]) <= {"y1", "y2"}
     assert (saltation["paths"] == run.paths).all()
     assert saltation["total_variation"].between(0.0, 1.0).all()
-
-
-def test_few_paths_elsewhere_do_not_make_a_density():
-    """At sigma = 0.1 a few paths strike the other mesh first, so the sd of x at the usual one is not quite zero."""
-    scene = Scene.from_gears(DAT21, sigma=0.1)
-    wide = simulate(scene, paths=20_000, impacts=3, rng=7, workers=2, record=Record(histogram=True))
-    assert wide.section.loc[3, "sd_x1"] > 0.0
-    table = of(wide, "corrected")
-    assert table.query("impact == 3")["quantity"].tolist() == ["y1", "x2", "y2"]
 
 
 def test_bias_of_the_step_is_taken_out_where_it_was_measured():

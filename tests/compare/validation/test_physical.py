@@ -9,7 +9,7 @@ from rattle.compare.report import Glossary
 from rattle.compare.report.json_text import read_page
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.tables import duration_words, motion_table, time_table
-from rattle.scene import DAT21, Scene, Start
+from rattle.scene import DAT21, Scene
 
 PLAIN = Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.02)
 SETTINGS = {"impacts": 3, "closures": ["saltation"], "paths": 2000, "scheme": "exact-flight", "rng": 7}
@@ -54,11 +54,6 @@ def test_the_answer_speaks_of_milliseconds(v):
     assert said[2].startswith(f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average (")
     assert "mm/s and a mean loss of " in said[2]
     assert duration_words(v) == f"{time:.3g} ms of rattling"
-
-
-def test_a_late_start_lasts_no_longer(v):
-    late = Scene.from_gears(DAT21, sigma=0.02, start=Start(2e6 * math.pi, 0.5, 2.0, 0.5, 2.0, mesh=1))
-    assert duration_words(validate(late, **SETTINGS)) == duration_words(v)
 
 
 @pytest.mark.usefixtures("undrawn")

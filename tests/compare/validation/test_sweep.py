@@ -7,7 +7,7 @@ from rattle.compare.report.style import caption_of
 from rattle.compare.validation.answer import validity_sentence
 from rattle.compare.validation.comparison import Speed, Validity, find_validity
 from rattle.compare.validation.figures import VALIDITY, validity_figure
-from rattle.compare.validation.tables import speed_table, validity_table
+from rattle.compare.validation.tables import validity_table
 from rattle.compare.validation.validate import read_grid, sweep, validate
 from rattle.compare.validation.verdict import NOT_WRONG, WRONG
 from rattle.scene import DAT21, InputError, Scene
@@ -41,12 +41,6 @@ def test_only_the_work_of_what_is_accurate_is_counted(swept):
     assert 0.0 < row["median"] < row["worst"] < 0.1
     assert row["speed_up"] == pytest.approx(row["simulation_seconds"] / row["closure_seconds"])
     assert row["speed_up"] > 5.0
-
-
-def test_nothing_accurate_leaves_a_table_without_rows():
-    none = sweep(Scene.from_gears(DAT21), (0.5, 1.0), **{**SETTINGS, "paths": 2000, "closures": ["corrected"]})
-    assert none.speed.empty
-    assert speed_table(none.speed).rows == ()
 
 
 def test_grid_is_even_in_the_logarithm():

@@ -38,17 +38,6 @@ def test_verdict(low, high, verdict):
     assert out["verdict"].item() == verdict
 
 
-def test_what_is_not_judged_has_no_other_verdict():
-    out = judge(rows(error=[0.0, 0.1], low=[-0.01, 0.09], high=[0.01, 0.11], judged=[False, True]))
-    assert out["verdict"].tolist() == ["not judged", "inaccurate"]
-    assert out["paths_needed"].isna().all()
-
-
-def test_no_prediction_is_no_verdict():
-    out = judge(rows(predicted=[np.nan], error=[np.nan], low=[np.nan], high=[np.nan]))
-    assert out["verdict"].item() == "not predicted"
-
-
 def test_paths_needed_would_decide():
     # error 0.045 +- 0.02, all of it noise: the margin to 0.05 is 0.005, so 16 times the paths
     undecided = rows(error=[0.045], low=[0.025], high=[0.065], noise=[0.02])
@@ -56,13 +45,6 @@ def test_paths_needed_would_decide():
     assert needed == pytest.approx(16_000, rel=1e-3)
     shrunk = 0.02 * np.sqrt(1000 / needed)
     assert judge(rows(error=[0.045], low=[0.045 - shrunk], high=[0.045 + shrunk]))["verdict"].item() == "accurate"
-
-
-def test_only_a_smaller_step_can_decide():
-    # half width 0.02 of which 0.012 is step bias: no number of paths gets below a margin of 0.005
-    out = judge(rows(error=[0.045], low=[0.025], high=[0.065], noise=[0.008]))
-    assert out["verdict"].item() == "undecided"
-    assert np.isnan(out["paths_needed"].item())
 
 
 @pytest.mark.parametrize("checks", [1, 10, 300])
@@ -189,11 +171,3 @@ def test_a_negative_control_is_inaccurate(truth, column, change):
 
     assert (verdicts(truth) == "accurate").all()
     assert (verdicts(wrong) == "inaccurate").all()
-
-
-def test_tidy_columns_and_agreement(truth):
-    run = ensemble(0.02, seed=7, paths=2048)
-    table = section_errors(Claimed(truth), run, 3.0, Tolerances())
-    assert len(table) == IMPACTS * len(SECTION) * 2
-    assert table["agreement"].between(0.0, 1.0).all()
-    np.testing.assert_allclose(table["error"], table["predicted"] - (table["simulated"] - table["bias"]), atol=1e-12)

@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from rattle import closure, montecarlo
 from rattle.closure import edgeworth, long_orbit, orbit, section_step
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import extreme, extreme_lines, extreme_record, farthest, worst_of
-from rattle.compare.checks.extremes import ROWS, formulas, invariance, sampling, truth
+from rattle.compare.checks.extremes import ROWS, formulas, invariance, sampling
 from rattle.compare.checks.published import returns
 from rattle.compare.cli.main import main
 from rattle.compare.validation import validate as validation
@@ -200,17 +199,6 @@ def shorter(monkeypatch):
 def test_row_rejects_its_negative_control(name, monkeypatch):
     monkeypatch.setattr(*NEGATIVE_CONTROLS[name])
     assert not ROWS[name]().holds
-
-
-def test_truth_has_the_digits_it_needs():
-    c = formulas.constants(beta1=0.0, beta2=1e-14)
-    before = truth.noise(c, 0.3, 1e-12)
-    truth_of = partial(truth.noise, c, 0.3, 1e-12)
-    try:
-        truth.DIGITS = 500
-        assert np.allclose(before, truth_of(), rtol=1e-15, atol=0.0)
-    finally:
-        truth.DIGITS = 400
 
 
 def test_table_and_terminal_say_what_failed(monkeypatch):

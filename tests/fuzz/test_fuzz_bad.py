@@ -1,0 +1,372 @@
+"""Bad input leads to one of our errors that names it, or to an answer; a spoilt file is refused, or read as written.
+
+Scenes with one thing wrong in them, settings, texts, damaged files and command lines, always the same.
+"""
+
+import json
+import math
+import tempfile
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+from fuzz_files import ran
+from fuzz_must import finite, refused
+from fuzz_plan import job
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from settings import recorded
+
+from rattle.closure import mean_map
+from rattle.compare import validate
+from rattle.compare.cli.main import main
+from rattle.compare.report import manifest
+from rattle.compare.report.json_text import read_page
+from rattle.compare.study import store
+from rattle.compare.study.design import Study
+from rattle.compare.study.folder import is_current, load_study
+from rattle.compare.thresholds.fixture import read_baseline
+from rattle.montecarlo import simulate, simulate_to
+from rattle.scene import DAT21, InputError, Scene
+from rattle.scene.errors import RattleError
+
+DAT = Scene.from_gears(DAT21, sigma=0.1)
+
+
+def tried(**strategies):
+    """A test of many inputs, always the same; how many is its argument ``count``."""
+    count = strategies.pop("count")
+    same = settings(
+        derandomize=True, database=None, deadline=None, phases=[Phase.generate], max_examples=count,
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    return lambda test: pytest.mark.slow(same(given(**strategies)(test)))
+
+
+BAD = st.sampled_from([
+    math.nan, math.inf, -math.inf, "abc", "", "0.5", "é\x00", b"x", 1j, [], [0.5], [[0.5]], {}, {"a": 0.5}, (), True,
+    Decimal("0.5"), np.array([0.5, 0.6]), np.array([]), np.float32("nan"), object, 10**400, -(10**400), "x" * 10_000,
+    None, 0, 1, -1, 3, 0.5, 1.5, -0.5, -1e-300, 5e-324, 1e-31, 1e7, 1e200, 10**30, 2**63, Fraction(1, 3), -0.0,
+])  # fmt: skip
+"""What nothing here takes, and numbers that one field takes and another does not."""
+FIELDS = {
+    "scene": ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma", "stages"),
+    "start": ("tau", "x1", "y1", "x2", "y2", "mesh"),
+    "tolerance": ("c1_max", "c2_max", "distribution", "draw"),
+    "gears": ("alpha", "epsilon", "omega", "inertia1", "radius2", "backlash1", "damping2", "torque1"),
+}
+
+
+@st.composite
+def spoilt_scenes(draw):
+    """A scene with one thing wrong or doubtful in it, and the name of that."""
+    data = job(1, draw(st.integers(0, 10**6)), "scene")[1]
+    part = draw(st.sampled_from([*FIELDS, "key", "table"]))
+    if part == "key":
+        draw(st.sampled_from([data, data["scene"]]))[draw(st.sampled_from(["alhpa", "x" * 5000, "", "é", 5]))] = 1.0
+        return data, ""
+    name = draw(st.sampled_from([*FIELDS] if part == "table" else FIELDS[part]))
+    if part == "table":
+        table = data if name in ("scene", "gears") else data["scene"]
+    elif part == "scene":
+        table = data["scene"]
+    else:
+        table = (data if part == "gears" else data["scene"]).setdefault(part, {})
+    table[name] = draw(BAD)
+    return data, name
+
+
+@tried(spoilt=spoilt_scenes(), count=200)
+def test_bad_scenes_are_refused_by_name(spoilt):
+    data, name = spoilt
+    try:
+        scene = Scene.from_dict(data)
+    except InputError as error:
+        refused(error, name if error.field not in ("scene", "gears") else "")
+        return
+    assert Scene.from_toml(scene.to_toml()) == scene
+    assert finite(scene)
+
+
+CALLS = {
+    ("impacts", "closure", "order"): lambda **k: mean_map(DAT, **({"impacts": 1} | k)),
+    ("paths", "impacts", "dt", "scheme", "rng", "workers", "times", "itineraries", "increments", "horizon", "device"): (
+        lambda **k: simulate(DAT, **recorded({"paths": 32, "impacts": 1, "horizon": 5.0} | k))
+    ),
+    ("accuracy", "impacts", "scheme", "rng", "workers", "budget"): (
+        lambda **k: simulate_to(DAT, **({"accuracy": 0.5, "impacts": 1, "budget": 2.0} | k))
+    ),
+    ("impacts", "closures", "paths", "dt", "scheme", "rng", "workers", "order"): (
+        lambda **k: validate(DAT, **({"impacts": 1, "paths": 64, "closures": ["corrected"]} | k))
+    ),
+    ("sigma",): DAT.with_sigma, ("times",): lambda **k: mean_map(DAT, impacts=2).at_times(**k),
+    ("impact", "quantity"): (
+        lambda **k: mean_map(DAT, impacts=2).density(**{"impact": 1, "quantity": "y1", "values": np.zeros(1)} | k)
+    ),
+    ("impact", "stage"): lambda **k: mean_map(DAT, impacts=2).edgeworth(**{"impact": 1, "stage": 1} | k),
+    ("text",): Scene.from_toml, ("path",): Scene.load, ("data",): Scene.from_dict,
+}  # fmt: skip
+"""Public calls by the settings that they take."""
+STUDIES = {"path": (Study.load, load_study), "text": (Study.from_toml,)}
+
+
+@pytest.mark.filterwarnings("ignore::rattle.AccuracyWarning")
+@tried(place=st.sampled_from([(names, name) for names in CALLS for name in names]), value=BAD, count=150)
+def test_bad_settings_are_refused_by_name(place, value):
+    names, name = place
+    for call in (CALLS[names], *(STUDIES.get(name, ()) if len(names) == 1 else ())):
+        try:
+            call(**{name: value})
+        except RattleError as error:
+            refused(error, "" if name in ("text", "path", "data") else name.rstrip("s"))
+
+
+# --- files
+
+STUDY = """
+[study]
+impacts = 1
+closures = ["saltation", "corrected"]
+paths = 64
+seed = 3
+within = { mean = 0.05, sd = 0.1 }
+
+[scene]
+alpha = 1.5
+epsilon = 0.9
+beta1 = 0.083
+gamma1 = 0.057
+stages = 1
+
+[[axes]]
+sigma = { log = [0.01, 0.1, 2] }
+
+[[axes]]
+gap1 = [0.4, 0.5]
+"tolerance.c1_max" = [0.0, 0.01]
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with scene and study files, a finished study, and a report."""
+    place = tmp_path_factory.mktemp("fuzz")
+    (place / "scene.toml").write_text(DAT.to_toml(), encoding="utf-8")
+    (place / "bad.toml").write_text("[scene]\nalpha = 'x'\n", encoding="utf-8")
+    (place / "study.toml").write_text(STUDY, encoding="utf-8")
+    (place / "baseline.toml").write_text("[values.y1]\n1 = 0.5\n\n" + DAT.to_toml(), encoding="utf-8")
+    small = ["--paths", "64", "--impacts", "1", "--sigma", "0.1", "--no-validity", "--workers", "1", "--out"]
+    for words in (["study", str(place / "study.toml"), "--workers", "1"], ["validate", *small, str(place / "report")]):
+        CliRunner().invoke(main, words, catch_exceptions=False)
+    return place
+
+
+def read_study_text(path):
+    study = Study.from_toml(path.read_text(encoding="utf-8"))
+    return study.cells if len(study.points) < 50 else ()
+
+
+READERS = {
+    "scene.toml": lambda path: Scene.from_toml(path.read_text(encoding="utf-8")).to_toml(),
+    "study.toml": read_study_text, "report/manifest.json": manifest.read_settings, "report/page.json": read_page,
+    "baseline.toml": read_baseline,
+}  # fmt: skip
+TOKENS = (
+    "", "nan", "inf", "-inf", "1e400", "-1", "0", "9" * 5000, "'x'", '"', "[", "]", "[[", "{", "}", "=", "\n", "true",
+    "[scene]\n", "1979-05-27", "é", "\x00", "\ufeff", "[[axes]]\n", "[" * 3000, "a.b.c = 1\n", "1_0", "0x1F",
+    "sigma = 1\n", "#", "paths = 1e9\n", "seed = [1]\n", "[1, 10, 1000000000]",
+)  # fmt: skip
+CUTS = st.lists(st.tuples(st.floats(0.0, 1.0), st.integers(0, 12), st.sampled_from(TOKENS)), min_size=1, max_size=3)
+
+
+def read_or_refused(name, place, text):
+    path = place / "spoilt"
+    path.write_text(text, encoding="utf-8")
+    try:
+        READERS[name](path)
+    except RattleError as error:
+        refused(error, "")
+
+
+@tried(name=st.sampled_from(sorted(READERS)), cuts=CUTS, count=150)
+def test_spoilt_texts_are_refused_or_read(name, cuts, place):
+    text = (place / name).read_text(encoding="utf-8")
+    for share, length, token in cuts:
+        at = int(share * len(text))
+        text = text[:at] + token + text[at + length :]
+    read_or_refused(name, place, text)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", READERS)
+def test_a_text_may_be_long_and_odd(name, place):
+    for text in ("", "\x00", "=" * 10_000, "[" * 100_000, "a = " + "[" * 5000):
+        read_or_refused(name, place, text)
+
+
+HOW = st.lists(
+    st.tuples(
+        st.sampled_from(["flip", "flip", "flip", "cut", "write", "insert", "remove"]),
+        st.floats(0.0, 1.0), st.integers(0, 255),
+    ),
+    min_size=1, max_size=4,
+)  # fmt: skip
+
+
+def mutated(data, how):
+    """Bytes with bits flipped, cut off, overwritten, inserted or removed."""
+    out = bytearray(data)
+    for what, where, value in how:
+        at = min(int(where * len(out)), max(len(out) - 1, 0))
+        if what == "flip" and out:
+            out[at] ^= 1 << (value % 8)
+        elif what == "cut":
+            del out[at:]
+        elif what == "write":
+            out[at : at + 4] = bytes([value]) * 4
+        elif what == "insert":
+            out[at:at] = bytes([value])
+        elif what == "remove":
+            del out[at : at + 1 + value % 16]
+    return bytes(out)
+
+
+def damaged_cell(place, how):
+    """How a damaged cell ends: refused, with a word about it, or read as it was written."""
+    study, good = Study.load(place / "study.toml"), store.Store(place / "study" / "cells")
+    cell = study.cells[int(how[0][1] * 1e6) % len(study.cells)]
+    truth = good.read(cell)
+    with tempfile.TemporaryDirectory(dir=place) as scratch:
+        damaged = store.Store(type(place)(scratch))
+        damaged.path(cell).write_bytes(mutated(good.path(cell).read_bytes(), how))
+        found = damaged.read(cell)
+        if found is None:
+            assert list(damaged.aside.glob("*.txt")), "set aside without a word"
+            return "refused"
+    pd.testing.assert_frame_equal(found.section, truth.section, check_exact=True)
+    assert found.facts == truth.facts
+    return "read"
+
+
+TABLES = ("errors", "sections", "validity", "cost")
+
+
+def damaged_tables(place, how):
+    """Numbers of a study never change in silence."""
+    truth = load_study(place / "study")
+    names = [*(f"{n}.parquet" for n in TABLES), "manifest.json", "study.toml"]
+    path = place / "study" / names[how[0][2] % len(names)]
+    kept = path.read_bytes()
+    try:
+        path.write_bytes(mutated(kept, how))
+        found = load_study(place / "study")
+        for name in TABLES:
+            pd.testing.assert_frame_equal(getattr(found, name), getattr(truth, name), check_exact=True)
+        assert (found.record, found.study.points) == (truth.record, truth.study.points)
+        assert is_current(truth.study, place / "study") in (None, truth.record)
+    except RattleError as error:
+        refused(error, "")
+    finally:
+        path.write_bytes(kept)
+
+
+def damaged_json(place, how):
+    """A page and a manifest as well."""
+    for name in ("report/page.json", "report/manifest.json"):
+        truth = repr(READERS[name](place / name))
+        (place / "spoilt").write_bytes(mutated((place / name).read_bytes(), how))
+        try:
+            assert repr(READERS[name](place / "spoilt")) == truth
+        except RattleError as error:
+            refused(error, "")
+
+
+@tried(check=st.sampled_from([damaged_cell, damaged_tables, damaged_json]), how=HOW, count=150)
+def test_damaged_files_are_refused_or_read_as_written(check, how, place):
+    check(place, how)
+
+
+def blind(self, cell):
+    """A store that believes its files."""
+    try:
+        found = pq.read_table(self.path(cell), use_threads=False, memory_map=False)
+        facts = json.loads(found.schema.metadata[store.NAME])["facts"]
+        return cell.restore(store.Content(found.to_pandas(), facts))
+    except Exception:
+        self._set_aside(self.path(cell), "damaged")
+        return None
+
+
+@pytest.mark.slow
+def test_a_changed_number_in_a_cell_is_seen_where_there_is_no_seal(monkeypatch, place):
+    """Negative control: a changed footer renumbers the impacts in silence; where that is differs from run to run."""
+
+    def ends(flips):
+        return {damaged_cell(place, [("flip", share, 0)]) for share in np.linspace(0.75, 0.999, flips)}
+
+    assert ends(60) <= {"refused", "read"}
+    monkeypatch.setattr(store.Store, "read", blind)
+    with pytest.raises(AssertionError):
+        ends(5000)
+
+
+def test_an_error_without_the_name_of_its_field_is_seen():
+    with pytest.raises(AssertionError, match="does not name"):
+        refused(InputError("x", 1, "is bad"), "alpha")
+
+
+# --- commands
+
+OPTIONS = {
+    "simulate": {
+        "--paths": ("32", "0", "-1", "1e3", "x", "9" * 30), "--impacts": ("2", "0", "-3", "x", "9" * 20),
+        "--sigma": ("0.1", "0", "-1", "nan", "inf", "1e200", "1e-300", ""),
+        "--dt": ("0.001", "0", "-1", "nan", "10", "1e-300"),
+        "--scheme": ("exact-flight", "euler-maruyama", "milstein", ""), "--seed": ("1", "-1", "9" * 40, "x"),
+        "--workers": ("1", "0", "-2", "99999999"), "--out": ("{}/s.csv", "{}/no/s.csv"), "--budget": ("1", "nan", "-1"),
+    },
+    "study": {"--workers": ("0", "x"), "--explain": (), "--status": (), "--out": ("{}/study.toml",)},
+    "show": {"--width": ("0", "x", "-5", "80"), "--section": ("x", "")},
+    "validate": {
+        "--paths": ("0", "x"), "--impacts": ("0", "-1"), "--sigma": ("nan", "-1", "1e-300"), "--order": ("7", "-1"),
+        "--validity": ("x", "1:0:3", "nan:1:2", "1:2:999999999", ":::"), "--closure": ("x", ""), "--workers": ("0",),
+        "--validity-paths": ("0", "-1"), "--repeat": ("{}/no.json", "{}"), "--require": ("x",),
+    },
+    "order": {"--paths": ("0", "x"), "--impacts": ("0", "x"), "--sigma": ("nan", "-1", "1e9"), "--workers": ("0",)},
+    "tradeoff": {"--accuracy": ("0", "nan"), "--budget": ("0", "nan"), "--sigma": ("0", "nan"), "--impacts": ("0",)},
+    "chaos": {
+        "--points": ("1", "x"), "--impacts": ("0", "x"), "--events": ("0",), "--width": ("0", "nan", "-1"),
+        "--over": ("x", "2:1:3", "nan:1:2", "0:1:1", "0:1:999999999999", "1e-3:1e300:3"), "--field": ("x", "epsilon"),
+    },
+    "claims": {"--workers": ("0",), "--seed": ("-1",), "--nonsense": ()},
+}  # fmt: skip
+"""Options with values; but for the first three commands each value is refused, for their work takes minutes."""
+PLACES = ("{}/scene.toml", "{}/bad.toml", "{}/study.toml", "{}/none.toml", "{}", "", "-")
+CHEAP = ("simulate", "study", "show")
+
+
+@st.composite
+def commands(draw):
+    """A command line; but for the cheap commands one that has something wrong in it."""
+    name = draw(st.sampled_from([*OPTIONS, *CHEAP]))
+    words = [name]
+    if draw(st.booleans()) or name in ("study", "show"):
+        words.append(draw(st.sampled_from(PLACES)))
+    for option in draw(st.lists(st.sampled_from(sorted(OPTIONS[name])), min_size=name not in CHEAP, max_size=3)):
+        values = OPTIONS[name][option]
+        words += [option, *([draw(st.sampled_from(values))] if values else [])]
+    if name == "simulate" and not {"--paths", "--impacts"} & set(words):
+        words += ["--paths", "16", "--impacts", "1"]
+    if name == "study" and not {"--explain", "--status"} & set(words):
+        words.append("--explain")
+    return words
+
+
+@tried(words=commands(), count=60)
+def test_odd_commands_end_with_a_reason(words, place):
+    with tempfile.TemporaryDirectory(dir=place) as scratch:
+        ran([word.format(place) for word in words], type(place)(scratch))
