@@ -1,12 +1,9 @@
 """The animation in a real browser: loading, layout, one flash for each impact, controls, reduced motion."""
 
 import pytest
-from browser import CHROMIUM, Browser
 
 from rattle.compare.animation import record, write_animation
 from rattle.scene import DAT21, Scene
-
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo apt-get install chromium")
 
 SHOWN = "paths.map(p => p.flashes.map(f => f.style.visibility === 'visible' ? Number(f.dataset.impact) : 0))"
 OVERLAPS = """(() => {
@@ -16,13 +13,6 @@ OVERLAPS = """(() => {
     a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 3 && b.top < a.bottom - 3)
     .map(([other]) => [one, other]));
 })()"""
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    browser = Browser(tmp_path_factory.mktemp("chromium"))
-    yield browser
-    browser.close()
 
 
 @pytest.fixture(scope="module")

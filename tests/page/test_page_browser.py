@@ -1,37 +1,21 @@
 """The page in a real browser: loading, sorting, filtering, enlarged figures, layout, light and dark styles."""
 
-import base64
 import json
-import re
-import shutil
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from browser import CHROMIUM, Browser
 from click.testing import CliRunner
 from sample_page import NASTY, figures, sample
 
 from rattle.compare.cli.main import main
 from rattle.compare.report import Page, Source, Table
-from rattle.compare.report.json_text import read_page
 from rattle.compare.report.render import write_page
 from rattle.compare.report.style import STYLE
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: sudo apt-get install chromium")
-
-CHAOS = Path(__file__).parents[2] / "reports" / "chaos"
 COLUMN = "[...document.querySelectorAll('section table')[0].rows].slice(1).map(row => row.cells[{}].textContent)"
 SPEED = "document.querySelectorAll('section table')[0].tHead.rows[0].cells[1]"
 NAMES = ["saltation", "published", "corrected", "branching", "other", "a plain text", *(f"row {i}" for i in range(6))]
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    browser = Browser(tmp_path_factory.mktemp("chromium"))
-    yield browser
-    browser.close()
 
 
 @pytest.fixture(scope="module")
@@ -216,31 +200,6 @@ def test_figures_are_dark_by_night_and_their_colours_stay_apart(browser, page, t
             assert all(np.linalg.norm(lab(one) - lab(other)) > 20.0 for other in seen[:n])
 
 
-def test_figures_keep_readable_text_on_a_phone_and_scroll(browser, page):
-    browser.open(page, 390)
-    box = "document.querySelector('section figure .scroll')"
-    assert browser.run(f"{box}.querySelector('img').getBoundingClientRect().width") > 0.8 * 640  # its own width
-    assert browser.run(f"{box}.scrollWidth > {box}.clientWidth")
-    assert browser.run("document.documentElement.scrollWidth") <= 390
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_shadow_says_that_a_figure_continues(browser, page, tmp_path, scheme):
-    """At the edge of a phone's screen, upon the figure's own paper; not where the figure has ended."""
-    shown = []
-    for end in (0, 10_000):
-        browser.open(page, 390, scheme=scheme)
-        edge = "document.querySelector('section figure .scroll')"
-        browser.run(f"{edge}.scrollIntoView(); {edge}.scrollLeft = {end}")
-        box = browser.run(f"(() => {{ const r = {edge}.getBoundingClientRect(); return [r.right, r.bottom]; }})()")
-        browser.picture(tmp_path / "seen.png", whole=False)
-        pixels = plt.imread(tmp_path / "seen.png")[:, :, :3]
-        right, bottom = (round(v) for v in box)
-        shown.append(abs(pixels[bottom - 8, right - 3] - pixels[bottom - 8, right - 100]).max())
-    assert shown[0] > 0.15
-    assert shown[1] < 0.05
-
-
 def test_first_screen_has_advice_and_key_figure(browser, report):
     browser.open(report)
     browser.size(1280, 800)
@@ -262,15 +221,6 @@ def test_long_folded_tables_are_not_printed_and_say_so(browser, tmp_path):
     assert not browser.run("document.querySelector('details table').checkVisibility()")
     said = "getComputedStyle(document.querySelector('summary'), '::after').content"
     assert "not printed" in browser.run(said)
-
-
-def test_the_page_on_chaos_prints_on_fewer_than_eight_pages(browser, tmp_path):
-    folder = shutil.copytree(CHAOS, tmp_path / "chaos")
-    write_page(read_page(folder / "page.json"), folder, "chaos")
-    browser.open(folder / "chaos.html", 794, medium="print")
-    paper = {"paperWidth": 8.27, "paperHeight": 11.69}  # A4
-    pdf = base64.b64decode(browser.call("Page.printToPDF", **paper)["data"])
-    assert 1 < len(re.findall(rb"/Type\s*/Page\b", pdf)) < 8
 
 
 def test_print_is_light_opens_everything_and_has_no_controls(browser, page):

@@ -49,11 +49,6 @@ def test_width(report):
     assert "width = 3: must be at least 20" in show(report, "--width", 3, code=2).stderr
 
 
-def test_a_narrow_terminal_is_no_option_of_the_user(report, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "1")
-    assert show(report).stdout == show(report, "--width", 20).stdout
-
-
 def test_what_is_no_report(report, tmp_path):
     assert "holds no page.json" in show(tmp_path, code=2).stderr
     assert "cannot be read" in show(tmp_path / "nowhere", code=2).stderr

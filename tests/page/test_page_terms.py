@@ -3,7 +3,6 @@
 import re
 
 import pytest
-from browser import CHROMIUM, Browser
 from markupsafe import Markup, escape
 
 from rattle.compare.report import Figure, Glossary, Page, PageSection, Source, Table, Text, numbers
@@ -28,13 +27,6 @@ def test_words_are_marked_once_in_a_text_and_names_only_in_code():
     ]  # fmt: skip
 
 
-def test_only_the_first_mark_of_a_term_is_in_the_order_of_the_keys():
-    terms = Terms([GLOSSARY])
-    assert [marked("σ and sd", terms), marked("σ", terms)] == [
-        [("σ: noise", "0", "σ"), ("E, sd: spread", "0", "sd")], [("σ: noise", "-1", "σ")],
-    ]  # fmt: skip
-
-
 def test_heads_say_all_their_terms_and_cells_that_are_one():
     terms = Terms([GLOSSARY])
     assert "x1, x2: position &lt;b&gt;" in terms.head("sd x2", Markup("sd x2"))
@@ -55,9 +47,7 @@ def test_a_page_says_what_one_is_in_the_units_of_its_gears():
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory):
-    if CHROMIUM is None:
-        pytest.skip("no chromium here: sudo apt-get install chromium")
+def shown(tmp_path_factory, browser):
     folder = tmp_path_factory.mktemp("terms")
     (folder / "a.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"/>')
     table = Table.of(["closure", *numbers("E τ", "sd y1")], [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]])
@@ -66,9 +56,7 @@ def shown(tmp_path_factory):
     section = PageSection("s", (Text("The closures are accurate."),))
     page = Page("t", ("Take `saltation` up to σ = 0.1.",), Source("rattle"), opening, (section,))
     write_page(page, folder, "report")
-    browser = Browser(tmp_path_factory.mktemp("chromium"))
-    yield browser, folder / "report.html"
-    browser.close()
+    return browser, folder / "report.html"
 
 
 FOCUSED = "(document.activeElement.closest('abbr') ?? document.activeElement.querySelector('abbr'))"

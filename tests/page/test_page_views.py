@@ -11,7 +11,7 @@ from sample_page import NASTY, figures, sample
 
 from rattle.compare.cli.show import page_lines
 from rattle.compare.report import MARKS, Code, Figure, Glossary, Text
-from rattle.compare.report.render import data_files, html, markdown, pages, write_page
+from rattle.compare.report.render import data_files, html, markdown
 from rattle.scene.text import line
 
 
@@ -159,25 +159,7 @@ def test_markdown_has_the_same_lines_whatever_the_texts():
             assert not re.search(r"(?<!\\)<", re.sub(r"(?<!`)(`+)(?!`).*?(?<!`)\1(?!`)", "", other))
 
 
-def test_no_control_character_reaches_a_terminal():
-    for width in (20, 80, 200):
-        assert "\x1b" not in click.unstyle("\n".join(page_lines(sample(NASTY), width)))
-
-
 @pytest.mark.parametrize("width", [20, 40, 80, 132])
 def test_nothing_is_wider_than_the_terminal(width):
     rows = [click.unstyle(row) for row in page_lines(sample(), width)]
     assert max(len(row) for row in rows if not row.startswith("    ")) <= width
-
-
-def test_wide_tables_go_on_below_with_their_first_column():
-    rows = [click.unstyle(row) for row in page_lines(sample(), 80)]
-    heads = [row for row in rows if row.startswith("impact")]
-    assert len(heads) > 3
-    assert [head for row in heads for head in re.findall(r"E y\d+", row)] == [f"E y{i}" for i in range(14)]
-
-
-def test_files_of_a_page(tmp_path):
-    write_page(sample(), figures(tmp_path), "report")
-    assert {p.name for p in tmp_path.iterdir()} == {*pages("report"), "figures", "b.png"}
-    assert all((tmp_path / name).read_text(encoding="utf-8") for name in pages("report"))
