@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, open_space, orbit_of
+from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, limit, open_space, orbit_of
 from scipy.integrate import quad_vec
 
 from rattle.montecarlo import SCHEMES, Record, largest_step, simulate, simulate_to
