@@ -4,6 +4,7 @@ Every result has negative controls: the same checks with a deliberate error, whi
 """
 
 from rattle.compare.checks.check import Subject
+from rattle.compare.checks.published.basins import gear_rattle_basins
 from rattle.compare.checks.published.exits import exit_side, exit_time, random_gap
 from rattle.compare.checks.published.gaussian import elastic_box, free_flight
 from rattle.compare.checks.published.impacts import bouncing_ball, energy_law, impact_laws
@@ -16,6 +17,7 @@ RESULTS: dict[str, Subject] = {
         (exit_time, return_speed, return_moments, critical_restitution),
         (bouncing_ball, elastic_box, exponent_sum, orbit_exponents, free_flight),
         (impact_laws, energy_law, impact_pair, random_gap, exit_side),
+        (gear_rattle_basins,),
     )
     for result in group
 }

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ from click.testing import CliRunner
 
 from rattle.closure.orbit import follow
 from rattle.compare.checks.check import Check, Result, limit, run_checks
-from rattle.compare.checks.published import RESULTS, gaussian, impacts, orbits, returns
+from rattle.compare.checks.published import RESULTS, basins, gaussian, impacts, orbits, returns
 from rattle.compare.cli.main import main
 from rattle.montecarlo import simulate
+from rattle.scene import DAT21, Scene
 
 pytestmark = pytest.mark.published
 
@@ -27,6 +29,13 @@ def test_result(results, name):
     assert result.checks_hold, [c for c in result.checks if not c.holds(result.allowed)]
     assert len(result.controls) >= 2
     assert result.rejects, result.rejections
+
+
+def test_published_rigs_are_scenes_to_copy():
+    folder = Path(__file__).parents[4] / "examples" / "published"
+    paper, basins_of_two = (Scene.load(folder / name) for name in ("dat21.toml", "de-souza-caldas.toml"))
+    assert (paper, paper.gears) == (Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5), DAT21)
+    assert replace(basins_of_two, start=None) == basins.GEARS
 
 
 def test_tolerance_counts_every_statistical_check(results):
