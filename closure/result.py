@@ -381,7 +381,7 @@ class MeanMap(SectionResult):
 
 def _as_list(times: Sequence[float] | Floats) -> list[float]:
     try:
-        return list(np.asarray(times, dtype=float).tolist())
+        return [float(time) for time in np.asarray(times, dtype=float)]
     except (TypeError, ValueError, OverflowError):
         raise InputError("times", times, "give a sequence of times") from None
 

@@ -287,7 +287,7 @@ def mid_flight_errors(
                     "paths": run.paths,
                     "low": low,
                     "high": high,
-                    "remark": remark,
+                    "remark": np.where(half.isna() & value.notna() & rho.notna(), TOO_FEW, remark),
                 }
             )
         )
