@@ -181,7 +181,8 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                         noise = Noise(z0 * math.sqrt(h), (z1 if scheme == EXACT else 0.0) * math.sqrt(h / 12.0))
                         at = Progress(0, begin, h, noise, a1, b1, a2, b2)
                     for met in range(MOST_IN_A_STEP + 1):
-                        if scheme != PLAIN and at.left <= 0.0:
+                        enough = k >= impacts and tick == fixed_steps.size
+                        if scheme != PLAIN and (at.left <= 0.0 or enough):
                             break
                         sides = sticking_sides(c, at, walls) if scheme == EXACT else OPEN
                         if sides[0] == 0 and sides[1] == 0:

@@ -30,6 +30,7 @@ SPLITS = Word(1 << 16)  # indices of random numbers reserved for the splits of o
 CUTS_APART = SPLITS // Word(MOST_IN_A_STEP + 1)  # of those, the ones of one call of `advance_exactly`
 
 PLAIN, LOCATED, EXACT = 0, 1, 2  # codes of the schemes
+ENDLESS = 2**62  # impacts of a path that is followed beyond those that are recorded
 ZERO, FIRST, SECOND = cast(tuple[int, int, int], (np.int64(0), np.int64(1), np.int64(2)))
 """Integers of a non-literal type: numba compiles a function again for every literal argument."""
 FLANK_DRAWS = Word(4)  # half gaps drawn at the start; the draws of the impacts follow
@@ -143,12 +144,16 @@ def _finish_inside(
     lanes: Lanes,
     rows: Floats,
     ahead: Floats,
+    enough: int,
 ) -> bool:
-    """Carry one path from `at` through its impacts to the end of the step; whether a mesh had to stay closed."""
+    """Carry one path from `at` through its impacts to the end of the step; whether a mesh had to stay closed.
+
+    `enough`: Impacts after which it is not followed any further.
+    """
     sticking, state = False, lanes.state
     whole = state[0, p], state[1, p], state[2, p], state[3, p]
     for met in range(MOST_IN_A_STEP + 1):
-        if at.left <= 0.0:
+        if at.left <= 0.0 or lanes.impacts[p] >= enough:
             break
         walls = walls_of(lanes, p)
         sides = sticking_sides(job.c, at, walls) if scheme == EXACT else OPEN
@@ -255,13 +260,26 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     _step_lanes(scheme, job, begin, h, lanes, marks, wide)
                     found = list_marked(marks, live, room.groups, hits)
                     phase = phase_at(job.c.drive, begin) if scheme == EXACT else no_phase(job.c.drive)
+                    enough = impacts if next_fixed == fixed_steps.size else ENDLESS
                     for i in range(found):
                         p, s = hits[i], lanes.before
                         noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
                         at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
                         row = int(path[p]) - first
                         sticking += _finish_inside(
-                            scheme, job, path[p], row, n - multiple, level, p, at, phase, lanes, rows, room.ahead
+                            scheme,
+                            job,
+                            path[p],
+                            row,
+                            n - multiple,
+                            level,
+                            p,
+                            at,
+                            phase,
+                            lanes,
+                            rows,
+                            room.ahead,
+                            enough,
                         )
                     work += live
                 if next_fixed < fixed_steps.size and fixed_steps[next_fixed] == n:

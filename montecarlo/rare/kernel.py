@@ -117,7 +117,9 @@ def run_weighted(
                 noise = Noise(w[p] * math.sqrt(job.dt), area[p] * math.sqrt(job.dt / 12.0))
                 at = Progress(0, begin, job.dt, noise, s[0, p], s[1, p], s[2, p], s[3, p])
                 row, met = int(room.path[p]) - first, lanes.impacts[p]
-                stuck = _finish_inside(EXACT, job, room.path[p], row, n, 0, p, at, phase, lanes, rows, room.ahead)
+                stuck = _finish_inside(
+                    EXACT, job, room.path[p], row, n, 0, p, at, phase, lanes, rows, room.ahead, impacts
+                )
                 sticking += stuck
                 if lanes.impacts[p] > met:
                     weight = _weight(mixture, n + 1, p, done)

@@ -12,6 +12,7 @@ from rattle.scene.types import Floats
 
 ONCE, TWICE, THRICE = 5, 9, 7  # powers of a deviation d, from 0 on, that are summed with w, with w^2 and with w^3
 ORDERS = ONCE + TWICE + THRICE
+NOTHING = 1e-60  # variance of what does not vary but by rounding: the displacement at a wall that all paths strike
 
 
 @lean
@@ -80,6 +81,7 @@ class WeightedSums:
         with np.errstate(invalid="ignore", divide="ignore"):
             about = _shift(self.sums, self.sums[..., 1].sum(axis=0) / self.weight)
             m2, m3, m4 = (about[..., o].sum(axis=0) / self.weight for o in (2, 3, 4))
+            m2 = np.where(m2 > NOTHING, m2, np.nan)
             one, nil = np.ones_like(m2), np.zeros_like(m2)
             of_mean = [nil, one]
             error = self._covariance(about, of_mean, of_mean)
@@ -101,8 +103,8 @@ class WeightedSums:
                 "se_skew": np.sqrt(self._covariance(about, of_skew, of_skew)),
                 "kurt": kurt - 3.0,
                 "se_kurt": np.sqrt(self._covariance(about, of_kurt, of_kurt)),
-                "lean_mean": np.nan_to_num(self._third(about, of_mean) / error**1.5),
-                "lean_sd": np.nan_to_num(self._third(about, of_square) / se_square**3),
+                "lean_mean": np.nan_to_num(self._third(about, of_mean) / error**1.5, posinf=0.0, neginf=0.0),
+                "lean_sd": np.nan_to_num(self._third(about, of_square) / se_square**3, posinf=0.0, neginf=0.0),
             }
 
     def _covariance(self, about: Floats, a: list[Floats], b: list[Floats]) -> Floats:

@@ -114,6 +114,16 @@ def test_weights_of_one_give_the_statistics_of_plain_paths():
         np.testing.assert_allclose(found[name][varies], expected[name][varies], rtol=3e-3, atol=3e-3)
 
 
+def test_what_varies_by_less_than_rounding_has_no_moment_that_is_infinite():
+    """The displacement at a wall that all paths strike: squares of such deviations underflow."""
+    sums, values = np.zeros((1, 1, 1, ORDERS)), np.zeros((BLOCK, 1, 1))
+    values[0] = 3e-80
+    add(values, np.ones((BLOCK, 1)), np.zeros((1, 1)), sums[0])
+    moments = WeightedSums(np.array([float(BLOCK)]), np.zeros((1, 1)), sums, np.zeros((1, 1))).moments()
+    assert not np.isinf(list(moments.values())).any()
+    assert moments["lean_sd"] == moments["sd"] == 0.0
+
+
 def test_where_no_branch_matters_paths_are_plain():
     scene = Scene.from_gears(DAT21, sigma=0.01)
     assert choose_mixture(simulate(scene, paths=4 * BLOCK, impacts=3)) is None
