@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from rattle.compare import Tolerances, Validation, validate
     from rattle.compare.boundary.boundary import Boundary, boundary
     from rattle.compare.boundary.crossing import Crossing, crossing
+    from rattle.compare.boundary.map import BoundaryMap, boundary_map
     from rattle.compare.sensitivity.sensitivity import Sensitivity, sensitivity
     from rattle.compare.stationary.measure import stationary
     from rattle.compare.stationary.result import Stationary
@@ -71,6 +72,7 @@ __all__ = [
     "SCHEMES",
     "AccuracyWarning",
     "Boundary",
+    "BoundaryMap",
     "Breakdown",
     "Closure",
     "Crossing",
@@ -99,6 +101,7 @@ __all__ = [
     "Tolerances",
     "Validation",
     "boundary",
+    "boundary_map",
     "closures_for",
     "crossing",
     "default_step",
@@ -160,6 +163,7 @@ _MODULES = {
     "compare": ("Tolerances", "Validation", "validate"),
     "compare.boundary.boundary": ("Boundary", "boundary"),
     "compare.boundary.crossing": ("Crossing", "crossing"),
+    "compare.boundary.map": ("BoundaryMap", "boundary_map"),
     "compare.sensitivity.sensitivity": ("Sensitivity", "sensitivity"),
     "compare.stationary.measure": ("stationary",),
     "compare.stationary.result": ("Stationary",),

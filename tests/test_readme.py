@@ -54,7 +54,7 @@ MEASUREMENT = "python tests/"
 """What makes the tables of the pages again; each takes minutes to hours.  Only the file is looked for."""
 
 APPENDED = {
-    "boundary": "--points 2 --width 0.9",
+    "boundary": "--points 2 --width 0.9 --values 2",
     "sensitivity": "--parameter epsilon --quantity power --accuracy 1",
     "validate": "--paths 600 --impacts 3 --validity 0.01:0.02:2 --validity-paths 600",
     "stationary": "--periods 64 --paths 32 --no-closures --over 0.5:1.5:2 --overwrite",

@@ -3,8 +3,8 @@
 import math
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +14,13 @@ from tqdm import tqdm
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.boundary.search import UNDECIDED, Edge, Point, critical, judge_value, search
-from rattle.compare.chaos.sweep import FIELDS, with_field
-from rattle.compare.sensitivity.parameters import find_parameters
+from rattle.compare.report.json_text import json_digest
+from rattle.compare.sensitivity.parameters import Parameter, find_parameter
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.engine import Runner
 from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import Tolerances
-from rattle.scene.errors import InputError, choice, count, positive
+from rattle.scene.errors import InputError, count, positive
 from rattle.scene.scene import Scene
 from rattle.scene.text import as_html
 
@@ -114,10 +114,12 @@ def boundary(
     closure: str | Closure | Callable[..., Any] = "saltation",
     over: str = "sigma",
     between: tuple[float, float] | None = None,
+    near: Iterable[float] = (),
     impacts: int = 12,
     points: int = 8,
     width: float = 0.1,
     tolerances: Tolerances | None = None,
+    searches: int = 1,
     folder: str | Path | None = None,
     budget: float | None = None,
     rng: int = 0,
@@ -139,10 +141,13 @@ def boundary(
         The closure: a name, or one's own as in `validate`.
     over : str
         A parameter: a value of the gears in physical units (``torque1``, ``amplitude``, ...), a field of the scene
-        (``alpha``, ...), or ``sigma``.
+        (``alpha``, ``correlation_time``, ``start.y1``, ...), of an order of the drive (``drive.2.amplitude``), or
+        ``sigma``.
     between : pair of float, optional
         Where to search; for ``sigma`` 0.001 to 2 by default, else a fourth of the scene's own value to four times it,
         or as far as a scene can have it.
+    near : iterable of float
+        Where an edge is expected: tried, in this order, before halving.
     impacts : int
         Impacts that must be accurate.
     points : int
@@ -151,6 +156,8 @@ def boundary(
         To which every edge is narrowed: 0.1 for ± 10 %.
     tolerances : Tolerances, optional
         What counts as accurate: 5 % of an sd for means, 10 % for sds.
+    searches : int
+        Searches of which this is one: what is said of all of them is right with 95 % probability.
     folder : path, optional
         Where results are stored: the same search continues there after an interruption.
     budget : float, optional
@@ -184,13 +191,15 @@ def boundary(
     if not positive("width", width) < 1.0:
         raise InputError("width", width, "must be below 1")
     count("impacts", impacts)
-    at, own, unit = vary_along(scene, over)
-    low, high = find_range(over, at, own, between)
-    limits, z = Tolerances(*tolerances) if tolerances else Tolerances(), critical(impacts, scene.stages)
-    limit = math.inf if budget is None else positive("budget", budget)
+    parameter = find_parameter(scene, over)
+    low, high = find_range(parameter, between)
+    z = critical(impacts, scene.stages, count("searches", searches))
+    limits, limit = Tolerances(*tolerances) if tolerances else Tolerances(), math.inf
+    if budget is not None:
+        limit = time.process_time() + positive("budget", budget)
     method = find_closure("closure", closure)
-    method.check(at(low))
-    began, steps, at_work = time.process_time(), 0, [""]
+    method.check(parameter.scene_at(low))
+    steps, at_work = 0, [""]
     known: dict[float, Point] = {}
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
@@ -199,45 +208,53 @@ def boundary(
         def simulate(changed: Scene, paths: int) -> Any:
             nonlocal steps
             bar.set_postfix_str(f"{at_work[0]}, {paths:,} paths")
-            run = store.obtain(Sample(changed, impacts, rng, paths=paths), runner.compute)
+            run = store.obtain(Sample(changed, impacts, own_seed(changed, rng), paths=paths), runner.compute)
             steps += run.facts["path_steps"]
             return run
 
         def judge(value: float) -> Point:
-            if time.process_time() - began > limit:
-                return Point(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "", "the budget ended")
-            changed, at_work[0] = at(value), f"{over} = {value:.4g}"
-            predicted = predict(changed.phase_reduced, method, impacts, ORDER)
-            found = judge_value(value, changed, predicted, simulate, z, limits)
+            if time.process_time() > limit:
+                return doubt(value, "the budget ended")
+            at_work[0] = f"{over} = {value:.4g}"
+            try:
+                changed = parameter.scene_at(value)
+                predicted = predict(changed.phase_reduced, method, impacts, ORDER)
+                found = judge_value(value, changed, predicted, simulate, z, limits)
+            except InputError as error:  # what this scene cannot have, or what cannot be simulated there
+                found = doubt(value, str(error))
             bar.update()
             return found
 
-        edges = search(judge, low, high, points, width, known)
+        edges = search(judge, low, high, points, width, known, tuple(near))
     table = pd.DataFrame(sorted(known.values()), columns=list(Point._fields))
-    return Boundary(scene, method.name, over, tuple(edges), table, steps, unit)
+    return Boundary(scene, method.name, over, tuple(edges), table, steps, parameter.unit)
 
 
-def vary_along(scene: Scene, over: str) -> tuple[Any, float, str]:
-    """The scene as a function of a parameter, its own value, and its unit."""
-    known = find_parameters(scene, absent=True)
-    choice("over", over, [*known, *(name for name in FIELDS if name not in known)])
-    if over in known:
-        return known[over].scene_at, known[over].value, known[over].unit
-    return (lambda value: with_field(scene, over, value)), getattr(scene, over), ""
+def doubt(value: float, why: str) -> Point:
+    """A value at which nothing could be judged."""
+    return Point(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "", why)
 
 
-def find_range(over: str, at: Any, own: float, between: Sequence[float] | None) -> tuple[float, float]:
+def own_seed(scene: Scene, rng: int) -> int:
+    """A seed for each scene: where a search goes next depends on what it saw, so the next noise must be another."""
+    return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": rng})[:8], 16)
+
+
+def find_range(
+    parameter: Parameter, between: Sequence[float] | None, name: str = "between", around: float = AROUND
+) -> tuple[float, float]:
     """The range of a search; both ends are values that a scene can have."""
-    if between is None and over != "sigma" and own == 0.0:
-        raise InputError("between", None, f"give a range: {over} is 0 in this scene")
-    low, high = between or (SIGMAS if over == "sigma" else (own / AROUND, own * AROUND))
-    if not positive("between", low) < positive("between", high):
-        raise InputError("between", (low, high), "give a smaller and a larger value")
+    over, own = parameter.name, parameter.value
+    if between is None and over != "sigma" and not own > 0.0:
+        raise InputError(name, None, f"give a range: {over} is {own:.4g} in this scene")
+    low, high = between or (SIGMAS if over == "sigma" else (own / around, own * around))
+    if not positive(name, low) < positive(name, high):
+        raise InputError(name, (low, high), "give a smaller and a larger value")
     for end in (low, high):
         try:
-            at(end)
+            parameter.scene_at(end)
         except InputError as error:
             if between is not None:
-                raise InputError("between", end, f"no scene can have {over} = {end:.4g} ({error})") from None
+                raise InputError(name, end, f"no scene can have {over} = {end:.4g} ({error})") from None
             low, high = (own, high) if end == low else (low, own)
     return low, high

@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from rattle.compare.boundary.boundary import find_range, vary_along
+from rattle.compare.boundary.boundary import find_range, own_seed
 from rattle.compare.boundary.search import MOST, UNDECIDED, find_changes
+from rattle.compare.sensitivity.parameters import find_parameter
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.compare.study.engine import Runner
@@ -234,8 +235,8 @@ def crossing(
     if not positive("width", width) < 1.0:
         raise InputError("width", width, "must be below 1")
     positive("slow", slow)
-    at, own, unit = vary_along(scene, over)
-    low, high = find_range(over, at, own, between)
+    parameter = find_parameter(scene, over)
+    low, high = find_range(parameter, between)
     limit = math.inf if budget is None else positive("budget", budget)
     units = "dimensionless" if scene.gears is None else "physical"
     began, known = time.process_time(), {}  # type: float, dict[float, Level]
@@ -244,15 +245,17 @@ def crossing(
         store = Store(Path(folder or scratch))
 
         def judge(value: float) -> Level:
-            changed = at(value)
-            same_speed = scene.gears.units.speed / changed.gears.units.speed if scene.gears else 1.0
-            factor = unit_of(quantity, changed.gears, units)[1]
+            changed = parameter.scene_at(value)
+            gears = changed.gears or scene.gears  # gears do not have the value of a field that they fix
+            same_speed = scene.gears.units.speed / gears.units.speed if scene.gears and gears else 1.0
+            factor = unit_of(quantity, gears, units)[1]
 
             def run(periods: int) -> LongResult | None:
                 if time.process_time() - began > limit:
                     return None
                 bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
-                cell = LongCell(changed, rng, (), periods=periods, paths=PATHS, slow=slow * same_speed)
+                seed = own_seed(changed, rng)
+                cell = LongCell(changed, seed, (), periods=periods, paths=PATHS, slow=slow * same_speed)
                 found: LongResult = store.obtain(cell, runner.compute)
                 return found
 
@@ -264,7 +267,8 @@ def crossing(
             changes = find_changes(judge, low, high, points, width, known, first=BELOW, each=pool.map)
     table = pd.DataFrame(sorted(known.values()), columns=list(Level._fields))
     edges = tuple(Sides(below.value, above.value) for below, above in changes)
-    return Crossing(scene, quantity, level, over, edges, table, unit, unit_of(quantity, scene.gears, units)[0])
+    unit = unit_of(quantity, scene.gears, units)[0]
+    return Crossing(scene, quantity, level, over, edges, table, parameter.unit, unit)
 
 
 def judge_level(value: float, quantity: str, level: float, run: Callable[[int], LongResult | None]) -> Level:

@@ -48,10 +48,10 @@ class Edge(NamedTuple):
         return math.exp(abs(math.log(self.wrong / self.accurate))) - 1.0
 
 
-def critical(impacts: int, stages: int) -> float:
-    """Standard errors of the intervals of every row at every look of a search (Bonferroni)."""
+def critical(impacts: int, stages: int, searches: int = 1) -> float:
+    """Standard errors of the intervals of every row at every look of some searches (Bonferroni)."""
     rows = 2 * (len(SECTION) - (0 if stages == 2 else 2)) * impacts
-    return widest(rows * len(LOOKS) * MOST)
+    return widest(rows * len(LOOKS) * MOST * searches)
 
 
 def judge_value(
@@ -93,13 +93,19 @@ def judge_value(
 
 
 def search(
-    judge: Callable[[float], Point], low: float, high: float, points: int, width: float, known: dict[float, Point]
+    judge: Callable[[float], Point],
+    low: float,
+    high: float,
+    points: int,
+    width: float,
+    known: dict[float, Point],
+    near: Iterable[float] = (),
 ) -> list[Edge]:
     """Find every edge in a range, each to ± a relative width.
 
-    `known`: Filled with every value that was judged.
+    `known`: Filled with every value that was judged. `near`: Where edges are expected; tried before halving.
     """
-    changes = find_changes(judge, low, high, points, width, known, first=ACCURATE)
+    changes = find_changes(judge, low, high, points, width, known, first=ACCURATE, near=near)
     return [Edge(good.value, bad.value, bad.row) for good, bad in changes]
 
 
@@ -112,6 +118,7 @@ def find_changes(
     known: dict[float, Any],
     *,
     first: str,
+    near: Iterable[float] = (),
     each: Callable[..., Iterable[Any]] = map,
 ) -> list[tuple[Any, Any]]:
     """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a relative width.
@@ -120,6 +127,7 @@ def find_changes(
 
     `judge`: Gives an object with ``value`` and ``verdict``.
     `known`: Filled with every value that was judged.
+    `near`: Where changes are expected; tried before halving.
     `each`: Applies a function to all values of the scan.
     """
 
@@ -132,13 +140,15 @@ def find_changes(
     scan = list(each(at, np.geomspace(low, high, points)))
     decided = [point for point in scan if point.verdict != UNDECIDED]
     return [
-        _narrow(at, *((a, b) if a.verdict == first else (b, a)), width, known)
+        _narrow(at, *((a, b) if a.verdict == first else (b, a)), width, known, [float(f"{v:.6g}") for v in near])
         for a, b in pairwise(decided)
         if a.verdict != b.verdict
     ]
 
 
-def _narrow(at: Callable[[float], Any], good: Any, bad: Any, width: float, known: dict[float, Any]) -> tuple[Any, Any]:
+def _narrow(
+    at: Callable[[float], Any], good: Any, bad: Any, width: float, known: dict[float, Any], guesses: list[float]
+) -> tuple[Any, Any]:
     """Narrow the two values of a change; what stays undecided between them is approached from both sides."""
     doubt = [point.value for point in known.values() if _between(point.value, good.value, bad.value)]
     enough = math.log((1.0 + width) / (1.0 - width))
@@ -150,9 +160,10 @@ def _narrow(at: Callable[[float], Any], good: Any, bad: Any, width: float, known
         span = math.log(other / one)
         if doubt and abs(span) < 0.5 * enough:
             break
+        guess = None if doubt else next((value for value in guesses if _between(value, good.value, bad.value)), None)
         # where one more verdict suffices, at the value that is easiest to show wrong
         last = not doubt and abs(span) < 2.0 * enough
-        middle = at(one * math.exp(math.copysign(enough, span) if last else 0.5 * span))
+        middle = at(one * math.exp(math.copysign(enough, span) if last else 0.5 * span) if guess is None else guess)
         if middle.verdict == good.verdict:
             good = middle
         elif middle.verdict == bad.verdict:

@@ -132,6 +132,14 @@ def named(
 SIGMA = real("sigma", "Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
 WORKERS = whole("workers", 2, "Threads; the result does not depend on it.")
 
+SCHEDULER = click.option(
+    "--scheduler",
+    default=None,
+    metavar="tcp://HOST:PORT",
+    help="Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs what it is sent: "
+    "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",
+)
+
 
 def folder(default: Path | str) -> Option:
     """The option of the folder of the results: a path, or in words which one is taken if none is given."""

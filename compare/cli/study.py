@@ -26,13 +26,7 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
 @click.argument("file", type=shared.PATH)
 @shared.folder("FILE without its suffix")
 @shared.whole("workers", 2, "Threads; the results do not depend on it.")
-@click.option(
-    "--scheduler",
-    default=None,
-    metavar="tcp://HOST:PORT",
-    help="Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs what it is sent: "
-    "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",
-)
+@shared.SCHEDULER
 @click.option("--explain", is_flag=True, help="Print what is to be computed and its expected cost, and stop.")
 @click.option("--status", is_flag=True, help="Print which results are stored, and stop.")
 @shared.json_flag("the record")

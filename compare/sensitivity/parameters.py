@@ -2,16 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from rattle.compare.chaos.sweep import FIELDS, with_field
+from rattle.compare.chaos.sweep import FIELDS
+from rattle.compare.study.design import FIELDS as ALL
+from rattle.compare.study.design import ORDER, make_scene, table_of
+from rattle.scene.errors import choice
 from rattle.scene.gears import Gears
-from rattle.scene.parts import Start
-from rattle.scene.scene import Scene
+from rattle.scene.parts import SINE_ALONE, Start
+from rattle.scene.scene import FREE, Scene
 
 CHANGE = 0.01  # the change of a parameter that effects are stated for
 STEPS = (0.02, 0.04)  # relative changes of a parameter at which the motion is simulated, up and down
-SECOND = ("beta2", "gamma2", "mu", "gap2")  # what a single stage does not have
+SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")  # not of a single stage
+NOT_REAL = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
 UNITS = {
     "amplitude": "mm",
     "omega": "rad/s",
@@ -53,8 +57,8 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     """All parameters of a scene that are not 0, by name; with `absent` also those that are 0.
 
     Those of gears are the values in physical units; the drive is its amplitude in mm, which stays as it is while a
-    backlash is changed, and so do tolerances in mm.  The noise intensity `sigma` is one of them and stays as it is
-    while the others are changed.
+    backlash is changed, and so do tolerances in mm.  The amplitudes of several orders are relative to it.  The noise
+    intensity `sigma` is one of them and stays as it is while the others are changed.
 
     Examples
     --------
@@ -71,6 +75,8 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
         if scene.stages == 1:
             values = {name: value for name, value in values.items() if name[-1] != "2"}
     values["sigma"] = scene.sigma
+    if absent or scene.drive != SINE_ALONE:
+        values |= {f"drive.{one.order}.amplitude": one.amplitude for one in scene.drive}
     return {
         name: Parameter(name, value, "" if gears is None else UNITS.get(name.rstrip("12"), ""), _at(scene, name))
         for name, value in values.items()
@@ -78,29 +84,54 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     }
 
 
+def find_parameter(scene: Scene, name: str) -> Parameter:
+    """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``, ``drive.2.phase``.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> find_parameter(Scene.from_gears(DAT21), "drive.2.amplitude").scene_at(0.4).drive[1].amplitude
+    0.4
+    """
+    known = find_parameters(scene, absent=True)
+    if name in known:
+        return known[name]
+    if not ORDER.fullmatch(name):
+        missing = (*known, *NOT_REAL, *(SECOND if scene.stages == 1 else ()))
+        choice("over", name, [*known, *(other for other in ALL if other not in missing)])
+    phases = {f"drive.{one.order}.phase": one.phase for one in scene.drive}
+    own: Any = scene
+    for field in name.split("."):
+        own = getattr(own, field, 0.0)
+    return Parameter(name, phases.get(name, own), "", _at(scene, name))
+
+
 def _at(scene: Scene, name: str) -> Callable[[float], Scene]:
     """The scene as a function of one of its parameters."""
 
     own_start = scene.start != Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
+    base = table_of(scene)
+    if name.startswith("gap") and not own_start:
+        del base["start"]
 
     def changed(value: float) -> Scene:
-        if scene.gears is None or name == "sigma":
-            return with_field(scene, name, value)
+        if scene.gears is None or not (name == "amplitude" or name in scene.gears.values):
+            return replace(make_scene(base, {name: value}), gears=scene.gears)
         gears = _with_value(scene.gears, name, value)
         unit = scene.gears.backlash1 / gears.backlash1  # old unit of length over the new one
         tolerance = scene.tolerance and replace(
             scene.tolerance, c1_max=unit * scene.tolerance.c1_max, c2_max=unit * scene.tolerance.c2_max
         )
-        return Scene.from_gears(
-            gears, sigma=scene.sigma, tolerance=tolerance, stages=scene.stages, start=scene.start if own_start else None
-        )
+        settings = {field: getattr(scene, field) for field in FREE}
+        settings |= {"tolerance": tolerance, "start": scene.start if own_start else None}
+        return Scene.from_gears(gears, **settings)
 
     return changed
 
 
 def _with_value(gears: Gears, name: str, value: float) -> Gears:
     """Gears with another value, driven with the same amplitude in mm."""
-    if name == "amplitude":
-        return replace(gears, alpha=value / gears.backlash1)
+    if name in ("alpha", "amplitude"):
+        return replace(gears, alpha=value if name == "alpha" else value / gears.backlash1)
     found = replace(gears, **{name: value})
     return replace(found, alpha=gears.amplitude / found.backlash1)

@@ -274,10 +274,9 @@ class Study:
         check_keys("study", given, ("kind", "title", *kind.keys))
         parts: dict[str, Any] = {name: data[name] for name in ("gears", "scene", "drive") if name in data}
         scene = Scene.from_dict(parts)
-        whole = replace(scene, gears=None).to_dict()  # without the gears: an axis may vary what they fix
-        base = whole["scene"] | {name: whole[name] for name in ("drive",) if name in whole}
+        base = table_of(scene)
         if "start" not in parts.get("scene", {}):
-            del base["start"]
+            base.pop("start", None)
         axes = read_axes(data.get("axes", []))
         own = kind.read(given, {name for axis in axes for name in axis.names})
         title = str(given.get("title", kind.title))
@@ -355,9 +354,7 @@ class Study:
 
     def _point(self, coordinates: dict[str, Any]) -> Point:
         try:
-            table = place(self.base, coordinates)
-            drive = {"drive": table.pop("drive")} if "drive" in table else {}
-            scene = Scene.from_dict(drive | {"scene": table})
+            scene = make_scene(self.base, coordinates)
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
         settings = self.settings | {name: value for name, value in coordinates.items() if name in SETTINGS}
@@ -418,6 +415,19 @@ def with_coordinates(coordinates: Mapping[str, Any], table: pd.DataFrame) -> pd.
     return pd.concat(
         [pd.DataFrame({n: [v] * len(table) for n, v in coordinates.items()}, index=table.index), table], axis=1
     )
+
+
+def table_of(scene: Scene) -> dict[str, Any]:
+    """A scene as one table, its drive within, without the gears: an axis may vary what they fix."""
+    whole = replace(scene, gears=None).to_dict()
+    return {**whole["scene"], **{name: whole[name] for name in ("drive",) if name in whole}}
+
+
+def make_scene(base: dict[str, Any], coordinates: Mapping[str, Any]) -> Scene:
+    """The scene of such a table with values replaced as `place` does."""
+    table = place(base, coordinates)
+    drive = {"drive": table.pop("drive")} if "drive" in table else {}
+    return Scene.from_dict(drive | {"scene": table})
 
 
 def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rattle import DAT21, InputError, Scene, Tolerance, sensitivity
+from rattle import DAT21, InputError, Order, Scene, Tolerance, sensitivity
 from rattle.compare.sensitivity.figures import lever_sentences, tornado
 from rattle.compare.sensitivity.page import sensitivity_page
-from rattle.compare.sensitivity.parameters import STEPS, find_parameters
+from rattle.compare.sensitivity.parameters import STEPS, find_parameter, find_parameters
 from rattle.compare.sensitivity.sensitivity import _effect
 
 # Noise alone drives this stage: in the long run all that it supplies, sigma^2 (1 + beta1^2) / 4, is lost in impacts.
@@ -83,6 +83,25 @@ def test_parameters_of_gears_are_physical():
     single = find_parameters(replace(DRIVEN, stages=1))
     assert not [name for name in single if name.endswith("2")]
     assert "gap1" in find_parameters(NOISE_ALONE)
+
+
+def test_what_gears_do_not_fix_stays_while_they_change():
+    scene = replace(DRIVEN, drive=(Order(1), Order(2, 0.3)), correlation_time=0.5)
+    assert "drive.2.amplitude" in find_parameters(scene)
+    for name in ("torque1", "backlash1", "amplitude"):
+        changed = find_parameters(scene)[name].scene_at(0.31)
+        assert (changed.drive, changed.correlation_time) == (scene.drive, 0.5)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["alpha", "amplitude", "torque1", "beta1", "gap2", "sigma", "drive.1.amplitude", "drive.3.phase", "start.y1"],
+)
+def test_any_number_of_a_scene_can_be_another(name):
+    found = find_parameter(DRIVEN, name)
+    changed = found.scene_at(0.31)
+    assert find_parameter(changed, name).value == pytest.approx(0.31)
+    assert found.scene_at(0.32) != changed
 
 
 def test_a_parameter_that_cannot_be_changed_has_a_remark():

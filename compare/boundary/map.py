@@ -1,0 +1,272 @@
+"""The curve along which a closure stops holding, over two parameters: a search at each value of the second one."""
+
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from rattle.closure.mean_map import find_closure
+from rattle.compare.boundary.boundary import boundary, find_range
+from rattle.compare.boundary.search import ACCURATE, WRONG, Edge
+from rattle.compare.sensitivity.parameters import find_parameter
+from rattle.compare.study.cluster import Cluster
+from rattle.compare.study.engine import Runner, run
+from rattle.compare.study.store import Cell, Content, Store
+from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.scene.errors import InputError, RattleError, check_keys, count
+from rattle.scene.scene import Scene
+from rattle.scene.text import as_html
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["BoundaryMap", "boundary_map"]
+
+SETTINGS = ("between", "impacts", "points", "width", "tolerances", "rng")
+"""Settings of every search; those of `boundary`."""
+
+
+class Found(NamedTuple):
+    """The outcome of one search."""
+
+    edges: tuple[Edge, ...]
+    points: pd.DataFrame
+    facts: dict[str, Any]  # ``path_steps, seconds``
+
+
+@dataclass(frozen=True)
+class Search(Cell):
+    """The search at one value of the second parameter."""
+
+    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo", "compare/boundary", "compare/validation")
+    group: ClassVar[str] = "searches"
+
+    scene: Scene
+    at: str  # the second parameter with its value
+    asked: dict[str, Any]  # of `boundary`
+
+    @property
+    def label(self) -> str:
+        """Short description for the progress line."""
+        return f"the search at {self.at}"
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything that determines the result besides the dimensionless scene."""
+        closure, gears = self.asked["closure"], self.scene.gears
+        names = {"kind": "boundary", "closure": closure.digest if closure.own else closure.name}
+        return self.asked | names | {"gears": gears and gears.values}
+
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Search."""
+        found = boundary(self.scene, **self.asked)
+        return found.points, {"edges": found.edges, "path_steps": found.path_steps}
+
+    def restore(self, content: Content) -> Found:
+        """Turn a stored result back into edges."""
+        return Found(tuple(Edge(*edge) for edge in content.facts["edges"]), content.table, content.facts)
+
+
+@dataclass(frozen=True)
+class BoundaryMap:
+    """The curve along which a closure stops holding, over two parameters, from `boundary_map`.
+
+    Attributes
+    ----------
+    scene : Scene
+    closure, over, along : str
+    curve : DataFrame
+        A row for each edge: the value of the second parameter (column ``along``), ``accurate, wrong`` (the first
+        parameter, as in `boundary`) and ``why``.  Where there is no edge, ``accurate`` is the end of the range if it is
+        accurate throughout, ``wrong`` its beginning if it is nowhere, and both are NaN where nothing was decided.
+    points : DataFrame
+        Every value that was judged, as of `boundary`, with a column ``along``.
+    path_steps : int
+        Steps of all simulated paths.
+    units : tuple of str
+        Of both parameters, empty where they have none.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> found = boundary_map(Scene.from_gears(DAT21), along="alpha", between=(0.01, 0.1), impacts=1, points=2, values=2)
+    >>> found.curve["along"].unique()
+    array([0.75, 3.  ])
+    """
+
+    scene: Scene
+    closure: str
+    over: str
+    along: str
+    curve: pd.DataFrame = field(repr=False)
+    points: pd.DataFrame = field(repr=False)
+    path_steps: int
+    units: tuple[str, str] = ("", "")
+
+    def __repr__(self) -> str:
+        """What was found, on a few lines."""
+        title = f"Boundary of {self.closure} over {self.over} and {self.along}"
+        return "\n".join([title, *(f"  {line}" for line in self.answer)])
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), self.curve.to_html())
+
+    @property
+    def answer(self) -> list[str]:
+        """The curve in words, and what is not known."""
+        from rattle.compare.boundary.figures import map_sentences
+
+        names = self.closure, self.over, self.along, self.units
+        return map_sentences(names, self.curve, self.points, self.path_steps)
+
+    def plot(self) -> "Figure":
+        """Draw where the closure is accurate, where it is wrong, and what lies between.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib; a notebook shows it, ``savefig`` writes it.
+        """
+        from rattle.compare.boundary.figures import map_figure
+
+        names = ((self.along, self.units[1]), (self.over, self.units[0]))
+        across, up = (f"{name} ({unit})" if unit else name for name, unit in names)
+        return map_figure(self.curve, self.points, across, up)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        return {
+            "closure": self.closure,
+            "over": self.over,
+            "along": self.along,
+            "units": list(self.units),
+            "answer": self.answer,
+            "path_steps": self.path_steps,
+            "curve": self.curve.to_dict("records"),
+            "points": self.points.to_dict("records"),
+        }
+
+
+def boundary_map(
+    scene: Scene,
+    *,
+    along: str,
+    reach: tuple[float, float] | None = None,
+    values: int = 9,
+    closure: Any = "saltation",
+    over: str = "sigma",
+    folder: str | Path | None = None,
+    workers: int = 1,
+    scheduler: str | None = None,
+    progress: bool = False,
+    **settings: Any,
+) -> BoundaryMap:
+    """Trace the curve along which a closure stops holding: a `boundary` at each value of a second parameter.
+
+    The first and the last value are searched first, then those between; what was found on both sides says where each
+    search begins.  What is said of the whole map is right with 95 % probability.  Nothing is said between the values.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled.
+    along : str
+        The second parameter, named as `over` is.
+    reach : pair of float, optional
+        Its range; half its own value to twice it by default, or as far as a scene can have it.
+    values : int
+        How many values of it, evenly spaced in the logarithm.
+    closure : str, callable or Closure
+        The closure, as in `boundary`.
+    over : str
+        The parameter along which each search goes, as in `boundary`.
+    folder : path, optional
+        Where results are stored: the same map continues there after an interruption.
+    workers : int
+        Threads; the result does not depend on it.
+    scheduler : str, optional
+        Address of a running Dask cluster that computes instead, as in ``tcp://host:8786``.
+    progress : bool
+        Whether to show a progress bar on a terminal.
+    **settings
+        Those of `boundary`: `between`, `impacts`, `points`, `width`, `tolerances` and `rng`.
+
+    Returns
+    -------
+    BoundaryMap
+
+    Raises
+    ------
+    InputError
+        For an unknown closure or parameter, or values of both that no scene can have together; before any search.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21)
+    >>> found = boundary_map(scene, along="epsilon", reach=(0.8, 0.9), values=2, impacts=1, points=2, width=0.9)
+    >>> found.curve["accurate"].notna().all()
+    np.True_
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    check_keys("boundary_map", settings, SETTINGS)
+    if along == over:
+        raise InputError("along", along, "is the first parameter too; give another one")
+    method, second, first = find_closure("closure", closure), find_parameter(scene, along), find_parameter(scene, over)
+    low, high = find_range(second, reach, "reach", 2.0)
+    at = [float(f"{value:.6g}") for value in np.geomspace(low, high, count("values", values, least=2))]
+    scenes = [second.scene_at(value) for value in at]
+    for changed in scenes:
+        here = find_parameter(changed, over)
+        method.check(here.scene_at(find_range(here, settings.get("between"))[0]))
+    asked = settings | {"closure": method, "over": over, "searches": values}
+    found: dict[int, Found | str] = {}
+    wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
+    with tempfile.TemporaryDirectory() as scratch:
+        store = Store(Path(folder or scratch) / "cells")
+        while wave:
+            cells = {
+                i: Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": expect([found[j] for j in beside])})
+                for i, beside in wave.items()
+            }
+            runner = Cluster(scheduler) if scheduler else Runner(workers)
+            outcome = run(list(cells.values()), store, runner, show=progress)
+            if len(outcome.failed) == len(cells) and not found:
+                raise RattleError(next(iter(outcome.failed.values())))
+            found |= {i: outcome.failed.get(cell.key) or store.read(cell) for i, cell in cells.items()}
+            wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(found)) if j - i > 1}
+    done = {at[i]: one for i, one in sorted(found.items())}
+    curve = pd.DataFrame([row for value, one in done.items() for row in curve_rows(value, one)])
+    points = pd.concat(
+        [one.points.assign(along=value) for value, one in done.items() if isinstance(one, Found)], ignore_index=True
+    )
+    steps = sum(one.facts["path_steps"] for one in done.values() if isinstance(one, Found))
+    return BoundaryMap(scene, method.name, over, along, curve, points, steps, (first.unit, second.unit))
+
+
+def expect(beside: Sequence[Found | str]) -> list[float]:
+    """Where edges are expected between two values of the second parameter, from those found at both."""
+    edges = [one.edges for one in beside if isinstance(one, Found)]
+    if len(edges) == 2 and len(edges[0]) == len(edges[1]):
+        return [math.sqrt(u * v) for a, b in zip(*edges, strict=True) for u, v in zip(a[:2], b[:2], strict=True)]
+    return [value for one in edges for edge in one for value in edge[:2]]
+
+
+def curve_rows(value: float, found: Found | str) -> list[dict[str, Any]]:
+    """The rows of one value of the second parameter."""
+    if isinstance(found, str):
+        return [{"along": value, "accurate": math.nan, "wrong": math.nan, "why": found}]
+    if found.edges:
+        return [{"along": value, **edge._asdict()} for edge in found.edges]
+    at, verdicts = found.points["value"], set(found.points["verdict"])
+    row = {"along": value, "accurate": math.nan, "wrong": math.nan, "why": "undecided"}
+    if verdicts == {ACCURATE}:
+        return [row | {"accurate": at.max(), "why": "accurate throughout"}]
+    return [row | {"wrong": at.min(), "why": "nowhere accurate"}] if verdicts == {WRONG} else [row]

@@ -1,0 +1,116 @@
+"""The curve of a boundary over two parameters: guesses, columns, resuming, a cluster, figure and page, bad input."""
+
+import math
+
+import pytest
+from test_boundary import DRIVEN, verdicts
+
+from rattle import InputError, RattleError, Scene, boundary, boundary_map
+from rattle.compare.boundary.map import Found, curve_rows, expect
+from rattle.compare.boundary.page import map_page
+from rattle.compare.boundary.search import ACCURATE, Edge, critical, search
+
+SETTINGS = {"along": "alpha", "reach": (0.4, 1.5), "values": 3, "impacts": 2, "points": 4, "width": 0.3, "rng": 3}
+
+
+@pytest.mark.parametrize("near", [(0.048, 0.0525), (0.049, 0.051), (0.02, 0.021), (0.3, 0.31), (0.05,)])
+def test_a_guess_saves_values_and_a_wrong_one_does_no_harm(near):
+    plain, known = {}, {}
+    search(verdicts(0.05), 1e-3, 2.0, 8, 0.1, plain)
+    (edge,) = search(verdicts(0.05), 1e-3, 2.0, 8, 0.1, known, near)
+    assert edge.accurate <= 0.05 < edge.wrong <= 1.002 * 1.1 / 0.9 * edge.accurate
+    right = len(near) == 2 and near[0] < 0.05 < near[1]
+    assert len(known) == len(plain) - 1 if right else len(known) <= len(plain) + 2
+
+
+def test_edges_are_expected_between_those_of_both_sides():
+    def found(*edges):
+        return Found(tuple(Edge(*edge, "") for edge in edges), None, {})
+
+    assert expect([found((1.0, 2.0)), found((4.0, 8.0))]) == [2.0, 4.0]
+    assert expect([found((1.0, 2.0)), found()]) == [1.0, 2.0]
+    assert expect([found((1.0, 2.0)), "the workers died"]) == [1.0, 2.0]
+    assert curve_rows(0.3, "the workers died")[0]["why"] == "the workers died"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("map")
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return boundary_map(DRIVEN, **SETTINGS, folder=folder)
+
+
+def test_each_value_has_its_own_boundary(found):
+    """Searches with other random numbers agree with every column, and not all of them with that of another."""
+    curve = found.curve.set_index("along")
+    again = {
+        alpha: boundary(find(alpha), impacts=2, points=4, width=0.3, rng=4).edges[0]
+        for alpha in curve.index
+        for find in [lambda alpha: Scene(**vars_of(DRIVEN) | {"alpha": alpha})]
+    }
+    for alpha, row in curve.iterrows():
+        assert max(row["accurate"], again[alpha].accurate) < min(row["wrong"], again[alpha].wrong)
+    assert curve["accurate"].max() > curve["wrong"].min()  # a column in the place of another is noticed
+    assert critical(2, 2, 3) > critical(2, 2)
+
+
+def vars_of(scene):
+    return {name: getattr(scene, name) for name in ("epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
+
+
+def test_a_map_continues_where_it_ended(found, folder):
+    stored = {path.name: path.stat().st_mtime_ns for path in (folder / "cells").glob("*.parquet")}
+    assert len(stored) == 3
+    again = boundary_map(DRIVEN, **SETTINGS, folder=folder, workers=2)
+    assert again.curve.equals(found.curve)
+    assert stored == {path.name: path.stat().st_mtime_ns for path in (folder / "cells").glob("*.parquet")}
+
+
+def test_the_result_shows_itself(found):
+    assert found.answer[0].startswith("`saltation` is accurate up to sigma = ")
+    assert "<table" in found._repr_html_()
+    assert found.plot().axes[0].get_xlabel() == "alpha"
+    facts = {"scene": DRIVEN.to_dict(), "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
+    assert "over sigma and alpha" in map_page(found, {"name": "DAT21", **facts}).title
+    assert found.to_dict()["curve"][0]["along"] == 0.4
+
+
+def test_what_has_no_edge_is_said():
+    settings = {"impacts": 2, "points": 2, "values": 2, "over": "sigma"}
+    wrong = boundary_map(DRIVEN, closure="published", along="torque1", between=(0.01, 0.1), **settings)
+    assert wrong.answer[0] == "At torque1 = 50, 200 N mm: nowhere accurate."
+    right = boundary_map(DRIVEN, along="torque1", between=(0.001, 0.002), **settings)
+    assert right.answer[0] == "At torque1 = 50, 200 N mm: accurate throughout."
+    assert set(right.points["verdict"]) == {ACCURATE}
+    assert math.isnan(right.curve["wrong"].iloc[0])
+
+
+@pytest.mark.slow
+def test_a_cluster_finds_the_same(found):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        assert boundary_map(DRIVEN, **SETTINGS, scheduler=cluster.scheduler_address).curve.equals(found.curve)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"along": "alpah"}, "did you mean 'alpha'"),
+        ({"along": "sigma"}, "is the first parameter too"),
+        ({"along": "epsilon", "reach": (0.5, 1.5)}, "no scene can have epsilon = 1.5"),
+        ({"along": "drive.2.amplitude", "reach": None}, "give a range"),
+        ({"values": 1}, "must be at least 2"),
+        ({"pints": 3}, "did you mean 'points'"),
+        ({"closure": "saltatoin"}, "did you mean 'saltation'"),
+        ({"between": (0.5, 0.1)}, "give a smaller and a larger value"),
+        ({"points": 1}, "must be at least 2"),
+    ],
+)
+def test_bad_input_is_refused(changed, message):
+    with pytest.raises((InputError, RattleError), match=message):
+        boundary_map(DRIVEN, **SETTINGS | changed)
