@@ -33,6 +33,8 @@ PREDICTED = (*SECTION, *(f"{what}_{name}" for what in ("sd", "skew") for name in
 """Columns of `MeanMap.section` that a closure of one's own may predict."""
 DERIVED = ("realizable", "agreement", "discarded", "error_mean", "error_sd", "within")
 """Other columns of `MeanMap.section`, which are left aside, so that a changed copy of one may be returned."""
+DESCRIBED = ("itinerary", "all paths")
+"""Whose moments a closure predicts: the paths that follow its itinerary, or all."""
 AT_TIMES = (*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]), *RHO)
 """Columns of `MeanMap.at_times`."""
 GUESS = 1000.0  # microseconds of an impact by a function of which nothing is known, for an estimate beforehand
@@ -64,6 +66,9 @@ class Closure:
         Columns that its table must have; by default any will do.
     stages : {1, 2}, optional
         The number of stages that it is made for; by default both.
+    describes : {"itinerary", "all paths"}, optional
+        Whose moments it predicts: those of the paths that follow its itinerary (its sequence of meshes and sides), or
+        of all.  Both are judged whatever is said here; pages state it.
 
     Raises
     ------
@@ -88,6 +93,7 @@ class Closure:
     at_times: Callable[[Scene, Sequence[float]], Any] | None = None
     predicts: tuple[str, ...] = ()
     stages: int | None = None
+    describes: str | None = None
 
     # whether `trace` takes a tolerance as its last argument; what limits it where all paths follow its itinerary
     refines: bool = field(default=False, init=False, repr=False)
@@ -113,6 +119,8 @@ class Closure:
         predicts = tuple(choice("closure.predicts", name, PREDICTED) for name in self.predicts)
         if self.stages not in (None, 1, 2):
             raise InputError("closure.stages", self.stages, "give 1 or 2, or leave it out if it is made for both")
+        if self.describes is not None:
+            choice("closure.describes", self.describes, DESCRIBED)
         for name, value in (("at_times", at_times), ("predicts", predicts)):
             object.__setattr__(self, name, value)
 
@@ -127,7 +135,7 @@ class Closure:
     @cached_property
     def digest(self) -> str:
         """SHA-256 digest of its sources: it changes with the functions and with those of its module that they name."""
-        said = [self.name, str(self.stages), *self.predicts]
+        said = [self.name, str(self.stages), *self.predicts, *([self.describes] if self.describes else [])]
         for function in (self.function, self.at_times):
             said += sources(function) if function is not None else []
         return hashlib.sha256("\n".join(said).encode()).hexdigest()

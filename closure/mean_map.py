@@ -24,6 +24,7 @@ class BuiltIn(Closure):
     color: str = ""
     marker: str = ""
     limit: str = "fixed time"
+    describes: str = "itinerary"
     refines: bool = False
     impact_microseconds: float = 0.0  # of one core, components not counted; measured once on DAT21 and the examples
     components: int = 0  # the most that it follows
@@ -68,6 +69,7 @@ _TABLE = (
         applies=check_white,
         color="#E69F00",
         marker="v",
+        describes="all paths",
         refines=True,
         impact_microseconds=300.0,
         components=sum(level.cut for level in LEVELS[-2:]),

@@ -51,6 +51,9 @@ class Trace:
     # probability discarded so far; of the branching closure only; (impacts + 1,)
     agreement: Floats | None = None
     discarded: Floats | None = None
+    # mean, sd and skewness of ``tau, flight, x1, y1, x2, y2`` over these paths alone, by the same closure; NaN where
+    # there are none; (3, impacts + 1, 6)
+    followed: Floats | None = None
     # the same closure's bounds of its own errors of mean and sd of ``tau, flight, x1, y1, x2, y2``, in sds; NaN where
     # none is made; (impacts + 1, 2, 6)
     error: Floats | None = None
@@ -61,6 +64,7 @@ class Trace:
     # what splitting its components further would be worth, by its own measure; (impacts + 1,)
     residual: Floats | None = None
     work: int = 0  # how many flights of components the same closure computed
+    flight: Floats | None = None  # mean flights, where they are not differences of mean times; (impacts + 1,)
     # of a closure of one's own: ``rho1, rho2`` as it predicts them, (impacts + 1, 2); the seconds that it took; whether
     # it raised an exception
     rho: Floats | None = None

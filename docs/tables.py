@@ -93,6 +93,40 @@ def validity(reports: Path) -> Table:
 
 
 @table
+def itinerary(reports: Path) -> Table:
+    """Moments of the paths on each closure's itinerary, and of all paths, at the noise of the report on DAT21."""
+    found = pd.read_csv(reports / "dat21" / "table.csv")
+    rows = []
+    for sigma, of in found.groupby("sigma"):
+        for closure in CLOSURES:
+            cells = []
+            for kind in ("itinerary", "section"):
+                own = of[(of["closure"] == closure) & (of["kind"] == kind)]
+                judged = own["verdict"][own["verdict"].isin(["accurate", "inaccurate", "undecided"])]
+                right, wrong = (judged == "accurate").sum(), (judged == "inaccurate").sum()
+                cells.append(f"{right} ({len(judged) - wrong}) of {len(judged)}")
+            rows.append([f"{sigma:.4g}", closure, *cells])
+    return ["σ", "closure", "on its itinerary", "all paths"], rows
+
+
+@table
+def leaving(reports: Path) -> Table:
+    """How paths leave the itinerary of DAT21's orbit."""
+    found = pd.read_csv(reports / "dat21" / "leaving.csv")
+    rows = [
+        [
+            f"{r['sigma']:.4g}",
+            f"{r['impact']}",
+            f"mesh {r['mesh']}, side {r['side']:+d}",
+            f"{r['probability']:.3g} ({r['low']:.3g} to {r['high']:.3g})",
+            "paths drawn near it" if r["near"] else "the report's paths",
+        ]
+        for r in found.to_dict("records")
+    ]
+    return ["σ", "impact", "struck instead", "probability", "known from"], rows
+
+
+@table
 def coverage(reports: Path) -> Table:
     """How often the intervals of the long run hold the truth, and how often naive ones would."""
     found = pd.read_csv(Path(__file__).parent / "results" / "coverage.csv")

@@ -50,7 +50,8 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     }
 
     at = partial(_in_unit, found.at, unit)
-    return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at)
+    followed = None if found.followed is None else found.followed * np.array([lengths, lengths, np.ones(6)])[:, None]
+    return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at, followed=followed)
 
 
 def _in_unit(at: Callable[[float], tuple[Floats, Floats]], unit: float, time: float) -> tuple[Floats, Floats]:
@@ -84,6 +85,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     tau, agreement, discarded_at = np.full((3, impacts + 1), np.nan)
     mean, covariance = np.full((impacts + 1, 4), np.nan), np.full((impacts + 1, 4, 4), np.nan)
     sd, skew = np.full((2, impacts + 1, 6), np.nan)
+    followed = np.full((3, impacts + 1, 6), np.nan)
     mesh, side = np.zeros((2, impacts + 1), np.int64)
     tau[0], mean[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], orbit.mesh[0], orbit.side[0]
     agreement[0], discarded_at[0] = 1.0, 0.0
@@ -112,13 +114,16 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         carried[k] = _average(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
-        agreement[k], discarded_at[k] = min(w[after.label[:count] > 2].sum(), 1.0), run.discarded
+        on = after.label[:count] > 2
+        agreement[k], discarded_at[k] = min(w[on].sum(), 1.0), run.discarded
+        if on.any():
+            followed[:, k] = moments(w[on], values[on], variances[on])
         run.merge()
 
     stopped = "" if found == impacts else f"more than half of the probability is discarded after impact {found}"
     raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
     whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, parts)
-    seen = replace(whole, agreement=agreement, discarded=discarded_at, work=work)
+    seen = replace(whole, agreement=agreement, discarded=discarded_at, followed=followed, work=work)
     return replace(seen, slow=slow, carried=carried, residual=residual)
 
 

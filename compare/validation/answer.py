@@ -18,9 +18,10 @@ from rattle.compare.validation.comparison import (
     measure_speeds,
     simulation_costs,
 )
-from rattle.compare.validation.errors import BY_SIZE, SIMULATED, first_failure
+from rattle.compare.validation.errors import BY_SIZE, HALF, SIMULATED, first_failure
 from rattle.compare.validation.tables import duration_words, motion_sentence
 from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
+from rattle.montecarlo.branches.search import SMALLEST
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text
 
@@ -145,6 +146,48 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     )
 
 
+def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
+    """What each closure is worth on its itinerary, and over all paths, in one sentence; and where there is no bulk.
+
+    Examples
+    --------
+    >>> names = ["closure", "sigma", "accurate", "itinerary_accurate", "leaving", "on_itinerary"]
+    >>> rows = [("saltation", 0.03, 12, 12, 0.0, 12), ("saltation", 0.06, 4, 12, 1.9e-5, 12)]
+    >>> print(itinerary_sentence(pd.DataFrame(rows, columns=names), 12)[0].replace("; ", ";\n"))
+    On the itinerary, which all but 19 in a million paths follow, `saltation` is accurate up to σ = 0.06;
+    all paths together: up to σ = 0.03.
+    """
+    said, alone = [], validity["sigma"].nunique() == 1
+    for closure, rows in validity.groupby("closure", sort=False):
+        at = rows.sort_values("sigma").set_index("sigma")
+        on, every = (unbroken(at.index, at[name] == impacts) for name in ("itinerary_accurate", "accurate"))
+        if on is None:
+            continue
+        reach = "" if alone else f" up to σ = {on:.4g}"
+        together = "it is not" if every is None else "it is too" if alone else f"up to σ = {every:.4g}"
+        share = f"On the itinerary, which {_all_but(float(at['leaving'].loc[on]))} paths follow"
+        said.append(f"{share}, `{closure}` is accurate{reach}; all paths together: {together}.")
+    least = validity.groupby("sigma")["leaving"].min()
+    lost = least.index[least > 1.0 - HALF]
+    if len(lost):
+        where = "F" if alone else f"At σ = {join_words([f'{sigma:.4g}' for sigma in lost])} f"
+        said.append(
+            f"{where}ewer than half of the paths follow any closure's itinerary to the last impact: where fewer than "
+            "half do, only all paths together are judged."
+        )
+    return [" ".join(said)] if said else []
+
+
+def _all_but(probability: float) -> str:
+    """How many paths follow, in words: all but a small share."""
+    if not probability >= SMALLEST:
+        return "all but fewer than one in a billion"
+    if probability >= 1e-3:
+        return f"all but {100.0 * probability:.2g} % of the"
+    per, name = (1e6, "a million") if probability >= 1e-6 else (1e9, "a billion")
+    return f"all but {float(f'{probability * per:.2g}'):g} in {name}"
+
+
 def explain_missing(scene: Scene, shown: Iterable[str]) -> list[str]:
     """Which closures cannot be applied to a scene, and why.
 
@@ -189,10 +232,11 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
             realizable.append(f"`{closure}`")
     if realizable:
         broken.append(f"the moments of {join_words(realizable)} stay possible")
-    speed, over = measure_speeds(validations), swept.speed if swept else None
+    speed, over, validity = measure_speeds(validations), swept.speed if swept else None, find_validities(validations)
     return [
-        advice(find_validities(validations), impacts, speed),
+        advice(validity, impacts, speed),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
+        *itinerary_sentence(swept.validity if swept else validity, impacts),
         cost_sentence(simulation_costs(validations), speed, impacts, duration_words(first), over),
         *motion_sentence(validations),
         f"Accurate section moments{'' if swept else SECTION} among those that a closure predicts over {impacts} "
@@ -231,7 +275,7 @@ def _agreement(validations: Sequence[Comparison]) -> list[str]:
 
 def by_size_sentence(validations: Sequence[Comparison]) -> list[str]:
     """How many verdicts of each closure rest on the size of what does not vary, in one sentence or none."""
-    rows = pd.concat([v.table.assign(sigma=sigma_text(v)) for v in validations])
+    rows = pd.concat([v.of_all_paths.assign(sigma=sigma_text(v)) for v in validations])
     rows = rows[rows["remark"] == BY_SIZE]
     shares = [
         f"at σ = {sigma} {join_words([f'`{closure}` {n}' for closure, n in own.value_counts(sort=False).items()])}"

@@ -15,7 +15,7 @@ import pandas as pd
 
 from rattle.closure import MeanMap
 from rattle.closure.mean_map import closure_seconds, predict
-from rattle.compare.validation.errors import first_failure
+from rattle.compare.validation.errors import ON_ITINERARY, first_failure
 from rattle.compare.validation.verdict import (
     NOT_JUDGED,
     UNDECIDED,
@@ -28,6 +28,8 @@ from rattle.compare.validation.verdict import (
 )
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
+from rattle.montecarlo.branches.leaving import interval
+from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
 from rattle.scene.scene import Scene
 
 
@@ -43,9 +45,34 @@ class Comparison:
     z: float
     tolerances: Tolerances
 
-    def section_rows(self, closure: str) -> pd.DataFrame:
+    def section_rows(self, closure: str, kind: str = "section") -> pd.DataFrame:
         """The rows of ``table`` on the section moments of a closure."""
-        return self.table[(self.table["closure"] == closure) & (self.table["kind"] == "section")]
+        return self.table[(self.table["closure"] == closure) & (self.table["kind"] == kind)]
+
+    @property
+    def of_all_paths(self) -> pd.DataFrame:
+        """The rows of ``table`` that are about all paths."""
+        return self.table[self.table["kind"] != ON_ITINERARY]
+
+    def leaving(self, closure: str) -> tuple[float, float, float]:
+        """Probability of having left a closure's itinerary by its last impact, with a 95 % interval."""
+        run, own = self.run, self.run.plan.itineraries[closure]
+        impacts = np.count_nonzero(own)
+        if impacts == 0:  # nothing to follow
+            return 1.0, 1.0, 1.0
+        if not is_random(run.scene):
+            return 0.0, 0.0, 0.0
+        if not begins(own, run.plan.itineraries[NOISE_FREE]):
+            n = run.paths * (1.0 - float(run.agreement[closure].loc[impacts]))
+            low, high = interval(n, n, 1.0)
+            return n / run.paths, low / run.paths, min(high / run.paths, 1.0)
+        rows = run.leaving[run.leaving["impact"] <= impacts]
+        if rows.empty:
+            return 0.0, 0.0, interval(0.0, 0.0, 1.0 / run.paths)[1]
+        each = rows["probability"] / rows["paths"]  # mean weight of a path
+        total = float(rows["probability"].sum())
+        low, high = interval(total, float((rows["probability"] * each).sum()), float(each.max()))
+        return min(total, 1.0), low, min(high, 1.0)
 
 
 class Sweep(NamedTuple):
@@ -89,6 +116,13 @@ class Validity(NamedTuple):
     on_itinerary: int  # last impact up to which 99 % of the paths have followed the closure's itinerary
     paths: int
     dt: float  # of the simulation
+    # the same two for the moments of the paths on its itinerary, and the probability of having left it by its last
+    # impact, with a 95 % interval
+    itinerary_accurate: int = 0
+    itinerary_not_inaccurate: int = 0
+    leaving: float = math.nan
+    leaving_low: float = math.nan
+    leaving_high: float = math.nan
 
 
 def find_validity(v: Comparison, closure: str) -> Validity:
@@ -104,9 +138,7 @@ def find_validity(v: Comparison, closure: str) -> Validity:
     """
     rows = rows_to_judge(v, closure)
     impacts = range(1, len(v.run.section) + 1)
-    verdicts = {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
-    accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
-    not_inaccurate = unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
+    accurate, not_inaccurate = _reach(rows, impacts)
     on_itinerary = unbroken(impacts, v.run.agreement[closure] >= DIVERGED) or 0
     if accurate == len(impacts):
         cause, why = "holds", CAUSES["holds"]
@@ -114,7 +146,15 @@ def find_validity(v: Comparison, closure: str) -> Validity:
         cause, why = "undecided", f"{want(rows)} from impact {accurate + 1} on"
     else:
         cause, why = _why(v, closure, not_inaccurate + 1)
-    return Validity(closure, v.scene.sigma, accurate, not_inaccurate, cause, why, on_itinerary, v.run.paths, v.run.dt)
+    found = closure, v.scene.sigma, accurate, not_inaccurate, cause, why, on_itinerary, v.run.paths, v.run.dt
+    return Validity(*found, *_reach(rows_to_judge(v, closure, ON_ITINERARY), impacts), *v.leaving(closure))
+
+
+def _reach(rows: pd.DataFrame, impacts: range) -> tuple[int, int]:
+    """The last impacts up to which all rows are accurate, and none is inaccurate."""
+    verdicts = {k: set[str]() for k in impacts} | {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
+    accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
+    return accurate, unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
 
 
 def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
@@ -122,9 +162,9 @@ def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
     return pd.DataFrame([find_validity(v, closure) for v in validations for closure in v.predictions])
 
 
-def rows_to_judge(v: Comparison, closure: str) -> pd.DataFrame:
+def rows_to_judge(v: Comparison, closure: str, kind: str = "section") -> pd.DataFrame:
     """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
-    rows = v.section_rows(closure)
+    rows = v.section_rows(closure, kind)
     return rows[rows["verdict"] != NOT_JUDGED]
 
 

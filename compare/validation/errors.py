@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,10 +12,10 @@ from scipy.special import ndtr
 
 from rattle.closure import MeanMap
 from rattle.closure.closure import describe_error
-from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
+from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.diagnostics.accuracy import skewness_gain, smallest_sd
-from rattle.montecarlo.diagnostics.unseen import Unseen, unseen, unseen_text
+from rattle.montecarlo.diagnostics.unseen import Unseen, find_unseen, unseen, unseen_columns, unseen_text
 from rattle.montecarlo.settings.plan import is_random
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.elementary import each
@@ -32,6 +33,18 @@ FEWEST = 32
 
 TOO_FEW = f"too few paths for an interval; that of an sd needs {FEWEST}"
 """Remark on a row whose interval the sample cannot have."""
+
+ON_ITINERARY = "itinerary"
+"""The kind of the rows on the paths that have followed a closure's itinerary so far."""
+
+HALF = 0.5
+"""Share of all paths from which on those of an itinerary are judged alone: fewer are no bulk."""
+
+TOO_FEW_FOLLOW = "fewer than half of the paths follow this itinerary up to here: judged over all paths only"
+"""Remark on the rows of the others."""
+
+NO_ITINERARY = "the closure's itinerary ends before this impact: judged over all paths only"
+"""Remark where there is none any more, as of an orbit at rest."""
 
 ABSOLUTE = 1e-6
 """Tolerance, relative to size, where nothing varies (`rattle.montecarlo.diagnostics.accuracy.smallest_sd`)."""
@@ -139,6 +152,22 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     table["high"] = table["error"] + half - lean.clip(upper=0.0) + down
     table = judge(table)
     return table.assign(remark=remarks(table))
+
+
+def itinerary_errors(prediction: MeanMap, run: Ensemble, z: float, tolerances: Tolerances) -> pd.DataFrame:
+    """`section_errors` of the paths alone that have followed the closure's itinerary up to each impact.
+
+    Returns: Rows as of `section_errors`, of kind ``itinerary``.  They are not judged where fewer than `HALF` of the
+    paths follow it, and their remark says so.
+    """
+    on, itinerary = run.on_itinerary(prediction.closure), run.plan.itineraries[prediction.closure]
+    hidden = find_unseen(run.scene, on.columns, run.paths, run.plan.mixture, run.dt, itinerary)
+    on = replace(on, unseen=unseen_columns(hidden))
+    table = section_errors(prediction.on_itinerary(), on, z, tolerances).assign(kind=ON_ITINERARY)
+    few, ended = table["agreement"] < HALF, np.array(itinerary)[table["impact"] - 1] == 0
+    table.loc[few & table["predicted"].notna(), ["verdict", "paths_needed"]] = NOT_JUDGED, np.nan
+    table.loc[few, "remark"] = np.where(ended, NO_ITINERARY, TOO_FEW_FOLLOW)[few]
+    return table
 
 
 def remarks(table: pd.DataFrame) -> list[str]:

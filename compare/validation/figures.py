@@ -247,6 +247,7 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
     ]
     handles: list[Artist] = [patch for drawn, patch in areas if drawn.any()]
     handles.append(Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"))
+    handles.append(Line2D([], [], color="k", lw=1.0, label=f"paths on its itinerary alone: {ACCURATE_TO} here"))
     handles += [
         Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=CAUSES[cause])
         for cause, marker in MARKER.items()
@@ -268,6 +269,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     ax.stairs(accurate, edges, fill=True, color=colour)
     ax.stairs(not_inaccurate, edges, color=colour, lw=1.2)
     ax.stairs(rows["on_itinerary"].to_numpy(), edges, baseline=None, color="k", ls=":", lw=1.4)
+    ax.stairs(rows["itinerary_accurate"].to_numpy(), edges, baseline=None, color="k", ls="-", lw=1.0)
     place = np.minimum(not_inaccurate + 0.5 * ROOM, impacts)
     for x, y, cause in zip(sigma, place, rows["cause"], strict=True):
         if cause in MARKER:

@@ -23,7 +23,7 @@ from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 
 CONTENTS = contents(
     "report",
-    tables=("table", "correlation", "validity", "speed", "simulation", "schemes"),
+    tables=("table", "correlation", "leaving", "validity", "speed", "simulation", "schemes"),
     large=("table", "validity"),
 ) | {"figures"}
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
@@ -44,6 +44,15 @@ AGREEMENT = (
 FAILURES = (
     "First failure of each check of the closures' moments; “negative mass” judges the truncated series, "
     "not the moments."
+)
+LEAVING = (
+    "How paths leave the itinerary of the orbit without noise: the impact at which they strike another wall than it "
+    "does. Rare branches are found by a search along the orbit, and their probability from paths drawn near them; a "
+    "branch that neither the search nor the simulation has found is not listed."
+)
+NO_BRANCH = (
+    "No path leaves the itinerary of the orbit without noise, and the search along it finds no branch that one in a "
+    "billion paths take."
 )
 DISTANCE = "Distance of the section densities from the histograms, in units of the distance due to sampling alone:"
 WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
@@ -66,6 +75,8 @@ def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSe
     ]
     failures = tables.failure_table(v)
     found: list[Block] = [Text(FAILURES, note=True), failures] if failures.rows else [Text("Every check holds.")]
+    left = tables.leaving_table(v)
+    leaving: list[Block] = [Text(LEAVING, note=True), left] if left.rows else [Text(NO_BRANCH)]
     errors: list[Block] = []
     for closure, prediction in v.predictions.items():
         errors.append(tables.impact_table(v, closure, f"Errors of the {closure} closure per impact, {sigma}"))
@@ -81,6 +92,7 @@ def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSe
             *figures,
         ),
         (
+            PageSection(f"Leaving the itinerary at {sigma}", tuple(leaving)),
             PageSection(f"Realizability at {sigma}", (*found, Text(DISTANCE, note=True), tables.distance_table(v))),
             PageSection(f"Errors per impact at {sigma}", tuple(errors)),
         ),
@@ -177,6 +189,7 @@ def write_report(
         for name in ("table", "correlation")
     }
     frames["table"] = frames["table"][["sigma", *validations[0].table]]
+    frames["leaving"] = pd.concat([v.run.leaving.assign(sigma=v.scene.sigma) for v in validations])
     frames |= swept._asdict() if swept else {}
     frames |= {} if schemes is None else {"schemes": schemes}
     digests = {

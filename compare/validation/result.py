@@ -49,8 +49,8 @@ class Validation(Comparison):
 
     @property
     def accurate(self) -> bool:
-        """Whether all moments that are predicted and judged are accurate; the rule is in ``verdict.RULE``."""
-        return not self.table["verdict"].isin(("inaccurate", "undecided")).any()
+        """Whether all moments of all paths that are predicted and judged are accurate; see ``verdict.RULE``."""
+        return not self.of_all_paths["verdict"].isin(("inaccurate", "undecided")).any()
 
     @property
     def failed(self) -> dict[str, str]:
@@ -60,8 +60,8 @@ class Validation(Comparison):
 
     @property
     def counts(self) -> pd.DataFrame:
-        """Number of predicted and judged moments with each verdict, by closure."""
-        verdicts = self.table.groupby("closure", sort=False)["verdict"].value_counts().unstack(fill_value=0)
+        """Number of predicted and judged moments of all paths with each verdict, by closure."""
+        verdicts = self.of_all_paths.groupby("closure", sort=False)["verdict"].value_counts().unstack(fill_value=0)
         return verdicts.reindex(index=list(self.predictions), columns=list(JUDGED), fill_value=0)
 
     def __repr__(self) -> str:

@@ -8,6 +8,7 @@ import pandas as pd
 
 from rattle.compare.report import Block, Row, Table, TableCell, Text, numbers
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
+from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.realizability import first_failures, realizability_table, section_distances
 from rattle.compare.validation.verdict import ACCURATE, JUDGED, NOT_WRONG, VERDICTS
 from rattle.scene.moments import STATE
@@ -15,6 +16,9 @@ from rattle.scene.units import PRODUCTS, RATE
 
 MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
 """Mark of a table cell for each verdict, see `rattle.compare.report.MARKS`."""
+
+DESCRIBES = {"itinerary": "paths on its itinerary", "all paths": "all paths", None: "not stated"}
+"""What the page says of `rattle.closure.Closure.describes`."""
 
 SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
 """Section moments that the page tabulates; the table files hold all of them."""
@@ -25,6 +29,7 @@ def count_table(v: Comparison) -> Table:
     rows: list[Row] = []
     for (closure, kind, moment), group in v.table.groupby(["closure", "kind", "moment"], sort=False):
         name = "ρ at mid-flight" if kind == "fixed time" else f"section {moment}s"
+        name += ", paths on its itinerary" if kind == ON_ITINERARY else ""
         rows.append([str(closure), name, *(int((group["verdict"] == w).sum()) for w in VERDICTS)])
     return Table.of(["closure", "what", *numbers(*VERDICTS)], rows)
 
@@ -89,8 +94,32 @@ def distance_table(v: Comparison) -> Table:
 def reach_table(v: Comparison) -> Table:
     """Range of validity of each closure of a validation, and its cause."""
     found = find_validities([v]).to_dict("records")
-    rows: list[Row] = [[f["closure"], f["accurate"], f["not_inaccurate"], f["why"]] for f in found]
-    return Table.of(["closure", *numbers(f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
+    rows: list[Row] = [
+        [
+            f["closure"],
+            DESCRIBES[v.predictions[f["closure"]].method.describes],
+            *(f[name] for name in ("accurate", "not_inaccurate", "itinerary_accurate", "itinerary_not_inaccurate")),
+            f["why"],
+        ]
+        for f in found
+    ]
+    heads = (f"{ACCURATE} impact", NOT_WRONG, f"on its itinerary: {ACCURATE} impact", NOT_WRONG)
+    return Table.of(["closure", "whose moments it predicts", *numbers(*heads), "why it ends, of all paths"], rows)
+
+
+def leaving_table(v: Comparison) -> Table:
+    """How paths leave the noise-free itinerary, by what they strike instead."""
+    rows: list[Row] = [
+        [
+            str(row["impact"]),
+            f"mesh {row['mesh']}, side {row['side']:+d}",
+            *(f"{row[name]:.3g}" for name in ("probability", "low", "high")),
+            "paths drawn near the branch" if row["near"] else "this simulation",
+        ]
+        for row in v.run.leaving.to_dict("records")
+    ]
+    numbered = numbers("probability", "95 % interval from", "to")
+    return Table.of([*numbers("impact"), "struck instead", *numbered, "known from"], rows)
 
 
 def validity_table(table: pd.DataFrame) -> Table:

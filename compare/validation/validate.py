@@ -13,7 +13,13 @@ from tqdm import tqdm
 from rattle.closure import Closure, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
 from rattle.compare.validation.comparison import Comparison, Sweep, find_validities, measure_speeds, simulation_costs
-from rattle.compare.validation.errors import judge_correlation, mid_flight_errors, section_errors, to_absolute_time
+from rattle.compare.validation.errors import (
+    itinerary_errors,
+    judge_correlation,
+    mid_flight_errors,
+    section_errors,
+    to_absolute_time,
+)
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
@@ -70,6 +76,8 @@ def validate(
     Returns
     -------
     Validation
+        Rows of its table of kind ``section`` and ``fixed time`` are about all paths; those of kind ``itinerary`` about
+        the paths alone that have followed the closure's itinerary (its sequence of meshes and sides) up to the impact.
 
     Raises
     ------
@@ -113,6 +121,7 @@ def validate(
             histogram=True,
             energy=scene.gears is not None,
             times=middle[(middle - scene.phase > grid) & (middle <= last)],
+            on_itinerary=True,
             itineraries={name: m.itinerary for name, m in predictions.items()},
         ),
     )
@@ -123,6 +132,8 @@ def validate(
     parts = [section_errors(m, run, z, limits) for m in predictions.values()]
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [mid_flight_errors(m, run, flights, z, limits) for m in predictions.values()]
+    own = widest(2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions))
+    parts += [itinerary_errors(m, run, own, limits) for m in predictions.values()]
     table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
     raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
     said = zip(table["closure"], table["remark"].fillna(""), strict=True)

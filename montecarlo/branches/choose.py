@@ -57,7 +57,7 @@ def choose_mixture(run: Ensemble) -> BranchMixture | None:
     for branch, predicted in _by_influence(found.branches, sd):
         if len(shifts) == PROBES:
             break
-        if all(_cosine(branch.shift, other) < ALIKE for other in shifts):
+        if all(cosine(branch.shift, other) < ALIKE for other in shifts):
             shifts.append(branch.shift)
             added.append(_probe(plan, centre, sd, branch, predicted, len(shifts)))
     kurtosis = np.column_stack([columns["kurt_" + q] for q in SECTION]).astype(float)
@@ -118,7 +118,7 @@ def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, predicted: Fl
     return np.asarray(np.maximum(np.nansum(fourth, axis=0) / BLOCK, predicted * min(1.0, missed / branch.probability)))
 
 
-def _cosine(a: Floats, b: Floats) -> float:
+def cosine(a: Floats, b: Floats) -> float:
     """Of the angle between two points of the noise, the shorter filled up with zeros."""
     n = min(a.size, b.size)
     return float(a[:n] @ b[:n]) / math.sqrt(float(a @ a) * float(b @ b))

@@ -8,6 +8,7 @@ all of them.
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -15,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.branches.rare_events import Event, Gaussian, SearchedFlight, events, onward
+from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
@@ -23,6 +25,7 @@ MOST = 12  # paths that are searched: the orbit, and the most probable branches
 FLIGHTS = 300  # flights that are searched, so that orbits of many impacts take no more than about a second
 SMALLEST = 1e-9
 """Probability down to which branches are known, and searched for branches of their own."""
+AT_WALL = 1e-9  # distance from a wall, over that from the middle, of what strikes it: rounding
 GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial speeds, below which the orbit grazes
 
 
@@ -66,6 +69,18 @@ class RareEvents:
         """What each branch adds to mean, square and fourth power, shape (3, branches, impacts, 6)."""
         parts = [[getattr(branch, name) for branch in self.branches] for name in ("mean", "square", "fourth")]
         return np.array(parts).reshape(3, len(self.branches), *self.orbit.shape)
+
+    def additions_on(self, itinerary: Sequence[int], c: Constants) -> Floats:
+        """As `additions`, of what still has the meshes and sides of an itinerary, in place of nothing."""
+        added = np.zeros((3, len(self.branches), *self.orbit.shape))
+        for sums, branch in zip(added.swapaxes(0, 1), self.branches, strict=True):
+            x1, x2 = branch.section[..., 2], branch.section[..., 4]
+            code = np.where(np.abs(x1) > (1.0 - AT_WALL) * c.wall1, np.sign(x1), 2.0 * np.sign(x2))
+            follows = np.logical_and.accumulate(code == np.array(itinerary), axis=1)
+            away = np.where(follows[..., None], branch.section - self.orbit, 0.0)
+            for total, power in zip(sums, (1, 2, 4), strict=True):
+                total += np.nan_to_num(branch.weights[:, None, None] * away**power).sum(axis=0)
+        return added
 
 
 class _Parent(NamedTuple):

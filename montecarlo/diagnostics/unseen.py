@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,10 +70,12 @@ def find_unseen(
     paths: int,
     mixture: BranchMixture | None = None,
     dt: float = 1.0,
+    itinerary: Sequence[int] | None = None,
 ) -> Unseen:
     """Bound what branches with fewer than `SEEN` expected paths could change, by a search.
 
-    `mixture`, `dt`: From which the paths are drawn, if not plainly; and its step. Shapes: `columns` (impacts,).
+    `mixture`, `dt`: From which the paths are drawn, if not plainly; and its step. `itinerary`: Of the paths alone
+    that `columns` are about. Shapes: `columns` (impacts,).
     """
     impacts = len(columns["tau"])
     sd = np.column_stack([columns["sd_" + q] for q in SECTION])
@@ -84,7 +86,8 @@ def find_unseen(
     often = found.probabilities * _boosts(found, mixture)
     expected = often * paths
     rare = (expected < SEEN) & (expected >= 1e-6)
-    often, probability, (mean, square, _) = often[rare], found.probabilities[rare], found.additions[:, rare]
+    added = found.additions if itinerary is None else found.additions_on(itinerary, scene.constants)
+    often, probability, (mean, square, _) = often[rare], found.probabilities[rare], added[:, rare]
     up, down = np.maximum(mean, 0.0).sum(axis=0), np.maximum(-mean, 0.0).sum(axis=0)
     more, less = np.maximum(square, 0.0).sum(axis=0), np.maximum(-square, 0.0).sum(axis=0)
     influence = np.abs(square)

@@ -14,7 +14,7 @@ from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, Bloc
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.plan import NOISE_FREE, is_random
+from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.montecarlo.statistics.section_statistics import (
     FEWEST,
@@ -23,7 +23,7 @@ from rattle.montecarlo.statistics.section_statistics import (
     pair_statistics,
     single_statistics,
 )
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, choice
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 from rattle.scene.section_result import SectionResult
@@ -34,6 +34,8 @@ if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas tak
     import pandas as pd
 
 __all__ = ["Ensemble"]
+
+NOT_APART = "ask for it: simulate(..., record=Record(on_itinerary=True))"
 
 
 @dataclass(frozen=True)
@@ -218,9 +220,9 @@ class Ensemble(SectionResult):
         if weighted is not None:
             for i, quantity in enumerate(SECTION):
                 columns["lean_" + quantity], columns["lean_sd_" + quantity] = s["lean_mean"][:, i], s["lean_sd"][:, i]
-            columns |= self.unseen
             if self.plan.energy:
                 columns["energy"], columns["se_energy"] = s["mean"][:, -1], s["se_mean"][:, -1]
+        columns |= self.unseen
         columns["paths"] = (self._arrivals * self._copies).astype(int)
         columns["agreement"] = self._share(self.result.agreeing[NOISE_FREE])
         return columns
@@ -243,6 +245,71 @@ class Ensemble(SectionResult):
             {name: self._share(a) for name, a in self.result.agreeing.items()},
             index=pd.RangeIndex(1, self.impacts + 1, name="impact"),
         )
+
+    def on_itinerary(self, name: str = NOISE_FREE) -> Ensemble:
+        """The same result for the paths alone that have followed an itinerary up to each impact.
+
+        Moments, errors and ``paths`` of its `section` are those of these paths; ``agreement`` says which share of all
+        they are.  There is no control variate, and no histogram, among them.
+
+        Parameters
+        ----------
+        name : str
+            That of an itinerary of ``Record(itineraries=...)``; by default that of the noise-free path.
+
+        Returns
+        -------
+        Ensemble
+
+        Raises
+        ------
+        InputError
+            For an unknown name, or if the run was made without ``Record(on_itinerary=True)``.
+
+        Examples
+        --------
+        >>> from rattle import DAT21, Record, Scene, simulate
+        >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=4096, impacts=3, record=Record(on_itinerary=True))
+        >>> bool(run.on_itinerary().section["sd_y2"][3] < 0.9 * run.section["sd_y2"][3])
+        True
+        """
+        if not self.plan.apart:
+            raise InputError("record.on_itinerary", False, NOT_APART)
+        itineraries = self.plan.itineraries
+        own = itineraries[choice("name", name, itineraries)]
+        followers = self.result.followers[next(n for n in self.plan.apart if begins(own, itineraries[n]))]
+        codes = np.equal.outer(own, CODES) * self.result.agreeing[name][:, None]
+        sums = {of: s.until(np.count_nonzero(own)) for of, s in followers.sums.items()}
+        result = replace(self.result, sums=sums, codes=codes, followers={})
+        return replace(self, result=result, histograms=None, raw=None, batches=None, unseen={})
+
+    @cached_property
+    def leaving(self) -> pd.DataFrame:
+        """Probability of leaving the noise-free itinerary at an impact, by what is struck instead.
+
+        Columns ``impact, mesh, side`` (the wall that is struck in place of the itinerary's), ``probability`` with a
+        95 % interval ``low, high``, ``paths`` that it rests on, and ``near``: whether these were drawn near a branch
+        that the search along the orbit has found (`rattle.montecarlo.branches.leaving`), or are those of this run.
+        What fewer than one in a billion paths do is left out.
+
+        Raises
+        ------
+        InputError
+            If the run was made without ``Record(on_itinerary=True)``.
+
+        Examples
+        --------
+        >>> from rattle import DAT21, Record, Scene, simulate
+        >>> run = simulate(Scene.from_gears(DAT21, sigma=0.06), paths=4096, impacts=1, record=Record(on_itinerary=True))
+        >>> first = run.leaving.iloc[0]
+        >>> int(first["mesh"]), bool(first["near"]), bool(5e-9 < first["probability"] < 1e-7)
+        (2, True, True)
+        """
+        from rattle.montecarlo.branches.leaving import find_leaving
+
+        if not self.plan.apart:
+            raise InputError("record.on_itinerary", False, NOT_APART)
+        return find_leaving(self)
 
     @cached_property
     def covariance(self) -> Floats:
@@ -372,6 +439,10 @@ class Ensemble(SectionResult):
             n: v[:, i] * (estimable if n.startswith("se_") else 1.0)
             for n, v in self._step_biases[moment]._asdict().items()
         }
+        if self.plan.apart and not self.result.followers:  # paths that follow at one step may not at another
+            own = self._statistics[moment][:, i]
+            found["rest"] = found["rest"] + 2.0 * np.abs(own - found["corrected"] - found["bias"])
+            found["corrected"] = own - found["bias"]
         if name == "tau":  # counted from the phase, and said in absolute time
             found["corrected"] = self.scene.to_absolute_time(found["corrected"])
         return found

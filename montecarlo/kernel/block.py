@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -55,6 +55,7 @@ class Plan(NamedTuple):
     mirrored: bool = False  # whether to run the antithetic partner of each path: all noise negated, backlashes the same
     energy: bool = False  # whether the energy loss of impacts is recorded
     mixture: BranchMixture | None = None  # from which paths are drawn, if not all are plain
+    apart: tuple[str, ...] = ()  # names of the itineraries whose paths are summed apart too
 
     @property
     def blocks(self) -> int:
@@ -140,6 +141,22 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
 
 
 @dataclass(frozen=True)
+class Followers:
+    """Sums over the paths that have followed an itinerary so far, and how the others left it."""
+
+    sums: dict[str, Any]  # as in `BlockResult`, of these paths alone
+    # weight of the paths that left at an impact by each of `CODES` (in plain runs their number), sum of its squares,
+    # and the largest weight of one; (3, impacts, CODES)
+    left: Floats
+
+    def merge(self, other: "Followers") -> "Followers":
+        """Both sets of paths together."""
+        left = self.left + other.left
+        left[2] = np.maximum(self.left[2], other.left[2])
+        return Followers({name: s.merge(other.sums[name]) for name, s in self.sums.items()}, left)
+
+
+@dataclass(frozen=True)
 class BlockResult:
     """A block reduced to mergeable sums and counts."""
 
@@ -154,6 +171,7 @@ class BlockResult:
     path_steps: int  # as in `Raw`, also the next two
     sticking_steps: int
     unfinished: int
+    followers: dict[str, Followers] = field(default_factory=dict)  # by the names of `Plan.apart`
 
     def merge(self, other: "BlockResult") -> "BlockResult":
         """Both blocks together."""
@@ -164,6 +182,7 @@ class BlockResult:
             self.path_steps + other.path_steps,
             self.sticking_steps + other.sticking_steps,
             self.unfinished + other.unfinished,
+            {name: f.merge(other.followers[name]) for name, f in self.followers.items()},
         )
 
 
@@ -210,6 +229,7 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     codes, agreeing = np.zeros((plan.impacts, len(CODES))), np.zeros((len(listed), plan.impacts))
     _tally(raw.rows[0], listed, codes, agreeing)
+    followers = {name: _followers(plan, plan.itineraries[name], raw.rows, rows, sums, pairs) for name in plan.apart}
     kept = raw.rows[0].copy() if plan.keep else None
     if kept is not None and plan.scene.stages == 1:
         kept[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
@@ -220,7 +240,37 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         raw.path_steps,
         raw.sticking_steps,
         raw.unfinished,
+        followers,
     ), kept
+
+
+def _followers(
+    plan: Plan,
+    itinerary: tuple[int, ...],
+    raw: Floats,
+    levels: list[Floats],
+    every: dict[str, Any],
+    pairs: Sequence[tuple[int, int]],
+) -> Followers:
+    """Sums over the paths of a block that follow an itinerary; those over all, `every`, where none leaves it."""
+    codes, ones = np.array(itinerary, dtype=float), np.ones(raw.shape[1:3])
+    left, stays = np.zeros((3, plan.impacts, len(CODES))), np.zeros(raw.shape[:2])
+    for level in range(len(levels)):
+        count_followed(raw[level], ones, codes, stays[level], left if level == 0 else np.zeros_like(left))
+    names = ("section", "section_pairs", "fine_coarse", "coarse_coarser")
+    if (stays == plan.impacts).all():
+        return Followers({name: every[name] for name in names if name in every}, left)
+    kept = []
+    for columns, stay in zip(levels, stays, strict=True):
+        cells = columns.copy().reshape(plan.impacts, -1, columns.shape[1])
+        cells[:, :, : stay.size].swapaxes(1, 2)[np.arange(plan.impacts)[:, None] >= stay] = np.nan
+        kept.append(cells.reshape(columns.shape))
+    sums = dict(zip(names, CentralSums.of_groups(kept[0], plan.impacts, len(SECTION), pairs), strict=False))
+    if len(kept) > 1:
+        own = [(i, i) for i in range(len(SECTION))]
+        sums["fine_coarse"] = _pairs(plan.impacts, kept[0], own, PAIR, kept[1])
+        sums["coarse_coarser"] = _pairs(plan.impacts, kept[1], own, ((0, 2),), kept[2])
+    return Followers(sums, left)
 
 
 @jit
@@ -235,6 +285,27 @@ def energy_losses(c: Constants, rows: Floats) -> Floats:
                 mesh = 1 if abs(code) == 1.0 else 2
                 lost[p, k, 0] = energy_loss(c, mesh, rows[p, k, 3], rows[p, k, 5])
     return lost
+
+
+@lean
+def count_followed(rows: Floats, weights: Floats, itinerary: Floats, stays: Floats, left: Floats) -> None:
+    """Up to which impact each path has followed an itinerary, and what its next impact was: see `Followers.left`.
+
+    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); `stays` (paths,).
+    """
+    paths, impacts = rows.shape[:2]
+    for p in range(paths):
+        k = 0
+        while k < impacts and rows[p, k, 6] == itinerary[k]:
+            k += 1
+        stays[p] = k
+        if k < impacts and itinerary[k] != 0.0:
+            w = weights[p, k]
+            for i, code in enumerate(CODES):
+                if rows[p, k, 6] == code:
+                    left[0, k, i] += w
+                    left[1, k, i] += w * w
+                    left[2, k, i] = max(left[2, k, i], w)
 
 
 @lean

@@ -10,7 +10,9 @@ from rattle.montecarlo.kernel.block import (
     PAIRS,
     SECTION_OF,
     BlockResult,
+    Followers,
     Plan,
+    count_followed,
     energy_losses,
     start_state,
 )
@@ -56,10 +58,14 @@ def run_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[BlockRe
     if plan.energy:
         values = np.concatenate([values, energy_losses(plan.scene.constants, rows)], axis=2)
         centre = np.column_stack([centre, np.zeros(plan.impacts)])
-    sums, ends = np.zeros((mixture.counts.size, *centre.shape, ORDERS)), np.cumsum(mixture.counts)
-    for i, (end, n) in enumerate(zip(ends, mixture.counts, strict=True)):
-        add(values[end - n : end], weights[end - n : end], centre, sums[i])
     pairs = np.array([(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS])
+
+    def weighted(weights: Floats, products: Floats) -> WeightedSums:
+        sums, ends = np.zeros((mixture.counts.size, *centre.shape, ORDERS)), np.cumsum(mixture.counts)
+        for i, (end, n) in enumerate(zip(ends, mixture.counts, strict=True)):
+            add(values[end - n : end], weights[end - n : end], centre, sums[i])
+        return WeightedSums(mixture.counts.astype(float), centre, sums, products)
+
     products, codes = np.zeros((plan.impacts, len(pairs))), np.zeros((plan.impacts, len(CODES)))
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     agreeing = np.zeros((len(listed), plan.impacts))
@@ -67,10 +73,22 @@ def run_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[BlockRe
     # in paths: their weights add up to the number of paths only on average
     scale = np.isfinite(rows[:, :, 6]).sum(axis=0) / np.maximum(codes.sum(axis=1), 1e-300)
     codes, agreeing = codes * scale[:, None], agreeing * scale
-    found = {"weighted": WeightedSums(mixture.counts.astype(float), centre, sums, products)}
+    followers = {}
+    for name in plan.apart:
+        left, stays, of = np.zeros((3, plan.impacts, len(CODES))), np.zeros(BLOCK), np.zeros_like(products)
+        count_followed(rows, weights, np.array(plan.itineraries[name], dtype=float), stays, left)
+        kept = np.where(np.arange(plan.impacts) < stays[:, None], weights, 0.0)
+        _tally(rows, kept, centre, pairs, listed[:0], of, np.zeros_like(codes), agreeing[:0])
+        followers[name] = Followers({"weighted": weighted(kept, of)}, left)
     unfinished = int(np.isnan(rows[:, -1, 0]).sum())
     return BlockResult(
-        found, codes, dict(zip(plan.itineraries, agreeing, strict=True)), steps, sticking, unfinished
+        {"weighted": weighted(weights, products)},
+        codes,
+        dict(zip(plan.itineraries, agreeing, strict=True)),
+        steps,
+        sticking,
+        unfinished,
+        followers,
     ), None
 
 

@@ -57,6 +57,11 @@ class WeightedSums:
         paths, sums, products = self.paths + other.paths, self.sums + other.sums, self.products + other.products
         return WeightedSums(paths, self.centre, sums, products)
 
+    def until(self, impacts: int) -> WeightedSums:
+        """The sums of the first impacts; the others have no weight."""
+        seen = np.arange(len(self.centre)) < impacts
+        return WeightedSums(self.paths, self.centre, self.sums * seen[:, None, None], self.products * seen[:, None])
+
     @property
     def weight(self) -> Floats:
         """Total weight of each row."""

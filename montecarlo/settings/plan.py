@@ -124,6 +124,7 @@ def plan_of(
             ("record.step_bias", record.step_bias),
             ("sampling.control", sampling.control),
             ("record.energy", record.energy),
+            ("record.on_itinerary", record.on_itinerary),
         ):
             if value:
                 raise InputError(name, value, "is not computed on a GPU; leave it out, or use device='cpu'")
@@ -161,7 +162,27 @@ def plan_of(
         energy=record.energy,
     )
     named[NOISE_FREE] = tuple(exact_orbit(plan)[:, 6].astype(int).tolist())
-    return plan
+    return plan._replace(apart=_longest(named)) if record.on_itinerary else plan
+
+
+def _longest(itineraries: dict[str, tuple[int, ...]]) -> tuple[str, ...]:
+    """Names of the itineraries of which no other is the beginning or the same."""
+    found: list[str] = []
+    for name in sorted(itineraries, key=lambda n: (-np.count_nonzero(itineraries[n]), n != NOISE_FREE)):
+        if not any(begins(itineraries[name], itineraries[other]) for other in found):
+            found.append(name)
+    return tuple(found)
+
+
+def begins(itinerary: Sequence[int], other: Sequence[int]) -> bool:
+    """Whether an itinerary, which may end early (0), is the beginning of another, or the same.
+
+    Examples
+    --------
+    >>> begins((1, -1, 0), (1, -1, 2)), begins((1, -1, 2), (1, -1, 0))
+    (True, False)
+    """
+    return all(a in (0, b) for a, b in zip(itinerary, other, strict=True))
 
 
 def exact_orbit(plan: Plan) -> Floats:

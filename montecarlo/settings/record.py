@@ -25,6 +25,9 @@ class Record:
     itineraries : mapping of str to sequence of int
         Named itineraries ``mesh * side``, one entry for each impact, whose agreement with the paths is counted beside
         that of the noise-free path.
+    on_itinerary : bool
+        The moments of the paths that have followed an itinerary so far, `Ensemble.on_itinerary`, and how the others
+        leave it, `Ensemble.leaving`.
     histogram : bool
         Histograms of each section quantity at each impact, `Ensemble.histograms`.
     raw : bool
@@ -46,6 +49,7 @@ class Record:
     times: Sequence[float] | Floats = ()
     step_bias: bool | None = None
     itineraries: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    on_itinerary: bool = False
     histogram: bool = False
     raw: bool = False
     energy: bool = False

@@ -173,6 +173,12 @@ class CentralSums:
             )
         return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
 
+    def until(self, rows: int) -> "CentralSums":
+        """The sums of the first rows of cells; the others have no observations."""
+        seen = np.arange(len(self.n)) < rows
+        shape = seen.reshape(-1, *(1,) * (self.n.ndim - 1))
+        return CentralSums(self.orders, self.n * shape, self.mean, self.sums * shape)
+
     def moment(self, p: int, q: int) -> Floats:
         """Central moment ``E[(a - E a)^p (b - E b)^q]``, without bias correction."""
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -49,7 +49,7 @@ def test_page_states_once_what_is_judged_and_speaks_in_three_phrases(report):
 
 def test_page_begins_with_the_answer(report):
     answer = json.loads((report / "manifest.json").read_text())["answer"]
-    assert len(answer) == 7
+    assert len(answer) == 8
     page = (report / "report.md").read_text()
     places = [answer[0], "figures/validity.svg", answer[1], answer[-1], "##"]
     assert sorted(places, key=page.index) == places

@@ -61,9 +61,10 @@ def test_an_end_that_more_paths_would_decide_is_called_undecided():
     assert f"from impact {found.accurate + 1} on" in found.why
 
 
-def test_answer_is_advice_cost_motion_and_three_sentences_with_the_counts(validations):
-    first, cost, motion, *sentences = answer(validations)
+def test_answer_is_advice_both_questions_cost_motion_and_three_sentences_with_the_counts(validations):
+    first, both, cost, motion, *sentences = answer(validations)
     assert first.startswith("For this gear pair take `saltation` at σ = 0.01 (all means")
+    assert both.startswith("On the itinerary, which all but fewer than one in a billion paths follow, `saltation` is ")
     assert cost.startswith("Nominal time on one core")
     assert motion.startswith("In the units of these gears: at σ = ")
     assert len(sentences) == 3
@@ -100,7 +101,7 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     assert [row[2].text for row in reach_table(v).rows] == ["3"]
     heads = [column.head for column in count_table(v).columns]
     counts = [dict(zip(heads[2:], (int(cell.text) for cell in row[2:]), strict=True)) for row in count_table(v).rows]
-    assert [c["inaccurate"] + c["undecided"] for c in counts] == [0, 0, 0]
-    assert [c["not judged"] for c in counts] == [3, 3, 0]  # means, sds, rho
-    assert "`saltation` 30 of 30" in answer([v])[3]
+    assert [c["inaccurate"] + c["undecided"] for c in counts] == [0] * 5
+    assert [c["not judged"] for c in counts] == [3, 3, 0, 3, 3]  # means, sds, rho; those of the paths on its itinerary
+    assert "`saltation` 30 of 30" in " ".join(answer([v]))
     assert len(rows_to_judge(v, "saltation")) == 30

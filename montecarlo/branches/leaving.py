@@ -1,0 +1,108 @@
+"""Probability of leaving the noise-free itinerary, by branch: from a run, and from paths drawn near rare branches.
+
+An interval is that of a weighted sum of Poisson counts (Fay and Feuer 1997); with equal weights it is the exact one of
+Garwood (1936).  Weights are bounded and their sums unbiased, whichever branches the search has found
+(`rattle.montecarlo.rare.mixture`).  A branch that neither the search nor the run has found is in no row.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from scipy.special import chdtri
+
+from rattle.montecarlo.branches.choose import ALIKE, LIKELY, cosine, steps_of
+from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
+from rattle.montecarlo.kernel.block import BLOCK, CODES, count_followed
+from rattle.montecarlo.rare.block import sample_mixture
+from rattle.montecarlo.rare.mixture import mixture_of
+from rattle.montecarlo.schemes.step_size import default_step
+from rattle.montecarlo.settings.plan import EXACT, NOISE_FREE, begins
+from rattle.montecarlo.statistics.intervals import CONFIDENCE
+from rattle.scene.types import Floats
+
+if TYPE_CHECKING:
+    from rattle.montecarlo.ensemble.result import Ensemble
+
+MOST = 24  # branches near which paths are drawn, the most probable first
+BLOCKS, LEAST_BLOCKS = 2, 8  # blocks of paths for each branch, and for all
+NEAR = 0.8  # share of these paths that are drawn near a branch
+KNOWN = 100.0  # paths of a run that left by a branch from which on they are enough
+LEFT = 0x1EA  # spawn key of the random numbers of these paths
+COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "near")
+
+
+def find_leaving(run: Ensemble) -> pd.DataFrame:
+    """`Ensemble.leaving` of a run.
+
+    Its own paths are counted where so many left, or more than are drawn near the branches that were found.
+    """
+    name = next(n for n in run.plan.apart if begins(run.plan.itineraries[NOISE_FREE], run.plan.itineraries[n]))
+    plain, near = _share(run.result.followers[name].left, run.paths), _sample_near(run)
+    rows = []
+    for k, i in zip(*np.nonzero(plain[0] + near[0]), strict=True):
+        found, other, code = plain[:, k, i], near[:, k, i], CODES[i]
+        seen = bool(found[0] ** 2 >= KNOWN * found[1] > 0.0 or interval(*other)[1] < interval(*found)[0])
+        found = found if seen else other
+        if found[0] >= SMALLEST:
+            bounds, paths = interval(*found), found[0] ** 2 / found[1]
+            rows.append((k + 1, abs(code), int(np.sign(code)), found[0], *bounds, paths, not seen))
+    return pd.DataFrame(rows, columns=COLUMNS).astype({"near": bool})
+
+
+def _share(left: Floats, paths: int) -> Floats:
+    """`Followers.left` of so many paths, in probabilities."""
+    return np.asarray(left / np.array([paths, paths**2, paths], dtype=float)[:, None, None])
+
+
+def interval(total: float, squares: float, largest: float) -> tuple[float, float]:
+    """Interval of a weighted sum of Poisson counts, from the sum of the weights, of their squares, and the largest.
+
+    Examples
+    --------
+    >>> [round(bound, 2) for bound in interval(10.0, 10.0, 1.0)], round(interval(0.0, 0.0, 1.0)[1], 2)
+    ([4.8, 18.39], 3.69)
+    """
+    tail, more, wide = 0.5 - 0.5 * CONFIDENCE, total + largest, squares + largest**2
+    low = 0.5 * squares / total * chdtri(2.0 * total**2 / squares, 1.0 - tail) if squares > 0.0 else 0.0
+    high = 0.5 * wide / more * chdtri(2.0 * more**2 / wide, tail) if wide > 0.0 else 0.0
+    return float(low), float(high)
+
+
+def search_for(run: Ensemble) -> RareEvents | None:
+    """The branches of a run's orbit; None without noise, and for noise with a memory."""
+    scene = run.scene
+    if scene.sigma == 0.0 or scene.correlation_time:
+        return None
+    dt = default_step(scene, EXACT)
+    steps = math.ceil(steps_of(run) * run.dt / dt)
+    return search_of(scene.phase_reduced, run.impacts, steps, dt).until(1.0)
+
+
+def _sample_near(run: Ensemble) -> Floats:
+    """What `Followers.left` has, in probabilities, from paths drawn near the rare branches of the orbit."""
+    left, found, shifts = np.zeros((3, run.impacts, len(CODES))), search_for(run), list[Floats]()
+    for branch in sorted(found.branches if found else (), key=lambda b: -b.probability):
+        rare = branch.probability < LIKELY and branch.shift.any()
+        if rare and len(shifts) < MOST and all(cosine(branch.shift, other) < ALIKE for other in shifts):
+            shifts.append(branch.shift)
+    if not shifts:
+        return left
+    mixture = mixture_of(shifts, [NEAR / len(shifts)] * len(shifts), np.zeros((run.impacts, 6)), BLOCK)
+    dt = default_step(run.scene, EXACT)
+    plan = run.plan._replace(
+        scene=run.scene.phase_reduced,
+        scheme=EXACT,
+        dt=dt,
+        most_steps=math.ceil(run.plan.most_steps * run.dt / dt),
+        seed=np.random.SeedSequence(run.seed.entropy, spawn_key=(*run.seed.spawn_key, LEFT)),
+    )
+    itinerary = np.array(run.plan.itineraries[NOISE_FREE], dtype=float)
+    blocks = max(LEAST_BLOCKS, BLOCKS * len(shifts))
+    for block in range(blocks):
+        rows, weights, _, _ = sample_mixture(plan, mixture, block)
+        count_followed(rows, weights, itinerary, np.zeros(BLOCK), left)
+    return _share(left, blocks * BLOCK)

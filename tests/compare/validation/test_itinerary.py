@@ -1,0 +1,97 @@
+"""Verdicts on the paths that have followed a closure's itinerary so far, beside those on all paths."""
+
+import numpy as np
+import pytest
+
+from rattle import Closure, mean_map
+from rattle.compare import validate
+from rattle.compare.validation.answer import answer, itinerary_sentence
+from rattle.compare.validation.comparison import find_validities, find_validity
+from rattle.compare.validation.errors import NO_ITINERARY, ON_ITINERARY, TOO_FEW_FOLLOW
+from rattle.compare.validation.tables import leaving_table, reach_table
+from rattle.compare.validation.verdict import JUDGED
+from rattle.montecarlo import Record, simulate
+from rattle.scene import DAT21, Scene, Start
+
+SCENE = Scene.from_gears(DAT21, sigma=0.1)
+IMPACTS = 3
+
+
+def right(scene, impacts):
+    """Another simulation's moments of the paths on the itinerary."""
+    run = simulate(scene, paths=200_000, impacts=impacts, rng=99, record=Record(on_itinerary=True))
+    return run.on_itinerary().section[["tau", "sd_tau", "y1", "sd_y1", "y2", "sd_y2"]]
+
+
+def off(scene, impacts):
+    """The same with an sd that is a third too large."""
+    return right(scene, impacts).assign(sd_y2=lambda t: 1.33 * t["sd_y2"])
+
+
+@pytest.fixture(scope="module")
+def compared():
+    methods = ["saltation", Closure("right", right, describes="itinerary"), off]
+    return validate(SCENE, impacts=IMPACTS, closures=methods, paths=40_000, rng=5)
+
+
+def test_a_right_closure_is_accurate_there_and_a_wrong_one_is_caught(compared):
+    rows = compared.section_rows("right", ON_ITINERARY)
+    assert set(rows["verdict"]) & set(JUDGED) == {"accurate"}
+    wrong = compared.section_rows("off", ON_ITINERARY)
+    assert set(wrong[(wrong["quantity"] == "y2") & (wrong["moment"] == "sd")]["verdict"]) == {"inaccurate"}
+    over_all = compared.section_rows("right")
+    last = over_all[(over_all["quantity"] == "y2") & (over_all["moment"] == "sd") & (over_all["impact"] == IMPACTS)]
+    assert last["verdict"].tolist() == ["inaccurate"], "all paths together have another sd"
+
+
+def test_counts_and_ranges_of_all_paths_leave_these_rows_aside(compared):
+    predicted = compared.section_rows("saltation")["verdict"].isin(JUDGED).sum()
+    fixed = compared.table[(compared.table["closure"] == "saltation") & (compared.table["kind"] == "fixed time")]
+    assert compared.counts.loc["saltation"].sum() == predicted + fixed["verdict"].isin(JUDGED).sum()
+    found = find_validity(compared, "right")
+    assert found.itinerary_accurate == IMPACTS > found.accurate
+    assert 0.02 < found.leaving_low < found.leaving < found.leaving_high < 0.05
+    assert found.leaving == pytest.approx(1.0 - compared.run.agreement["right"][IMPACTS], rel=0.1)
+    said = itinerary_sentence(find_validities([compared]), IMPACTS)[0]
+    assert "`right` is accurate; all paths together: it is not" in said
+    assert said in answer([compared])
+    whose = {row[0].text: row[1].text for row in reach_table(compared).rows}
+    assert whose == {"saltation": "paths on its itinerary", "right": "paths on its itinerary", "off": "not stated"}
+    assert any("mesh 2, side -1" in row[1].text for row in leaving_table(compared).rows)
+
+
+def test_branching_tells_the_paths_on_the_itinerary_from_all():
+    v = validate(SCENE, impacts=IMPACTS, closures=["branching"], paths=40_000, rng=6)
+    assert set(v.section_rows("branching", ON_ITINERARY)["verdict"]) & set(JUDGED) == {"accurate"}
+    every = mean_map(SCENE, impacts=IMPACTS, closure="branching").section
+    assert every["sd_y2"][IMPACTS] > 1.1 * v.predictions["branching"].on_itinerary().section["sd_y2"][IMPACTS]
+
+
+def test_where_no_itinerary_has_half_of_the_paths_it_says_so():
+    loud = validate(SCENE.with_sigma(1.2), impacts=IMPACTS, closures=["saltation"], paths=2000, rng=1)
+    rows = loud.section_rows("saltation", ON_ITINERARY)
+    few = rows[rows["agreement"] < 0.5]
+    assert set(few["verdict"]) == {"not judged"}
+    assert set(few["remark"]) == {TOO_FEW_FOLLOW}
+    assert "ewer than half of the paths" in " ".join(answer([loud]))
+
+
+def test_an_orbit_at_rest_has_no_itinerary_and_says_so():
+    parts = {"alpha": 0.05, "epsilon": 0.5, "beta1": 0.5, "gamma1": 0.0, "stages": 1}
+    rest = Scene(**parts, sigma=0.3, start=Start(0.0, 0.0, 0.1, mesh=0))  # noise alone brings it to a wall
+    found = validate(rest, impacts=2, closures=["saltation"], paths=64, rng=1)
+    rows = found.section_rows("saltation", ON_ITINERARY)
+    assert set(rows["verdict"]) == {"not predicted"}
+    assert set(rows["remark"]) == {NO_ITINERARY}
+    assert "ewer than half of the paths" in " ".join(answer([found]))
+
+
+def test_without_noise_the_rows_are_those_of_all_paths():
+    still = validate(SCENE.noise_free, impacts=IMPACTS, closures=["saltation"], paths=100, rng=1)
+    both = [
+        still.section_rows("saltation", kind).drop(columns="kind").reset_index(drop=True)
+        for kind in ("section", ON_ITINERARY)
+    ]
+    np.testing.assert_array_equal(both[0]["simulated"], both[1]["simulated"])
+    np.testing.assert_array_equal(both[0]["verdict"], both[1]["verdict"])
+    assert find_validity(still, "saltation").leaving_high == 0.0
