@@ -33,7 +33,7 @@ def site(tmp_path_factory):
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-D", "plot_gallery=0"]
     offline = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
     done = subprocess.run(
-        [*command, copy / "docs", out], capture_output=True, text=True, env=os.environ | offline, timeout=1800
+        [*command, copy / "docs", out], capture_output=True, text=True, env=os.environ | offline, timeout=850
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return out
