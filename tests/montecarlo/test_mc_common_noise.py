@@ -94,12 +94,6 @@ def test_paths_of_one_number_share_their_noise_and_others_do_not():
     assert np.abs(other.at[:4] - a.at[:4] - moved).max() > 0.1
 
 
-def test_the_depth_of_the_tree_leaves_the_noise_of_its_coarser_levels_alone():
-    fine, coarse = (first_impacts(PAPER, 200, 1, depth)[:, 0] for depth in (22, 12))
-    assert np.median(np.abs(fine - coarse)[:, 0]) < 1e-4  # leaves of 1.2e-5
-    assert np.corrcoef(fine[:, 2], coarse[:, 2])[0, 1] > 0.99
-
-
 def test_neighbours_leave_a_hundredfold_distance_ten_times_as_far():
     """Noise that were not common would leave them as far from any distance."""
     apart, _, missed = after_impact(dat21(PAPER), np.array([1e-6, 1e-4]), 500, 1)

@@ -8,7 +8,6 @@ import pytest
 from mc_checks import (
     DAMPED,
     PRESSED,
-    TOLERANT,
     UNEQUAL_GAPS,
     agrees,
     dat21,
@@ -123,34 +122,6 @@ class TestScheme:
 
     # --- paths and tables
 
-    def test_times_go_on_and_flights_are_their_differences(self, scheme):
-        raw = self.run(scheme, dat21(0.5), impacts=20).raw
-        tau = np.concatenate([np.zeros((len(raw), 1)), raw[:, :, 0]], axis=1)
-        assert np.array_equal(np.diff(tau, axis=1), raw[:, :, 1])
-        assert (raw[:, :, 1] >= 0.0).all()
-        assert (raw[:, :, 1] > 0.0).mean() > 0.99
-
-    @pytest.mark.parametrize("scene", [dat21(0.5), replace(UNEQUAL_GAPS, sigma=0.3)], ids=["DAT21", "unequal gaps"])
-    def test_impacts_are_on_the_wall_of_their_code_and_outward(self, scheme, scene):
-        raw = self.run(scheme, scene, impacts=20).raw
-        for mesh, gap in ((1, scene.gap1), (2, scene.gap2)):
-            rows = raw[np.abs(raw[:, :, 6]) == mesh]
-            side = np.sign(rows[:, 6])
-            assert len(rows) > 500
-            assert (rows[:, 2 * mesh] == side * gap).all()
-            assert (rows[:, 2 * mesh + 1] * side > 0.0).all()
-
-    @pytest.mark.parametrize("scene", [dat21(0.5), replace(TOLERANT, sigma=0.5)], ids=["DAT21", "redrawn walls"])
-    def test_states_are_within_the_walls_at_any_time(self, scheme, scene):
-        """Where impacts are located: without slack but rounding.  Detection at a step's end lets a step through."""
-        run = self.run(scheme, scene, paths=400, times=np.arange(1, 60) * STEP[scheme] * 4, raw=False)
-        spread = 6.0 * STEP[scheme] if not LOCATES[scheme] else 0.0
-        c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
-        states = fixed_states(run)
-        assert np.isfinite(states).all()
-        assert np.abs(states[..., 0]).max() <= scene.gap1 + c1 + 1e-9 + spread
-        assert np.abs(states[..., 2]).max() <= scene.gap2 + c2 + 1e-9 + spread
-
     def test_agreement_is_a_share_that_never_grows(self, scheme):
         orbit = orbit_of(dat21(), 8)[:, 5].astype(int).tolist()
         run = self.run(scheme, dat21(0.5), impacts=8, itineraries={"orbit": orbit, "never": [0] * 8})
@@ -247,12 +218,3 @@ class TestScheme:
         run = self.run(scheme, dat21(0.3), impacts=4, step_bias=True, times=[1.0])
         assert np.isfinite(run.step_bias[["bias", "se_bias", "corrected", "se_corrected", "rest"]].to_numpy()).all()
         assert np.isfinite(run.at_times()[["coarse_rho1", "coarse_rho2"]].to_numpy()).all()
-
-
-def fixed_states(run):
-    """States of a run's paths at its fixed times, shape (paths, times, 4), by running its blocks again."""
-    from rattle.montecarlo.kernel.block import Plan, sample
-
-    steps = np.round((run.fixed_times - run.scene.start.tau) / run.dt).astype(np.int64)
-    plan = Plan(run.scene, run.paths, run.impacts, run.dt, run.scheme, run.seed, 16 * int(steps[-1]), steps, {}, 1)
-    return np.concatenate([sample(plan, b).fixed[0] for b in range(plan.blocks)])

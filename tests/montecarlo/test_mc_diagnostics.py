@@ -11,7 +11,7 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.diagnostics.diagnostics import motion_units, orbit_shift
 from rattle.montecarlo.schemes.step_size import trusted_step
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene import Scene, Start
+from rattle.scene import Scene
 
 LOCATED, PLAIN, EXACT = "euler-maruyama-located", "euler-maruyama", "exact-flight"
 
@@ -83,19 +83,6 @@ def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
     assert not any("stayed closed" in said for said in quick.diagnostics)
     assert timed.sticking_steps > 0
     assert any("a mesh stayed closed" in said for said in timed.diagnostics)
-
-
-@pytest.mark.parametrize("scheme", [LOCATED, PLAIN, EXACT])
-def test_a_flight_of_no_length_is_no_unit(scheme):
-    """A start within rounding of its wall: the first impact comes at once, and moves by nothing of nothing."""
-    scene = Scene(
-        alpha=1.0, epsilon=0.5, beta1=0.0, beta2=0.03, gamma1=0.0, gamma2=0.02, mu=1e-4, gap1=1.0, gap2=0.5,
-        start=Start(5.0, 0.999999999999999, 1e6, 0.0, 0.0),
-    )  # fmt: skip
-    found = simulate(scene, paths=1, impacts=1, scheme=scheme)
-    assert (motion_units(found.columns, scene)["tau"] == 0.0).any() == (scheme != PLAIN)
-    assert math.isfinite(orbit_shift(found)[0])
-    assert not any("nan" in said or "inf " in said for said in found.diagnostics)
 
 
 UNMEASURED = Record(step_bias=False)

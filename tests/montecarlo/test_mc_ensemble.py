@@ -80,11 +80,6 @@ def test_agreement_is_the_share_of_paths_on_each_itinerary(run):
     assert run.section.agreement.equals(run.agreement["noise-free"].rename("agreement"))
 
 
-def test_noise_free_itinerary_cannot_be_replaced():
-    with pytest.raises(InputError):
-        simulate(dat21(0.01), paths=2, impacts=1, record=Record(itineraries={"noise-free": [2]}))
-
-
 # --- moments at fixed times
 
 
@@ -106,12 +101,6 @@ def test_correlations_and_errors_at_fixed_times_are_those_of_the_covariance(run)
 def test_fixed_time_that_was_not_recorded_is_refused(run):
     with pytest.raises(InputError, match=r"times = 1.5: was not recorded; give it to simulate: record=Record"):
         run.at_times([1.5])
-
-
-def test_fixed_time_given_to_a_run_with_step_bias_is_found_again():
-    dt = 0.01
-    run = simulate(dat21(0.1), paths=2, impacts=1, dt=dt, record=Record(times=[0.058], step_bias=True))
-    assert run.at_times([0.058]).index[0] == pytest.approx(0.058, abs=2.0 * dt)
 
 
 def test_fixed_time_at_the_horizon_is_recorded():
@@ -268,11 +257,6 @@ def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
     assert run.section.tau[2] == pytest.approx(run.raw[reached, 1, 0].mean(), rel=1e-12)
 
 
-def test_impact_that_nobody_reached_has_no_mesh():
-    run = simulate(dat21(0.05), paths=5, impacts=3, dt=5e-3, sampling=Sampling(horizon=0.6))
-    assert run.section.mesh[3] not in (1, 2)
-
-
 # --- only what the scene requires
 
 
@@ -324,11 +308,6 @@ def test_path_steps_count_every_lane_and_step_size():
         open_space(0.1), paths=100, impacts=1, dt=0.01, sampling=Sampling(horizon=1.28), record=Record(step_bias=True)
     )
     assert run.path_steps == 100 * (128 + 64 + 32)
-
-
-def test_progress_is_silent_in_a_pipe(capfd):
-    simulate(dat21(0.1), paths=600, impacts=1, progress="paths")
-    assert capfd.readouterr() == ("", "")
 
 
 def test_too_few_paths_tell_no_error():

@@ -271,52 +271,6 @@ def test_comparison_with_euler_steps_sees_another_scene(fault, extrapolated):
 # --- close to a wall
 
 
-CRAWLING = Scene(
-    alpha=0.0, epsilon=0.5, beta1=0.1, gamma1=0.05, gap1=0.5, sigma=0.02, stages=1,
-    start=Start(0.3, 0.5 - 1e-5, 1e-5),
-)  # fmt: skip
-"""Within 1e-5 of a wall, at speeds of 1e-5, pushed on by a weak drag."""
-
-CRAWLS = {f"single, epsilon {e}": replace(CRAWLING, epsilon=e) for e in (0.0, 0.02, 0.5, 1.0)} | {
-    "chatter at both meshes": replace(UNEQUAL_GAPS, sigma=0.2),
-    "chatter between redrawn walls": replace(TOLERANT, sigma=0.2),
-}
-
-
-@pytest.mark.parametrize("case", CRAWLS)
-def test_paths_that_crawl_along_a_wall_go_on(case):
-    """No hang, nothing NaN, time onward, each impact on its wall and outward, both stages within their walls."""
-    scene = CRAWLS[case]
-    c1, c2 = (scene.tolerance.c1_max, scene.tolerance.c2_max) if scene.tolerance else (0.0, 0.0)
-    run = simulate(
-        scene,
-        paths=100,
-        impacts=60,
-        dt=0.1,
-        scheme=EXACT,
-        rng=1,
-        sampling=Sampling(horizon=5.0),
-        record=Record(times=scene.start.tau + np.arange(0.1, 5.0, 0.1), raw=True),
-    )
-    met = 0
-    for path in run.raw:
-        seen = path[np.isfinite(path[:, 0])]
-        met += len(seen)
-        steps = np.diff(seen[:, 0])
-        assert ((steps > 0.0) | ((steps == 0.0) & (scene.stages == 2))).all()
-        assert (np.abs(seen[:, 2]) <= scene.gap1 * (1.0 + 2.0 * CLOSE) + c1).all()
-        if scene.stages == 2:
-            assert (np.abs(seen[:, 4]) <= scene.gap2 * (1.0 + 2.0 * CLOSE) + c2).all()
-        for row in seen:
-            mesh, side = abs(int(row[6])), np.sign(row[6])
-            assert side * row[2 * mesh + 1] > 0.0
-            if scene.tolerance is None:
-                assert row[2 * mesh] == side * (scene.gap1, scene.gap2)[mesh - 1]
-    assert met > 1000
-    assert np.isfinite(run.at_times()[["x1", "y1"]].to_numpy()).all()
-    assert run.at_times().x1.abs().max() <= scene.gap1 + c1
-
-
 @pytest.mark.parametrize("scene", [UNEQUAL_GAPS, TOLERANT], ids=["fixed walls", "redrawn walls"])
 def test_paths_that_stick_where_the_noise_vanishes_stay_within_the_gap(scene):
     """Around tau = 2 pi the noise of stage 1 goes through zero while the chatter of both stages dies out.

@@ -5,9 +5,7 @@ import pytest
 from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
-from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Tolerance
 from rattle.scene.moments import SECTION
@@ -40,15 +38,6 @@ def test_the_step_is_shortened_until_its_bias_is_within_the_accuracy(scheme):
         steps.append(run.dt)
     assert steps == sorted(steps, reverse=True)
     assert steps[-1] < 1e-3 * steps[0]
-
-
-def test_more_paths_of_a_noise_free_run_are_the_same_path():
-    """As many as there are blocks, and no block is run again."""
-    first = simulate(dat21(0.0), paths=4 * BLOCK, impacts=2)
-    more = extend(first, 32 * BLOCK, in_threads(1))
-    assert (more.section["agreement"] == 1.0).all()
-    assert (more.section["paths"] == 32 * BLOCK).all()
-    assert more.path_steps == first.path_steps
 
 
 @pytest.mark.parametrize("distribution", ["uniform", "normal"])

@@ -61,15 +61,6 @@ def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     assert found.why
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("error")
-def test_a_search_along_three_hundred_impacts_overflows_nowhere():
-    scene = Scene(alpha=14.583, epsilon=0.7, beta1=0.0, gamma1=5.0712, sigma=0.03, stages=1)
-    assert rare_events(scene, 300).branches is not None
-    two = Scene(alpha=1.5, epsilon=0.9, beta1=0.0, beta2=0.0, gamma1=0.0057, gamma2=0.002, mu=0.4, sigma=0.01)
-    assert rare_events(two, 300).known > 0
-
-
 def test_one_search_serves_all_probabilities(monkeypatch):
     """Whatever is asked for first, no flight is searched twice, and the answers are those of searches of their own."""
     flights, one = [], branches.events
