@@ -124,7 +124,9 @@ def test_derivatives_of_the_section_map(name, d):
                 np.testing.assert_allclose(bend[live], second[live, i, j], atol=1e-15 / step**2 + 1e-4 * scale)
 
 
-TWO_FIRST = [n if n in ("DAT21", "single stage") else pytest.param(n, marks=pytest.mark.slow) for n in SCENES]
+def some_first(names, *first):
+    """All names, those of the second tier marked."""
+    return [name if name in first else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 def compared_with(scene, paths, z=4.0, seed=5, scheme="euler-maruyama-located", dt=1e-3):
@@ -137,7 +139,7 @@ def compared_with(scene, paths, z=4.0, seed=5, scheme="euler-maruyama-located", 
     return table[(table["unit"] > ABSOLUTE) & (table["agreement"] == 1.0)], run
 
 
-@pytest.mark.parametrize("name", TWO_FIRST)
+@pytest.mark.parametrize("name", some_first(SCENES, "DAT21"))
 def test_small_noise_section_moments(name):
     """Means and sds of tau, flights and states within 4 standard errors at sigma = 0.002, step bias accounted for."""
     table, _ = compared_with(SCENES[name](0.002), 40_000)
@@ -147,7 +149,7 @@ def test_small_noise_section_moments(name):
     assert (table["error"].abs() < 6.0 * table["scale"] + table["rest"]).all()
 
 
-@pytest.mark.parametrize("name", TOLERANCES)
+@pytest.mark.parametrize("name", some_first(TOLERANCES, "path, uniform", "contact, normal"))
 def test_tolerances_as_components_of_the_section_state(name):
     scene = Scene.from_gears(DAT21, sigma=0.002, tolerance=TOLERANCES[name])
     table, _ = compared_with(scene, 40_000)
@@ -210,6 +212,7 @@ def test_the_first_flight_is_skew_as_its_end_is():
     assert (m["skew_flight"].iloc[1:] - m["skew_tau"].iloc[1:]).abs().min() > 1e-3
 
 
+@pytest.mark.slow
 def test_what_remains_grows_as_sigma_squared():
     """Relative errors of the sds at three noise intensities: a multiple of sigma^2 fits, a constant does not."""
     sigmas = np.array([0.01, 0.02, 0.03])
