@@ -2,7 +2,6 @@
 
 import functools
 import pickle
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -37,18 +36,6 @@ def test_what_it_leaves_out_is_not_predicted_and_the_orbit_gives_its_impacts():
     assert found.section["realizable"].all()
     assert found.at_times([0.3])["rho1"].isna().all()
     assert found.density(1, "y1", np.zeros(3)) is None
-
-
-def test_flights_alone_give_the_times():
-    found = mean_map(SCENE, impacts=3, closure=table(flight=[0.5, 0.25, 0.25])).section
-    assert found["tau"].tolist() == [0.5, 0.75, 1.0]
-
-
-def test_a_late_start_is_seen_within_a_period_of_the_drive():
-    late = Scene.from_gears(DAT21, sigma=0.02, start=replace(SCENE.start, tau=2e6))
-    seen = []
-    mean_map(late, impacts=1, closure=lambda scene, impacts: seen.append(scene.start.tau) or {"tau": [0.5]})
-    assert abs(seen[0]) <= np.pi
 
 
 @pytest.mark.parametrize(

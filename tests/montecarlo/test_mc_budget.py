@@ -4,7 +4,6 @@ The clock of these tests ticks with the blocks of paths that are run, so that no
 """
 
 import logging
-import math
 
 import pytest
 from mc_checks import dat21
@@ -109,12 +108,6 @@ def test_slow_paths_are_refused_before_a_pilot(monkeypatch):
     assert watched.paths == [1, 1, 1, 8, 8, 256]
 
 
-def test_no_budget_at_all_may_be_asked_for(monkeypatch):
-    watched = Watched(monkeypatch, lambda paths: 1e6)
-    run = ask(watched, 0.1, budget=math.inf)
-    assert run.reach.reached
-
-
 def test_other_schemes_are_not_tried_without_a_budget_for_them(monkeypatch):
     monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.ENOUGH", 0.0)
     watched = Watched(monkeypatch, lambda paths: 3.0)
@@ -131,10 +124,3 @@ def test_the_estimate_is_said_before_the_work(monkeypatch, caplog):
     assert record.getMessage() == f"Accuracy 0.02 sd: {run.reach.expected.sentence}."
     assert record.getMessage().startswith("Accuracy 0.02 sd: about ")
     assert "of processor time: exact-flight, dt = 0.0327, " in record.getMessage()
-
-
-def test_the_finest_accuracies_are_refused_as_others_are():
-    for accuracy in (1e-300, 5e-324):
-        for scheme in ("exact-flight", "euler-maruyama-located"):
-            with pytest.raises(InputError, match="is expected to take"):
-                simulate_to(dat21(0.5), accuracy, impacts=1, scheme=scheme)

@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from mc_checks import dat21
 from mc_checks import stepped as simulate
@@ -11,7 +10,7 @@ from settings import recorded
 from rattle.montecarlo import Sampling, largest_step, simulate_to
 from rattle.montecarlo.kernel import blocks
 from rattle.montecarlo.settings import plan as validation
-from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
+from rattle.scene import InputError, Scene, Start, Tolerance
 
 BAD = {
     "no paths": ({"paths": 0}, "paths = 0: must be at least 1"),
@@ -63,30 +62,6 @@ def test_itinerary_of_a_wrong_length_is_refused(itinerary):
         simulated(itineraries={"mine": itinerary})
 
 
-def test_itinerary_is_looked_at_before_any_path_is_run(monkeypatch):
-    monkeypatch.setattr(validation, "sample", lambda *_: pytest.fail("work was done"))
-    with pytest.raises(InputError):
-        simulated(itineraries={"mine": [1]})
-
-
-def test_something_else_than_a_scene_is_refused():
-    with pytest.raises(InputError, match=r"scene = .*: give a Scene"):
-        simulated(scene=DAT21)
-
-
-UNTYPED = {
-    "a time that is no sequence": {"times": 0.5},
-    "a time of words": {"times": ["noon"]},
-    "an itinerary of words": {"itineraries": {"mine": ["left", "right", "left"]}},
-}
-
-
-@pytest.mark.parametrize("case", UNTYPED)
-def test_input_of_a_wrong_type_is_refused_by_name(case):
-    with pytest.raises(InputError):
-        simulated(**UNTYPED[case])
-
-
 STEADY = {"alpha": 0.0, "epsilon": 0.9, "gamma1": 0.0, "stages": 1, "start": Start(0.0, 0.0, 1e-3, mesh=0)}
 
 
@@ -128,17 +103,6 @@ def test_step_is_limited_by_gap_and_by_what_drives_a_path_through_it(change, lim
 
 def test_step_is_limited_by_the_narrowest_gap_a_tolerance_leaves():
     assert largest_step(dat21(tolerance=Tolerance(0.1, 0.3)))[0] == pytest.approx(0.5 * 0.2 / 2.0)
-
-
-def test_absent_stage_does_not_limit_the_step():
-    scene = Scene(**(STEADY | {"stages": 1}), beta1=0.1, beta2=1e3, gap2=1e-9)
-    assert scene.stages == 1
-    assert largest_step(scene)[0] == pytest.approx(math.pi / 10.0)
-
-
-def test_numpy_numbers_are_numbers():
-    run = simulated(paths=np.int64(10), dt=np.float64(1e-2), rng=np.int64(3), times=np.array([0.5]))
-    assert run.section.paths.tolist() == [10, 10, 10]
 
 
 def test_too_long_a_default_step_is_shortened_and_said_to_be():

@@ -232,36 +232,6 @@ def test_a_wrong_moment_is_seen(z, fault):
     assert np.abs(scores).max() > limit(scores.size)
 
 
-def correlations(pairs):
-    """z-scores of the correlation of each pair of samples, and of their squares."""
-    scores = []
-    for a, b in pairs:
-        a, b = a.ravel(), b.ravel()
-        for u, v in ((a, b), (a**2, b**2)):
-            scores.append(np.corrcoef(u, v)[0, 1] * math.sqrt(a.size))
-    return np.array(scores)
-
-
-def neighbours(z):
-    """Samples that must know nothing of each other: between components, neighbouring and far indices and paths."""
-    return [
-        *((z[..., i], z[..., j]) for i in range(4) for j in range(i)),
-        *((z[:, :-lag, i], z[:, lag:, j]) for lag in (1, 2, 64) for i in range(4) for j in range(4)),
-        *((z[:-lag, :, i], z[lag:, :, i]) for lag in (1, 2, 512) for i in range(4)),
-    ]
-
-
-def test_components_indices_and_paths_are_uncorrelated_and_so_are_their_squares(z):
-    scores = correlations(neighbours(z))
-    assert np.abs(scores).max() < limit(scores.size)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_wrong_correlation_is_seen(z, axis):
-    scores = correlations(neighbours(np.sqrt(1.0 - 4e-4) * z + 2e-2 * np.roll(z, 1, axis)))
-    assert np.abs(scores).max() > limit(scores.size)
-
-
 def test_keys_of_nearby_seeds_differ():
     seeds = [np.random.SeedSequence(n) for n in range(1000)] + np.random.SeedSequence(0).spawn(1000)
     assert len({tuple(int(w) for w in key_of(s)) for s in seeds}) == 2000

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -123,20 +122,6 @@ def test_a_start_may_not_lie_in_the_tolerance_band():
 def test_a_single_stage_knows_mesh_1_only():
     with refused("start.mesh", 2, "a single-stage scene has mesh 1 only"):
         Scene(**VALUES, stages=1, start=Start(x2=0.4, y2=1.0, mesh=2))
-
-
-@pytest.mark.parametrize("name", NUMBERS)
-@pytest.mark.parametrize("number", [np.float32(0.25), Fraction(1, 4)], ids=["float32", "Fraction"])
-def test_numbers_lie_in_the_scene_as_plain_floats(name, number):
-    scene = Scene(**VALUES | {name: number})
-    assert type(getattr(scene, name)) is float
-    assert Scene.from_toml(scene.to_toml()) == scene
-
-
-@pytest.mark.parametrize("mu", [float("nan"), "0.6", None])
-def test_an_unused_mu_must_still_be_a_number(mu):
-    with pytest.raises(InputError):
-        Scene(**VALUES | {"mu": mu}, stages=1)
 
 
 def test_from_gears_takes_the_gears_numbers_and_keeps_the_gears():

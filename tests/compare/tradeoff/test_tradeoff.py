@@ -10,17 +10,15 @@ import pytest
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
-from rattle.compare.tradeoff.figures import tradeoff_figure
 from rattle.compare.tradeoff.measure import (
     CostModel,
     CostPoint,
-    Tradeoff,
     _compare,
     closure_points,
     slope,
 )
 from rattle.compare.tradeoff.multilevel import Levels, Rate, control_table, fit, giles_cost, levels_of
-from rattle.compare.tradeoff.page import CONTENTS, cheapest, verdict
+from rattle.compare.tradeoff.page import CONTENTS, cheapest
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import units
@@ -195,19 +193,6 @@ def test_a_run_that_promised_too_much_is_found_out():
     assert beside.accuracy == 0.001
 
 
-def test_the_verdict_on_multilevel_follows_the_numbers():
-    models, table = {"exact-flight": model(0.0)}, pd.DataFrame()
-    cheap = synthetic()
-    dear = cheap._replace(table=cheap.table.assign(path_seconds=1e6, alone_seconds=1e6))
-    cheap = cheap._replace(table=cheap.table.assign(path_seconds=1e-12, alone_seconds=1e-12))
-    said = [
-        verdict(Tradeoff(table, models, {"euler-maruyama": x}, models["exact-flight"].best), (0.1, 0.01))
-        for x in (cheap, dear)
-    ]
-    assert "is cheaper than exact flights for the section means at 0.1 (" in said[0]
-    assert "is never cheaper than exact flights" in said[1]
-
-
 # closures, control, figure
 
 
@@ -230,19 +215,6 @@ def test_the_control_is_worth_most_at_small_noise():
     assert (table["time_ratio"] > 0.5).all()
     assert table["antithetic_means"][0] > 100.0 > table["antithetic_means"][1] > 0.5
     assert table["antithetic_sds"][0] == pytest.approx(0.5, abs=0.01)
-
-
-def test_what_is_extrapolated_is_drawn_hollow():
-    points = pd.DataFrame([
-        CostPoint("exact-flight", "scheme", a, 0.1, 5000, 1.0 / a**2, a, 0.0, a, a > 0.05)
-        for a in (0.3, 0.1, 0.03, 0.01)
-    ])  # fmt: skip
-    means = pd.DataFrame({"error": [0.3, 0.01], "core_seconds": [0.1, 10.0]})
-    (ax,) = tradeoff_figure(points, {"exact-flight": -2.0}, means).axes
-    hollow = [line for line in ax.lines if line.get_markerfacecolor() == "white" and line.get_linestyle() == "None"]
-    assert [x for line in hollow for x in line.get_ydata()] == [0.03, 0.01]
-    solid = [line for line in ax.lines if line.get_linestyle() == "-" and line.get_linewidth() == 1.8]
-    assert [list(line.get_ydata()) for line in solid] == [[0.3, 0.1]]
 
 
 # the command

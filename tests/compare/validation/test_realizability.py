@@ -201,12 +201,3 @@ def test_negative_densities_are_caught():
     assert failing(with_moments(raw, skew=0.5)) == {"section negative mass"}
     raw[3, 0] = 0.6
     assert failing(with_moments(raw)) == {"negative mass"}  # realizable moments, but no density by this series
-
-
-def test_point_mass_and_untouched_stage_hold():
-    for scene in (dat21(0.0), dat21(0.1, beta2=Scene.from_gears(DAT21).beta1)):
-        table = realizability_table([mean_map(scene, impacts=1, closure="corrected")])
-        rows = table[(table["stage"] == 2) & table["check"].isin(ALGEBRAIC)].set_index("check")
-        assert rows["holds"].all()
-        assert rows.loc["covariance eigenvalue", "value"] == 0.0
-        assert rows["holds"].isna().to_dict() == {n: n in ("|rho|", "kurtosis") for n in ALGEBRAIC}
