@@ -27,9 +27,10 @@ ON_EXAMPLES = {
     "validate": "measured-drive",
 }  # fmt: skip
 """Each command once: all of them on all examples take ten minutes; `simulate` runs on every one elsewhere."""
-CASES = [(command, HERE / "pair.toml") for command in SMALL] + [
-    pytest.param(command, EXAMPLES / f"{name}.toml", marks=pytest.mark.slow) for command, name in ON_EXAMPLES.items()
-]
+QUICK = [(command, HERE / "pair.toml") for command in ("animate", "order", "simulate", "validate")]
+LONG = [(command, HERE / "pair.toml") for command in SMALL if command not in dict(QUICK)]
+LONG += [(command, EXAMPLES / f"{name}.toml") for command, name in ON_EXAMPLES.items()]
+CASES = QUICK + [pytest.param(*case, marks=pytest.mark.slow) for case in LONG]
 TO_A_FOLDER = ("boundary", "chaos", "sensitivity", "stationary", "tradeoff", "validate")
 
 
