@@ -8,7 +8,7 @@ import sys
 import time
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from copy import copy
+from copy import copy, deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -151,7 +151,7 @@ class Closure:
         scene = scene.phase_reduced
         began = time.process_time()
         try:
-            given = self.function(scene, impacts)
+            given = self.function(deepcopy(scene), impacts)  # it may change its own
         except Exception as error:
             error.add_note(f"{NOTE} {self.name}")  # tells it from what is wrong with its table
             raise
@@ -173,7 +173,7 @@ class Closure:
         index = pd.Index(np.asarray(times, dtype=float))
         if self.at_times is None or not len(index):
             return pd.DataFrame(np.nan, index=index, columns=list(AT_TIMES))
-        given = self.at_times(scene.phase_reduced, index.to_numpy())
+        given = self.at_times(deepcopy(scene.phase_reduced), index.to_numpy())
         table = read_table(f"{self.name}, at_times", given, index, (), AT_TIMES).reindex(columns=list(AT_TIMES))
         for stage in (1, 2):
             xx, xy, yy = (table[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))

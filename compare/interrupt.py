@@ -1,6 +1,7 @@
-"""Ctrl-C (SIGINT) ends a command within about a second, whatever its threads or an import are doing."""
+"""Ctrl-C (SIGINT) ends a command within about a second, whatever its threads or an import do; so does a budget."""
 
 import _thread
+import math
 import os
 import signal
 import threading
@@ -48,6 +49,29 @@ def ends_soon(raises: bool = True) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+class BudgetEnded(BaseException):
+    """Raised by `stop_after`; no ``except Exception`` of a function of one's own catches it."""
+
+
+@contextmanager
+def stop_after(seconds: float) -> Iterator[None]:
+    """Context that raises `BudgetEnded` after so many seconds by the clock; without effect in other threads."""
+    if seconds == math.inf or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise BudgetEnded
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, max(seconds, 1e-3))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def _loses_exceptions(frame: FrameType | None) -> bool:

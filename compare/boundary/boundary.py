@@ -14,6 +14,7 @@ from tqdm import tqdm
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.boundary.search import UNDECIDED, Edge, Point, critical, judge_value, search
+from rattle.compare.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.sensitivity.parameters import Parameter, find_parameter
 from rattle.compare.study.cells import Sample
@@ -213,13 +214,17 @@ def boundary(
             return run
 
         def judge(value: float) -> Point:
-            if time.process_time() > limit:
+            left = limit - time.process_time()
+            if left < 0.0:
                 return doubt(value, "the budget ended")
             at_work[0] = f"{over} = {value:.4g}"
             try:
                 changed = parameter.scene_at(value)
-                predicted = predict(changed.phase_reduced, method, impacts, ORDER)
+                with stop_after(left if method.own else math.inf):
+                    predicted = predict(changed.phase_reduced, method, impacts, ORDER)
                 found = judge_value(value, changed, predicted, simulate, z, limits)
+            except BudgetEnded:
+                return doubt(value, "the budget ended")
             except InputError as error:  # what this scene cannot have, or what cannot be simulated there
                 found = doubt(value, str(error))
             bar.update()

@@ -38,6 +38,17 @@ def test_what_it_leaves_out_is_not_predicted_and_the_orbit_gives_its_impacts():
     assert found.density(1, "y1", np.zeros(3)) is None
 
 
+def test_what_it_changes_of_the_scene_is_its_own():
+    def changes(scene, impacts):
+        object.__setattr__(scene.start, "tau", 3.0)
+        object.__setattr__(scene, "alpha", 99.0)
+        return {"tau": np.arange(1.0, impacts + 1.0)}
+
+    scene = Scene.from_gears(DAT21, sigma=0.02)
+    mean_map(scene, impacts=2, closure=changes)
+    assert scene == SCENE
+
+
 @pytest.mark.parametrize(
     ("columns", "reason"),
     [

@@ -1,6 +1,8 @@
 """The search for a boundary: on known functions, against simulation, with what stays undecided, and bad input."""
 
 import math
+import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -128,3 +130,14 @@ def test_a_closure_of_ones_own_has_a_boundary():
     settings = {"impacts": 2, "between": (0.01, 0.1), "points": 2}
     assert boundary(DRIVEN, closure=mine, **settings).points["verdict"].iloc[0] == ACCURATE
     assert set(boundary(DRIVEN, closure=broken, **settings).points["row"]) == {"nothing is predicted"}
+
+
+def test_a_closure_that_takes_for_ever_ends_with_the_budget():
+    def sleeps(scene, impacts):
+        while True:
+            with suppress(Exception):
+                time.sleep(60.0)
+
+    found = boundary(DRIVEN, closure=sleeps, impacts=2, points=2, budget=1.0)
+    assert set(found.points["verdict"]) == {UNDECIDED}
+    assert set(found.points["remark"]) == {"the budget ended"}
