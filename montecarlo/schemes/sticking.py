@@ -32,8 +32,11 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
     """The sides on which meshes stick for what is left of a step.
 
     A mesh sticks if it is at a wall with zero velocity and its contact force exceeds what noise over this time could
-    overcome (`MARGIN_SDS` sds of it).
+    overcome (`MARGIN_SDS` sds of it).  Noise with a memory is a known force within a step, and part of the drive's.
     """
+    spread = c.sigma
+    if c.memory > 0.0:
+        c, spread = _pushed(c, c.alpha + c.sigma * at.noise.increment / at.left), 0.0
     flank1 = int(at.x1 == walls.high1) - int(at.x1 == -walls.low1)
     flank2 = int(at.x2 == walls.high2) - int(at.x2 == -walls.low2) if c.stages == 2 else 0
     if flank1 * at.y1 > 0.0 or flank2 * at.y2 > 0.0:
@@ -43,12 +46,19 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
         return touching
     sides = find_sticking(c, at.tau, at.y1, at.y2, touching)
     press1, press2 = presses(c, at.tau, at.y1, at.y2, sides)
-    lift = MARGIN_SDS * c.sigma / math.sqrt(at.left)
+    lift = MARGIN_SDS * spread / math.sqrt(at.left)
     by_driver = lift * math.sqrt(1.0 + max(c.beta1, c.beta2) ** 2)
     lift2 = by_driver if sides[0] != 0 else lift * abs(c.beta1 - c.beta2)
     if (sides[0] != 0 and press1 <= by_driver) or (sides[1] != 0 and press2 <= lift2):
         return 0, 0
     return sides
+
+
+@lean
+def _pushed(c: Constants, alpha: float) -> Constants:
+    """The scene under another drive."""
+    b1, b2, g1, g2 = c.beta1, c.beta2, c.gamma1, c.gamma2
+    return Constants(alpha, c.epsilon, b1, b2, g1, g2, c.mu, c.wall1, c.wall2, c.sigma, c.stages, c.drive, c.memory)
 
 
 @lean

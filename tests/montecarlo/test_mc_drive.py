@@ -188,6 +188,20 @@ def test_the_start_of_the_memory_is_stationary_and_of_each_path_alone():
     assert (few.raw == many.raw[:100]).all()
 
 
+def test_closed_teeth_stay_closed_while_noise_with_a_memory_presses_them():
+    """With white noise they open in every step; here no force pulls them apart once their chatter is complete."""
+    scene = Scene(alpha=1.0, epsilon=0.3, beta1=0.1, gamma1=3.0, stages=1, sigma=0.1, correlation_time=1.0)
+    settings = {"paths": 32, "impacts": 400, "rng": 1, "record": Record(raw=True), "sampling": Sampling(horizon=12.0)}
+    tau, pulled, white = (
+        simulate(replace(scene, **change), **settings).raw[:, :, 0]
+        for change in ({}, {"sigma": 2.0}, {"correlation_time": 0.0})
+    )
+    assert np.nanmax(tau) < 1.0
+    assert np.isnan(tau[:, 100:]).all()
+    assert np.nanmax(pulled) > 4.0  # negative control: a force that does pull
+    assert not np.isnan(white).any()
+
+
 def test_a_long_run_of_one_order_written_as_several_is_the_same():
     base = Scene.from_gears(DAT21, sigma=0.3)
     nearly = replace(base, drive=(Order(1), Order(2, 1e-12)))
