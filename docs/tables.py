@@ -25,11 +25,19 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from rattle.compare.validation.verdict import widest
+
 __all__ = ["TABLES", "setup"]
 
 Table = tuple[list[str], list[list[str]]]
 TABLES: dict[str, Callable[[Path], Table]] = {}
 CLOSURES = ("published", "corrected", "saltation", "branching")
+MOMENTS = {"tau": "the time of an impact", "flight": "a flight", "y1": "the speed y1", "y2": "the speed y2"}
+AVERAGES = {
+    "rate": "impacts per unit of time",
+    "rate_above": "those faster than 0.1",
+    "energy_per_period": "energy lost per period",
+}
 
 
 def table(make: Callable[[Path], Table]) -> Callable[[Path], Table]:
@@ -324,6 +332,37 @@ def shares(reports: Path) -> Table:
             row.append(f"{(verdicts == 'accurate').mean():.2f} ({(verdicts != 'inaccurate').mean():.2f})")
         rows.append(row)
     return ["σ", "paths on one itinerary", *CLOSURES], rows
+
+
+@table
+def memory(reports: Path) -> Table:
+    """Between which correlation times white noise begins to mislead about each quantity of DAT21."""
+    sections = pd.read_parquet(reports / "studies" / "memory" / "sections.parquet")
+    long = pd.read_parquet(reports / "studies" / "long-memory" / "quantities.parquet")
+    sections = sections[sections["quantity"].isin(MOMENTS) & sections["moment"].isin(("mean", "sd"))]
+    found = pd.concat([sections, long[long["quantity"].isin(AVERAGES)].assign(moment="", impact=0)], ignore_index=True)
+    at = ["sigma", "quantity", "impact"]
+    white = found[found["correlation_time"] == 0.0]
+    sds = white[white["moment"] == "sd"].set_index(at)["value"].rename("sd")
+    found = (
+        found[found["correlation_time"] > 0.0]
+        .merge(white, on=[*at, "moment"], suffixes=("", "_white"))
+        .join(sds, on=at)
+    )
+    off = (found["value"] - found["value_white"]).abs()
+    half = widest(len(found)) * np.hypot(found["se"], found["se_white"])
+    allowed = found["sd"].fillna(found["value_white"]) * np.where(found["moment"] == "sd", 0.1, 0.05)
+    found = found.assign(right=off + half <= allowed, wrong=off - half > allowed)
+    rows = []
+    for (moment, quantity), of in found.groupby(["moment", "quantity"], sort=False):
+        row = [f"{moment} of {MOMENTS[quantity]}" if moment else AVERAGES[quantity]]
+        for _, own in of.groupby("sigma"):
+            by = own.groupby("correlation_time")
+            right, wrong = by["right"].all().cummin(), by["wrong"].any()
+            first = f"{wrong.index[wrong][0]:g}" if wrong.any() else f"(none up to {wrong.index[-1]:g})"
+            row.append(f"{right.index[right][-1] if right.any() else 0.0:g} – {first}")
+        rows.append(row)
+    return ["", *(f"σ = {s:g}" for s in sorted(found["sigma"].unique()))], rows
 
 
 @table

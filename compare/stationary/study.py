@@ -123,13 +123,22 @@ class LongTables:
         """Whether there is no result at all."""
         return self.cost.empty
 
-    def plot(self) -> "Figure":
-        """Draw the figure of the study's page; a notebook shows it."""
-        from rattle.compare.stationary.study_figure import study_figure
+    def plot(self, **at: Any) -> "Figure":
+        """Draw the figure of the study's page; a notebook shows it.
 
-        if not self.study.along or self.quantities.empty:
-            raise InputError("study", self.study.title, "no field varies over numbers, or nothing could be computed")
-        return study_figure(self.study.along, self.quantities, self.verdicts)
+        Keywords are values of the fields that vary besides the first; the table's first where one is left out.
+        """
+        from rattle.compare.stationary.study_figure import study_figure
+        from rattle.compare.study.figures import panels
+
+        rows = self.quantities
+        for fixed, part in panels(self.study, rows, len(rows)) if len(rows) and self.study.along else ():
+            if at.items() <= fixed.items():
+                own = self.verdicts
+                for name, value in fixed.items() if len(own) else ():
+                    own = own[own[name] == value]
+                return study_figure(self.study.along, part, own)
+        raise InputError("study", self.study.title, "no field varies over numbers, or nothing could be computed")
 
     def to_xarray(self) -> "xr.Dataset":
         """Convert the quantities to a dataset, with the unit of each in ``["quantity"].attrs``; needs ``xarray``."""

@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rattle.compare.report.style import STYLE, new_figure
-from rattle.compare.study.figures import axis_label
+from rattle.compare.study.figures import label_field
 from rattle.compare.validation.verdict import JUDGED
 
 PANELS = (
@@ -50,11 +50,8 @@ def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -
         shown.plot(good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)])
     shown.set(ylabel="share", ylim=(-0.05, 1.05), visible=not good.empty)
     shown.set_title("accurate quantities", loc="left")
-    values = quantities[along]
     for ax in axes:
-        ax.set_xlabel(axis_label(along))
-        if values.min() > 0.0 and values.max() / values.min() > 10.0:
-            ax.set_xscale("log")
+        label_field(ax, along, quantities[along])
         if ax.get_legend_handles_labels()[0]:
             ax.legend(fontsize=6)
     return figure

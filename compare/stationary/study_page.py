@@ -9,8 +9,9 @@ import pandas as pd
 from rattle.compare.report import Block, Column, PageSection, Table, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.study import LongTables
-from rattle.compare.stationary.study_figure import shares, study_figure
+from rattle.compare.stationary.study_figure import shares
 from rattle.compare.stationary.verdicts import TOLERANCES
+from rattle.compare.study.figures import panels
 from rattle.compare.study.folder import Drawing
 from rattle.compare.validation.verdict import span
 
@@ -56,12 +57,14 @@ def answer(r: LongTables) -> list[str]:
 
 
 def draw(r: LongTables) -> list[Drawing]:
-    """Draw the figure, where a field varies."""
-    return (
-        [Drawing("figures/long-run", study_figure(r.study.along, r.quantities, r.verdicts), CAPTION)]
-        if r.study.along and not r.empty
-        else []
-    )
+    """Draw the figure, where a field varies, once for all values of the others."""
+    drawn = []
+    for number, (fixed, _) in enumerate(panels(r.study, r.quantities) if r.study.along and not r.empty else ()):
+        at = "".join(f" {field} = {v}." for field, v in fixed.items())
+        drawn.append(
+            Drawing(f"figures/long-run-{number + 1}" if fixed else "figures/long-run", r.plot(**fixed), CAPTION + at)
+        )
+    return drawn
 
 
 def blocks(

@@ -13,7 +13,12 @@ from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure,
 from rattle.compare.study.design import Study
 from rattle.compare.validation.verdict import ACCURATE, ENDED, NOT_WRONG, WRONG, want
 
-GREEK = {"sigma": r"noise intensity $\sigma$", "alpha": r"excitation $\alpha$", "epsilon": r"restitution $\varepsilon$"}
+GREEK = {
+    "sigma": r"noise intensity $\sigma$",
+    "alpha": r"excitation $\alpha$",
+    "epsilon": r"restitution $\varepsilon$",
+    "correlation_time": r"correlation time $\theta$ ($1/\omega$)",
+}
 SHADES = ("#440154", "#31688E", "#35B779", "#C7B700")
 """Line colours of up to four impacts, in order (from viridis)."""
 MOMENT_STYLE: Any = {"mean": {"color": "#0072B2", "marker": "o"}, "sd": {"color": "#D55E00", "marker": "s"}}
@@ -58,13 +63,32 @@ def _by_impact(rows: pd.DataFrame, r: Compared) -> Iterator[tuple[dict[str, Any]
         yield {"color": colour, "lw": 1.4, "marker": "o", "label": f"impact {impact}"}, own
 
 
-def _along(ax: Axes, name: str, given: Iterable[float]) -> None:
+def scale_of(given: Iterable[float]) -> dict[str, Any]:
+    """The scale of an axis: logarithmic if the values span more than a decade, with room for a zero beside them.
+
+    Examples
+    --------
+    >>> scale_of([0.0, 0.1, 5.0]), scale_of([1.0, 2.0])
+    ({'value': 'symlog', 'linthresh': 0.1}, {'value': 'linear'})
+    """
+    values = sorted(set(given))
+    above = [v for v in values if v > 0.0]
+    if not above or values[0] < 0.0 or above[-1] <= 10.0 * above[0]:
+        return {"value": "linear"}
+    return {"value": "log"} if values[0] > 0.0 else {"value": "symlog", "linthresh": above[0]}
+
+
+def label_field(ax: Axes, name: str, given: Iterable[float]) -> None:
     """Label the axis of a field, and make it logarithmic if the values span more than a decade."""
     values = sorted(set(given))
     ax.set_xlabel(axis_label(name))
-    if len(values) and min(values) > 0.0 and max(values) / min(values) > 10.0:
-        ax.set_xscale("log")
-        if max(values) / min(values) < 100.0:
+    scale = scale_of(values)
+    ax.set_xscale(**scale)
+    if scale["value"] == "symlog":
+        ax.set_xlim(-0.2 * scale["linthresh"], None)
+        ax.xaxis.set_major_formatter("{x:g}")
+    if scale["value"] == "log":
+        if values[-1] < 100.0 * values[0]:
             ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter(NullFormatter())
@@ -86,7 +110,7 @@ def errors(r: Compared, rows: pd.DataFrame) -> Figure:
             ax.axhline(limit, color="k", ls="--", lw=1.0, label="tolerance")
             ax.set_yscale("log")
             ax.set_ylim(FLOOR, None)
-            _along(ax, name, rows[name])
+            label_field(ax, name, rows[name])
             ax.set_title(f"impact {impact}", loc="left")
             if j == 0:
                 ax.set_ylabel(f"largest error of a {moment}, in sds")
@@ -118,8 +142,8 @@ def validity(r: Compared, rows: pd.DataFrame) -> Figure:
         ax.fill_between(impact, accurate.fillna(min(values)), not_wrong, color=style["color"], alpha=BAND, lw=0)
     ax.plot([], [], color="0.3", ls=":", lw=1.5, label=NOT_WRONG)
     ax.fill_between([], [], color="0.3", alpha=BAND, lw=0, label=want(r.errors))
-    if len(values) and min(values) > 0.0 and max(values) / min(values) > 10.0:
-        ax.set_yscale("log")
+    if (scale := scale_of(values))["value"] != "linear":
+        ax.set_yscale(**scale)
         ax.yaxis.set_major_formatter("{x:g}")
     ax.set_ylim(min(values), max(values) * 1.1)
     whole_impacts(ax)
@@ -144,7 +168,7 @@ def correlation(r: Compared, rows: pd.DataFrame) -> Figure:
     axes[1].axhline(1.0, color="k", ls="--", lw=1.0, label="|ρ| = 1")
     axes[1].set_ylabel("largest |ρ|")
     for ax in axes:
-        _along(ax, name, rows[name])
+        label_field(ax, name, rows[name])
     legend_above(figure, axes, 4)
     return figure
 
@@ -170,7 +194,7 @@ def agreement(r: Compared, rows: pd.DataFrame) -> Figure:
         _draw_band(ax, group[name], group["agreement"], *interval, ms=3, **style)
     ax.set_ylim(-0.02, 1.04)
     ax.set_ylabel("paths on the noise-free itinerary")
-    _along(ax, name, rows[name])
+    label_field(ax, name, rows[name])
     legend_above(figure, [ax], 4)
     return figure
 
@@ -197,7 +221,7 @@ def sections(r: Compared, rows: pd.DataFrame) -> Figure:
             ax.set_yscale("log")
         if moment == "skew":
             ax.set_yscale("symlog", linthresh=1.0)
-        _along(ax, name, rows[name])
+        label_field(ax, name, rows[name])
     legend_above(figure, axes, 4)
     return figure
 
@@ -219,7 +243,7 @@ def draw_paired(r: Compared, rows: pd.DataFrame) -> Figure:
     ax.set_yscale("log")
     ax.yaxis.set_major_formatter("{x:g}")
     ax.set_ylabel("error of a difference, independent / paired")
-    _along(ax, name, part["middle"])
+    label_field(ax, name, part["middle"])
     legend_above(figure, [ax], 2)
     return figure
 
@@ -233,7 +257,7 @@ def cost(r: Compared, rows: pd.DataFrame) -> Figure:
         ax.plot(group[name], group["seconds"], label=str(what), lw=1.2, ms=4, **STYLE[str(what)])
     ax.set_yscale("log")
     ax.set_ylabel("seconds of one core")
-    _along(ax, name, rows[name])
+    label_field(ax, name, rows[name])
     legend_above(figure, [ax], 4)
     return figure
 
@@ -258,9 +282,9 @@ FIGURES = {
 """All figures by name."""
 
 
-def panels(r: Compared, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
+def panels(study: Study, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
     """Split a table into parts in which all fields but the first that varies are fixed, one for each figure."""
-    others = r.study.others
+    others = study.others
     if not others:
         yield {}, table
         return

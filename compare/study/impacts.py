@@ -94,7 +94,7 @@ class Tables:
 
         draw, table, _ = FIGURES[choice("kind", kind, FIGURES)]
         rows = getattr(self, table)
-        for fixed, part in panels(self, rows, len(rows)) if len(rows) and self.study.along else ():
+        for fixed, part in panels(self.study, rows, len(rows)) if len(rows) and self.study.along else ():
             if at.items() <= fixed.items():
                 return draw(self, part)
         raise InputError("kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study")

@@ -97,7 +97,7 @@ def draw(r: Tables) -> list[Drawing]:
     drawn = []
     for name, (draw_one, table_name, title) in FIGURES.items():
         table = getattr(r, table_name)
-        for number, (fixed, part) in enumerate(panels(r, table) if len(table) and r.study.along else ()):
+        for number, (fixed, part) in enumerate(panels(r.study, table) if len(table) and r.study.along else ()):
             own = f"figures/{name}-{number + 1}" if fixed else f"figures/{name}"
             at = ", ".join(f"{field} = {v}" for field, v in fixed.items())
             drawn.append(Drawing(own, draw_one(r, part), f"{title} ({at})." if at else f"{title}."))

@@ -22,6 +22,7 @@ from rattle.compare.validation.errors import BY_SIZE, HALF, SIMULATED, first_fai
 from rattle.compare.validation.tables import duration_words, motion_sentence
 from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
 from rattle.montecarlo.branches.search import SMALLEST
+from rattle.montecarlo.diagnostics.diagnostics import UNSEARCHED
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text
 
@@ -248,6 +249,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         *_agreement(validations),
         *_failures(validations),
         *explain_missing(first.scene, first.predictions),
+        *([UNSEARCHED] if first.scene.correlation_time else []),
     ]
 
 

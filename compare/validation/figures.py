@@ -17,6 +17,7 @@ from rattle.compare.report.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, lege
 from rattle.compare.validation.comparison import CAUSES, Comparison
 from rattle.compare.validation.verdict import ACCURATE as ACCURATE_TO
 from rattle.compare.validation.verdict import NOT_WRONG, UNDECIDED, WRONG
+from rattle.scene.scene import Scene
 
 VISIBLE = 2e-3  # the outermost bins of a histogram that are drawn have at least this share of the highest
 LINEAR = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
@@ -282,3 +283,22 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     ax.yaxis.set_major_locator(MaxNLocator(7, integer=True))
     ax.set_xlabel(r"noise intensity $\sigma$")
     ax.set_title(closure, loc="left", fontweight="bold", color=colour)
+
+
+def drive_figure(scene: Scene) -> Figure:
+    """Speed and acceleration of the driver over a period, and those of each order."""
+    figure, axes = new_figure(8.0, 2.8, 1, 2)
+    tau = np.linspace(0.0, 2.0 * np.pi, 400)
+    for ax, power, name in zip(axes, (1, 2), ("speed $f'$", "acceleration $f''$"), strict=True):
+        parts = [
+            o.amplitude * o.order**power * np.sin(o.order * tau + o.phase + 0.5 * np.pi * power) for o in scene.drive
+        ]
+        ax.plot(tau, np.sum(parts, axis=0), color="#0072B2", lw=2.0, label="the driver")
+        for one, part in zip(scene.drive, parts, strict=True):
+            ax.plot(tau, part, lw=0.9, color="0.6")
+            ax.annotate(str(one.order), (tau[part.argmax()], part.max()), fontsize=7, color="0.3", ha="center")
+        ax.plot([], [], lw=0.9, color="0.6", label="each order")
+        ax.set_xlabel(SYMBOL["tau"])
+        ax.set_ylabel(name)
+    legend_above(figure, axes, 2)
+    return figure

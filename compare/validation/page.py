@@ -17,9 +17,17 @@ from rattle.compare.report.style import caption_of
 from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.comparison import Comparison, Sweep
-from rattle.compare.validation.figures import FIGURES, VALIDITY, agreement_figure, has_something, validity_figure
+from rattle.compare.validation.figures import (
+    FIGURES,
+    VALIDITY,
+    agreement_figure,
+    drive_figure,
+    has_something,
+    validity_figure,
+)
 from rattle.compare.validation.tables import SCHEMES_NOTE, motion_blocks, scheme_table
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
+from rattle.scene.parts import SINE_ALONE
 
 CONTENTS = contents(
     "report",
@@ -56,6 +64,7 @@ NO_BRANCH = (
 )
 DISTANCE = "Distance of the section densities from the histograms, in units of the distance due to sampling alone:"
 WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
+DRIVE = "The driver's motion over a period, in units of that of one sine: the sum of its orders, and each of them."
 PREDICTED = " Dashed: the share that the branching closure predicts."
 
 
@@ -165,6 +174,9 @@ def _page(
         sections.append(PageSection("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
     sections.append(PageSection("How the tables are read", (Text(legend),)))
     sections += [_section(v, number, drawings) for number, v in enumerate(validations, start=1)]
+    if validations[0].scene.drive != SINE_ALONE:
+        shown = _add(drawings, drive_figure(validations[0].scene), "drive", ((DRIVE, ""),))
+        sections.append(PageSection("The drive", (shown,)))
     scene = Code(validations[0].scene.to_toml(), "toml")
     files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
     digests = {f"`{name}.csv`": f"sha256 {digest}" for name, digest in files.items() if digest}

@@ -165,10 +165,11 @@ def simulation_text(v: Comparison) -> str:
     text = (
         f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:.4g}{bias}; sampling "
         f"error of E τ {share:.2%} of its sd at the median impact; intervals of {v.z:.2f} standard errors, so that "
-        f"all of them contain the true values with 95 % confidence. Rare branches, taken by fewer than "
-        f"1 in {run.paths / 10:,.0f} paths, are counted where they could change a verdict."
+        "all of them contain the true values with 95 % confidence."
     )
-    return " ".join((text, *run.diagnostics))
+    seldom = f"taken by fewer than 1 in {run.paths / 10:,.0f} paths"
+    rare = f"Rare branches, {seldom}, are counted where they could change a verdict."
+    return " ".join((text, *([] if v.scene.correlation_time else [rare]), *run.diagnostics))
 
 
 NOTE = (

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 UNSEEN = 0.1
 """Largest error from branches that were not sampled, in sds, that is not diagnosed."""
+UNSEARCHED = "Rare branches are searched for with white noise only: whether this sample misses one is not known."
 SEARCHED = 60  # most impacts for which rare branches are looked for: a second
 TOLERANCE = 0.05
 """Largest bias that is not diagnosed, in `motion_units`."""
@@ -178,7 +179,7 @@ def diagnose_rare_branch(run: _Run) -> str:
     if run.reach is not None or run.plan.impacts > SEARCHED:
         return ""
     if run.scene.correlation_time and run.scene.sigma:
-        return "Rare branches are searched for with white noise only: whether this sample misses one is not known."
+        return UNSEARCHED
     bound = error_bound(run)
     if bound.error - bound.sampled <= UNSEEN or not bound.remark:
         return ""

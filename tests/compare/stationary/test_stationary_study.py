@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -70,6 +71,18 @@ def test_study_runs_and_is_kept(tmp_path):
     assert [ax.get_title("left") for ax in nothing.axes if ax.get_visible() and not ax.lines] == []
     explained = CliRunner().invoke(main, ["study", str(file), "--explain"])
     assert "3 points, 3 cells, 0 to compute" in explained.output
+
+
+def test_a_study_over_two_fields_has_a_figure_for_each_value_of_the_second():
+    tables = rt.load_study(Path(__file__).parents[3] / "reports" / "studies" / "long-memory")
+    values = sorted(tables.quantities["correlation_time"].unique())
+    assert values[0] == 0.0  # beside which the axis is logarithmic
+    for sigma in tables.quantities["sigma"].unique():
+        ax = tables.plot(sigma=sigma).axes[0]
+        assert list(ax.lines[0].get_xdata()) == values
+        assert ax.get_xscale() == "symlog"
+    with pytest.raises(InputError, match="no field varies"):
+        tables.plot(sigma=3.0)
 
 
 @pytest.mark.parametrize(
