@@ -223,6 +223,7 @@ VALIDITY = (
     (f"; hatched, {UNDECIDED}, so {NOT_WRONG} its upper edge", NOT_WRONG),
     (".", ""),
     (" A marker says what limits it there.", WRONG),
+    (" The black line is the same impact for the paths on its itinerary alone.", ""),
 )
 """The caption, for `rattle.compare.report.style.caption_of`."""
 ROOM = 0.9  # height, in impacts, that a marker takes above the band that it explains
@@ -248,7 +249,7 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
     ]
     handles: list[Artist] = [patch for drawn, patch in areas if drawn.any()]
     handles.append(Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"))
-    handles.append(Line2D([], [], color="k", lw=1.0, label=f"paths on its itinerary alone: {ACCURATE_TO} here"))
+    handles.append(Line2D([], [], color="k", lw=1.0, label=f"on its itinerary: {ACCURATE_TO} here"))
     handles += [
         Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=CAUSES[cause])
         for cause, marker in MARKER.items()
