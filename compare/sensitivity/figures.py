@@ -17,7 +17,10 @@ WORDS = {
     "rate": "the number of all impacts per second{}",
     "power": "the energy lost per second{}",
     "speed_above": "the mean speed of impacts{}",
+    "rms_speed_above": "the root of the mean square speed of impacts{}",
     "q95_speed_above": "the 95 % quantile of the speed of impacts{}",
+    "contact_share": "the share of time in contact{}",
+    "open_share": "the share of time with open teeth{}",
 }
 
 
@@ -27,8 +30,8 @@ def quantity_words(quantity: str) -> str:
     return WORDS.get(kind, f"`{kind}`{{}}").format(f" at mesh {mesh}" if mesh else "")
 
 
-def lever_sentences(scene: Scene, table: pd.DataFrame) -> list[str]:
-    """The strongest lever of each quantity, a sentence each."""
+def lever_sentences(scene: Scene, table: pd.DataFrame, values: pd.DataFrame) -> list[str]:
+    """The strongest lever of each quantity, a sentence each, with what both are now."""
     known = find_parameters(scene)
     said = []
     for quantity, rows in table.groupby("quantity", sort=False):
@@ -41,7 +44,8 @@ def lever_sentences(scene: Scene, table: pd.DataFrame) -> list[str]:
             said.append(f"For {quantity_words(str(quantity))} no effect is larger than its error.")
             continue
         lever = _effect_words(known[row["parameter"]], row)
-        said.append(f"The strongest lever on {quantity_words(str(quantity))} is the {lever}.")
+        now = value_text(values["value"][str(quantity)], values["unit"][str(quantity)])
+        said.append(f"The strongest lever on {quantity_words(str(quantity))} (now {now}) is the {lever}.")
     return said
 
 
@@ -51,7 +55,13 @@ def _effect_words(parameter: Parameter, row: Mapping[Any, Any]) -> str:
     digits = int(np.clip(1 - np.floor(np.log10(max(half, 1e-3))), 1, 3))
     amount = f"{abs(100.0 * row['effect']):.{digits}f} ± {half:.{digits}f}"
     bent = "" if row["linear"] else " (not linear here)"
-    return f"{parameter.words}: {CHANGE:.0%} more {does.format(amount)}{bent}"
+    now = value_text(parameter.value, parameter.unit)
+    return f"{parameter.words} (now {now}): {CHANGE:.0%} more {does.format(amount)}{bent}"
+
+
+def value_text(value: Any, unit: Any) -> str:
+    """A value with its unit."""
+    return f"{float(f'{value:.3g}'):,g} {unit}".rstrip()
 
 
 def tornado(table: pd.DataFrame, quantities: list[str]) -> Figure:

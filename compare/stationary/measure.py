@@ -138,6 +138,7 @@ def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...])
     none = ("rate_above", "rate", "energy_per_period", "power")
     zero = {f"{name}{s}": 0.0 for name in none for _, s in groups(scene.stages)}
     contact = {f"contact_share_mesh{m}": a.contact[m - 1] for m in range(1, scene.stages + 1)}
+    contact |= {f"open_share_mesh{m}": 0.0 for m in range(1, scene.stages + 1)}
     said = f"At rest: the motion {a.reason}; there are no impacts and no energy is lost."
     return Stationary(scene, "rest", said, _exact_table(zero | contact), None, a, slow, closures)
 

@@ -47,13 +47,24 @@ MEANING = (
     "`_mesh2`: since the last one at that mesh). `energy`: lost at an impact, ½(1 − ε²) w y², w = 1 at mesh 1 "
     "and μ at mesh 2{mass}; "
     "`energy_per_period`, and `power` per unit of time. `slow_share`: share of impacts slower than {slow}. "
-    "`contact_share`: share of the time in which a mesh is closed. `sd_`, `skew_`, `q05_`: standard deviation, "
+    "`contact_share`: share of the time in which a mesh is closed; `open_share`: in which its teeth are apart by "
+    "more than 1 % of the backlash. `sd_`, `rms_`, `skew_`, `q05_`: standard deviation, root of the mean square, "
     "skewness, 5 % quantile. `autocorrelation`: in impacts. `se_batches`: standard error from batch means. "
     "`effective_paths`: how many paths the standard error rests on."
 )
 MASS = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
 
 
+BY_MESH = {
+    "power": "energy lost per {}",
+    "rate_above": "impacts per {}",
+    "speed_above": "their mean speed",
+    "rms_speed_above": "root of their mean square speed",
+    "q95_speed_above": "speed that 5 % of them exceed",
+    "contact_share": "share of time closed",
+    "open_share": "share of time open",
+}
+"""What the first table of the page says of each mesh, per unit of time; impacts are those that are not slow."""
 MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
 MAIN = ("rate_above", "speed_above", "energy_per_period")
 NAMED = 4  # quantities with few effective paths that are named
@@ -75,8 +86,25 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: Collection
     def quantities(units: str, summary: str = "") -> Table:
         return table_of(found.table_in(units).reset_index(), ("quantity", "unit"), summary)
 
+    own = found.table_in(units)
+    meshes = range(1, found.scene.stages + 1)
+    rows = [
+        {
+            "words": words.format("second" if gears else "unit of time"),
+            **{f"mesh{m}": _by_mesh(own, name, m, found.scene.stages) for m in meshes},
+        }
+        for name, words in BY_MESH.items()
+    ]
+    columns: list[tuple[str, Form]] = [("", "{words}"), *((f"mesh {m}", f"{{mesh{m}}}") for m in meshes)]
+    by_mesh = format_table(pd.DataFrame(rows), columns, ("", *(f"mesh {m}" for m in meshes)))
     meaning = MEANING.format(slow=speed_text(found.slow, gears, units), mass="" if gears else MASS)
-    opening = (*figure("distribution"), quantities(units), Text(meaning, note=True), glossary(*WORDS, gears=gears))
+    opening = (
+        by_mesh,
+        *figure("distribution"),
+        quantities(units),
+        Text(meaning, note=True),
+        glossary(*WORDS, gears=gears),
+    )
     sections: list[tuple[str, tuple[Block, ...]]] = []
     if gears:
         sections.append(("Dimensionless", (quantities("dimensionless", "All quantities"),)))
@@ -87,6 +115,12 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: Collection
     sections += [("Autocorrelation", figure("memory"))]
     parts = tuple(PageSection(title, blocks) for title, blocks in sections if blocks)
     return Page(f"The long run of {record['name']}", tuple(answer(found)), source_of(record), opening, parts)
+
+
+def _by_mesh(table: pd.DataFrame, name: str, mesh: int, stages: int) -> str:
+    """A quantity at a mesh with its interval."""
+    own = f"{name}_mesh{mesh}" if stages == 2 or name.endswith("_share") else name
+    return _show(table, own) if own in table["value"].dropna().index else "–"
 
 
 def _verdicts(verdicts: pd.DataFrame) -> Table:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LEAST_EFFECTIVE = 16.0
 """Effective paths below which an interval is a tenth wider for that, or more."""
 LEAST_SHARE = 0.25  # of the paths, where there are few
-SPREAD = ("", "sd_", *(f"q{percent:02d}_" for percent in QUANTILES))
+SPREAD = ("", "sd_", "rms_", *(f"q{percent:02d}_" for percent in QUANTILES))
 NUMERIC = ["value", "se", "low", "high", "se_batches", "predicted", "simulated", "error", "tolerance"]
 
 

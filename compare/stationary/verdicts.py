@@ -68,8 +68,8 @@ def tolerance_of(name: str, values: dict[str, float]) -> float:
         return 0.01
     if name.startswith("skew_"):
         return 0.1
-    what = name.split("_", 1)[1] if name.startswith(("sd_", "q")) else name
-    return (0.05 if what == name else 0.10) * values.get("sd_" + what, float("nan"))
+    what = name.split("_", 1)[1] if name.startswith(("sd_", "q", "rms_")) else name
+    return (0.10 if name.startswith(("sd_", "q")) else 0.05) * values.get("sd_" + what, float("nan"))
 
 
 def predictions(found: dict[str, Law | str], scene: Scene, slow: float) -> pd.DataFrame:
@@ -196,6 +196,7 @@ def _by_speed(slow: float, rate: float, weight: Floats, mean: Floats, sd: Floats
     third = float((weight * three).sum()) / whole
     spread = (one, math.sqrt(two), third / two**1.5 if two > 0.0 else math.nan)
     found |= dict(zip(("speed_above", "sd_speed_above", "skew_speed_above"), spread, strict=True))
+    found["rms_speed_above"] = math.hypot(one, spread[1])
     cut = (_quantile(share + 0.01 * q * (1.0 - share), weight, mean, sd) for q in QUANTILES)
     return found | {f"q{q:02d}_speed_above": value for q, value in zip(QUANTILES, cut, strict=True)}
 
@@ -233,6 +234,7 @@ def values_of(law: Law, scene: Scene, slow: float, contact: tuple[float, float] 
                 continue
             found |= dict(zip((name, f"sd_{name}", f"skew_{name}"), _spread(weight, mean, sd), strict=True))
             found |= {f"q{q:02d}_{name}": _quantile(0.01 * q, weight, mean, sd) for q in QUANTILES}
+        found["rms_speed"] = math.hypot(found.get("speed", math.nan), found.get("sd_speed", math.nan))
         out |= {name + suffix: value for name, value in found.items()}
     for mesh in range(1, scene.stages + 1):
         out[f"contact_share_mesh{mesh}"] = contact[mesh - 1]

@@ -34,6 +34,7 @@ from rattle.montecarlo.long_run.sums import (
     GROUPS,
     NOISE,
     NUMBER,
+    OPEN,
     POWERS,
     SLOW,
     SPEED,
@@ -70,8 +71,9 @@ def all_names(stages: int) -> tuple[str, ...]:
     for _, suffix in groups(stages):
         for rate, names in (("rate_above", ("speed_above",)), ("rate", ("flight", "speed"))):
             found += [rate + suffix, *(f"{prefix}{name}{suffix}" for name in names for prefix in spread)]
+            found += [f"rms_{names[-1]}{suffix}"]
         found += [name + suffix for name in ("energy", "energy_per_period", "power", "slow_share")]
-    return (*found, *(f"contact_share_mesh{mesh}" for mesh in range(1, stages + 1)))
+    return (*found, *(f"{name}_share_mesh{mesh}" for name in ("contact", "open") for mesh in range(1, stages + 1)))
 
 
 def corrections(sums: Floats, controls: Floats) -> Floats:
@@ -200,16 +202,16 @@ class _Maker:
             "slow_share": self._make(share, _root(share.value * (1.0 - share.value), n), share_batches, 0.0, 1.0),
         }
 
-    def contact(self, mesh: int) -> StationaryEstimate:
-        """Share of the time in which a mesh is closed; its autocorrelation in impacts."""
-        c, column = self.c, CONTACT + mesh - 1
+    def share(self, of: int, mesh: int) -> StationaryEstimate:
+        """Share of the time in which a mesh is closed (`CONTACT`) or open (`OPEN`); its autocorrelation in impacts."""
+        c, column = self.c, of + mesh - 1
         found, samples = spread(self.main[:, column] / c.samples), c.samples * c.paths
         apart = float(self.main[:, NUMBER].sum()) / samples  # impacts between two samples
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / samples / max(apart, 1e-300))
         return self._make(found, naive, self._batch_se(c.main[:, :, column], None) * c.time / c.samples, 0.0, 1.0)
 
     def moments(self, g: int, i: int) -> Iterator[tuple[str, StationaryEstimate]]:
-        """Mean, sd and skewness of flight or of a speed."""
+        """Mean, sd and skewness of flight or of a speed, and the root of its mean square of a speed."""
         power, scale, centre = self.c.power[:, g, i], float(self.c.scales.scale[g, i]), self.c.scales.centre[g, i]
 
         def standardise(s: Floats) -> tuple[Floats, Floats, Floats]:
@@ -238,6 +240,18 @@ class _Maker:
                 batches = self._batch_se(self.c.main[:, :, 4 * g + SPEED], 4 * g + NUMBER)
             found = found._replace(value=found.value * factor + origin, se=found.se * factor)
             yield prefix, self._make(found, naive, batches)
+        if i == FLIGHT:
+            return
+        along = scale * mean + float(centre)  # the mean
+
+        def root(s: Floats) -> Floats:
+            one, spread_of, _ = standardise(s)
+            return np.asarray(np.hypot(scale * one + centre, scale * spread_of))
+
+        found = _jackknife(power, root)
+        polynomial = np.array([-sd * scale, 2.0 * along, sd * scale]) / (2.0 * found.value)
+        square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
+        yield "rms_", self._make(found, scale * sd * _root(square, n) if sd > 0.0 else math.nan)
 
     def quantiles(self, g: int, i: int) -> Iterator[tuple[str, StationaryEstimate]]:
         """Quantiles, with intervals by Woodruff's method: those of the probability, read off the distribution."""
@@ -265,9 +279,9 @@ def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, S
     """All stationary quantities of a long run (dimensionless), or those that are wanted.
 
     Returns: ``rate_above`` (impacts per unit of time that are not slow) and ``speed_above``, ``rate`` and
-    ``flight`` and ``speed`` of all impacts, with ``sd_``, ``skew_`` and ``q01_`` to ``q99_``, ``energy`` (mean
-    loss of an impact), ``energy_per_period``, ``power`` (loss per unit of time), ``slow_share``, all of them also
-    with ``_mesh1`` and ``_mesh2`` for two stages, and ``contact_share_mesh1``, ....
+    ``flight`` and ``speed`` of all impacts, with ``sd_``, ``skew_`` and ``q01_`` to ``q99_``, speeds with ``rms_``,
+    ``energy`` (mean loss of an impact), ``energy_per_period``, ``power`` (loss per unit of time), ``slow_share``, all
+    also with ``_mesh1`` and ``_mesh2`` for two stages, and ``contact_share_mesh1``, ``open_share_mesh1``, ....
     """
     plain = _estimates(_Maker(c), names)
     less = control(c)
@@ -286,11 +300,12 @@ def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Station
         for i, name in NAMES.items():
             if not c.power[:, g, i, 0].any():
                 continue
-            prefixes = ("", "sd_", "skew_"), tuple(f"q{percent:02d}_" for percent in QUANTILES)
+            prefixes = ("", "sd_", "skew_", "rms_"), tuple(f"q{percent:02d}_" for percent in QUANTILES)
             for make, group in zip((made.moments, made.quantiles), prefixes, strict=True):
                 if names is None or any(prefix + name + suffix in names for prefix in group):
                     out |= {prefix + name + suffix: estimate for prefix, estimate in make(g, i)}
         out |= {name + suffix: estimate for name, estimate in made.impacts(g).items()}
     for mesh in range(1, c.stages + 1):
-        out[f"contact_share_mesh{mesh}"] = made.contact(mesh)
+        out[f"contact_share_mesh{mesh}"] = made.share(CONTACT, mesh)
+        out[f"open_share_mesh{mesh}"] = made.share(OPEN, mesh)
     return out if names is None else {name: out[name] for name in names if name in out}

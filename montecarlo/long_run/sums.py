@@ -28,7 +28,10 @@ NUMBER, SPEED, ENERGY, SLOW = range(4)
 """Columns of a group in `Sums.main`: number of impacts, sums of speed and of energy lost, number of slow impacts."""
 CONTACT = 4 * GROUPS
 """Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is closed."""
-WORK = CONTACT + 2
+OPEN = CONTACT + 2
+"""Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is open: no flank is as near as `NEAR`."""
+NEAR = 0.01  # of the backlash
+WORK = OPEN + 2
 """Columns of `Sums.main` from here: sums over the samples of y1^2, v2^2, m1 y1 and m2 v2 (docs/model.md section 10)."""
 NOISE = WORK + 4
 """Columns of `Sums.main` from here: the control variates of `rattle.montecarlo.long_run.noise_work`."""
@@ -152,12 +155,16 @@ def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
 
 
 @inline
-def _add_states(c: Constants, states: Floats, sine: Floats, cosine: Floats, main: Floats) -> None:
+def _add_states(
+    c: Constants, states: Floats, sine: Floats, cosine: Floats, walls: Floats, p: int, main: Floats
+) -> None:
     """Add the states of a path, and their work."""
-    closed1 = closed2 = squared1 = squared2 = moved1 = moved2 = 0.0
+    near1, near2 = 2.0 * NEAR * c.wall1, 2.0 * NEAR * c.wall2
+    open1 = open2 = closed1 = closed2 = squared1 = squared2 = moved1 = moved2 = 0.0
     for k in range(len(states)):
         y1 = states[k, 1]
         closed1 += y1 == 0.0  # in flight with probability 0
+        open1 += near1 - walls[1, p] < states[k, 0] < walls[0, p] - near1
         squared1 += y1 * y1
         moved1 += (c.beta1 * cosine[k] - sine[k]) * y1
     if c.stages == 2:
@@ -165,10 +172,13 @@ def _add_states(c: Constants, states: Floats, sine: Floats, cosine: Floats, main
             y2 = states[k, 3]
             v = y2 - states[k, 1]
             closed2 += y2 == 0.0
+            open2 += near2 - walls[3, p] < states[k, 2] < walls[2, p] - near2
             squared2 += v * v
             moved2 += (c.beta2 * cosine[k] - sine[k]) * v
     main[CONTACT] += closed1
     main[CONTACT + 1] += closed2
+    main[OPEN] += open1
+    main[OPEN + 1] += open2
     main[WORK] += squared1
     main[WORK + 1] += squared2
     main[WORK + 2] += moved1
@@ -189,12 +199,20 @@ def _phases(drive: Any, tau: float, apart: float, n: int) -> tuple[Floats, Float
 
 @internal
 def add_stretch(
-    c: Constants, rows: Floats, impacts: Ints, struck: Floats, states: Floats, tau: float, apart: float, s: Sums
+    c: Constants,
+    rows: Floats,
+    impacts: Ints,
+    struck: Floats,
+    states: Floats,
+    walls: Floats,
+    tau: float,
+    apart: float,
+    s: Sums,
 ) -> None:
     """Add the impacts and the states of a stretch to the sums of each path.
 
     Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths or more,); `struck` (paths, 2); `states`
-    (paths, samples, 4).
+    (paths, samples, 4); `walls` (4, paths or more), as they are at its end.
     """
     n, two, detail = states.shape[1], c.stages == 2, len(s.power) > 0
     sine, cosine = _phases(c.drive, tau, apart, n)
@@ -229,7 +247,7 @@ def add_stretch(
         if two:
             for column in range(4):
                 main[column] = main[4 + column] + main[8 + column]
-        _add_states(c, states[p], sine, cosine, main)
+        _add_states(c, states[p], sine, cosine, walls, p, main)
 
 
 def no_scales(slow: float) -> Scales:

@@ -112,7 +112,7 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
             out = sums.main[:, sums.batch[0], NOISE:]
             add_noise_work(b.job.c, rows[0], own, b.state, states, at, between, out)
         b.state[:] = states[:, samples - 1]
-        add_stretch(b.job.c, rows[0], own, b.struck, states, at, between, sums)
+        add_stretch(b.job.c, rows[0], own, b.struck, states, b.every.walls[0], at, between, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
         count[LONG] += most >= MANY

@@ -34,6 +34,7 @@ def test_impacts_above_the_threshold_stand_first(found):
     table = found.table["value"]
     assert table["rate_above"] == pytest.approx(15.0 / (2.0 * math.pi), rel=1e-3)
     assert table["rate_above"] == pytest.approx(table["rate"] * (1.0 - table["slow_share"]), rel=1e-3)
+    assert 0.5 < table["open_share_mesh1"] < 1.0 - table["contact_share_mesh1"]
     assert table["q50_speed"] < 1e-3 < found.slow < table["q50_speed_above"]
     first, second, *_ = answer(found)
     assert "374.8" in first
