@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rattle.compare.boundary.boundary import Boundary, boundary
     from rattle.compare.boundary.crossing import Crossing, crossing
     from rattle.compare.boundary.map import BoundaryMap, boundary_map
+    from rattle.compare.sensitivity.of_closure import ClosureSensitivity, closure_sensitivity
     from rattle.compare.sensitivity.sensitivity import Sensitivity, sensitivity
     from rattle.compare.stationary.measure import stationary
     from rattle.compare.stationary.result import Stationary
@@ -75,6 +76,7 @@ __all__ = [
     "BoundaryMap",
     "Breakdown",
     "Closure",
+    "ClosureSensitivity",
     "Crossing",
     "Edgeworth",
     "Ensemble",
@@ -102,6 +104,7 @@ __all__ = [
     "Validation",
     "boundary",
     "boundary_map",
+    "closure_sensitivity",
     "closures_for",
     "crossing",
     "default_step",
@@ -164,6 +167,7 @@ _MODULES = {
     "compare.boundary.boundary": ("Boundary", "boundary"),
     "compare.boundary.crossing": ("Crossing", "crossing"),
     "compare.boundary.map": ("BoundaryMap", "boundary_map"),
+    "compare.sensitivity.of_closure": ("ClosureSensitivity", "closure_sensitivity"),
     "compare.sensitivity.sensitivity": ("Sensitivity", "sensitivity"),
     "compare.stationary.measure": ("stationary",),
     "compare.stationary.result": ("Stationary",),

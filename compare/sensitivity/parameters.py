@@ -35,6 +35,7 @@ WORDS = {
     "damping": "damping of wheel {}",
     "torque": "drag torque on wheel {}",
     "sigma": "noise intensity",
+    "correlation_time": "correlation time of the noise",
 }
 
 
@@ -49,6 +50,8 @@ class Parameter(NamedTuple):
     @property
     def words(self) -> str:
         """What it is, in words."""
+        if self.name.startswith("drive."):
+            return f"order {self.name.split('.')[1]} of the drive"
         kind = self.name.rstrip("12")
         return WORDS[kind].format(self.name[-1]) if kind in WORDS else f"`{self.name}`"
 
@@ -74,7 +77,7 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
         values = {"amplitude": gears.amplitude} | {k: v for k, v in gears.values.items() if k != "alpha"}
         if scene.stages == 1:
             values = {name: value for name, value in values.items() if name[-1] != "2"}
-    values["sigma"] = scene.sigma
+    values |= {"sigma": scene.sigma, "correlation_time": scene.correlation_time}
     if absent or scene.drive != SINE_ALONE:
         values |= {f"drive.{one.order}.amplitude": one.amplitude for one in scene.drive}
     return {

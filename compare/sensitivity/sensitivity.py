@@ -92,7 +92,7 @@ class Sensitivity:
         """The strongest lever of each quantity, a sentence each."""
         from rattle.compare.sensitivity.figures import lever_sentences
 
-        return lever_sentences(self.scene, self.table)
+        return lever_sentences(self.scene, self.table, self.values)
 
     def of(self, quantity: str) -> pd.DataFrame:
         """The effects on one quantity, the strongest first.
@@ -222,7 +222,7 @@ def sensitivity(
     jobs = [_Job("", 1.0, scene)]
     for name, parameter in chosen.items():
         try:
-            jobs += [_Job(name, f, parameter.scene_at(f * parameter.value)) for f in _factors()]
+            jobs += [_Job(name, f, parameter.scene_at(f * parameter.value)) for f in factors_of()]
         except InputError as error:
             remarks[name] = f"cannot be changed by {STEPS[1]:.0%}: {error}"
     runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
@@ -251,8 +251,9 @@ def sensitivity(
     return Sensitivity(scene, table, _values(scene, asked, runs), len(runs), reached, f"{said}.")
 
 
-def _factors() -> list[float]:
-    return [1.0 + sign * step for step in STEPS for sign in (-1.0, 1.0)]
+def factors_of(steps: tuple[float, float] = STEPS) -> list[float]:
+    """What a parameter is multiplied by: down and up by each step."""
+    return [1.0 + sign * step for step in steps for sign in (-1.0, 1.0)]
 
 
 def _run(job: _Job, scene: Scene, asked: list[str], slow: float, rng: np.random.SeedSequence) -> tuple[Floats, str]:
@@ -286,7 +287,7 @@ def _effects(
             rows += [{"quantity": q, **fixed, "remark": remarks[name]} for q in asked]
             continue
         logs = np.array(
-            [[run[name, f] for f in _factors()] for run in runs]
+            [[run[name, f] for f in factors_of()] for run in runs]
         )  # (groups, down and up by step, quantities)
         for i, quantity in enumerate(asked):
             own = logs[:, :, i]
@@ -305,18 +306,7 @@ def _effects(
 def _effect(logs: Floats, checks: int) -> dict[str, Any]:
     """Effect of a parameter on a quantity from logarithms at each factor, shape (groups, factors)."""
     groups, one = len(logs), math.log1p(CHANGE)
-    span = np.array([math.log((1.0 + h) / (1.0 - h)) for h in STEPS])
-    change = logs[:, 1::2] - logs[:, ::2]  # (groups, steps)
-    slopes = change / span
-    bent = slopes[:, 0] - slopes[:, 1]
-    differ = abs(bent.mean()) > student.isf(0.5 * (1.0 - CONFIDENCE) / checks, groups - 1) * _se(bent)
-    linear = not (differ and abs(bent.mean()) > BENT * max(abs(slopes.mean(axis=0))))
-    if not linear:
-        shown = slopes[:, 0]
-    elif differ:  # Richardson: the error of a central difference grows with the square of the step
-        shown = slopes[:, 0] + bent / (span[1] ** 2 / span[0] ** 2 - 1.0)
-    else:
-        shown = change @ span / (span @ span)  # least squares through both steps
+    span, slopes, shown, linear = find_slopes(logs, STEPS, checks)
     half = student.isf(0.5 * (1.0 - CONFIDENCE), groups - 1) * _se(shown)
     alone = float((logs.var(axis=0, ddof=1).reshape(-1, 2).sum(axis=1) / span**2).sum())
     paired = float(slopes.var(axis=0, ddof=1).sum())
@@ -330,6 +320,25 @@ def _effect(logs: Floats, checks: int) -> dict[str, Any]:
         "linear": linear,
         "gain": alone / paired if paired > 0.0 else math.nan,
     }
+
+
+def find_slopes(values: Floats, steps: tuple[float, float], checks: int) -> tuple[Floats, Floats, Floats, bool]:
+    """Slopes of a value over the logarithm of a parameter, from its values at both steps down and up.
+
+    Returns: The differences of the logarithm, the slope of each group and step, that of each group from both steps, and
+    whether both steps agree.  Shapes: `values` (groups, down and up by step); result (steps,), (groups, steps),
+    (groups,).
+    """
+    span = np.array([math.log((1.0 + h) / (1.0 - h)) for h in steps])
+    change = values[:, 1::2] - values[:, ::2]
+    slopes = change / span
+    bent = slopes[:, 0] - slopes[:, 1]
+    differ = abs(bent.mean()) > student.isf(0.5 * (1.0 - CONFIDENCE) / checks, len(values) - 1) * _se(bent)
+    if differ and abs(bent.mean()) > BENT * max(abs(slopes.mean(axis=0))):
+        return span, slopes, slopes[:, 0], False
+    if differ:  # Richardson: the error of a central difference grows with the square of the step
+        return span, slopes, slopes[:, 0] + bent / (span[1] ** 2 / span[0] ** 2 - 1.0), True
+    return span, slopes, change @ span / (span @ span), True  # least squares through both steps
 
 
 def _se(values: Floats) -> float:

@@ -33,7 +33,7 @@ def test_the_energy_lost_follows_the_balance(balance):
 
 
 def test_the_result_shows_itself(balance):
-    assert "noise intensity: 1% more adds 1.997" in repr(balance)
+    assert "noise intensity (now 1): 1% more adds 1.997" in repr(balance)
     assert "<table" in balance._repr_html_()
     assert balance.plot().axes[0].get_xlabel().startswith("change (%)")
     assert balance.to_dict()["groups"] == balance.groups
@@ -87,7 +87,8 @@ def test_parameters_of_gears_are_physical():
 
 def test_what_gears_do_not_fix_stays_while_they_change():
     scene = replace(DRIVEN, drive=(Order(1), Order(2, 0.3)), correlation_time=0.5)
-    assert "drive.2.amplitude" in find_parameters(scene)
+    assert find_parameters(scene)["drive.2.amplitude"].words == "order 2 of the drive"
+    assert find_parameters(scene)["correlation_time"].scene_at(0.6).correlation_time == 0.6
     for name in ("torque1", "backlash1", "amplitude"):
         changed = find_parameters(scene)[name].scene_at(0.31)
         assert (changed.drive, changed.correlation_time) == (scene.drive, 0.5)
@@ -112,7 +113,7 @@ def test_a_parameter_that_cannot_be_changed_has_a_remark():
     record = {"name": "x", "scene": scene.to_dict(), "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
     assert "cannot be changed" in str(sensitivity_page(found, record))
     assert len(tornado(found.table, ["power", "rate"]).axes) == 2
-    assert len(lever_sentences(scene, found.table)) == 2
+    assert len(lever_sentences(scene, found.table, found.values)) == 2
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,237 @@
+"""What a closure says 1 % more of each parameter does to its section moments, beside a simulation, with verdicts."""
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+from tqdm import tqdm
+
+from rattle.closure.closure import Closure
+from rattle.closure.mean_map import find_closure, predict
+from rattle.compare.sensitivity.parameters import CHANGE, find_parameters
+from rattle.compare.sensitivity.sensitivity import CONFIDENCE, factors_of, find_slopes
+from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
+from rattle.montecarlo import Sampling, default_step, simulate
+from rattle.montecarlo.diagnostics.accuracy import small_noise
+from rattle.scene.errors import InputError, choice, count
+from rattle.scene.moments import SECTION
+from rattle.scene.scene import Scene
+from rattle.scene.text import as_html
+from rattle.scene.types import Floats
+
+__all__ = ["ClosureSensitivity", "closure_sensitivity"]
+
+GROUPS = 16  # independent groups of paths; random numbers are shared within each
+STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
+CLOSE = 1e-3  # the same of the closure, which has no noise
+MOMENTS = ("mean", "sd")
+ORDER = 4  # of the closure's moments
+SCHEME = "exact-flight"
+COLUMNS = ["parameter", "impact", "quantity", "moment", "predicted", "simulated", "se", "error", "low", "high"]
+COLUMNS += ["tolerance", "linear", "verdict", "paths_needed"]
+
+
+@dataclass(frozen=True)
+class ClosureSensitivity:
+    """Changes of the section moments of a closure for 1 % more of each parameter, from `closure_sensitivity`.
+
+    Attributes
+    ----------
+    scene : Scene
+    closure : str
+    table : DataFrame
+        A row for each parameter, impact, quantity and moment.  Columns ``parameter, impact, quantity, moment,
+        predicted, simulated, se, error, low, high, tolerance, linear, verdict, paths_needed``; changes are in units of
+        the sd of the quantity, the interval holds for all rows at once (95 %).
+    paths : int
+        Simulated paths of each scene.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> found = closure_sensitivity(Scene.from_gears(DAT21, sigma=0.01), parameters=["omega"], impacts=1, paths=4096)
+    >>> set(found.table["moment"])
+    {'mean', 'sd'}
+    """
+
+    scene: Scene
+    closure: str
+    table: pd.DataFrame = field(repr=False)
+    paths: int
+
+    def __repr__(self) -> str:
+        """How many changes are accurate, and the worst."""
+        return "\n".join([f"Sensitivity of {self.closure}", *(f"  {line}" for line in self.answer)])
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), self.table.to_html(max_rows=40))
+
+    @property
+    def answer(self) -> list[str]:
+        """How many changes are accurate, and the worst, in sentences."""
+        rows = self.table[self.table["verdict"].isin(JUDGED)]
+        if rows.empty:
+            return [f"`{self.closure}` predicts none of these changes."]
+        number = rows["verdict"].value_counts()
+        counts = ", ".join(f"{number.get(verdict, 0)} {verdict}" for verdict in JUDGED)
+        bent = int((~self.table["linear"]).sum())
+        worst = rows.to_dict("records")[int((rows["error"].abs() / rows["tolerance"]).argmax())]
+        low, high = (worst["simulated"] + sign * 0.5 * (worst["high"] - worst["low"]) for sign in (-1.0, 1.0))
+        return [
+            f"What {CHANGE:.0%} more of a parameter does to a section mean or sd: of {len(rows)} changes that "
+            f"`{self.closure}` predicts {counts}.",
+            f"The worst is the {worst['moment']} of {worst['quantity']} at impact {worst['impact']} for "
+            f"`{worst['parameter']}`: {worst['predicted']:+.3g} predicted, {low:+.3g} to {high:+.3g} simulated, in "
+            "standard deviations of the quantity.",
+            *([f"{bent} more are not judged: not linear over ± {STEPS[1]:.0%}."] if bent else []),
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        facts = {"closure": self.closure, "answer": self.answer, "paths": self.paths}
+        return facts | {"table": self.table.to_dict("records")}
+
+
+def closure_sensitivity(
+    scene: Scene,
+    *,
+    closure: str | Closure | Callable[..., Any] = "saltation",
+    parameters: Sequence[str] | None = None,
+    impacts: int = 4,
+    paths: int = 16_384,
+    tolerances: Tolerances | None = None,
+    rng: int = 0,
+    workers: int = 1,
+    progress: str | None = None,
+) -> ClosureSensitivity:
+    """Judge what a closure says that 1 % more of each parameter does to its section moments.
+
+    The closure's change is a central difference; the simulated one is that of paths with the same random numbers at
+    0.5 and 1 % less and more, in independent groups, as in `sensitivity`; the start stays as it is in dimensionless
+    numbers.  A change is accurate if the whole interval of its error is within 5 % (means) or 10 % (sds) of the change
+    itself, or of 1 % of the standard deviation where that is more.  Where both steps differ it is not linear and not
+    judged, as where another mesh is struck first.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is modelled; with noise.
+    closure : str, callable or Closure
+        The closure: a name, or one's own as in `validate`.
+    parameters : sequence of str, optional
+        Parameters to change, as in `sensitivity`; all that are not 0 by default.
+    impacts : int
+        Impacts that are judged.
+    paths : int
+        Paths of each scene, 1,024 or more.
+    tolerances : Tolerances, optional
+        In place of 5 and 10 %.
+    rng : int
+        Seed.  The result is the same for any number of workers.
+    workers : int
+        Threads.
+    progress : str, optional
+        Label of a progress bar on a terminal.
+
+    Returns
+    -------
+    ClosureSensitivity
+
+    Raises
+    ------
+    InputError
+        For an unknown closure or parameter, or a scene without noise.
+
+    Examples
+    --------
+    >>> from rattle import DAT21, Scene
+    >>> scene = Scene.from_gears(DAT21, sigma=0.01)
+    >>> found = closure_sensitivity(scene, parameters=["amplitude"], impacts=1, paths=4096)
+    >>> found.table["verdict"].value_counts()["accurate"] > 6
+    True
+    """
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")
+    if scene.sigma == 0.0:
+        raise InputError("sigma", 0.0, "without noise there are no standard deviations; give one above 0")
+    count("impacts", impacts)
+    each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
+    scene, method = scene.phase_reduced, find_closure("closure", closure)
+    method.check(scene)
+    known, allowed = find_parameters(scene), Tolerances(*tolerances) if tolerances else Tolerances()
+    chosen = {n: known[choice("parameters", n, known)] for n in (known if parameters is None else parameters)}
+    scenes: dict[str, list[Scene]] = {}
+    for name, parameter in chosen.items():
+        try:
+            scenes[name] = [parameter.scene_at(f * parameter.value) for f in factors_of(STEPS)]
+        except InputError:  # a restitution of 1, say; left out unless it is asked for
+            if parameters is not None:
+                raise
+    every = [scene, *(one for changed in scenes.values() for one in changed)]
+    dt = min(default_step(one, SCHEME, False) for one in every)  # the same, so that random numbers are shared
+    sampling = Sampling(control=small_noise(scene))
+
+    def run(job: tuple[Scene, int]) -> Floats:
+        seed = np.random.SeedSequence([rng, job[1]])
+        found = simulate(job[0], paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=seed, sampling=sampling)
+        bar.update()
+        return _moments(found.section, job[0], impacts)
+
+    jobs = [(one, group) for one in every for group in range(GROUPS)]
+    bar = tqdm(desc=progress, total=len(jobs), unit="run", disable=None if progress else True)
+    with ThreadPoolExecutor(workers) as pool, bar:
+        values = np.array(list(pool.map(run, jobs)))  # (runs, moments, quantities, impacts)
+    values = values.reshape(len(every), GROUPS, *values.shape[1:])
+    mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=rng).section["mesh"].to_numpy()
+    unit, rows = values[0, :, 1].mean(axis=0), []
+    unit[np.array([[at_wall(quantity, struck) for struck in mesh] for quantity in SECTION])] = math.nan
+    for k, name in enumerate(scenes):
+        near = [chosen[name].scene_at(f * chosen[name].value) for f in (1.0 - CLOSE, 1.0 + CLOSE)]
+        ends = [_moments(predict(one, method, impacts, ORDER).section, one, impacts) for one in near]
+        slope = (ends[1] - ends[0]) / math.log((1.0 + CLOSE) / (1.0 - CLOSE))
+        own = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, ...)
+        for (m, q, i), predicted in np.ndenumerate(slope):
+            place = {"parameter": name, "impact": i + 1, "quantity": SECTION[q], "moment": MOMENTS[m]}
+            checks = slope.size * len(scenes)
+            rows.append(place | _change(predicted, own[:, :, m, q, i], unit[q, i], checks, allowed[m]))
+    table = judge(pd.DataFrame(rows).assign(paths=float(GROUPS * each)))
+    return ClosureSensitivity(scene, method.name, table[COLUMNS], GROUPS * each)
+
+
+def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
+    """Means and sds of a section table, physical where there are gears; shape (moments, quantities, impacts)."""
+    names = [prefix + quantity for prefix in ("", "sd_") for quantity in SECTION]
+    table = section.reindex(index=range(1, impacts + 1), columns=names)
+    if scene.gears is not None:
+        table *= [scene.gears.units.columns_of[name][1] for name in names]
+    return table.to_numpy(float).T.reshape(len(MOMENTS), len(SECTION), impacts)
+
+
+def _change(predicted: float, values: Floats, unit: float, checks: int, tolerance: float) -> dict[str, Any]:
+    """A change for 1 % more in units of an sd, predicted and simulated; not judged where that is NaN, or it bends.
+
+    Shapes: `values` (groups, down and up by step).
+    """
+    judged = unit > 0.0
+    one = math.log1p(CHANGE) / unit if judged else math.nan
+    _, _, shown, linear = find_slopes(values, STEPS, checks)
+    simulated, se = one * float(shown.mean()), one * float(shown.std(ddof=1)) / math.sqrt(len(shown))
+    noise = float(student.isf(0.5 * (1.0 - CONFIDENCE) / checks, len(shown) - 1)) * se
+    error = one * predicted - simulated
+    return {
+        "predicted": one * predicted,
+        "simulated": simulated,
+        "se": se,
+        "error": error,
+        "low": error - noise,
+        "high": error + noise,
+        "noise": noise,
+        "tolerance": tolerance * max(abs(simulated), CHANGE),
+        "linear": bool(linear or not judged),
+        "judged": bool(linear and judged),
+    }

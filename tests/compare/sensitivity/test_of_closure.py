@@ -1,0 +1,77 @@
+"""What closures say of parameters: `saltation` is right at small noise, a planted error and `corrected` are not."""
+
+import pytest
+
+from rattle import DAT21, InputError, Scene, closure_sensitivity, mean_map
+from rattle.compare.sensitivity.page import closure_sensitivity_page
+
+SMALL = Scene.from_gears(DAT21, sigma=0.01)
+CHANGED = ["amplitude", "epsilon", "sigma"]
+RECORD = {"name": "x", "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0, "scene": SMALL.to_dict()}
+
+
+def too_large(scene, impacts):
+    """Saltation with an sd of y1 that grows with epsilon as it should not."""
+    section = mean_map(scene, impacts=impacts).section
+    return section.assign(sd_y1=(scene.epsilon / 0.9) ** 2 * section["sd_y1"])
+
+
+@pytest.fixture(scope="module")
+def found():
+    return {
+        closure: closure_sensitivity(SMALL, closure=closure, parameters=CHANGED, impacts=3)
+        for closure in ("saltation", "corrected")
+    }
+
+
+def test_saltation_is_right_at_small_noise_and_corrected_is_not(found):
+    verdicts = {closure: set(one.table["verdict"]) for closure, one in found.items()}
+    assert verdicts["saltation"] <= {"accurate", "undecided", "not judged"}
+    assert (found["saltation"].table["verdict"] == "accurate").sum() > 70
+    assert "inaccurate" in verdicts["corrected"]
+
+
+def test_twice_the_noise_is_twice_the_sd_at_small_noise(found):
+    rows = found["saltation"].table.query("parameter == 'sigma' and moment == 'sd' and verdict == 'accurate'")
+    assert len(rows) > 10
+    assert rows["simulated"].to_numpy() == pytest.approx(0.00995, abs=3e-4)
+
+
+def test_a_planted_error_is_shown():
+    planted = closure_sensitivity(SMALL, closure=too_large, parameters=["epsilon"], impacts=1, paths=4096)
+    wrong = planted.table[planted.table["verdict"] == "inaccurate"]
+    assert wrong[["quantity", "moment"]].to_numpy().tolist() == [["y1", "sd"]]
+    assert "1 inaccurate" in planted.answer[0]
+
+
+def test_the_result_shows_itself(found):
+    one = found["corrected"]
+    assert repr(one).startswith("Sensitivity of corrected")
+    assert "<table" in one._repr_html_()
+    assert one.to_dict()["paths"] == one.paths == 16_384
+    assert "corrected" in closure_sensitivity_page(one, RECORD).title
+
+
+def test_where_another_mesh_is_struck_a_change_is_not_linear():
+    bent = closure_sensitivity(SMALL, parameters=["backlash1"], impacts=1, paths=1024)
+    assert not bent.table.query("quantity == 'tau'")["linear"].any()
+    assert "not linear" in bent.answer[-1]
+
+
+def test_workers_do_not_matter():
+    one, two = (closure_sensitivity(SMALL, parameters=["omega"], impacts=1, paths=1024, workers=n) for n in (1, 2))
+    assert one.table.equals(two.table)
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings", "message"),
+    [
+        (SMALL.with_sigma(0.0), {}, "sigma = 0.0"),
+        (SMALL, {"parameters": ["torque3"]}, "did you mean 'torque"),
+        (SMALL, {"closure": "saltatoin"}, "did you mean 'saltation'"),
+        (SMALL, {"paths": 100}, "paths = 100"),
+    ],
+)
+def test_bad_input_is_refused(scene, settings, message):
+    with pytest.raises(InputError, match=message):
+        closure_sensitivity(scene, **settings)
