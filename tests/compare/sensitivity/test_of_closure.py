@@ -24,6 +24,7 @@ def found():
     }
 
 
+@pytest.mark.slow
 def test_saltation_is_right_at_small_noise_and_corrected_is_not(found):
     verdicts = {closure: set(one.table["verdict"]) for closure, one in found.items()}
     assert verdicts["saltation"] <= {"accurate", "undecided", "not judged"}
@@ -31,6 +32,7 @@ def test_saltation_is_right_at_small_noise_and_corrected_is_not(found):
     assert "inaccurate" in verdicts["corrected"]
 
 
+@pytest.mark.slow
 def test_twice_the_noise_is_twice_the_sd_at_small_noise(found):
     rows = found["saltation"].table.query("parameter == 'sigma' and moment == 'sd' and verdict == 'accurate'")
     assert len(rows) > 10
@@ -42,14 +44,10 @@ def test_a_planted_error_is_shown():
     wrong = planted.table[planted.table["verdict"] == "inaccurate"]
     assert wrong[["quantity", "moment"]].to_numpy().tolist() == [["y1", "sd"]]
     assert "1 inaccurate" in planted.answer[0]
-
-
-def test_the_result_shows_itself(found):
-    one = found["corrected"]
-    assert repr(one).startswith("Sensitivity of corrected")
-    assert "<table" in one._repr_html_()
-    assert one.to_dict()["paths"] == one.paths == 16_384
-    assert "corrected" in closure_sensitivity_page(one, RECORD).title
+    assert repr(planted).startswith("Sensitivity of too_large")
+    assert "<table" in planted._repr_html_()
+    assert planted.to_dict()["paths"] == planted.paths == 4096
+    assert "too_large" in closure_sensitivity_page(planted, RECORD).title
 
 
 def test_where_another_mesh_is_struck_a_change_is_not_linear():
