@@ -14,8 +14,11 @@ from rattle.closure import MeanMap
 from rattle.closure.closure import describe_error
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Ensemble
-from rattle.montecarlo.diagnostics.accuracy import skewness_gain, smallest_sd
+from rattle.montecarlo.branches.simulate_rare import begin_rare
+from rattle.montecarlo.diagnostics.accuracy import LEAST, skewness_gain, smallest_sd
 from rattle.montecarlo.diagnostics.unseen import Unseen, find_unseen, unseen, unseen_columns, unseen_text
+from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import is_random
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.elementary import each
@@ -51,6 +54,13 @@ ABSOLUTE = 1e-6
 
 BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the quantity's size"
 """Remark on the rows of such quantities."""
+
+
+NEAR_BRANCHES = "decided by other paths, a part of them near rare branches"
+"""Remark on rows of `judge_again`."""
+
+AGAIN = 0.25
+"""Share of the probability of a wrong verdict that `judge_again` may add."""
 
 
 class Claimed(Protocol):
@@ -175,11 +185,44 @@ def remarks(table: pd.DataFrame) -> list[str]:
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
     few = table["low"].isna() & (table["verdict"] == "undecided")
-    said = (table["verdict"] == "undecided") & (shift > WORTH_A_WORD * table["tolerance"]) & ~few
+    said = waits_for_branch(table)
     out = [TOO_FEW if f else BY_SIZE if by else "" for f, by in zip(few, by_size, strict=True)]
     columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
     for i, m, p, s, n in zip(np.flatnonzero(said), *(column[said] for column in columns), strict=True):
         out[i] = unseen_text(m, p, s, n)
+    return out
+
+
+def waits_for_branch(table: pd.DataFrame) -> "pd.Series[bool]":
+    """Whether a row is undecided for a rare branch that the sample cannot have seen."""
+    shift = np.maximum(table["unseen_low"], table["unseen_high"])
+    open_row = (table["verdict"] == "undecided") & table["low"].notna()
+    return open_row & (shift > WORTH_A_WORD * table["tolerance"])
+
+
+def judge_again(
+    tables: list[pd.DataFrame],
+    predictions: list[MeanMap],
+    run: Ensemble,
+    z: float,
+    tolerances: Tolerances,
+    workers: int,
+) -> list[pd.DataFrame]:
+    """Tables of `section_errors`, their rows that wait for a rare branch decided by paths of which a part is near it.
+
+    These are independent, and as many as those of the run or `LEAST`.  What they leave undecided stays as it was.
+    """
+    waits = [waits_for_branch(table) for table in tables]
+    plain = SCHEMES[run.scheme].has_step_bias or run.scene.correlation_time
+    if plain or not any(rows.any() for rows in waits):
+        return tables
+    rare = begin_rare(run, max(run.paths, LEAST), in_threads(workers))
+    if rare is None:
+        return tables
+    out = []
+    for table, rows, prediction in zip(tables, waits, predictions, strict=True):
+        again = section_errors(prediction, rare, z, tolerances).assign(remark=NEAR_BRANCHES)
+        out.append(table.where(~(rows & again["verdict"].isin(("accurate", "inaccurate"))), again))
     return out
 
 

@@ -14,7 +14,9 @@ from rattle.closure import Closure, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
 from rattle.compare.validation.comparison import Comparison, Sweep, find_validities, measure_speeds, simulation_costs
 from rattle.compare.validation.errors import (
+    AGAIN,
     itinerary_errors,
+    judge_again,
     judge_correlation,
     mid_flight_errors,
     section_errors,
@@ -128,8 +130,10 @@ def validate(
     # the impact that ends the flight of each fixed time
     flights = np.searchsorted(tau, run.at_times().index.to_numpy(float))
     per_impact = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) + scene.stages
-    z = widest(per_impact * impacts * len(predictions))
+    checks = per_impact * impacts * len(predictions)
+    z = widest(checks)
     parts = [section_errors(m, run, z, limits) for m in predictions.values()]
+    parts = judge_again(parts, list(predictions.values()), run, widest(checks, AGAIN * 0.05), limits, workers)
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [mid_flight_errors(m, run, flights, z, limits) for m in predictions.values()]
     own = widest(2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions))

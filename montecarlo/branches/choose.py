@@ -28,6 +28,7 @@ LEAST = 12.0  # kurtosis added to a row below which a branch is not worth it
 GRAIN, MOST_OF_ONE, MOST = 0.01, 0.2, 0.5  # share of the paths by which parts grow; largest of a part, and of all
 LEAST_OF_ONE = 0.04  # share of a part: fewer paths know too little of their own error
 KNOWN = 100.0  # paths in a part from which on plain paths know what it adds
+FEW = 10.0  # paths that make up a kurtosis, below which it is known within a factor of ten alone
 WORTH = 1.5  # ratio of the largest kurtosis without parts to that with them from which on they are worth it
 ALIKE = 0.9  # cosine from which two design points are one
 PROBE = 0x9170  # spawn key of the probes' random numbers
@@ -78,7 +79,8 @@ def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int)
     seen = tails * paths > KNOWN  # what plain paths have seen cannot add more than all that they have
     each[seen] *= np.minimum(1.0, kurtosis / np.maximum(each[seen].sum(axis=0), 1e-300))
     rest = np.maximum(kurtosis - each[seen].sum(axis=0), 3.0)
-    rest[each[~seen].sum(axis=0) > 0.3 * kurtosis] = 3.0  # the few that they may have seen by chance
+    # the few that they may have seen by chance: n / kurtosis paths at most have so large a part of it
+    rest[each[~seen].sum(axis=0) > np.where(kurtosis * FEW > paths, 0.03, 0.3) * kurtosis] = 3.0
 
     def largest(shares: Floats) -> float:
         plain = 1.0 - shares.sum()

@@ -15,10 +15,10 @@ NOISE = (0.01, 0.03, 0.1, 0.3, 1.0)
 """``sigma / sqrt(alpha)``."""
 
 
-def gear_sets() -> list[Scene]:
+def gear_sets(seed: int = SEED, sets: int = 12) -> list[Scene]:
     """One and two stages in turn, restitution 0.3 to 0.95, unequal gaps, excitation 0.5 to 3; without noise."""
-    rng, found = np.random.default_rng(SEED), []
-    for i in range(12):
+    rng, found = np.random.default_rng(seed), []
+    for i in range(sets):
         alpha, gap2 = rng.uniform(0.5, 3.0), rng.uniform(0.25, 1.0)
         rates = {f"beta{k}": 10.0 ** rng.uniform(-1.5, -0.5) for k in (1, 2)}
         drags = {f"gamma{k}": 10.0 ** rng.uniform(-2.0, -0.7) for k in (1, 2)}

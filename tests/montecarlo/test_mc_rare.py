@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rattle.montecarlo import simulate, simulate_rare, simulate_to
-from rattle.montecarlo.branches.choose import choose_mixture
+from rattle.montecarlo.branches.choose import _share_out, choose_mixture
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.kernel.block import BLOCK, run
 from rattle.montecarlo.rare.block import sample_mixture
@@ -122,6 +122,13 @@ def test_what_varies_by_less_than_rounding_has_no_moment_that_is_infinite():
     moments = WeightedSums(np.array([float(BLOCK)]), np.zeros((1, 1)), sums, np.zeros((1, 1))).moments()
     assert not np.isinf(list(moments.values())).any()
     assert moments["lean_sd"] == moments["sd"] == 0.0
+
+
+def test_a_kurtosis_that_few_paths_make_up_does_not_hide_its_branch():
+    """A path or two may carry it by chance; where a hundred carry it, a branch of a sixth of it is not the cause."""
+    kurtosis, added, tails = np.array([[3.0, 12_000.0]]), [np.array([[0.0, 2000.0]])], np.array([2e-5])
+    assert _share_out(kurtosis, added, tails, PATHS)[0] > 0.0
+    assert _share_out(kurtosis, added, tails, 100 * PATHS)[0] == 0.0
 
 
 def test_where_no_branch_matters_paths_are_plain():

@@ -1,0 +1,79 @@
+"""What an accuracy takes on unseen random gear sets, and whether it is kept: docs/results/accuracy_cells.csv.
+
+``python tests/montecarlo/measure_accuracy.py [CELL ...]`` measures these cells, or all (about ten minutes on one core),
+and keeps the other rows of the table.  The true error of a run is estimated from a finer one of another seed.
+"""
+
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
+from rattle.montecarlo.accuracy.cost import cost_of, cost_to
+from rattle.montecarlo.branches.simulate_rare import simulate_rare
+from rattle.montecarlo.diagnostics.accuracy import units_by_quantity
+from rattle.scene import DAT21, Scene
+from rattle.scene.moments import SECTION
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "closure"))
+from random_gears import gear_sets, noisy
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLE = ROOT / "docs" / "results" / "accuracy_cells.csv"
+SEED, SETS, NOISE = 29, 8, (0.01, 0.03, 0.1, 0.3)
+BUDGET, FINER = 20.0, 4.0  # core-seconds of a run and of its reference
+
+
+def cells():
+    """Scenes and accuracies by name."""
+    random = gear_sets(SEED, SETS)
+    found = {f"{i + 1}, {noise:g}": (noisy(random[i], noise), 0.02) for i in range(SETS) for noise in NOISE}
+    dat21, pair = Scene.from_gears(DAT21, sigma=0.1), Scene.load(ROOT / "tests/compare/cli/pair.toml")
+    return found | {"DAT21, 0.01": (dat21, 0.01), "DAT21, 0.001": (dat21, 0.001), "pair, 0.01": (pair, 0.01)}
+
+
+def distance(run, truth):
+    """Largest difference of two runs in units of the second, its standard error there, and that less two of them."""
+    unit, worst, least = units_by_quantity(truth), (0.0, 0.0), 0.0
+    for q in SECTION:
+        for p in ("", "sd_"):
+            off = np.nan_to_num(np.abs(run.columns[p + q] - truth.columns[p + q]) / unit[q])
+            error = np.nan_to_num(truth.columns[f"se_{p}{q}"] / unit[q])
+            k = int(off.argmax())
+            worst, least = max(worst, (off[k], error[k])), max(least, float((off - 2.0 * error).max()))
+    return *worst, least
+
+
+def measure(name, scene, accuracy):
+    """The row of a cell."""
+    simulate(scene, paths=8)  # compiles
+    simulate_rare(scene, paths=8, impacts=1)
+    began = time.process_time()
+    run = simulate_to(scene, accuracy, rng=1, budget=BUDGET)
+    used, reached = time.process_time() - began, run.reach.reached
+    row = {
+        "cell": name, "stages": scene.stages, "epsilon": scene.epsilon, "sigma": scene.sigma, "accuracy": accuracy,
+        "reached": reached, "counted": (cost_of(run, run.paths) if reached else cost_to(run, accuracy)).core_seconds,
+        "measured": used + run.reach.more_seconds, "paths": run.paths, "bound": run.reach.bound,
+        "branches": 0 if run.plan.mixture is None else len(run.plan.mixture.unit),
+        "missed": len(run.reach.missed), "worst": run.reach.missed[0].sentence if run.reach.missed else "",
+    }  # fmt: skip
+    truth = simulate_to(scene, 0.5 * accuracy, rng=2, budget=FINER)
+    error, se, least = distance(run, truth)
+    return row | {"error": error, "se_reference": se, "kept": least <= (accuracy if reached else run.reach.bound)}
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore", AccuracyWarning)
+    every = cells()
+    for name in sys.argv[1:] or every:
+        found = measure(name, *every[name])
+        print(found, flush=True)
+        known = pd.read_csv(TABLE).to_dict("records") if TABLE.exists() else []
+        rows = {row["cell"]: row for row in known} | {name: found}
+        table = pd.DataFrame([rows[cell] for cell in every if cell in rows])
+        table.to_csv(TABLE, index=False, float_format="%.4g")
