@@ -159,7 +159,7 @@ class Closure:
         table = read_table(self.name, given, range(1, impacts + 1), self.predicts)
         return own_trace(scene, table, seconds)
 
-    def failed(self, scene: Scene, impacts: int, why: str) -> Trace:
+    def trace_failure(self, scene: Scene, impacts: int, why: str) -> Trace:
         """The trace of a function that raised an exception: nothing is predicted."""
         import pandas as pd
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rattle.closure.orbit import HORIZON, Orbit, follow
+from rattle.closure.orbit import HORIZON, Impacts, Orbit, follow
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import flow
@@ -33,37 +33,27 @@ GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 @jit
-def _stretch(
-    c: Constants,
-    tangent: bool,
-    at: Floats,
-    frame: Floats,
-    flight: Floats,
-    phase: Floats,
-    code: Ints,
-    before: Floats,
-    growth: Floats,
-) -> tuple[int, int]:
-    """Fill the arrays with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a sticking phase; updates `at`.
+def _stretch(c: Constants, tangent: bool, at: Floats, frame: Floats, s: Stretch) -> tuple[int, int]:
+    """Fill a stretch with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a sticking phase; updates `at`.
 
     Returns the number of impacts, and 1 or a code of `MISSES`.
     """
     tau, x1, y1, x2, y2 = at[0], at[1], at[2], at[3], at[4]
-    for k in range(flight.size):
+    for k in range(s.flight.size):
         t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
         if mesh <= 0:
             return k, mesh
         tau = (tau + t) % PERIOD
-        flight[k], phase[k], code[k] = t, tau, mesh * side
-        before[k, 0], before[k, 1], before[k, 2], before[k, 3] = x1, y1, x2, y2
+        s.flight[k], s.phase[k], s.code[k] = t, tau, mesh * side
+        s.before[k, 0], s.before[k, 1], s.before[k, 2], s.before[k, 3] = x1, y1, x2, y2
         if tangent:
             carry_frame(c, t, frame)
-            strike_frame(c, mesh, tau, y1, y2, frame, growth[k])
+            strike_frame(c, mesh, tau, y1, y2, frame, s.growth[k])
         y1, y2 = struck(c, mesh, y1, y2)
         if complete_chatter(c, tau, x1, y1, x2, y2, mesh, side)[0] < math.inf:
             return k + 1, REST
     at[0], at[1], at[2], at[3], at[4] = tau, x1, y1, x2, y2
-    return flight.size, 1
+    return s.flight.size, 1
 
 
 @jit
@@ -111,12 +101,10 @@ class LongOrbit:
         Returns: Fewer impacts where the orbit has ended; the attribute `ended` is then a code of
         `rattle.scene.impact.MISSES`.
         """
-        flight, phase, code = np.empty(impacts), np.empty(impacts), np.empty(impacts, np.int64)
-        before, growth = np.empty((impacts, 4)), np.zeros((impacts, 4))
-        n = 0
+        n, s = 0, Stretch.empty(impacts)
         if self.ended > 0:
-            n, self.ended = _stretch(self.c, tangent, self.at, self.frame, flight, phase, code, before, growth)
-        return Stretch(flight, phase, code, before, growth).first(n)
+            n, self.ended = _stretch(self.c, tangent, self.at, self.frame, s)
+        return s.first(n)
 
 
 def velocities(scene: Scene, s: Stretch, step: float) -> Floats:
@@ -234,20 +222,7 @@ def _cycle(orbit: Orbit, end: float, periods: int) -> Attractor:
     for phase in orbit.sticking:
         closed[phase.mesh - 1] += max(min(phase.opened, end - 0.5) - max(phase.closed, begin), 0.0)
     contact = closed[0] / (periods * PERIOD), closed[1] / (periods * PERIOD)
-    reason = f"is periodic with {_times(periods)} and {last - first} impacts"
+    length = "the period" if periods == 1 else f"{periods} periods"
+    reason = f"is periodic with {length} of the excitation and {last - first} impacts"
     reason += ", closed at times" if max(contact) > 0.0 else ""
-    return Attractor(
-        PERIODIC,
-        reason,
-        periods,
-        orbit.tau[part],
-        orbit.mesh[part],
-        orbit.side[part],
-        orbit.before[part],
-        orbit.after[part],
-        contact,
-    )
-
-
-def _times(periods: int) -> str:
-    return "the period of the excitation" if periods == 1 else f"{periods} periods of the excitation"
+    return Attractor(PERIODIC, reason, periods, *Impacts.of(orbit, part), contact)

@@ -156,7 +156,7 @@ def predict(scene: Scene, method: Closure, impacts: int, order: int) -> MeanMap:
     except Exception as error:
         if not any(note.startswith(NOTE) for note in getattr(error, "__notes__", ())):
             raise
-        return MeanMap(scene, method, impacts, order, method.failed(scene, impacts, describe_error(error)))
+        return MeanMap(scene, method, impacts, order, method.trace_failure(scene, impacts, describe_error(error)))
 
 
 def built_in(name: str) -> Closure:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rattle.scene.errors import InputError
-from rattle.scene.moments import SECTION, gaussian_raw_moments
+from rattle.scene.moments import SECTION, fill_gaussian_moments
 from rattle.scene.scene import Scene
 from rattle.scene.types import Bools, Floats, Ints
 
@@ -82,11 +82,10 @@ def stage_raw_moments(covariance: Floats, order: int) -> Floats:
 
     Shapes: `covariance` (count, 4, 4); result (count, 2, order + 1, order + 1).
     """
-    raw = np.empty((len(covariance), 2, order + 1, order + 1))
-    for k, c in enumerate(covariance):
-        for i, j in ((0, 0), (1, 2)):
-            raw[k, i] = gaussian_raw_moments(c[j, j], c[j, j + 1], c[j + 1, j + 1], order)
-    return raw
+    x, y = [0, 2], [1, 3]
+    raw = np.zeros((order + 1, order + 1, len(covariance), 2))
+    fill_gaussian_moments(covariance[:, x, x], covariance[:, x, y], covariance[:, y, y], raw)
+    return np.ascontiguousarray(raw.transpose(2, 3, 0, 1))
 
 
 CHANGED = 1.0  # error per change from the coarser level
@@ -222,10 +221,8 @@ def kurtosis(found: Trace) -> Floats:
     out = np.full((len(found.tau), len(SECTION)), np.nan)
     for k, (weights, means, variances) in (found.parts or {}).items():
         off = means - weights @ means
-        second, fourth = (
-            weights @ (off**2 + variances),
-            weights @ (off**4 + (6.0 * off**2 + 3.0 * variances) * variances),
-        )
+        second = weights @ (off**2 + variances)
+        fourth = weights @ (off**4 + (6.0 * off**2 + 3.0 * variances) * variances)
         varies = second > TINY
         out[k, varies] = fourth[varies] / second[varies] ** 2
     return out

@@ -8,7 +8,7 @@ phase, after which the state no longer depends on the one before.
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.moments import STATE
 from rattle.scene.scene import Scene
-from rattle.scene.sticking import complete_chatter, find_sticking, next_contact, stick_on, stuck
+from rattle.scene.sticking import complete_chatter, find_sticking, may_chatter, next_contact, stick_on, stuck
 from rattle.scene.types import Floats, Ints
 from rattle.scene.units import as_dataset
 
@@ -37,14 +37,29 @@ Leg = tuple[float, float, float, float, float, int, int]
 """``tau, x1, y1, x2, y2``, the side on which mesh 1 sticks, and that on which mesh 2 does."""
 
 
+class Impacts(NamedTuple):
+    """Impacts of an orbit, arrays as of `Orbit`; the first is where it begins."""
+
+    tau: Floats
+    mesh: Ints
+    side: Ints
+    before: Floats
+    after: Floats
+
+    @classmethod
+    def of(cls, orbit: Any, part: slice = slice(None)) -> "Impacts":
+        """The impacts of an orbit, or of what has arrays of the same names, or a part of them."""
+        return cls(*(getattr(orbit, name)[part] for name in cls._fields))
+
+
 @lean
 def _fly(c: Constants, k: int, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats) -> int:
-    """Write the impacts after impact k, as far as no mesh may stick between them; returns the last one."""
+    """Write the impacts after impact k, as far as no mesh can stick between them; returns the last one."""
     while k + 1 < tau.size:
         x1, y1, x2, y2 = after[k, 0], after[k, 1], after[k, 2], after[k, 3]
         if (y1 == 0.0 and abs(x1) == c.wall1) or (y2 == 0.0 and abs(x2) == c.wall2):
             break
-        if mesh[k] > 0 and complete_chatter(c, tau[k], x1, y1, x2, y2, mesh[k], side[k])[0] < math.inf:
+        if mesh[k] > 0 and may_chatter(c, tau[k], y1, y2, mesh[k]):
             break
         t, hit, wall, x1, y1, x2, y2 = next_impact(c, tau[k], x1, y1, x2, y2, HORIZON)
         if hit <= 0:
@@ -149,11 +164,11 @@ class Orbit:
         if not self.sticking:
             return self
         k = self.sticking[0].impact
-        left = np.arange(len(self.tau)) <= k
-        tau, mesh, side = np.where(left, self.tau, np.nan), np.where(left, self.mesh, 0), np.where(left, self.side, 0)
-        before, after = np.where(left[:, None], self.before, np.nan), np.where(left[:, None], self.after, np.nan)
+        cut = Impacts._make(values.copy() for values in Impacts.of(self))
+        for values, missing in zip(cut, (np.nan, 0, 0, np.nan, np.nan), strict=True):
+            values[k + 1 :] = missing
         legs = self.legs[: int(self.legs[:, 5:].any(axis=1).argmax())]
-        return Orbit(self.constants, tau, mesh, side, before, after, k, f"{MISSES[REST]} after impact {k}", legs, ())
+        return Orbit(self.constants, *cut, k, f"{MISSES[REST]} after impact {k}", legs, ())
 
     def state(self, time: float) -> Floats:
         """State at a time of the orbit; at the time of an impact, the state after it.
@@ -213,12 +228,7 @@ class Orbit:
         """
         import pandas as pd
 
-        columns = {
-            "tau": self.tau,
-            "mesh": self.mesh,
-            "side": self.side,
-            **dict(zip(STATE, self.before.T, strict=True)),
-        }
+        columns = {"tau": self.tau, "mesh": self.mesh, "side": self.side} | dict(zip(STATE, self.before.T, strict=True))
         data = as_dataset(pd.DataFrame(columns).rename_axis("impact"), "dimensionless", None)
         for i in (1, 3):
             data[f"{STATE[i]}_after"] = ("impact", self.after[:, i], data[STATE[i]].attrs)
@@ -293,8 +303,6 @@ def _sticking_phases(legs: Floats, impact: Ints) -> tuple[StickingPhase, ...]:
         (edges,) = np.nonzero(np.diff(closed, prepend=0, append=0))
         for first, last in pairwise(edges):
             if closed[first] != 0:
-                opened = float(legs[last, 0]) if last < len(legs) else np.inf
-                phases.append(
-                    StickingPhase(mesh, int(closed[first]), float(legs[first, 0]), opened, int(impact[first]))
-                )
+                begin, end = float(legs[first, 0]), float(legs[last, 0]) if last < len(legs) else np.inf
+                phases.append(StickingPhase(mesh, int(closed[first]), begin, end, int(impact[first])))
     return tuple(sorted(phases, key=lambda phase: phase.closed))

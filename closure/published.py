@@ -36,7 +36,7 @@ Windows = tuple[float, float]
 
 
 @jit
-def _published_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
+def _shift_as_published(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
     """Eqs. 20 and 21: A or C and B or D, times their standard deviations."""
     vx, vy = raw[2, 0], raw[0, 2]
     if not has_series(vx, vy, len(raw) - 1):
@@ -60,12 +60,12 @@ def _in_flight(
     raw_t = np.zeros(raw.shape)
     put(raw_t[0], after_flight(raw[0], c.beta1, t, noise_covariance(c, tau, t)))  # Eq. 16
     mean_t, shift_t = np.zeros(4), np.zeros(4)
-    shift_t[0], shift_t[1] = _published_shift(raw_t[0], x1, windows[0])
+    shift_t[0], shift_t[1] = _shift_as_published(raw_t[0], x1, windows[0])
     mean_t[0], mean_t[1] = x1 + shift_t[0], y1 + shift_t[1]
     if c.stages == 2:
         # Eq. 14; its term with E[zeta_1] stays zero, for every first moment starts at zero
-        put(raw_t[1], after_flight(raw[1], c.beta2, t, unmodulated_covariance(c.beta2, c.sigma, t)))
-        shift_t[2], shift_t[3] = _published_shift(raw_t[1], x2, windows[1])
+        put(raw_t[1], after_flight(raw[1], c.beta2, t, plain_covariance(c.beta2, c.sigma, t)))
+        shift_t[2], shift_t[3] = _shift_as_published(raw_t[1], x2, windows[1])
         d1, d2 = decay(c.beta1, t), decay(c.beta2, t)
         driver = c.alpha * np.cos(tau)
         mean_t[2] = x2 + shift_t[2]
@@ -195,9 +195,8 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     side = np.where(m.mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
 
     at = partial(_at, c, m, found, windows)
-    stopped = (
-        "" if found == impacts else f"the other mesh is not struck within {LONGEST:g} time units after impact {found}"
-    )
+    ended = f"the other mesh is not struck within {LONGEST:g} time units after impact {found}"
+    stopped = "" if found == impacts else ended
     skew = np.full_like(sd, np.nan)
     return Trace(m.tau, m.mesh, side, m.mean, sd, skew, covariance, m.before, at, found, stopped)
 
@@ -239,7 +238,7 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
 
 
 @jit
-def unmodulated_covariance(beta: float, sigma: float, t: float) -> Floats:
+def plain_covariance(beta: float, sigma: float, t: float) -> Floats:
     """Noise covariance of a flight if the noise on the velocity were not modulated, as in Eq. 14.
 
     Shapes: result (2, 2).

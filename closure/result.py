@@ -175,10 +175,8 @@ class MeanMap(SectionResult):
         if t.rho is None:
             return realizability(covariance)
         rho = float(t.rho[impact, stage - 1])
-        sds = {
-            name: float(sd) for name, sd in zip(SECTION, t.sd[impact], strict=True) if (name[-1] == "2") == (stage == 2)
-        }
-        reasons = [f"sd of {name} = {sd:.3g} < 0" for name, sd in sds.items() if sd < 0.0]
+        own = [(name, sd) for name, sd in zip(SECTION, t.sd[impact], strict=True) if (name[-1] == "2") == (stage == 2)]
+        reasons = [f"sd of {name} = {sd:.3g} < 0" for name, sd in own if sd < 0.0]
         reasons += [f"|rho| = {abs(rho):.4g} > 1"] * (abs(rho) > 1.0 + ROUNDING)
         vx, vy = covariance.diagonal()
         return Realizability(not reasons, ", ".join(reasons), float(vx), float(vy), rho, float("nan"))
@@ -220,12 +218,9 @@ class MeanMap(SectionResult):
         import pandas as pd
 
         t = self.trace
-        columns: dict[str, object] = {
-            "tau": self.scene.to_absolute_time(t.tau[1:]),
-            "flight": np.diff(t.tau) if t.flight is None else t.flight[1:],
-            "mesh": t.mesh[1:],
-            "side": t.side[1:],
-        }
+        flight = np.diff(t.tau) if t.flight is None else t.flight[1:]
+        columns: dict[str, object] = {"tau": self.scene.to_absolute_time(t.tau[1:]), "flight": flight}
+        columns |= {"mesh": t.mesh[1:], "side": t.side[1:]}
         columns |= {name: t.mean[1:, i] for i, name in enumerate(STATE)}
         columns |= {f"sd_{name}": t.sd[1:, i] for i, name in enumerate(SECTION)}
         columns |= {f"skew_{name}": t.skew[1:, i] for i, name in enumerate(SECTION)}

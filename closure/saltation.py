@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from rattle.closure.moments import Trace, stage_raw_moments
-from rattle.closure.orbit import Orbit, follow
-from rattle.closure.section_map import column, hit_matrix, random_tolerance
+from rattle.closure.orbit import Impacts, Orbit, follow
+from rattle.closure.section_map import column, hit_matrix, redrawn_variances
 from rattle.closure.section_step import Steps, noise_slope, section_start, section_steps
 from rattle.scene import memory
 from rattle.scene.constants import Constants
@@ -21,7 +21,7 @@ from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.linear_algebra import add_product, image, product, totals, transform
 from rattle.scene.moments import SMALLEST, semidefinite
 from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
+from rattle.scene.types import Floats
 
 SLOWEST = 1e-6
 """Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no derivatives there."""
@@ -34,23 +34,15 @@ BLOCK = 256  # impacts whose derivatives are computed at once
 
 
 def propagate(
-    c: Constants,
-    tau: Floats,
-    mesh: Ints,
-    side: Ints,
-    before: Floats,
-    after: Floats,
-    found: int,
-    start: Floats,
-    variance: Floats,
-    redraw: bool,
-    second: bool,
+    c: Constants, at: Impacts, found: int, start: Floats, redrawn: Floats, second: bool
 ) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:
     """Mean shift, sd and skewness of the section quantities, and covariance of the section state before and after.
 
-    `start`: Covariance of the section state after the start; its size tells whether flanks vary. Shapes: `start`
-    (d, d); `variance` (4,); result (impacts + 1, 6); result (impacts + 1, d, d).
+    `found`: How many impacts there are. `start`: Covariance of the section state after the start; its size tells
+    whether flanks vary. `redrawn`: See `rattle.closure.section_map.redrawn_variances`. Shapes: `start` (d, d); result
+    (impacts + 1, 6); result (impacts + 1, d, d).
     """
+    tau, mesh, side, before, _ = at
     count, d = tau.size, start.shape[0]
     shift, sd, skew = np.full((3, count, 6), np.nan)
     section, covariance = np.full((2, count, d, d), np.nan)  # before the impact, and after it
@@ -63,16 +55,16 @@ def propagate(
     for low in range(0, found, BLOCK):
         high = min(low + BLOCK, found)
         ends, part = slice(low, high + 1), slice(low + 1, high + 1)
-        steps = section_steps(c, tau[ends], mesh[ends], side[ends], before[ends], after[ends], d)
+        steps = section_steps(c, Impacts.of(at, ends), d)
         first, hessian, q = steps.first, steps.hessian, steps.noise
         linear, added = first[:, :, :d], transform(first[:, :, d:], q)
         for k, flown, noise in zip(range(low + 1, high + 1), linear, added, strict=True):
             section[k] = transform(flown, covariance[k - 1]) + noise
             covariance[k] = transform(hits[mesh[k]], section[k])
-            if redraw:
+            if redrawn.size:
                 flank = column(mesh[k], -side[k])
                 covariance[k, flank] = covariance[k, :, flank] = 0.0
-                covariance[k, flank, flank] = variance[flank - 5]
+                covariance[k, flank, flank] = redrawn[flank - 5]
         p = covariance[low:high]
         cross = _dot(linear[:, 0], p[:, 0])  # cov(tau_k, tau_k-1)
         spread = section[part, 0, 0] + p[:, 0, 0] - 2.0 * cross  # variance of the flight time
@@ -81,16 +73,16 @@ def propagate(
         if not second:
             continue
         slope = np.array([noise_slope(c, s, t) for s, t in zip(tau[low:high], np.diff(tau[ends]), strict=True)])
-        made = produced_cumulants(steps, p, slope)
+        made = produce_cumulants(steps, p, slope)
         bent = 0.5 * (totals(hessian[:, :, :d, :d] * p[:, None]) + totals(hessian[:, :, d:, d:] * q[:, None]))
         thirds, cubes = np.empty((high - low, d, d, d)), np.empty((high - low, 5))
         for n, k in enumerate(range(low + 1, high + 1)):
             last, moved, thirds[n] = moved[0], image(linear[n], moved), third
-            third = mapped_cumulants(linear[n], third, made[n])
+            third = map_cumulants(linear[n], third, made[n])
             moved[steps.bent] += bent[n]
             shift[k, PLACES], shift[k, 1], cubes[n] = moved[:5], moved[0] - last, third[STATES, STATES, STATES]
             moved, third = image(hits[mesh[k]], moved), after_impact(hits[mesh[k]], third)
-            if redraw:
+            if redrawn.size:
                 flank = column(mesh[k], -side[k])
                 moved[flank] = 0.0
                 third[flank] = third[:, flank] = third[:, :, flank] = 0.0
@@ -104,21 +96,8 @@ def propagate(
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the saltation closure; to second order from `order` 3 on."""
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
-    tolerance = random_tolerance(scene)
-    variance = np.zeros(4) if tolerance is None else np.repeat(tolerance.variances, 2)
-    redraw = tolerance is not None and tolerance.draw == "contact"
     found, shift, sd, skew, section, after = propagate(
-        c,
-        orbit.tau,
-        orbit.mesh,
-        orbit.side,
-        orbit.before,
-        orbit.after,
-        orbit.found,
-        section_start(scene),
-        variance,
-        redraw,
-        order >= 3,
+        c, Impacts.of(orbit), orbit.found, section_start(scene), redrawn_variances(scene), order >= 3
     )
     stopped = orbit.stopped if found == orbit.found else f"impact {found + 1} grazes its wall"
     mean = orbit.before + np.nan_to_num(shift[:, 2:])
@@ -160,7 +139,7 @@ def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
     return semidefinite(transform(fixed, section), image(np.abs(flown), sd[1:] + np.abs(rate) * sd[0]))
 
 
-def produced_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
+def produce_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
     """Third cumulants that the flights from an orbit's impacts produce in the next section states.
 
     Shapes: `p`, `slope` (n, d, d) and (n, m, m); result (n, d, d, d).
@@ -184,7 +163,7 @@ def _over_pairs(pair: Floats, other: Floats) -> Floats:
     return pair[:, :, :, None] * one + pair[:, :, None] * two + pair[:, None] * three
 
 
-def mapped_cumulants(linear: Floats, third: Floats, produced: Floats) -> Floats:
+def map_cumulants(linear: Floats, third: Floats, produced: Floats) -> Floats:
     """Third cumulants after a linear map, added to others; shapes (d, d), (d, d, d) and (d, d, d)."""
     d, out = len(linear), produced.copy()
     along = product(linear, third.transpose(1, 0, 2).reshape(d, -1)).reshape(d * d, d)
@@ -219,4 +198,4 @@ def _dot(v: Floats, w: Floats) -> Floats:
 
 def after_impact(hit: Floats, third: Floats) -> Floats:
     """Third cumulants after an impact with the restitution map `hit`; shapes (d, d) and (d, d, d)."""
-    return mapped_cumulants(hit, third, np.zeros(third.shape))
+    return map_cumulants(hit, third, np.zeros(third.shape))

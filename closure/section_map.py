@@ -23,7 +23,7 @@ from rattle.scene.constants import CUT, Constants
 from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.impact import contact_matrix
-from rattle.scene.linear_algebra import apply, image, product, times, transform
+from rattle.scene.linear_algebra import apply, times, transform
 from rattle.scene.parts import Tolerance
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
@@ -112,6 +112,12 @@ def start_covariance(scene: Scene) -> Floats:
     if tolerance.draw == "path":  # both flanks of a mesh have one deviation
         flanks[[0, 1], [1, 0]], flanks[[2, 3], [3, 2]] = variance[0], variance[2]
     return transform(_place(scene), flanks)
+
+
+def redrawn_variances(scene: Scene) -> Floats:
+    """Variances of the deviations of +1, -1, +2, -2 that contacts draw anew, shape (4,); empty if none are."""
+    tolerance = random_tolerance(scene)
+    return np.repeat(tolerance.variances, 2) if tolerance and tolerance.draw == "contact" else np.zeros(0)
 
 
 def start_pieces(scene: Scene) -> Pieces:
@@ -253,48 +259,6 @@ def derivatives(
             for k in range(4):
                 second[1 + k, m, n] += rate[k] * second[0, m, n]
             second[1 + i, m, n] = 0.0
-    return first, second
-
-
-def derivatives_along(
-    c: Constants, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats, d: int
-) -> tuple[Floats, Floats]:
-    """`derivatives` of each flight between the impacts of an orbit, in numpy: bit for bit the same, nothing compiled.
-
-    Shapes: `tau`, `mesh`, `side` (n + 1,); `before`, `after` (n + 1, 4); `first` (n, d, d + 4); `second`
-    (n, 5, d + 4, d + 4).
-    """
-    t, size, every = np.diff(tau), d + 4, np.arange(len(tau) - 1)
-    end, side, struck = tau[:-1] + t, side[1:], np.where(mesh[1:] == 1, 0, 2)  # struck: place of its displacement
-    y = before[1:][every, struck + 1, None]
-    j, a = np.array([jacobian(c, s) for s in t]), system_matrix(c)
-    rate = np.array([field(c, s, y1, y2) for s, y1, y2 in zip(end, before[1:, 1], before[1:, 3], strict=True)])
-    begun = np.array([field(c, s, y1, y2) for s, y1, y2 in zip(tau, after[:-1, 1], after[:-1, 3], strict=False)])
-    explicit, initial = (np.array([field_rate(c, s) for s in times]) for times in (end, tau[:-1]))
-    first_rate = rate - image(j, begun)
-    rest = np.broadcast_to(np.concatenate([np.zeros((4, d - 5)), np.eye(4)], axis=1), (len(t), 4, d - 1))
-    flown = np.concatenate([first_rate[:, :, None], j, rest], axis=2)
-    late = -flown[every, struck] / y
-    flank = column(mesh[1:], side)
-    if d > 5:
-        late[every, flank] += side / y[:, 0]
-    first = np.zeros((len(t), d, size))
-    first[:, 0], first[:, 1:5] = late, flown + rate[:, :, None] * late[:, None]
-    first[every, 1 + struck] = 0.0
-    first[:, 0, 0] += 1.0
-    first[:, range(5, d), range(5, d)] = 1.0
-    if d > 5:
-        first[every, 1 + struck, flank] = side
-    drift = product(a, flown)
-    drift[:, :, 0] += explicit
-    turned = drift[:, :, :, None] * late[:, None, None]
-    second = np.zeros((len(t), 5, size, size))
-    bend = image(a, rate) + explicit
-    second[:, 1:] = turned + turned.mT + bend[:, :, None, None] * (late[:, :, None] * late[:, None])[:, None]
-    second[:, 1:, 0, 0] += explicit + image(a, first_rate) - image(j, initial)
-    second[:, 0] = -second[every, 1 + struck] / y[:, :, None]
-    second[:, 1:] += rate[:, :, None, None] * second[:, :1]
-    second[every, 1 + struck] = 0.0
     return first, second
 
 

@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.closure.section_map import column, derivatives_along, start_covariance
+from rattle.closure.orbit import Impacts
+from rattle.closure.section_map import column, start_covariance
 from rattle.scene import memory
 from rattle.scene.constants import Constants
-from rattle.scene.flight import field, field_rate, noise_covariance, noise_rate
+from rattle.scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
 from rattle.scene.linear_algebra import image, product
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
@@ -46,21 +47,18 @@ def section_start(scene: Scene) -> Floats:
     return out
 
 
-def section_steps(c: Constants, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats, d: int) -> Steps:
+def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
     """The steps between successive impacts; d is the size of the section state."""
-    flights = list(zip(tau[:-1], np.diff(tau), strict=True))
+    first, hessian, bent = section_derivatives(c, at, d)
+    flights, kick = list(zip(at.tau[:-1], np.diff(at.tau), strict=True)), np.zeros((len(at.tau) - 1, d))
     if c.memory:
-        steps = [_with_memory(c, tau, mesh, side, before, after, k, d) for k in range(len(flights))]
-        first, hessian, noise = (np.array(part) for part in zip(*steps, strict=True))
-        kick = np.zeros((len(flights), d))
+        noise = np.array([memory.covariance(c, s, t)[0] for s, t in flights])
         kick[:, d - 1] = 1.0 / c.memory
-        return Steps(first, hessian, np.array([0, 1, 2, 3, 4, d - 1]), noise, kick)
-    first, hessian = derivatives_along(c, tau, mesh, side, before, after, d)
-    noise = np.array([noise_covariance(c, s, t) for s, t in flights])
-    kick = np.zeros((len(flights), d))
-    rate = np.array([noise_rate(c, s + t) for s, t in flights])
-    kick[:, 2 : 1 + 2 * c.stages : 2] = c.sigma * rate[:, : c.stages]
-    return Steps(first, hessian, np.arange(5), noise, kick)
+    else:
+        noise = np.array([noise_covariance(c, s, t) for s, t in flights])
+        rate = np.array([noise_rate(c, s + t) for s, t in flights])
+        kick[:, 2 : 1 + 2 * c.stages : 2] = c.sigma * rate[:, : c.stages]
+    return Steps(first, hessian, bent, noise, kick)
 
 
 def noise_slope(c: Constants, tau: float, t: float) -> Floats:
@@ -83,45 +81,59 @@ def noise_slope(c: Constants, tau: float, t: float) -> Floats:
     return noise_covariance(c, tau + eighth, t) - noise_covariance(c, tau - eighth, t)
 
 
-def _with_memory(
-    c: Constants, taus: Floats, meshes: Ints, sides: Ints, befores: Floats, afters: Floats, k: int, d: int
-) -> tuple[Floats, Floats, Floats]:
-    """First and second derivatives with eta, which is 0 on the orbit, as a fifth state; and the noise's covariance."""
-    tau, t, after, before = taus[k], taus[k + 1] - taus[k], afters[k], befores[k + 1]
-    mesh, side = meshes[k + 1], sides[k + 1]
-    i, y, size = 2 * (mesh - 1), before[2 * mesh - 1], d + 5
-    whole, turned = memory.propagator(c, tau, t)
-    a = memory.matrix(c, tau + t)
+def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floats, Ints]:
+    """`rattle.closure.section_map.derivatives` of each flight between impacts, in numpy: for white noise the same bits.
 
-    def still(values: Floats) -> Floats:
-        return np.append(values, 0.0)
+    With noise that has a memory eta, which is 0 on the orbit, is a fifth component of the state.
 
-    rate, explicit = still(field(c, tau + t, before[1], before[3])), still(field_rate(c, tau + t))
-    moving = rate - image(whole, still(field(c, tau, after[1], after[3])))  # by the time of the start
-    flown = np.zeros((5, size))
-    flown[:, 0], flown[:, 1:5], flown[:, d - 1], flown[:, d:] = moving, whole[:, :4], whole[:, 4], np.eye(5)
-    late = -flown[i] / y  # of the remaining time to the wall
-    if d > 6:
-        late[column(mesh, side)] += side / y
-    reached = flown + rate[:, None] * late
-    first = np.zeros((d, size))
-    first[0], first[1:5], first[d - 1] = late, reached[:4], reached[4]
-    first[0, 0] += 1.0
-    first[1 + i] = 0.0  # the struck displacement is on its wall
-    for k in range(5, d - 1):
-        first[k, k] = 1.0
-    if d > 6:
-        first[1 + i, column(mesh, side)] = side
-    drift = product(a, flown)
-    drift[:, 0] += explicit
-    bend = image(a, rate) + explicit
-    cross = drift[:, :, None] * late
-    second = cross + cross.transpose(0, 2, 1) + bend[:, None, None] * (late[:, None] * late)
-    second[:, 0, 0] += explicit + image(a, moving) - image(whole, still(field_rate(c, tau)))
-    second[:, 0, d - 1] += turned[:, 4]
-    second[:, d - 1, 0] += turned[:, 4]
-    hessian = np.empty((6, size, size))
-    hessian[0] = -second[i] / y
-    hessian[1:] = second + rate[:, None, None] * hessian[0]
-    hessian[1 + i] = 0.0
-    return first, hessian, memory.covariance(c, tau, t)[0]
+    Returns: First and second derivatives by ``(s, n)``, of k state components, and the components that the second are
+    of.  Shapes: (n, d, d + k); (n, 1 + k, d + k, d + k); (1 + k,).
+    """
+    t, k, every = np.diff(at.tau), 5 if c.memory else 4, np.arange(len(at.tau) - 1)
+    begin, end, side, size = at.tau[:-1], at.tau[:-1] + t, at.side[1:], d + k
+    state, flanks = [1, 2, 3, 4, d - 1][:k], range(5, d + 4 - k)  # their places in the section state
+    struck = np.where(at.mesh[1:] == 1, 0, 2)  # place of its displacement in the state
+    y, flank = at.before[1:][every, struck + 1, None], column(at.mesh[1:], side)
+
+    def drift(times: Floats, states: Floats) -> Floats:
+        return _with_eta([field(c, s, y1, y2) for s, y1, y2 in zip(times, states[:, 1], states[:, 3], strict=True)], k)
+
+    rate, begun = drift(end, at.before[1:]), drift(begin, at.after[:-1])
+    explicit, initial = (_with_eta([field_rate(c, s) for s in times], k) for times in (end, begin))
+    if c.memory:
+        carried = [memory.propagator(c, s, duration) for s, duration in zip(begin, t, strict=True)]
+        j, turned = (np.array(part) for part in zip(*carried, strict=True))
+        a = np.array([memory.matrix(c, s) for s in end])
+    else:
+        j, a = np.array([jacobian(c, s) for s in t]), system_matrix(c)
+    moving = rate - image(j, begun)  # by the time of the start
+    flown = np.zeros((len(t), k, size))
+    flown[:, :, 0], flown[:, :, state], flown[:, range(k), range(d, size)] = moving, j, 1.0
+    late = -flown[every, struck] / y  # of the remaining time to the wall
+    first = np.zeros((len(t), d, size))
+    first[:, flanks, flanks] = 1.0
+    if flanks:
+        late[every, flank] += side / y[:, 0]
+    first[:, 0], first[:, state] = late, flown + rate[:, :, None] * late[:, None]
+    first[:, 0, 0] += 1.0
+    first[every, 1 + struck] = 0.0  # the struck displacement is on its wall
+    if flanks:
+        first[every, 1 + struck, flank] = side
+    along = product(a, flown)
+    along[:, :, 0] += explicit
+    cross, bend = along[:, :, :, None] * late[:, None, None], image(a, rate) + explicit
+    second = cross + cross.mT + bend[:, :, None, None] * (late[:, :, None] * late[:, None])[:, None]
+    second[:, :, 0, 0] += explicit + image(a, moving) - image(j, initial)
+    if c.memory:
+        second[:, :, 0, d - 1] += turned[:, :, 4]
+        second[:, :, d - 1, 0] += turned[:, :, 4]
+    hessian = np.empty((len(t), 1 + k, size, size))
+    hessian[:, 0] = -second[every, struck] / y[:, :, None]
+    hessian[:, 1:] = second + rate[:, :, None, None] * hessian[:, :1]
+    hessian[every, 1 + struck] = 0.0
+    return first, hessian, np.array([0, *state])
+
+
+def _with_eta(states: list[Floats], k: int) -> Floats:
+    """Rates of the state, filled up to k components: eta has none on the orbit."""
+    return np.pad(np.array(states), ((0, 0), (0, k - 4)))

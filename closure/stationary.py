@@ -10,16 +10,17 @@ A stationary law is a mixture over impacts: a weight, the mesh, and mean and sd 
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from rattle.closure.long_orbit import PERIODIC, Attractor
 from rattle.closure.mean_map import CLOSURES, mean_map
+from rattle.closure.orbit import Impacts
 from rattle.closure.saltation import SLOWEST, propagate
-from rattle.closure.section_map import PLAIN, derivatives_along, hit_matrix
+from rattle.closure.section_map import PLAIN, hit_matrix
+from rattle.closure.section_step import section_derivatives
 from rattle.scene.errors import InputError
 from rattle.scene.flight import noise_covariance
 from rattle.scene.linear_algebra import transform
@@ -60,7 +61,7 @@ class Law(NamedTuple):
 def _linear(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats]:
     """Of each impact of a cycle: derivative of the section map, covariance of its noise, restitution map."""
     c, size = scene.constants, 1 + 2 * scene.stages
-    first, _ = derivatives_along(c, a.tau, a.mesh, a.side, a.before, a.after, PLAIN)
+    first, _, _ = section_derivatives(c, Impacts.of(a), PLAIN)
     flights = zip(a.tau[:-1], np.diff(a.tau), strict=True)
     noise = transform(first[:, :size, PLAIN:], np.array([noise_covariance(c, tau, t) for tau, t in flights]))
     hit = np.array([hit_matrix(c, mesh, PLAIN)[:size, :size] for mesh in a.mesh[1:]])
@@ -76,14 +77,6 @@ def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floa
         step = h @ f
         whole, added = step @ whole, step @ added @ step.T + h @ q @ h.T
     return whole, added, flown, noise, hit
-
-
-def multipliers(scene: Scene, a: Attractor) -> Floats:
-    """Absolute Floquet multipliers of a periodic orbit on the section, the largest first.
-
-    Shapes: result (1 + 2 stages,).
-    """
-    return np.sort(np.abs(np.linalg.eigvals(_cycle_map(scene, a)[0])))[::-1]
 
 
 def linear_law(scene: Scene, a: Attractor) -> Law:
@@ -119,18 +112,9 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     own = np.where(a.mesh[1:] == 1, 3, 5)  # place of the velocity among the section quantities
     each, sign = np.arange(n), np.sign(np.where(a.mesh[1:] == 1, a.before[1:, 1], a.before[1:, 3]))
     back, sd_back = _since_same_mesh(a, flown, hit, section, after)
-    late = np.nan_to_num(shift[:, 1])
-    return Law(
-        n / (2.0 * math.pi * a.periods),
-        np.full(n, 1.0 / n),
-        a.mesh[1:],
-        speeds + sign * shift[each, own],
-        sd[each, own],
-        np.diff(a.tau) + late,
-        sd[:, 1],
-        back,
-        sd_back,
-    )
+    rate, flight = n / (2.0 * math.pi * a.periods), np.diff(a.tau) + np.nan_to_num(shift[:, 1])
+    speed = speeds + sign * shift[each, own]
+    return Law(rate, np.full(n, 1.0 / n), a.mesh[1:], speed, sd[each, own], flight, sd[:, 1], back, sd_back)
 
 
 def _second_order(scene: Scene, a: Attractor, start: Floats, largest: float) -> tuple[Floats, Floats, Floats, Floats]:
@@ -141,26 +125,11 @@ def _second_order(scene: Scene, a: Attractor, start: Floats, largest: float) -> 
     n, size = a.impacts, len(start)
     passes = min(2 + (math.ceil(math.log(LEFT) / math.log(largest)) if largest > 0.0 else 0), MOST_PASSES)
     turn = 2.0 * math.pi * a.periods
-    tau = np.concatenate([[a.tau[0]], *(a.tau[1:] + k * turn for k in range(passes))])
-
-    def again(values: NDArray[Any]) -> NDArray[Any]:
-        return np.concatenate([values[:1], *[values[1:]] * passes])
-
+    cycles = Impacts(*(np.concatenate([values[:1], *[values[1:]] * passes]) for values in Impacts.of(a)))
+    cycles.tau[1:] += turn * np.repeat(np.arange(passes), n)
     whole = np.zeros((5, 5))
     whole[:size, :size] = start
-    _, shift, sd, _, section, after = propagate(
-        scene.constants,
-        tau,
-        again(a.mesh),
-        again(a.side),
-        again(a.before),
-        again(a.after),
-        passes * n,
-        whole,
-        np.zeros(4),
-        False,
-        True,
-    )
+    _, shift, sd, _, section, after = propagate(scene.constants, cycles, passes * n, whole, np.zeros(0), True)
     return shift[-n:], sd[-n:], section[-n:, :size, :size], after[-n:, :size, :size]
 
 
@@ -206,18 +175,8 @@ def orbit_average(scene: Scene, closure: str) -> Law:
     n = tau.size - 1
     speed, zero = np.abs(before[1:]), np.zeros(n)
     spread = speed[: n // 32 * 32].reshape(32, -1).mean(axis=1).std(ddof=1) / math.sqrt(32.0) / speed.mean()
-    return Law(
-        n / float(tau[-1] - tau[0]),
-        np.full(n, 1.0 / n),
-        mesh[1:],
-        speed,
-        zero,
-        np.diff(tau),
-        zero,
-        back[1:],
-        zero,
-        float(spread),
-    )
+    rate, weight = n / float(tau[-1] - tau[0]), np.full(n, 1.0 / n)
+    return Law(rate, weight, mesh[1:], speed, zero, np.diff(tau), zero, back[1:], zero, float(spread))
 
 
 def branching_law(scene: Scene) -> Law:
@@ -233,10 +192,8 @@ def branching_law(scene: Scene) -> Law:
     for name in ("flight", "speed"):
         a, b = (float((law.weight * getattr(law, name)).sum()) for law in (early, late))
         if abs(a - b) > SETTLED * abs(b):
-            raise NotPredicted(
-                f"it has not converged within {BRANCHED} impacts: the mean {name} still changes by "
-                f"{abs(a / b - 1.0):.1%}"
-            )
+            change = f"the mean {name} still changes by {abs(a / b - 1.0):.1%}"
+            raise NotPredicted(f"it has not converged within {BRANCHED} impacts: {change}")
     return late
 
 
@@ -248,15 +205,6 @@ def _join(parts: dict[int, tuple[Floats, Floats, Floats]], impacts: range) -> La
     mesh = np.where(variance[:, place["x1"]] <= variance[:, place["x2"]], 1, 2)  # the struck one lies on its wall
     own = np.where(mesh == 1, place["y1"], place["y2"])
     each, nothing = np.arange(weight.size), np.full(weight.size, np.nan)
-    flight = mean[:, place["flight"]]
-    return Law(
-        float(1.0 / (weight * flight).sum()),
-        weight,
-        mesh,
-        np.abs(mean[each, own]),
-        np.sqrt(variance[each, own]),
-        flight,
-        np.sqrt(variance[:, place["flight"]]),
-        nothing,
-        nothing,
-    )
+    flight, sd_flight = mean[:, place["flight"]], np.sqrt(variance[:, place["flight"]])
+    rate, speed, sd = float(1.0 / (weight * flight).sum()), np.abs(mean[each, own]), np.sqrt(variance[each, own])
+    return Law(rate, weight, mesh, speed, sd, flight, sd_flight, nothing, nothing)

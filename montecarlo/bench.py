@@ -64,7 +64,7 @@ def _scalar_normals(generator: np.random.Generator, count: int) -> float:
 
 
 @jit
-def _skilled_loop(c: Constants, generator: np.random.Generator, paths: int, forcing: Floats, h: float) -> float:
+def _skill_loop(c: Constants, generator: np.random.Generator, paths: int, forcing: Floats, h: float) -> float:
     """Euler-Maruyama with impacts as one writes it who knows numba: path by path, forcing tabulated, a fast generator.
 
     Both meshes' impacts are taken at the end of a step.  Nothing is recorded.
@@ -115,7 +115,7 @@ def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
     forcing = np.array([step_forcing(c, i * STEP, STEP) for i in range(LOOP_STEPS)]).reshape(-1, FORCING)
     still = np.zeros((QUAD, LANES + 8))
     return {
-        SKILLED: (lambda: _skilled_loop(c, generator, LOOP_PATHS, forcing, STEP), float(LOOP_PATHS * LOOP_STEPS)),
+        SKILLED: (lambda: _skill_loop(c, generator, LOOP_PATHS, forcing, STEP), float(LOOP_PATHS * LOOP_STEPS)),
         SCALAR: (lambda: _scalar_normals(generator, 100_000), 1e5),
         NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * LANES * LOOPS),
         ARITHMETIC: (

@@ -182,14 +182,14 @@ def suggesting(cls: type[C]) -> type[C]:
     elsewhere = getattr(cls, "ELSEWHERE", {})
 
     @functools.wraps(made)
-    def checked(self: Any, *args: Any, **given: Any) -> None:
+    def check(self: Any, *args: Any, **given: Any) -> None:
         for name in given:
             if name in elsewhere:
                 raise InputError(cls.__name__, name, elsewhere[name])
         check_keys(cls.__name__, given, names)
         made(self, *args, **given)
 
-    setattr(cls, "__init__", checked)  # noqa: B010  (a method, by its type)
+    setattr(cls, "__init__", check)  # noqa: B010  (a method, by its type)
     return cls
 
 
@@ -208,11 +208,11 @@ def moved(elsewhere: Mapping[str, str]) -> Callable[[Callable[P, R]], Callable[P
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         @functools.wraps(function)
-        def checked(*args: P.args, **given: P.kwargs) -> R:
+        def check(*args: P.args, **given: P.kwargs) -> R:
             for name in elsewhere.keys() & given.keys():
                 raise InputError(name, given[name], elsewhere[name])
             return function(*args, **given)
 
-        return checked
+        return check
 
     return decorate

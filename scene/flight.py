@@ -190,11 +190,18 @@ def _harmonics(c: Constants, h: float, relative: bool) -> Floats:
 
 
 @internal
-def _double(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
-    """`_harmonics` of twice the time: first half propagated through the second, plus the second, its phase shifted."""
-    j, s, k = jacobian(c, h), math.sin(h), math.cos(h)
+def _forward(c: Constants, t: float, relative: bool) -> Floats:
+    """`jacobian` in the coordinates of `_responses`."""
+    j = jacobian(c, t)
     if relative:
         j[2, 1] = j[3, 1] = 0.0
+    return j
+
+
+@internal
+def _double(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
+    """`_harmonics` of twice the time: first half propagated through the second, plus the second, its phase shifted."""
+    j, s, k = _forward(c, h, relative), math.sin(h), math.cos(h)
     size, out = 2 * c.stages, np.zeros((3, 4, 4))
     for a in range(size):
         for b in range(a + 1):
@@ -236,15 +243,6 @@ def _covariance(drive: Any, c: Constants, tau: float, t: float, relative: bool) 
         for j in range(4):
             out[i, j] = square * (sine * (sine * q[0, i, j] + cosine * q[1, i, j]) + cosine * cosine * q[2, i, j])
     return out
-
-
-@internal
-def _forward(c: Constants, t: float, relative: bool) -> Floats:
-    """`jacobian` in the coordinates of `_responses`."""
-    j = jacobian(c, t)
-    if relative:
-        j[2, 1] = j[3, 1] = 0.0
-    return j
 
 
 @internal

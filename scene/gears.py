@@ -170,9 +170,7 @@ class Gears:
             raise InputError("driver_radius", driver_radius, why)
         radius = 0.0
         if driver_radius is not None:
-            radius = check_range(
-                "driver_radius", positive("driver_radius", finite("driver_radius", driver_radius)), *SIZES
-            )
+            radius = check_range("driver_radius", positive("driver_radius", driver_radius), *SIZES)
         if amplitude_rad is not None:
             amplitude = radius * non_negative("amplitude_rad", amplitude_rad)
         if amplitude is not None:

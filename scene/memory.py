@@ -24,7 +24,7 @@ def _panels(c: Constants, t: float) -> int:
 
 
 @internal
-def _pushed(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
+def _push(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
     """What a unit eta at `tau` adds to the state in a panel of length h, and its derivative by `tau`; shapes (4,)."""
     out, slope = np.zeros(4), np.zeros(4)
     for n in range(NODES.size):
@@ -45,7 +45,7 @@ def _pushed(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
 def _of_panel(c: Constants, tau: float, h: float) -> tuple[Floats, Floats]:
     """`propagator` over a panel."""
     whole, rate = np.zeros((5, 5)), np.zeros((5, 5))
-    j, (pushed, slope) = jacobian(c, h), _pushed(c, tau, h)
+    j, (pushed, slope) = jacobian(c, h), _push(c, tau, h)
     for i in range(4):
         for k in range(4):
             whole[i, k] = j[i, k]

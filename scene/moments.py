@@ -1,14 +1,16 @@
 """Names of the quantities and moments that closures and simulation share, and when moments are realizable."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import jit, shared
 from rattle.scene.elementary import powers
 from rattle.scene.linear_algebra import eigen, product
 from rattle.scene.types import Floats
+
+Number = TypeVar("Number", float, Floats)
 
 STATE = ("x1", "y1", "x2", "y2")
 SECTION = ("tau", "flight", *STATE)
@@ -128,6 +130,23 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     return np.where(resolved & resolved[:, None], product(root, root.T), 0.0)
 
 
+@shared
+def fill_gaussian_moments(vx: Number, cxy: Number, vy: Number, m: Floats) -> None:
+    """`gaussian_raw_moments` into an array of zeros; of several pairs at once, one by one.
+
+    Shapes: `vx`, `cxy`, `vy` (...); `m` (order + 1, order + 1, ...).
+    """
+    m[0, 0] = 1.0
+    for p in range(2, len(m)):
+        m[0, p] = (p - 1) * vy * m[0, p - 2]
+    for n in range(1, len(m)):
+        for p in range(len(m) - n):
+            if n >= 2:
+                m[n, p] += (n - 1) * vx * m[n - 2, p]
+            if p >= 1:
+                m[n, p] += p * cxy * m[n - 1, p - 1]
+
+
 @jit
 def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats:
     """``E[x^n y^p]`` of a centred Gaussian pair for ``n + p <= order``, by Isserlis' theorem as a recursion.
@@ -140,15 +159,7 @@ def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats
     2.5
     """
     m = np.zeros((order + 1, order + 1))
-    m[0, 0] = 1.0
-    for p in range(2, order + 1):
-        m[0, p] = (p - 1) * vy * m[0, p - 2]
-    for n in range(1, order + 1):
-        for p in range(order + 1 - n):
-            if n >= 2:
-                m[n, p] += (n - 1) * vx * m[n - 2, p]
-            if p >= 1:
-                m[n, p] += p * cxy * m[n - 1, p - 1]
+    fill_gaussian_moments(vx, cxy, vy, m)
     return m
 
 

@@ -139,7 +139,7 @@ class Scene:
         if self.start is None:
             object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
         self._check_start()
-        if self.gears is not None and any(getattr(self, n) != v for n, v in _fixed_by(self.gears).items()):
+        if self.gears is not None and any(getattr(self, n) != v for n, v in _parameters_of(self.gears).items()):
             object.__setattr__(self, "gears", None)
 
     def __repr__(self) -> str:
@@ -178,13 +178,10 @@ class Scene:
             return
         if not isinstance(self.tolerance, Tolerance):
             raise InputError("tolerance", self.tolerance, "give a Tolerance")
-        for c, gap in (("c1_max", "gap1"), ("c2_max", "gap2"))[: self.stages]:
-            if getattr(self.tolerance, c) >= getattr(self, gap):
-                raise InputError(
-                    f"tolerance.{c}",
-                    getattr(self.tolerance, c),
-                    f"must be below {gap} = {getattr(self, gap)}, or a gap could close",
-                )
+        for i in range(1, self.stages + 1):
+            c, gap = getattr(self.tolerance, f"c{i}_max"), getattr(self, f"gap{i}")
+            if c >= gap:
+                raise InputError(f"tolerance.c{i}_max", c, f"must be below gap{i} = {gap}, or a gap could close")
 
     def _check_start(self) -> None:
         start = self.start
@@ -199,11 +196,8 @@ class Scene:
             if abs(x) > gap - c_max and not on_flank:
                 raise InputError(f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}")
             if start.mesh == i and not (on_flank and x * np.sign(y) > 0.0):
-                raise InputError(
-                    "start.mesh",
-                    start.mesh,
-                    f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} = {x}, y{i} = {y}",
-                )
+                why = f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} = {x}, y{i} = {y}"
+                raise InputError("start.mesh", start.mesh, why)
             if start.mesh == 0 and on_flank and x * np.sign(y) >= 0.0:
                 raise InputError(f"start.y{i}", y, f"a start in flight on a flank must move inward, or give mesh={i}")
 
@@ -237,7 +231,7 @@ class Scene:
         1
         """
         check_keys("Scene.from_gears", settings, FREE)
-        fixed = _fixed_by(gears)
+        fixed = _parameters_of(gears)
         if gears.wheels == 1 and settings.get("stages", 2) == 2:
             raise InputError("stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2")
         try:
@@ -367,22 +361,9 @@ class Scene:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
-        beta2, gamma2, mu = (self.beta2, self.gamma2, self.mu) if self.stages == 2 else (0.0, 0.0, 0.0)
-        return Constants(
-            self.alpha,
-            self.epsilon,
-            self.beta1,
-            beta2,
-            self.gamma1,
-            gamma2,
-            mu,
-            wall1,
-            wall2,
-            self.sigma,
-            self.stages,
-            self._orders,
-            self.correlation_time,
-        )
+        values = {name: getattr(self, name) for name in ("alpha", "epsilon", "beta1", "gamma1", "sigma", "stages")}
+        values |= {name: getattr(self, name) if self.stages == 2 else 0.0 for name in ("beta2", "gamma2", "mu")}
+        return Constants(**values, wall1=wall1, wall2=wall2, drive=self._orders, memory=self.correlation_time)
 
     @property
     def _orders(self) -> Orders | tuple[()]:
@@ -395,9 +376,8 @@ class Scene:
         gap, order = np.diff(j, prepend=0), j.astype(float)
         most1, most2, most3 = (float((abs(a) * order**n).sum()) for n in (1, 2, 3))
         odd, even = (a * np.array([turn(p) for p in phase.tolist()]) for turn in (math.cos, math.sin))
-        return Orders(
-            order, np.where(gap > FAR, 0, gap), odd, even, order[-1], most1, most2, most3, np.empty((2, len(j)))
-        )
+        gap, waves = np.where(gap > FAR, 0, gap), np.empty((2, len(j)))
+        return Orders(order, gap, odd, even, order[-1], most1, most2, most3, waves)
 
     @property
     def windows(self) -> tuple[float, float]:
@@ -421,20 +401,16 @@ class Scene:
         dict
             With a table ``scene``, ``gears`` in the gear form, and ``drive`` where it is not the sine alone.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "gears"}
-        values["start"] = asdict(self.start)
-        orders = [asdict(one) for one in values.pop("drive")]
-        drive = {} if self.drive == SINE_ALONE else {"drive": orders}
-        if not self.correlation_time:
-            del values["correlation_time"]
-        if self.tolerance is None:
-            del values["tolerance"]
-        else:
-            values["tolerance"] = asdict(self.tolerance)
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")}
+        for name in ("tolerance", "start"):
+            values[name] = values[name] and asdict(values[name])
+        for name in ("tolerance", "correlation_time"):
+            if not values[name]:
+                del values[name]
+        drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
             return drive | {"scene": values}
-        kept = {k: v for k, v in values.items() if k in FREE}
-        return {"gears": self.gears.values} | drive | {"scene": kept}
+        return {"gears": self.gears.values} | drive | {"scene": {k: v for k, v in values.items() if k in FREE}}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Scene":
@@ -461,8 +437,7 @@ class Scene:
         settings = _table("scene", data.get("scene", {}))
         if "drive" in settings:
             raise InputError("scene.drive", settings["drive"], "write each order as a table [[drive]] beside [scene]")
-        parts = {"tolerance": Tolerance, "start": Start}
-        for name, kind in parts.items():
+        for name, kind in {"tolerance": Tolerance, "start": Start}.items():
             if name in settings:
                 table = _table(f"scene.{name}", settings[name])
                 check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
@@ -472,15 +447,16 @@ class Scene:
             check_keys("scene", settings, FREE)
             pair = read_gears(gears, settings.get("stages", 2))
             drawn = read_tolerance(gears, pair)
-            if drawn is not None and "tolerance" in settings:
-                raise InputError("gears.tolerance", drawn, "give it once: here in mm, or in [scene.tolerance]")
             if drawn is not None:
+                if "tolerance" in settings:
+                    raise InputError("gears.tolerance", drawn, "give it once: here in mm, or in [scene.tolerance]")
                 settings["tolerance"] = Tolerance(**drawn)
             if "drive" in data:
                 settings["drive"] = read_drive(data["drive"], pair, gears.get("driver_radius"))
             return cls.from_gears(pair, **settings)
         check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
-        _all_given("scene", settings, ("alpha", "epsilon", "beta1", "gamma1"))
+        if missing := [name for name in ("alpha", "epsilon", "beta1", "gamma1") if name not in settings]:
+            raise InputError("scene", missing, "these keys are missing")
         if "drive" in data:
             settings["drive"] = read_drive(data["drive"])
         return cls(**settings)
@@ -548,20 +524,14 @@ class Scene:
         return scene
 
 
-def _fixed_by(gears: Gears) -> dict[str, Any]:
+def _parameters_of(gears: Gears) -> dict[str, Any]:
     """The parameters of the model that gears fix (docs/model.md section 1)."""
     if not isinstance(gears, Gears):
         raise InputError("gears", gears, "give Gears")
-    first: dict[str, Any] = {
-        "alpha": gears.alpha,
-        "epsilon": gears.epsilon,
-        "beta1": gears.beta(1),
-        "gamma1": gears.gamma(1),
-        "gap1": 0.5,
-    }
-    if gears.wheels == 1:
-        return first
-    return first | {"beta2": gears.beta(2), "gamma2": gears.gamma(2), "mu": gears.mu, "gap2": gears.gap2}
+    found: dict[str, Any] = {"alpha": gears.alpha, "epsilon": gears.epsilon, "gap1": 0.5}
+    for wheel in range(1, gears.wheels + 1):
+        found |= {f"beta{wheel}": gears.beta(wheel), f"gamma{wheel}": gears.gamma(wheel)}
+    return found if gears.wheels == 1 else found | {"mu": gears.mu, "gap2": gears.gap2}
 
 
 def _copy_with(part: Part, **changes: Any) -> Part:
@@ -575,9 +545,3 @@ def _table(name: str, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InputError(name, value, f"write it as a table: [{name}]")
     return dict(value)
-
-
-def _all_given(where: str, table: dict[str, Any], names: list[str] | tuple[str, ...]) -> None:
-    missing = [name for name in names if name not in table]
-    if missing:
-        raise InputError(where, missing, "these keys are missing")

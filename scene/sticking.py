@@ -243,6 +243,17 @@ def stuck(c: Constants, x1: float, y1: float, x2: float, y2: float, sides: Sides
 
 
 @shared
+def may_chatter(c: Constants, tau: float, y1: float, y2: float, mesh: int) -> bool:
+    """Whether a mesh is left so slowly that `complete_chatter` may sum up its impacts: the speed that is bounded there.
+
+    No contact acceleration exceeds what the terms of all add up to.
+    """
+    p1, p2, driver = _pulls(c, tau, y1, y2)
+    most = (abs(p1) + abs(p2) + abs(driver)) / (1.0 - c.mu)
+    return (1.0 - c.epsilon) * CHATTER * most >= abs(y1 if mesh == 1 else y2)
+
+
+@shared
 def complete_chatter(
     c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, side: int
 ) -> tuple[float, Sides]:

@@ -32,10 +32,14 @@ class Stretch(NamedTuple):
     # 4)
     growth: Floats
 
+    @classmethod
+    def empty(cls, n: int) -> "Stretch":
+        """Room for impacts; nothing has grown yet."""
+        return cls(np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty((n, 4)), np.zeros((n, 4)))
+
     def first(self, impacts: int) -> "Stretch":
         """Keep the first impacts only."""
-        n = impacts
-        return Stretch(self.flight[:n], self.phase[:n], self.code[:n], self.before[:n], self.growth[:n])
+        return Stretch._make(part[:impacts] for part in self)
 
 
 @jit

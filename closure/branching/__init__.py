@@ -45,10 +45,7 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     scaled = scene.scaled(1.0 / unit)
     found = _refine(scaled, impacts, order, tolerance)
     lengths = np.array([1.0, 1.0, unit, unit, unit, unit])
-    parts = {
-        k: (w, means * lengths, variances * lengths**2) for k, (w, means, variances) in (found.parts or {}).items()
-    }
-
+    parts = {k: (w, m * lengths, v * lengths**2) for k, (w, m, v) in (found.parts or {}).items()}
     at = partial(_in_unit, found.at, unit)
     followed = None if found.followed is None else found.followed * np.array([lengths, lengths, np.ones(6)])[:, None]
     return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at, followed=followed)

@@ -25,7 +25,7 @@ from rattle.closure.branching.propagate import (
     root,
 )
 from rattle.closure.orbit import Orbit
-from rattle.closure.section_map import PLAIN, column, forget, hit_matrix, random_tolerance, start_pieces
+from rattle.closure.section_map import PLAIN, column, forget, hit_matrix, redrawn_variances, start_pieces
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
@@ -70,19 +70,9 @@ class Buffers(NamedTuple):
 def buffers(size: int, d: int = PLAIN) -> Buffers:
     """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
-    return Buffers(
-        empty(size, d),
-        image,
-        np.zeros(size, np.int64),
-        np.zeros(size),
-        np.zeros((size, d)),
-        np.zeros(size),
-        np.zeros(size, np.int64),
-        np.zeros(size),
-        np.zeros(size, np.int64),
-        np.zeros((size, d)),
-        np.zeros(size),
-    )
+    ignored, beyond, parent = np.zeros((3, size), np.int64)
+    (error, depth, slow, halved), (axis, plane) = np.zeros((4, size)), np.zeros((2, size, d))
+    return Buffers(empty(size, d), image, ignored, error, axis, depth, beyond, slow, parent, plane, halved)
 
 
 @internal
@@ -284,9 +274,7 @@ class Advance:
     def __init__(self, scene: Scene, orbit: Orbit, level: Level) -> None:
         """Begin at the start of an orbit."""
         self.constants, self.level, self.discarded = scene.constants, level, 0.0
-        tolerance = random_tolerance(scene)
-        drawn_anew = tolerance is not None and tolerance.draw == "contact"
-        self.redrawn = np.repeat(tolerance.variances, 2) if tolerance and drawn_anew else np.zeros(0)
+        self.redrawn = redrawn_variances(scene)
         first = start_pieces(scene)
         self.live, d = first.mean.shape
         self.flown = self.kept = self.struck = self.merged = 0

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.closure import mean_map
-from rattle.closure.published import after_flight, unmodulated_covariance
+from rattle.closure.published import after_flight, plain_covariance
 from rattle.compare.claims.evidence import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Evidence, PaperClaim
 from rattle.compare.validation.comparison import Comparison, rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
@@ -68,7 +68,7 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
         before: tuple[list[Floats], list[Floats]] = ([], [])
         for start, t in zip(tau, np.diff(tau), strict=False):
             one = after_flight(one, c.beta1, t, noise_covariance(c, start, t))
-            two = after_flight(two, c.beta2, t, unmodulated_covariance(c.beta2, c.sigma, t))
+            two = after_flight(two, c.beta2, t, plain_covariance(c.beta2, c.sigma, t))
             before[0].append(one)
             before[1].append(two)
             one, two = _struck(scene, one, two, rule)

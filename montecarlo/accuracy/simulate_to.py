@@ -161,25 +161,14 @@ def simulate_to(
     for name in ("times", "step_bias", "itineraries", "histogram", "raw"):
         value = getattr(record, name)
         if len(value) if name in ("times", "itineraries") else value:
-            raise InputError(
-                f"record.{name}",
-                value,
-                "cannot be recorded by simulate_to, which chooses its own runs; leave it out, "
-                "or give paths to simulate",
+            why = (
+                "cannot be recorded by simulate_to, which chooses its own runs; leave it out, or give paths to simulate"
             )
+            raise InputError(f"record.{name}", value, why)
     sampling = Sampling() if sampling is None else sampling
     if not isinstance(sampling, Sampling) or sampling != Sampling(blocks=sampling.blocks):
         raise InputError("sampling", sampling, "give a Sampling with blocks alone: simulate_to chooses the rest")
-    check_settings(
-        scene,
-        paths=1,
-        impacts=impacts,
-        dt=None,
-        scheme="exact-flight" if scheme is None else scheme,
-        rng=rng,
-        workers=workers,
-        step_bias=False,
-    )
+    check_settings(scene, 1, impacts, None, "exact-flight" if scheme is None else scheme, rng, workers)
     accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:
         budget = float(positive("budget", budget))

@@ -108,12 +108,8 @@ class Gaussian(NamedTuple):
         moved = self.mean + gain * off
         moved[i] = value
         along = self.cross[i].copy()
-        return Gaussian(
-            moved,
-            self.spread - np.outer(gain, self.spread[i]),
-            self.noise + along * (off / self.spread[i, i]),
-            self.cross - np.outer(gain, along),
-        )
+        noise, cross = self.noise + along * (off / self.spread[i, i]), self.cross - np.outer(gain, along)
+        return Gaussian(moved, self.spread - np.outer(gain, self.spread[i]), noise, cross)
 
     def across(self, c: Constants, mesh: int, tau: float) -> Gaussian:
         """The same after an impact of the mean, to first order."""

@@ -182,21 +182,9 @@ class BranchSearch:
         for n in range(3):  # powers 1, 2 and 4
             added[n, k:] = np.nan_to_num(shares[:, None, None] * (gap - before)).sum(axis=0)
             gap, before = gap * gap, before * before
+        what = event.mesh, event.side, event.missed, event.beta
         self._branches.append(
-            Branch(
-                k + 1,
-                event.mesh,
-                event.side,
-                event.missed,
-                event.beta,
-                probability,
-                shares,
-                rows,
-                added[0],
-                added[1],
-                added[2],
-                event.shift,
-            )
+            Branch(k + 1, *what, probability, shares, rows, added[0], added[1], added[2], event.shift)
         )
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.noise.brownian import Noise, split
-from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, normals
+from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
 from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
 from rattle.montecarlo.schemes.step_size import accurate_flight
@@ -47,9 +47,7 @@ class Clockwork(NamedTuple):
     # for each step of a period: drift, effect of a unit normal of the increment and of the area (4 each), margins of
     # both stages; (steps, 14)
     forcing: Floats
-    # entries ``x1y1, y1y1, x2y1, x2y2, y2y1, y2y2`` of a step's Jacobian, see
-    # `rattle.montecarlo.schemes.whole_step.FlightForcing`; (6,)
-    carry: Floats
+    carry: Floats  # of a step, see `rattle.montecarlo.schemes.whole_step.FlightForcing`; (6,)
 
 
 def step_time(scene: Scene) -> float:
@@ -71,11 +69,8 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
     (128, 14)
     """
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
-        raise InputError(
-            "tolerance.distribution",
-            scene.tolerance.distribution,
-            "a path on a shared Brownian tree needs gaps that do not vary: give 'fixed', or no tolerance",
-        )
+        why = "a path on a shared Brownian tree needs gaps that do not vary: give 'fixed', or no tolerance"
+        raise InputError("tolerance.distribution", scene.tolerance.distribution, why)
     if scene.correlation_time:
         raise InputError("correlation_time", scene.correlation_time, "a shared Brownian tree is of white noise only, 0")
     h = step_time(scene)
@@ -85,7 +80,7 @@ def clockwork(scene: Scene, depth: int) -> Clockwork:
 def clockwork_of(steps: Sequence[FlightForcing], h: float, depth: int) -> Clockwork:
     """Tables of given steps."""
     table, f = np.array([(*f.drift, *f.along, *f.across, f.margin1, f.margin2) for f in steps]), steps[0]
-    return Clockwork(h, depth, table, np.array([f.x1y1, f.y1y1, f.x2y1, f.x2y2, f.y2y1, f.y2y2]))
+    return Clockwork(h, depth, table, np.array(f.carry))
 
 
 def first_state(scene: Scene) -> Floats:
@@ -94,6 +89,19 @@ def first_state(scene: Scene) -> Floats:
     if scene.start.mesh != 0:
         y1, y2 = struck(scene.constants, scene.start.mesh, y1, y2)
     return np.array([x1, y1, x2, y2])
+
+
+class Tree(NamedTuple):
+    """A scene on a shared Brownian tree, for compiled code."""
+
+    c: Constants
+    clock: Clockwork
+    key: Key  # of the random numbers
+
+
+def tree_of(scene: Scene, seed: int, depth: int) -> Tree:
+    """The tree of a scene and a seed."""
+    return Tree(scene.constants, clockwork(scene, depth), key_of(np.random.SeedSequence(seed)))
 
 
 class TreeRoom(NamedTuple):
@@ -185,14 +193,13 @@ def _leaf(
 
 
 @internal
-def walk_step(
-    c: Constants, w: Clockwork, room: TreeRoom, key: Key, path: Word, step: int, z: Pair, s: Floats, hits: Floats
-) -> tuple[int, bool]:
+def walk_step(tree: Tree, room: TreeRoom, path: Word, step: int, z: Pair, s: Floats, hits: Floats) -> tuple[int, bool]:
     """Carry a path through a step whose noise has the normals z, in place.
 
     Returns: Number of impacts, and whether `hits` was filled: the path then stays in this state to the end of the step.
     Shapes: `s` (4,); `hits` (at least 1, HIT).
     """
+    c, w = tree.c, tree.clock
     row = step % len(w.forcing)
     f, m = w.forcing[row], w.carry
     end, pending, level, node_of = room.end, room.pending, room.level, room.node
@@ -229,7 +236,7 @@ def walk_step(
         first = False
         z1, z2 = 0.0, 0.0
         if c.sigma > 0.0:
-            z1, z2, _, _ = normals(key, path, (Word(step) << TREE_BITS) + Word(number), Word(TREE))
+            z1, z2, _, _ = normals(tree.key, path, (Word(step) << TREE_BITS) + Word(number), Word(TREE))
         left, right = split(noise, h, 0.5, z1, z2)
         pending[top + 1, 0], pending[top + 1, 1] = right.increment, right.area
         pending[top + 2, 0], pending[top + 2, 1] = left.increment, left.area

@@ -8,11 +8,10 @@ Its determinant obeys the orbit's formula: the damping between impacts, and ``ep
 
 import numpy as np
 
-from rattle.montecarlo.coupling.dyadic import HIT, Clockwork, clockwork, first_state, new_room, walk_step
-from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
+from rattle.montecarlo.coupling.dyadic import HIT, Tree, first_state, new_room, tree_of, walk_step
+from rattle.montecarlo.noise.philox import STEP, Word, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene.compiled import jit
-from rattle.scene.constants import Constants
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 from rattle.scene.types import Floats
@@ -22,20 +21,10 @@ DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3
 
 @jit
 def _stretch(
-    c: Constants,
-    w: Clockwork,
-    key: Key,
-    path: Word,
-    tangent: bool,
-    step: int,
-    most: int,
-    at: Floats,
-    frame: Floats,
-    s: Stretch,
-    velocity: Floats,
+    tree: Tree, path: Word, tangent: bool, step: int, most: int, at: Floats, frame: Floats, s: Stretch, velocity: Floats
 ) -> tuple[int, int, int]:
     """Fill the arrays from ``at = (x1, y1, x2, y2, time since last impact)`` on; returns impacts, steps, sticking."""
-    hits, room = np.empty((MOST_IN_A_STEP, HIT)), new_room(w.depth)
+    c, w, hits, room = tree.c, tree.clock, np.empty((MOST_IN_A_STEP, HIT)), new_room(tree.clock.depth)
     state = at[:4]
     n, taken, sticking = 0, 0, 0
     z0, z1, z2, z3 = 0.0, 0.0, 0.0, 0.0
@@ -44,11 +33,11 @@ def _stretch(
             velocity[taken, 0], velocity[taken, 1] = state[1], state[3]
         if c.sigma > 0.0:
             if taken == 0 or step % 2 == 0:
-                z0, z1, z2, z3 = normals(key, path, Word(step // 2), Word(STEP))
+                z0, z1, z2, z3 = normals(tree.key, path, Word(step // 2), Word(STEP))
             z = (z0, z1) if step % 2 == 0 else (z2, z3)
         else:
             z = (0.0, 0.0)
-        found, full = walk_step(c, w, room, key, path, step, z, state, hits)
+        found, full = walk_step(tree, room, path, step, z, state, hits)
         sticking += full
         last = 0.0
         for i in range(found):
@@ -85,9 +74,8 @@ class LongPath:
     """
 
     def __init__(self, scene: Scene, seed: int, path: int = 0, depth: int = DEPTH) -> None:
-        self.c, self.clock = scene.constants, clockwork(scene, depth)
-        self.key, self.path = key_of(np.random.SeedSequence(seed)), Word(path)
-        self.step, self.sticking_steps = self.clock.h, 0
+        self.tree, self.path, self.sticking_steps = tree_of(scene, seed, depth), Word(path), 0
+        self.step = self.tree.clock.h
         self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
         self.at, self.frame = np.append(first_state(scene), 0.0), np.eye(4)
 
@@ -98,11 +86,9 @@ class LongPath:
 
         Shapes: `velocity` (steps taken, 2).
         """
-        room = steps // 2 + MOST_IN_A_STEP
-        s = Stretch(np.empty(room), np.empty(room), np.empty(room, np.int64), np.empty((room, 4)), np.zeros((room, 4)))
-        velocity = np.empty((steps if velocities else 0, 2))
+        s, velocity = Stretch.empty(steps // 2 + MOST_IN_A_STEP), np.empty((steps if velocities else 0, 2))
         n, taken, sticking = _stretch(
-            self.c, self.clock, self.key, self.path, tangent, self.steps, steps, self.at, self.frame, s, velocity
+            self.tree, self.path, tangent, self.steps, steps, self.at, self.frame, s, velocity
         )
         self.steps += taken
         self.sticking_steps += sticking

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Clockwork, clockwork, first_state, new_room, walk_step
-from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
+from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, first_state, new_room, tree_of, walk_step
+from rattle.montecarlo.noise.philox import STEP, Word, normals
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
@@ -23,33 +23,24 @@ TINY = 1e-16  # least distance of two paths, for logarithms
 
 
 @internal
-def _two_normals(c: Constants, key: Key, step: int) -> tuple[float, float]:
-    if c.sigma == 0.0:
+def _two_normals(tree: Tree, step: int) -> tuple[float, float]:
+    if tree.c.sigma == 0.0:
         return 0.0, 0.0
-    z0, z1, z2, z3 = normals(key, PATH, Word(step // 2), Word(STEP))
+    z0, z1, z2, z3 = normals(tree.key, PATH, Word(step // 2), Word(STEP))
     return (z0, z1) if step % 2 == 0 else (z2, z3)
 
 
 @jit
 def _after_impact(
-    c: Constants,
-    w: Clockwork,
-    key: Key,
-    steps: int,
-    settle: int,
-    state: Floats,
-    least: float,
-    deltas: Floats,
-    apart: Floats,
-    place: Floats,
+    tree: Tree, steps: int, settle: int, state: Floats, least: float, deltas: Floats, apart: Floats, place: Floats
 ) -> tuple[int, int]:
-    hits, other = np.empty((MOST_IN_A_STEP, HIT)), np.empty((MOST_IN_A_STEP, HIT))
+    hits, other, c, w = np.empty((MOST_IN_A_STEP, HIT)), np.empty((MOST_IN_A_STEP, HIT)), tree.c, tree.clock
     begin, partner, room = np.empty(4), np.empty(4), new_room(w.depth)
     n, missed = 0, 0
     for k in range(steps):
         begin[:] = state
-        z = _two_normals(c, key, k)
-        found, _ = walk_step(c, w, room, key, PATH, k, z, state, hits)
+        z = _two_normals(tree, k)
+        found, _ = walk_step(tree, room, PATH, k, z, state, hits)
         if k < settle or found != 1 or abs(hits[0, 1]) != 1:
             continue
         share, speed = hits[0, 0] / w.h, abs(hits[0, 3])
@@ -59,7 +50,7 @@ def _after_impact(
         for i in range(deltas.size):
             partner[:] = begin
             partner[0] -= hits[0, 1] * deltas[i]
-            met, _ = walk_step(c, w, room, key, PATH, k, z, partner, other)
+            met, _ = walk_step(tree, room, PATH, k, z, partner, other)
             if met != 1 or other[0, 1] != hits[0, 1]:
                 whole = False
                 break
@@ -93,9 +84,9 @@ def after_impact(
     >>> apart.shape
     (100, 1)
     """
-    c, w, key = scene.constants, clockwork(scene, DEEPEST), key_of(np.random.SeedSequence(seed))
+    tree = tree_of(scene, seed, DEEPEST)
     apart, place, steps = np.empty((impacts, deltas.size)), np.empty((impacts, 3)), settle + 2000 * impacts
-    n, missed = _after_impact(c, w, key, steps, settle, first_state(scene), least, deltas, apart, place)
+    n, missed = _after_impact(tree, steps, settle, first_state(scene), least, deltas, apart, place)
     return apart[:n], place[:n], missed
 
 
@@ -124,23 +115,14 @@ def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
 
 @jit
 def _growths(
-    c: Constants,
-    w: Clockwork,
-    key: Key,
-    settle: int,
-    wait: int,
-    steps: int,
-    a: Floats,
-    delta: float,
-    ratio: float,
-    found: Floats,
+    tree: Tree, settle: int, wait: int, steps: int, a: Floats, delta: float, ratio: float, found: Floats
 ) -> int:
-    hits, room = np.empty((MOST_IN_A_STEP, HIT)), new_room(w.depth)
+    c, hits, room = tree.c, np.empty((MOST_IN_A_STEP, HIT)), new_room(tree.clock.depth)
     b = a.copy()
     n, waited, last, together = 0, 0, 0.0, True
     for k in range(steps):
-        z = _two_normals(c, key, k)
-        walk_step(c, w, room, key, PATH, k, z, a, hits)
+        z = _two_normals(tree, k)
+        walk_step(tree, room, PATH, k, z, a, hits)
         if k < settle:
             continue
         if together:  # start anew with a partner beside the path
@@ -149,13 +131,13 @@ def _growths(
             together = not _place(c, a, b, delta)
             waited, last = 0, delta
             continue
-        walk_step(c, w, room, key, PATH, k, z, b, hits)
+        walk_step(tree, room, PATH, k, z, b, hits)
         waited += 1
         now = _distance(c, a, b)
         far = min(now, last)  # the smaller of two: between both paths' impacts distance does not count
         last = now
         if far >= ratio * delta or waited >= wait:
-            found[0, n], found[1, n] = waited * w.h, math.log(max(far, TINY) / delta)
+            found[0, n], found[1, n] = waited * tree.clock.h, math.log(max(far, TINY) / delta)
             n += 1
             if n == found.shape[1]:
                 break
@@ -188,7 +170,7 @@ def growths(
     >>> bool((growth >= np.log(2.0)).all())
     True
     """
-    c, w, key = scene.constants, clockwork(scene, DEEPEST), key_of(np.random.SeedSequence(seed))
-    wait, found = max(2, int(patience / w.h)), np.empty((2, events))
-    n = _growths(c, w, key, settle, wait, settle + wait * events, first_state(scene), delta, ratio, found)
+    tree = tree_of(scene, seed, DEEPEST)
+    wait, found = max(2, int(patience / tree.clock.h)), np.empty((2, events))
+    n = _growths(tree, settle, wait, settle + wait * events, first_state(scene), delta, ratio, found)
     return found[0, :n], found[1, :n]

@@ -78,27 +78,12 @@ def measure(dt: float = 2e-3, impacts: int = 12) -> pd.DataFrame:
     scene = Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
     rows = []
     for (scheme, increments), cost in COSTS.items():
-        plan = plan_of(
-            scene,
-            paths=ROUNDS * resident_threads(),
-            impacts=impacts,
-            dt=dt,
-            scheme=scheme,
-            sampling=Sampling(increments=increments, device="cuda"),
-        )
-        rate = speed(plan)
-        rows.append(
-            {
-                "scheme": scheme,
-                "increments": increments,
-                "path_steps_per_s": rate,
-                "flops_per_s": cost.flops * rate,
-                "words_per_s": cost.random_words * rate,
-                "of_float64": cost.float64_instructions * rate / (clocks * lanes),
-                "of_issue": cost.instructions * rate / (clocks * LANES),
-            }
-        )
-    return pd.DataFrame(rows).set_index(["scheme", "increments"])
+        sampling = Sampling(increments=increments, device="cuda")
+        rate = speed(plan_of(scene, ROUNDS * resident_threads(), impacts, dt, scheme, sampling=sampling))
+        shares = cost.float64_instructions * rate / (clocks * lanes), cost.instructions * rate / (clocks * LANES)
+        rows.append((scheme, increments, rate, cost.flops * rate, cost.random_words * rate, *shares))
+    columns = ["scheme", "increments", "path_steps_per_s", "flops_per_s", "words_per_s", "of_float64", "of_issue"]
+    return pd.DataFrame(rows, columns=columns).set_index(columns[:2])
 
 
 if __name__ == "__main__":

@@ -70,19 +70,13 @@ def prepare(plan: Plan) -> _Resources:
 
     scene, scheme, backlash = plan.scene, SCHEMES[plan.scheme].code, backlash_of(plan.scene)
     noise = "none" if scene.sigma == 0.0 else "two-point" if plan.two_point else "gaussian"
-    job = Job(
-        scene.constants, backlash, key_of(plan.seed), scene.phase, plan.dt, scheme, plan.two_point, plan.most_steps
-    )
+    key, steps = key_of(plan.seed), plan.most_steps
+    job = Job(scene.constants, backlash, key, scene.phase, plan.dt, scheme, plan.two_point, steps)
     sides = ((scene.start.x1, scene.gap1), (scene.start.x2, scene.gap2))
     gaps = np.repeat([[scene.gap1], [scene.gap2]], 2, axis=0)
-    return _Resources(
-        plan,
-        job,
-        tuple(start_state(scene, gaps)[:, 0].tolist()),
-        tuple(int(np.sign(x)) if abs(x) == gap else 0 for x, gap in sides),
-        path_kernel(scheme, noise, backlash.random, backlash.redrawn),
-        cuda.to_device(plan.fixed_steps),
-    )
+    start, flanks = start_state(scene, gaps)[:, 0].tolist(), (int(np.sign(x)) * (abs(x) == gap) for x, gap in sides)
+    kernel = path_kernel(scheme, noise, backlash.random, backlash.redrawn)
+    return _Resources(plan, job, tuple(start), tuple(flanks), kernel, cuda.to_device(plan.fixed_steps))
 
 
 def follow(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, Ints]:
@@ -96,19 +90,8 @@ def follow(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, Ints]:
     rows = cuda.device_array((plan.impacts, COLUMNS, paths), np.float64)
     fixed = cuda.device_array((plan.fixed_steps.size, 4, paths), np.float64)
     counts = cuda.to_device(np.zeros(3, np.int64))
-    launch(
-        gpu.follow,
-        -(-paths // threads),
-        threads,
-        gpu.job,
-        first,
-        gpu.start,
-        gpu.flanks,
-        rows,
-        gpu.fixed_steps,
-        fixed,
-        counts,
-    )
+    asked = gpu.job, first, gpu.start, gpu.flanks
+    launch(gpu.follow, -(-paths // threads), threads, *asked, rows, gpu.fixed_steps, fixed, counts)
     return rows, fixed, counts.copy_to_host()
 
 

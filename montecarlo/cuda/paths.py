@@ -49,19 +49,8 @@ def _tabulate(scheme, job, n, table):  # type: ignore[no-untyped-def]
 @cuda.jit(device=True)
 def _flight(c, h, whole, t, x1, y1, x2, y2, w, area, walls):  # type: ignore[no-untyped-def]
     """State after an exact-flight step, and whether it may have an impact; `t` is the step's row of the table."""
-    f = FlightForcing(
-        whole.x1y1,
-        whole.y1y1,
-        whole.x2y1,
-        whole.x2y2,
-        whole.y2y1,
-        whole.y2y2,
-        (t[0], t[1], t[2], t[3]),
-        (t[4], t[5], t[6], t[7]),
-        (t[8], t[9], t[10], t[11]),
-        t[12],
-        t[13],
-    )
+    drift, along, across = (t[0], t[1], t[2], t[3]), (t[4], t[5], t[6], t[7]), (t[8], t[9], t[10], t[11])
+    f = FlightForcing(whole.carry, drift, along, across, t[12], t[13])
     third = h / 3.0
     a1, b1 = first_stage(f, x1, y1, w, area)
     meets = near_wall(third, x1, y1, a1, b1, walls.high1, walls.low1, f.margin1)
@@ -91,23 +80,15 @@ def _first_walls(random, job, path):  # type: ignore[no-untyped-def]
     if not random:
         return Walls(job.c.wall1, job.c.wall1, job.c.wall2, job.c.wall2)
     b, key = job.backlash, job.key
-    return Walls(
-        first_half_gap(b, key, path, 0),
-        first_half_gap(b, key, path, 1),
-        first_half_gap(b, key, path, 2),
-        first_half_gap(b, key, path, 3),
-    )
+    high1, low1 = first_half_gap(b, key, path, 0), first_half_gap(b, key, path, 1)
+    return Walls(high1, low1, first_half_gap(b, key, path, 2), first_half_gap(b, key, path, 3))
 
 
 @cuda.jit(device=True)
 def _move(walls, code, drawn):  # type: ignore[no-untyped-def]
     """Walls after an impact: the flank opposite to the struck one is redrawn."""
-    return Walls(
-        drawn if code == -1 else walls.high1,
-        drawn if code == 1 else walls.low1,
-        drawn if code == -2 else walls.high2,
-        drawn if code == 2 else walls.low2,
-    )
+    high1, low1 = drawn if code == -1 else walls.high1, drawn if code == 1 else walls.low1
+    return Walls(high1, low1, drawn if code == -2 else walls.high2, drawn if code == 2 else walls.low2)
 
 
 @cache

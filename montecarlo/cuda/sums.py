@@ -12,7 +12,7 @@ import numpy as np
 from numba import cuda
 
 from rattle.montecarlo.cuda.paths import STEPS, STICKING, UNFINISHED
-from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, BlockResult, Plan
+from rattle.montecarlo.kernel.block import CODES, CROSS, SECTION_PAIRS, BlockResult, Plan
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from rattle.scene.moments import SECTION
@@ -23,30 +23,16 @@ MOST_ORDERS, MOST_POWERS = 16, 9  # sizes of local arrays: orders of a cell, and
 
 
 @cuda.jit(device=True)
-def _total(value, scratch):  # type: ignore[no-untyped-def]
-    """Sum of the threads' values by tree reduction; every thread gets it."""
+def _reduce(value, scratch, least):  # type: ignore[no-untyped-def]
+    """Sum of the threads' values, or the least of them, by tree reduction; every thread gets it."""
     t, width = cuda.threadIdx.x, cuda.blockDim.x // 2
     cuda.syncthreads()
     scratch[t] = value
     cuda.syncthreads()
     while width > 0:
         if t < width:
-            scratch[t] += scratch[t + width]
-        cuda.syncthreads()
-        width //= 2
-    return scratch[0]
-
-
-@cuda.jit(device=True)
-def _least(value, scratch):  # type: ignore[no-untyped-def]
-    """Least of the threads' values by tree reduction; every thread gets it."""
-    t, width = cuda.threadIdx.x, cuda.blockDim.x // 2
-    cuda.syncthreads()
-    scratch[t] = value
-    cuda.syncthreads()
-    while width > 0:
-        if t < width:
-            scratch[t] = min(scratch[t], scratch[t + width])
+            other = scratch[t + width]
+            scratch[t] = min(scratch[t], other) if least else scratch[t] + other
         cuda.syncthreads()
         width //= 2
     return scratch[0]
@@ -69,7 +55,7 @@ def _cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-unt
         if math.isfinite(a[p]) and math.isfinite(b[p]):
             first = float(p)
             break
-    origin = int(_least(first, scratch))
+    origin = int(_reduce(first, scratch, True))
     if origin == paths:
         if t == 0:
             n[cell], mean[0, cell], mean[1, cell] = 0.0, 0.0, 0.0
@@ -82,9 +68,9 @@ def _cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-unt
             count += 1.0
             total_a += a[p] - a[origin]
             total_b += b[p] - b[origin]
-    count = _total(count, scratch)
-    mean_a = a[origin] + _total(total_a, scratch) / count
-    mean_b = b[origin] + _total(total_b, scratch) / count
+    count = _reduce(count, scratch, False)
+    mean_a = a[origin] + _reduce(total_a, scratch, False) / count
+    mean_b = b[origin] + _reduce(total_b, scratch, False) / count
     for o in range(exponents.shape[0]):
         kept[o] = 0.0
     powers[0, 0], powers[1, 0] = 1.0, 1.0
@@ -96,7 +82,7 @@ def _cell_sums(v, left, right, exponents, n, mean, sums):  # type: ignore[no-unt
             for o in range(exponents.shape[0]):
                 kept[o] += powers[0, exponents[o, 0]] * powers[1, exponents[o, 1]]
     for o in range(exponents.shape[0]):
-        whole = _total(kept[o], scratch)
+        whole = _reduce(kept[o], scratch, False)
         if t == 0:
             sums[o, cell] = whole
     if t == 0:
@@ -122,7 +108,7 @@ def _tally(rows, itineraries, codes, agreeing):  # type: ignore[no-untyped-def]
                 same = same and rows[i, 6, p] == itineraries[j - len(CODES), i]
             if same:
                 count += 1.0
-    count = _total(count, scratch)
+    count = _reduce(count, scratch, False)
     if t == 0:
         if j < len(CODES):
             codes[k, j] = count
@@ -145,24 +131,10 @@ def _sums(v: Any, variables: int, pairs: Sequence[tuple[int, int]], orders: Orde
     cells, shape = left.size, (groups, len(pairs))
     n, mean = cuda.device_array(cells, np.float64), cuda.device_array((2, cells), np.float64)
     sums = cuda.device_array((len(orders), cells), np.float64)
-    launch(
-        _cell_sums,
-        cells,
-        threads,
-        v.reshape(groups * variables, paths),
-        cuda.to_device(left),
-        cuda.to_device(right),
-        cuda.to_device(np.array(orders)),
-        n,
-        mean,
-        sums,
-    )
-    return CentralSums(
-        orders,
-        n.copy_to_host().reshape(shape),
-        mean.copy_to_host().reshape(2, *shape),
-        sums.copy_to_host().reshape(len(orders), *shape),
-    )
+    listed = [cuda.to_device(array) for array in (left, right, np.array(orders))]
+    launch(_cell_sums, cells, threads, v.reshape(groups * variables, paths), *listed, n, mean, sums)
+    found, means, powers = (array.copy_to_host() for array in (n, mean, sums))
+    return CentralSums(orders, found.reshape(shape), means.reshape(2, *shape), powers.reshape(len(orders), *shape))
 
 
 def reduce(plan: Plan, rows: Any, fixed: Any, counts: Ints, threads: int) -> BlockResult:
@@ -170,11 +142,8 @@ def reduce(plan: Plan, rows: Any, fixed: Any, counts: Ints, threads: int) -> Blo
 
     Shapes: `rows` (impacts, COLUMNS, paths); `fixed` (times, 4, paths); `counts` (3,).
     """
-    own, pairs = [(i, i) for i in range(len(SECTION))], [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
-    sums = {
-        "section": _sums(rows, COLUMNS, own, SINGLE, threads),
-        "section_pairs": _sums(rows, COLUMNS, pairs, COVARIANCE, threads),
-    }
+    sums = {"section": _sums(rows, COLUMNS, [(i, i) for i in range(len(SECTION))], SINGLE, threads)}
+    sums["section_pairs"] = _sums(rows, COLUMNS, SECTION_PAIRS, COVARIANCE, threads)
     if plan.fixed_steps.size:
         sums["fixed"] = _sums(fixed, 4, CROSS, PAIR, threads)
     itineraries = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
@@ -182,11 +151,6 @@ def reduce(plan: Plan, rows: Any, fixed: Any, counts: Ints, threads: int) -> Blo
     agreeing = cuda.device_array(itineraries.shape, np.float64)
     grid = plan.impacts, len(CODES) + len(itineraries)
     launch(_tally, grid, threads, rows, cuda.to_device(itineraries), codes, agreeing)
-    return BlockResult(
-        sums,
-        codes.copy_to_host(),
-        dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True)),
-        int(counts[STEPS]),
-        int(counts[STICKING]),
-        int(counts[UNFINISHED]),
-    )
+    followed = dict(zip(plan.itineraries, agreeing.copy_to_host(), strict=True))
+    steps, sticking, unfinished = (int(counts[i]) for i in (STEPS, STICKING, UNFINISHED))
+    return BlockResult(sums, codes.copy_to_host(), followed, steps, sticking, unfinished)

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.diagnostics.accuracy import HasColumns, error_bound
 from rattle.montecarlo.diagnostics.reach import Reach
-from rattle.montecarlo.kernel.block import Plan, sample
-from rattle.montecarlo.kernel.control_variate import no_control
+from rattle.montecarlo.kernel.block import Plan
 from rattle.montecarlo.schemes.step_size import trusted_step, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.plan import STEPS, is_random
+from rattle.montecarlo.settings.plan import STEPS, is_random, noise_free_path
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
@@ -93,7 +92,7 @@ def orbit_shift(run: _Run) -> tuple[float, str]:
     (0.2, 'x1 at impact 2')
     """
     unit, columns = motion_units(run.columns, run.scene), run.columns
-    coarse, fine = (_orbit(run.plan, times) for times in (1, FINER))
+    coarse, fine = (noise_free_path(run.plan, run.plan.scheme, run.plan.dt / times) for times in (1, FINER))
     worst, where = 0.0, "nothing moves"
     if run.plan.scheme == "euler-maruyama":
         late = np.nan_to_num(_share(0.5 * run.plan.dt * np.arange(1, run.plan.impacts + 1), unit["tau"]))
@@ -116,24 +115,6 @@ def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
     """A change in its unit; 0 where the unit is zero, that is, where nothing moves."""
     share: Floats = np.divide(of, unit, out=np.zeros_like(unit), where=unit != 0.0)
     return share
-
-
-def _orbit(plan: Plan, finer: int) -> Floats:
-    noise_free = plan._replace(
-        scene=plan.scene.noise_free,
-        paths=1,
-        dt=plan.dt / finer,
-        most_steps=plan.most_steps * finer,
-        fixed_steps=np.empty(0, np.int64),
-        itineraries={},
-        levels=1,
-        control=no_control(),
-        two_point=False,
-        mirrored=False,
-        energy=False,
-    )
-    found: Floats = np.nan_to_num(sample(noise_free, 0).rows[0, 0])
-    return found
 
 
 def diagnose(run: _Run) -> tuple[str, ...]:
@@ -213,14 +194,9 @@ def _of_step(run: _Run) -> tuple[str, ...]:
     remedy = f"dt = {limit:.2g} would do" if limit * STEPS > 1.0 else "take exact-flight, which has no such bias"
     noisy = f"The step may bias moments by more than {TOLERANCE:.0%} of an sd: {why}; {remedy}." if dt > limit else ""
     shift, where = orbit_shift(run)
-    by = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST * shift:.2%}"
-    moved = (
-        f"The step moves the noise-free path by {by} ({where}): shorten it, or take exact-flight, which has "
-        "no such bias."
-        if shift > TOLERANCE
-        else ""
-    )
-    return noisy, moved
+    by, remedy = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST * shift:.2%}", "which has no such bias"
+    moved = f"The step moves the noise-free path by {by} ({where}): shorten it, or take exact-flight, {remedy}."
+    return noisy, moved if shift > TOLERANCE else ""
 
 
 def _of_measured_bias(run: _Run) -> str:
@@ -247,9 +223,8 @@ def _of_impacts(run: _Run) -> tuple[str, ...]:
         if scene.sigma > 0.0 and scene.epsilon < COLLAPSE
         else ""
     )
-    matters = (
-        run.plan.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size
-    )  # else the path has had all its impacts by then
+    # else the path has had all its impacts by then
+    matters = run.plan.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size
     sticking = (
         f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end of the step: completed chatter, or a "
         "sticking phase."

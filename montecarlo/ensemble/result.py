@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rattle.montecarlo.diagnostics.reach import Reach
-from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, BlockResult, Plan
+from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, SECTION_PAIRS, BlockResult, Plan
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.table import SCHEMES
@@ -316,7 +316,7 @@ class Ensemble(SectionResult):
         """Covariance of ``tau, x1, y1, x2, y2`` at each impact, shape (impacts, 5, 5)."""
         out, sums = np.empty((self.impacts, 5, 5)), self.result.sums
         if "weighted" in sums:
-            moment = sums["weighted"].pair_moment([(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS])
+            moment = sums["weighted"].pair_moment(SECTION_PAIRS)
             variance = self._statistics["sd"][:, SECTION_OF] ** 2
         else:
             moment, variance = sums["section_pairs"].moment(1, 1), sums["section"].moment(2, 0)[:, SECTION_OF]

@@ -97,19 +97,7 @@ def simulate(
     if record.step_bias is None and SCHEMES[scheme].has_step_bias and sampling.device == "cpu":
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
-    if record.batches and sampling.device == "cuda":
-        raise InputError("record.batches", True, "are not kept on a GPU; leave them out, or use device='cpu'")
-    plan = plan_of(
-        scene,
-        paths=paths,
-        impacts=impacts,
-        dt=dt,
-        scheme=scheme,
-        rng=rng,
-        workers=workers,
-        record=record,
-        sampling=sampling,
-    )
+    plan = plan_of(scene, paths, impacts, dt, scheme, rng, workers, record, sampling)
     started = time.perf_counter()
     merged: BlockResult | None = None
     histograms: Histograms | None = None

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
-from rattle.montecarlo.kernel.kernel import COLUMNS, PLAIN, Job, block_kernel
-from rattle.montecarlo.kernel.lanes import lanes_of
+from rattle.montecarlo.kernel.kernel import COLUMNS, PLAIN, Job, Output, block_kernel
+from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.kernel.plain import plain_block
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
@@ -34,6 +34,9 @@ PAIRS = tuple((i, j) for i in range(5) for j in range(i))
 
 SECTION_OF = (0, 2, 3, 4, 5)
 """Their indices in `SECTION`."""
+
+SECTION_PAIRS = tuple((SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS)
+"""The pairs by indices in `SECTION`."""
 
 
 class Plan(NamedTuple):
@@ -105,37 +108,34 @@ def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Float
     return array
 
 
-def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
-    """Run the paths of a block."""
-    scene = plan.scene
-    first = block * BLOCK
-    paths = min(BLOCK, plan.paths - first)
-    c, key, backlash = scene.constants, key_of(plan.seed), backlash_of(scene)
+def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
+    """Settings, paths side by side, at their start, and buffers of a block that begins with path `first`."""
+    scene, c, key, backlash = plan.scene, plan.scene.constants, key_of(plan.seed), backlash_of(plan.scene)
     walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
     if backlash.random:
         draw_walls(backlash, key, first, walls)
+    if plan.mirrored:
+        c = c._replace(sigma=-c.sigma)
+    code, memory = SCHEMES[plan.scheme].code, memory_of(scene.correlation_time, plan.dt)
+    job = Job(c, backlash, key, scene.phase, plan.dt, code, plan.two_point, plan.most_steps, memory)
+    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
+    if scene.correlation_time:
+        begin_memory(scene.correlation_time, key, first, room.eta)
+    return job, every, room
+
+
+def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
+    """Run the paths of a block."""
+    first = block * BLOCK
+    paths = min(BLOCK, plan.paths - first)
+    job, every, room = begin_block(plan, first, paths)
     rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), np.nan, reuse)
     fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, 4), np.nan, reuse)
     linear = paths if plan.control.at_step.size else 0
     controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
-    if plan.mirrored:
-        c = c._replace(sigma=-c.sigma)
-    job = Job(
-        c,
-        backlash,
-        key,
-        scene.phase,
-        plan.dt,
-        SCHEMES[plan.scheme].code,
-        plan.two_point,
-        plan.most_steps,
-        memory_of(scene.correlation_time, plan.dt),
-    )
-    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
-    if scene.correlation_time:
-        begin_memory(scene.correlation_time, key, first, room.eta)
+    out = Output(first, rows, plan.fixed_steps, fixed, controls)
     kernel = plain_block if job.scheme == PLAIN else block_kernel(job.scheme)
-    work, sticking = kernel(job, plan.control, first, every, room, rows, plan.fixed_steps, fixed, controls)
+    work, sticking = kernel(job, plan.control, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
 
@@ -212,8 +212,7 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     rows = [columns_of(level) for level in raw.rows]
     fixed = [columns_of(level) for level in raw.fixed] if plan.fixed_steps.size else []
     own = [(i, i) for i in range(len(SECTION))]
-    pairs = [(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS]
-    single, covariances = CentralSums.of_groups(rows[0], plan.impacts, len(SECTION), pairs)
+    single, covariances = CentralSums.of_groups(rows[0], plan.impacts, len(SECTION), SECTION_PAIRS)
     sums = {"section": single, "section_pairs": covariances}
     if plan.energy:
         sums["energy"] = section(columns_of(energy_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
@@ -229,28 +228,16 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     codes, agreeing = np.zeros((plan.impacts, len(CODES))), np.zeros((len(listed), plan.impacts))
     _tally(raw.rows[0], listed, codes, agreeing)
-    followers = {name: _followers(plan, plan.itineraries[name], raw.rows, rows, sums, pairs) for name in plan.apart}
+    followers = {name: _followers(plan, plan.itineraries[name], raw.rows, rows, sums) for name in plan.apart}
     kept = raw.rows[0].copy() if plan.keep else None
     if kept is not None and plan.scene.stages == 1:
         kept[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
-    return BlockResult(
-        sums,
-        codes,
-        dict(zip(plan.itineraries, agreeing, strict=True)),
-        raw.path_steps,
-        raw.sticking_steps,
-        raw.unfinished,
-        followers,
-    ), kept
+    followed = dict(zip(plan.itineraries, agreeing, strict=True))
+    return BlockResult(sums, codes, followed, raw.path_steps, raw.sticking_steps, raw.unfinished, followers), kept
 
 
 def _followers(
-    plan: Plan,
-    itinerary: tuple[int, ...],
-    raw: Floats,
-    levels: list[Floats],
-    every: dict[str, Any],
-    pairs: Sequence[tuple[int, int]],
+    plan: Plan, itinerary: tuple[int, ...], raw: Floats, levels: list[Floats], every: dict[str, Any]
 ) -> Followers:
     """Sums over the paths of a block that follow an itinerary; those over all, `every`, where none leaves it."""
     codes, ones = np.array(itinerary, dtype=float), np.ones(raw.shape[1:3])
@@ -265,7 +252,7 @@ def _followers(
         cells = columns.copy().reshape(plan.impacts, -1, columns.shape[1])
         cells[:, :, : stay.size].swapaxes(1, 2)[np.arange(plan.impacts)[:, None] >= stay] = np.nan
         kept.append(cells.reshape(columns.shape))
-    sums = dict(zip(names, CentralSums.of_groups(kept[0], plan.impacts, len(SECTION), pairs), strict=False))
+    sums = dict(zip(names, CentralSums.of_groups(kept[0], plan.impacts, len(SECTION), SECTION_PAIRS), strict=False))
     if len(kept) > 1:
         own = [(i, i) for i in range(len(SECTION))]
         sums["fine_coarse"] = _pairs(plan.impacts, kept[0], own, PAIR, kept[1])

@@ -49,14 +49,13 @@ class LinearPath(NamedTuple):
 
 def no_control() -> LinearPath:
     """A linearised path without steps and impacts: no control variate."""
-    return LinearPath(
-        np.empty((0, 5, 5)),
-        np.empty((0, 2, 5)),
-        np.empty(0, np.int64),
-        np.empty((0, 6, 5)),
-        np.empty((0, 2, 6)),
-        np.empty((0, 6)),
-    )
+    return _blank_path(0, 0, 0)
+
+
+def _blank_path(steps: int, found: int, impacts: int) -> LinearPath:
+    """A linearised path to be filled, of so many steps and impacts of the orbit."""
+    carry, noise, at_step = np.empty((steps, 5, 5)), np.empty((steps, 2, 5)), np.empty(found, np.int64)
+    return LinearPath(carry, noise, at_step, np.empty((found, 6, 5)), np.empty((found, 2, 6)), np.zeros((impacts, 6)))
 
 
 class LinearImpact(NamedTuple):
@@ -125,14 +124,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     c = scene.constants
     orbit = [impact for impact in orbit_impacts(scene, impacts) if impact.tau - scene.phase < MOST_STEPS * dt]
     steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
-    program = LinearPath(
-        np.empty((steps, 5, 5)),
-        np.empty((steps, 2, 5)),
-        np.empty(len(orbit), np.int64),
-        np.empty((len(orbit), 6, 5)),
-        np.empty((len(orbit), 2, 6)),
-        np.zeros((impacts, 6)),
-    )
+    program = _blank_path(steps, len(orbit), impacts)
     covariance, k = np.zeros((5, 5)), 0
     for n in range(steps):
         tau, at = scene.phase + n * dt, 0.0

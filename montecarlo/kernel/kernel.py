@@ -50,6 +50,16 @@ class Job(NamedTuple):
     memory: Memory = Memory()  # of the noise, for the finest step; not used for white noise
 
 
+class Output(NamedTuple):
+    """What a kernel writes for a block of paths; what is not reached stays as given."""
+
+    first: int  # number of the first path
+    rows: Floats  # the state just before each impact; (levels, paths, impacts, COLUMNS)
+    fixed_steps: Ints  # finest steps, multiples of the coarsest, after which states are recorded; ascending
+    fixed: Floats  # those states; (levels, paths, times, 4)
+    controls: Floats  # section quantities of the linearised path; (paths, impacts, COLUMNS)
+
+
 @splice
 def next_event(
     scheme: int,
@@ -88,30 +98,15 @@ def walls_of(lanes: Lanes, p: int) -> Walls:
 
 @splice
 def record(
-    job: Job,
-    path: Word,
-    row: int,
-    level: int,
-    p: int,
-    code: int,
-    tau: float,
-    x1: float,
-    y1: float,
-    x2: float,
-    y2: float,
-    lanes: Lanes,
-    rows: Floats,
+    job: Job, level: int, p: int, code: int, tau: float, state: State, lanes: Lanes, room: Room, out: Output
 ) -> None:
-    """Record an impact of the path in lane p, and redraw the flank if impacts do.
-
-    Shapes: `rows` (levels, paths, impacts, COLUMNS).
-    """
-    k = lanes.impacts[p]
+    """Record an impact of the path in lane p, and redraw the flank if impacts do."""
+    k, path = lanes.impacts[p], room.path[p]
     tau = max(tau, lanes.last[p])  # after the sum of a step's pieces its end may be a rounding error late
-    if k < rows.shape[2]:
-        seen = (tau, tau - lanes.last[p], x1, y1, x2, y2, float(code))
+    if k < out.rows.shape[2]:
+        seen = (tau, tau - lanes.last[p], state[0], state[1], state[2], state[3], float(code))
         for i in range(COLUMNS):
-            rows[level, row, k, i] = seen[i]
+            out.rows[level, int(path) - out.first, k, i] = seen[i]
     lanes.last[p] = tau
     lanes.impacts[p] = k + 1
     if job.backlash.redrawn:
@@ -131,26 +126,24 @@ def rebound(c: Constants, mesh: float, y1: float, y2: float) -> tuple[float, flo
 
 
 @splice
-def _finish_inside(
+def finish_inside(
     scheme: int,
     job: Job,
-    path: Word,
-    row: int,
     step: int,
     level: int,
     p: int,
     at: Progress,
     phase: Phase,
     lanes: Lanes,
-    rows: Floats,
-    ahead: Floats,
+    room: Room,
+    out: Output,
     enough: int,
 ) -> bool:
     """Carry one path from `at` through its impacts to the end of the step; whether a mesh had to stay closed.
 
     `enough`: Impacts after which it is not followed any further.
     """
-    sticking, state = False, lanes.state
+    sticking, state, path, ahead = False, lanes.state, room.path[p], room.ahead
     whole = state[0, p], state[1, p], state[2, p], state[3, p]
     for met in range(MOST_IN_A_STEP + 1):
         if at.left <= 0.0 or lanes.impacts[p] >= enough:
@@ -164,7 +157,7 @@ def _finish_inside(
             sticking = True
             break
         if at.code != 0:
-            record(job, path, row, level, p, at.code, at.tau, at.x1, at.y1, at.x2, at.y2, lanes, rows)
+            record(job, level, p, at.code, at.tau, (at.x1, at.y1, at.x2, at.y2), lanes, room, out)
             y1, y2 = rebound(job.c, abs(at.code), at.y1, at.y2)
             at = Progress(0, at.tau, at.left, at.noise, at.x1, y1, at.x2, y2)
     state[0, p], state[1, p], state[2, p], state[3, p] = at.x1, at.y1, at.x2, at.y2
@@ -172,7 +165,7 @@ def _finish_inside(
 
 
 @splice
-def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
+def step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
     """One step of all lanes; marks those that may have an impact."""
     c, state, before = job.c, lanes.state, lanes.before
     if scheme == LOCATED:
@@ -191,40 +184,22 @@ def _step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks
 def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
     """Kernel that follows a block of paths by one scheme; code of other schemes is not compiled in.
 
-    The kernel is called with ``(job, control, first, every, room, rows, fixed_steps, fixed, controls)``.  It follows
-    each path until it has had its impacts, at one or more step sizes on the same Brownian path, and returns the number
-    of path-steps, and of those in which a mesh stayed closed to the end.
+    The kernel is called with ``(job, control, every, room, out)``.  It follows each path until it has had its impacts,
+    at one or more step sizes on the same Brownian path, and returns the number of path-steps, and of those in which a
+    mesh stayed closed to the end.
 
     - job : Job.  Level l has the step ``2**l dt``; after ``most_steps`` finest steps paths are given up.
     - control : LinearPath, carried along beside the finest level; empty for none.
-    - first : int, number of the block's first path.
     - every, room : Lanes, Room, from `rattle.montecarlo.kernel.lanes.lanes_of`.
-    - rows : ndarray, shape (levels, paths, impacts, COLUMNS).  Output: the state just before each impact; impacts that
-    are
-      not reached stay as given.
-    - fixed_steps : ndarray of int, ascending.  Finest steps, multiples of the coarsest, after which states are
-    recorded.
-    - fixed : ndarray, shape (levels, paths, times, 4).  Output: those states.
-    - controls : ndarray, shape (paths, impacts, COLUMNS).  Output: section quantities of the linearised path; as given
-      where there is none.
+    - out : Output.
     """
     draws = 2 if scheme == EXACT else 4  # steps per draw of four normals
     apart = 4 // draws  # normals per step
 
     @lean
-    def run_block(
-        job: Job,
-        control: LinearPath,
-        first: int,
-        every: Lanes,
-        room: Room,
-        rows: Floats,
-        fixed_steps: Ints,
-        fixed: Floats,
-        controls: Floats,
-    ) -> tuple[int, int]:
+    def run_block(job: Job, control: LinearPath, every: Lanes, room: Room, out: Output) -> tuple[int, int]:
         widest_vectors()
-        levels, paths, impacts = rows.shape[0], rows.shape[1], rows.shape[2]
+        (levels, paths, impacts, _), fixed_steps = out.rows.shape, out.fixed_steps
         path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
         work, sticking, live, next_fixed, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
         while n < job.most_steps and live > 0:
@@ -244,7 +219,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     else:
                         color_increments(job.memory, room.eta, w, wide)
                 if scheme == EXACT and linear < control.at_step.size:
-                    linear = carry_along(control, n, linear, first, path, xi, w, area, controls, live)
+                    linear = carry_along(control, n, linear, out.first, path, xi, w, area, out.controls, live)
                 n += 1
                 for level in range(levels):
                     multiple = 1 << level
@@ -257,7 +232,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                             break
                     lanes = of_level(every, level, w, area)
                     h, begin = job.dt * multiple, job.tau + (n - multiple) * job.dt
-                    _step_lanes(scheme, job, begin, h, lanes, marks, wide)
+                    step_lanes(scheme, job, begin, h, lanes, marks, wide)
                     found = list_marked(marks, live, room.groups, hits)
                     phase = phase_at(job.c.drive, begin) if scheme == EXACT else no_phase(job.c.drive)
                     enough = impacts if next_fixed == fixed_steps.size else ENDLESS
@@ -265,28 +240,15 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                         p, s = hits[i], lanes.before
                         noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
                         at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
-                        row = int(path[p]) - first
-                        sticking += _finish_inside(
-                            scheme,
-                            job,
-                            path[p],
-                            row,
-                            n - multiple,
-                            level,
-                            p,
-                            at,
-                            phase,
-                            lanes,
-                            rows,
-                            room.ahead,
-                            enough,
+                        sticking += finish_inside(
+                            scheme, job, n - multiple, level, p, at, phase, lanes, room, out, enough
                         )
                     work += live
                 if next_fixed < fixed_steps.size and fixed_steps[next_fixed] == n:
                     for level in range(levels):
                         for p in range(live):
                             for i in range(4):
-                                fixed[level, int(path[p]) - first, next_fixed, i] = every.state[level, i, p]
+                                out.fixed[level, int(path[p]) - out.first, next_fixed, i] = every.state[level, i, p]
                     next_fixed += 1
             if next_fixed == fixed_steps.size and linear == control.at_step.size:
                 live = retire(every, room, impacts, live)

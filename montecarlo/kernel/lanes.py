@@ -68,34 +68,15 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     lanes = (paths + 7) // 8 * 8 + TILE
     state, wall = np.zeros((levels, 4, lanes)), np.ones((levels, 4, lanes))
     state[:, :, :paths], wall[:, :, :paths] = start, walls
-    every = Lanes(
-        state,
-        state.copy(),
-        wall,
-        np.zeros((levels, lanes)),
-        np.zeros((levels, lanes)),
-        np.full((levels, lanes), tau),
-        np.zeros((levels, lanes), np.int64),
-    )
-    few = np.zeros((CODE // ROW + 1, ROW))
-    few[HIGH1 // ROW : CODE // ROW] = walls[:, :1]  # stays so where all paths have the same
-    room = Room(
-        np.arange(first, first + lanes, dtype=np.uint64),
-        np.zeros(lanes, np.uint64),
-        np.zeros(lanes),
-        np.zeros((5, lanes)),
-        np.zeros((5, lanes)),
-        np.zeros(lanes, np.bool_),
-        np.empty(lanes // 8 + 1, np.int64),
-        np.empty(lanes + 1, np.int64),
-        np.empty((PARTS, 3)),
-        np.empty((levels, CHUNK, FORCING)),
-        few.ravel(),
-        np.zeros((4, TILE)),
-        np.zeros(lanes, np.bool_),
-        np.empty(lanes + 1, np.int64),
-    )
-    return every, room
+    (w, area), impacts = np.zeros((2, levels, lanes)), np.zeros((levels, lanes), np.int64)
+    every = Lanes(state, state.copy(), wall, w, area, np.full((levels, lanes), tau), impacts)
+    path, bits = np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64)
+    eta, (z, xi), (marks, crowded) = np.zeros(lanes), np.zeros((2, 5, lanes)), np.zeros((2, lanes), np.bool_)
+    groups, (hits, struck) = np.empty(lanes // 8 + 1, np.int64), np.empty((2, lanes + 1), np.int64)
+    ahead, forcing = np.empty((PARTS, 3)), np.empty((levels, CHUNK, FORCING))
+    few, few_noise = np.zeros(CODE + ROW), np.zeros((4, TILE))
+    few[HIGH1:CODE] = np.repeat(walls[:, 0], ROW)  # stays so where all paths have the same
+    return every, Room(path, bits, eta, z, xi, marks, groups, hits, ahead, forcing, few, few_noise, crowded, struck)
 
 
 @splice

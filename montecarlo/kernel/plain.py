@@ -10,7 +10,7 @@ import math
 from numpy.typing import NDArray
 
 from rattle.montecarlo.kernel.control_variate import LinearPath
-from rattle.montecarlo.kernel.kernel import Job, rebound, record, walls_of
+from rattle.montecarlo.kernel.kernel import Job, Output, rebound, record, walls_of
 from rattle.montecarlo.kernel.lanes import (
     CHUNK,
     CODE,
@@ -164,13 +164,13 @@ def _rebound(c: Constants, few: Floats, lanes: int) -> None:
 
 @splice
 def _have_more_impacts(
-    job: Job, first: int, level: int, tau: float, tile: int, found: int, lanes: Lanes, room: Room, rows: Floats
+    job: Job, level: int, tau: float, tile: int, found: int, lanes: Lanes, room: Room, out: Output
 ) -> int:
     """Further impacts at the end of a step, in the first `found` of the picked lanes ``room.struck``.
 
     Returns in how many an impact is still due after `MOST_IN_A_STEP`.
     """
-    c, few, path, struck = job.c, room.few, room.path, room.struck
+    c, few, struck = job.c, room.few, room.struck
     for met in range(1, MOST_IN_A_STEP + 1):
         more = 0
         for i in range(found):
@@ -181,7 +181,7 @@ def _have_more_impacts(
             code = impact_due(c, x1, y1, x2, y2, walls)
             if code != 0 and met < MOST_IN_A_STEP:
                 x1, x2 = put_on_wall(code, x1, x2, walls)
-                record(job, path[p], int(path[p]) - first, level, p, code, tau, x1, y1, x2, y2, lanes, rows)
+                record(job, level, p, code, tau, (x1, y1, x2, y2), lanes, room, out)
                 y1, y2 = rebound(c, abs(code), y1, y2)
                 few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)] = x1, y1, x2, y2
             struck[more] = j
@@ -194,52 +194,29 @@ def _have_more_impacts(
 
 @splice
 def _have_impacts(
-    job: Job,
-    first: int,
-    level: int,
-    tau: float,
-    tile: int,
-    found: int,
-    wide: int,
-    lanes: Lanes,
-    room: Room,
-    rows: Floats,
+    job: Job, level: int, tau: float, tile: int, found: int, wide: int, lanes: Lanes, room: Room, out: Output
 ) -> int:
     """Impacts at the end of a step, in the first `found` of the picked lanes ``room.struck``, one at a time in each.
 
     Returns in how many lanes an impact is still due after `MOST_IN_A_STEP`.
     """
-    few, path, struck, more, late = room.few, room.path, room.struck, 0, 0
+    few, struck, more, late = room.few, room.struck, 0, 0
     for i in range(found):
         j = struck[i]
-        p = tile + room.hits[j]
-        record(
-            job,
-            path[p],
-            int(path[p]) - first,
-            level,
-            p,
-            int(few[_of(CODE, j)]),
-            tau,
-            few[_of(X1, j)],
-            few[_of(Y1, j)],
-            few[_of(X2, j)],
-            few[_of(Y2, j)],
-            lanes,
-            rows,
-        )
+        p, code = tile + room.hits[j], int(few[_of(CODE, j)])
+        state = few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)]
+        record(job, level, p, code, tau, state, lanes, room, out)
         struck[more] = j
         more += room.crowded[j]
     _rebound(job.c, few, wide)
     if more > 0:
-        late = _have_more_impacts(job, first, level, tau, tile, more, lanes, room, rows)
+        late = _have_more_impacts(job, level, tau, tile, more, lanes, room, out)
     return late
 
 
 @splice
 def _walk(
     job: Job,
-    first: int,
     level: int,
     n: int,
     forcing: Floats,
@@ -250,7 +227,7 @@ def _walk(
     before: Floats,
     lanes: Lanes,
     room: Room,
-    rows: Floats,
+    out: Output,
 ) -> int:
     """The first `found` lanes of ``room.hits`` from the states `before` through some steps one at a time, with impacts.
 
@@ -269,7 +246,7 @@ def _walk(
             struck += room.marks[j]
         if struck > 0:
             tau = job.tau + (n + i * multiple) * job.dt + h
-            late += _have_impacts(job, first, level, tau, tile, struck, wide, lanes, room, rows)
+            late += _have_impacts(job, level, tau, tile, struck, wide, lanes, room, out)
             if job.backlash.redrawn:
                 _pick_walls(lanes.walls, tile, hits, found, few)
     _put_back(few, tile, hits, found, lanes.state)
@@ -279,34 +256,21 @@ def _walk(
 @splice
 def _take_steps(
     job: Job,
-    first: int,
     level: int,
     n: int,
     forcing: Floats,
-    z: Floats,
     tile: int,
     steps: int,
     live: int,
-    lanes: Lanes,
+    every: Lanes,
     room: Room,
-    rows: Floats,
+    out: Output,
 ) -> int:
     """At most four steps of a level, from finest step n on, of the `live` lanes from lane `tile` on."""
+    lanes, z, h = of_level(every, level, every.w[level], every.area[level]), room.z[n % QUAD :], job.dt * (1 << level)
     if steps == QUAD:
-        wide = (live + 7) // 8 * 8
-        four_euler_steps(
-            job.c,
-            forcing,
-            job.dt * (1 << level),
-            job.backlash.random,
-            lanes.walls,
-            tile,
-            lanes.state,
-            lanes.before,
-            z,
-            room.marks,
-            wide,
-        )
+        wide, toleranced, walls = (live + 7) // 8 * 8, job.backlash.random, lanes.walls
+        four_euler_steps(job.c, forcing, h, toleranced, walls, tile, lanes.state, lanes.before, z, room.marks, wide)
         found, before = list_marked(room.marks, live, room.groups, room.hits), lanes.before
     else:
         for j in range(live):
@@ -314,27 +278,16 @@ def _take_steps(
         found, before = live, lanes.state
     late = 0
     if found > 0:
-        late = _walk(job, first, level, n, forcing, z, tile, steps, found, before, lanes, room, rows)
+        late = _walk(job, level, n, forcing, z, tile, steps, found, before, lanes, room, out)
     return late
 
 
 @splice
 def _take_chunk(
-    job: Job,
-    first: int,
-    n: int,
-    stop: int,
-    tile: int,
-    live: int,
-    every: Lanes,
-    room: Room,
-    rows: Floats,
-    fixed_steps: Ints,
-    ticks: int,
-    fixed: Floats,
+    job: Job, n: int, stop: int, tile: int, live: int, every: Lanes, room: Room, ticks: int, out: Output
 ) -> int:
     """All levels of the `live` lanes from lane `tile` on, from finest step n to step `stop`."""
-    wide, late, levels = (live + 7) // 8 * 8, 0, rows.shape[0]
+    wide, late, levels, fixed_steps = (live + 7) // 8 * 8, 0, out.rows.shape[0], out.fixed_steps
     path, bits, eta = room.path[tile : tile + wide], room.bits[tile : tile + wide], room.eta[tile : tile + wide]
     s = n
     while s < stop:
@@ -348,53 +301,29 @@ def _take_chunk(
             if level > 0:
                 _join(steps, wide, room.z)
             if steps > 0:
-                late += _take_steps(
-                    job,
-                    first,
-                    level,
-                    s,
-                    room.forcing[level, (s - n) >> level :],
-                    room.z[s % QUAD :],
-                    tile,
-                    steps,
-                    live,
-                    of_level(every, level, every.w[level], every.area[level]),
-                    room,
-                    rows,
-                )
+                forcing = room.forcing[level, (s - n) >> level :]
+                late += _take_steps(job, level, s, forcing, tile, steps, live, every, room, out)
         s = end
         if ticks < fixed_steps.size and fixed_steps[ticks] == s:
             for level in range(levels):
                 for p in range(live):
                     for i in range(4):
-                        fixed[level, int(path[p]) - first, ticks, i] = every.state[level, i, tile + p]
+                        out.fixed[level, int(path[p]) - out.first, ticks, i] = every.state[level, i, tile + p]
             ticks += 1
     return late
 
 
 @lean
-def plain_block(
-    job: Job,
-    control: LinearPath,
-    first: int,
-    every: Lanes,
-    room: Room,
-    rows: Floats,
-    fixed_steps: Ints,
-    fixed: Floats,
-    controls: Floats,
-) -> tuple[int, int]:
+def plain_block(job: Job, control: LinearPath, every: Lanes, room: Room, out: Output) -> tuple[int, int]:
     """Follow a block of paths by ``euler-maruyama``."""
     widest_vectors()
-    levels, impacts = rows.shape[0], rows.shape[2]
-    work, sticking, live, ticks, n = 0, 0, rows.shape[1], 0, 0
+    (levels, live, impacts, _), fixed_steps = out.rows.shape, out.fixed_steps
+    work, sticking, ticks, n = 0, 0, 0, 0
     while n < job.most_steps and live > 0:
         stop = min(n + CHUNK, job.most_steps)
         _tabulate(job, n, stop, room.forcing)
         for tile in range(0, live, TILE):
-            sticking += _take_chunk(
-                job, first, n, stop, tile, min(TILE, live - tile), every, room, rows, fixed_steps, ticks, fixed
-            )
+            sticking += _take_chunk(job, n, stop, tile, min(TILE, live - tile), every, room, ticks, out)
         while ticks < fixed_steps.size and fixed_steps[ticks] <= stop:
             ticks += 1
         for level in range(levels):

@@ -58,16 +58,9 @@ class SectionDensity:
     def table(self) -> pd.DataFrame:
         """Cells that are not empty: ``mesh, phase, velocity`` (middles), ``density, se``."""
         i, j = np.nonzero(self.density)
-        middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (self.phase, self.velocity)]
-        return pd.DataFrame(
-            {
-                "mesh": self.mesh,
-                "phase": middle[0][i],
-                "velocity": middle[1][j],
-                "density": self.density[i, j],
-                "se": self.se[i, j],
-            }
-        )
+        phase, velocity = (0.5 * (edges[1:] + edges[:-1]) for edges in (self.phase, self.velocity))
+        columns = {"mesh": self.mesh, "phase": phase[i], "velocity": velocity[j], "density": self.density[i, j]}
+        return pd.DataFrame(columns | {"se": self.se[i, j]})
 
 
 def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:

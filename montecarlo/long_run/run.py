@@ -63,12 +63,9 @@ def _gather(paths: LongPaths, goal: float | None, periods: int | None, asked: tu
             return LongReach(goal, worst, width, 0.0)
         if paths.is_refused(more):
             gives = width * math.sqrt(before * paths.nominal / HOUR)
-            raise InputError(
-                "accuracy",
-                goal,
-                f"is expected to take {duration_text(more * paths.nominal)} of processor time, and without a budget "
-                f"the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take as budget",
-            )
+            why = f"is expected to take {duration_text(more * paths.nominal)} of processor time, and without a budget "
+            why += f"the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take as budget"
+            raise InputError("accuracy", goal, why)
         paths.follow(int(min(SPARE * need + 1.0, GROWTH * before)))
         if paths.periods == before:
             return LongReach(goal, worst, width, more * paths.pace)
@@ -97,9 +94,7 @@ def check_long_run(
     workers: int = 1,
 ) -> None:
     """Refuse settings of `long_run` that cannot be run."""
-    check_settings(
-        scene, paths=paths, impacts=1, dt=None, scheme="exact-flight", rng=rng, workers=workers, step_bias=False
-    )
+    check_settings(scene, paths, 1, None, "exact-flight", rng, workers)
     count("paths", paths, least=16)
     for name in quantities:
         choice("quantities", name, all_names(scene.stages))

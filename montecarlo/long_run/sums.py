@@ -83,17 +83,11 @@ class Sums(NamedTuple):
 def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, together: int = 1) -> Sums:
     """Sums of nothing yet; `detail`: whether distributions are counted too."""
     n = paths if detail else 0
-    units = -(-n // together)
-    return Sums(
-        np.zeros((paths, batches, MAIN)),
-        np.zeros(1, np.int64),
-        np.zeros((n, GROUPS, KINDS, POWERS)),
-        np.zeros((n, GROUPS, 3)),
-        np.zeros((units, GROUPS, KINDS, BINS), np.uint32),
-        np.zeros((units, 2, PHASES, VELOCITIES), np.uint32),
-        together,
-        scales,
-    )
+    main, batch, units = np.zeros((paths, batches, MAIN)), np.zeros(1, np.int64), -(-n // together)
+    power, products = np.zeros((n, GROUPS, KINDS, POWERS)), np.zeros((n, GROUPS, 3))
+    histogram = np.zeros((units, GROUPS, KINDS, BINS), np.uint32)
+    section = np.zeros((units, 2, PHASES, VELOCITIES), np.uint32)
+    return Sums(main, batch, power, products, histogram, section, together, scales)
 
 
 @inline

@@ -13,7 +13,7 @@ import numpy as np
 
 from rattle.montecarlo.kernel.block import start_state
 from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
-from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, block_kernel
+from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, Output, block_kernel
 from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
@@ -100,7 +100,7 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
         walls, last, eta = b.every.walls.copy(), b.every.last.copy(), b.room.eta.copy()
         b.every.impacts[:] = 0
         job = Job(b.job.c, b.job.backlash, b.job.key, tau, b.job.dt, b.job.scheme, b.job.two_point, part, b.job.memory)
-        RUN(job, b.control, number, b.every, b.room, rows, fixed, b.samples, b.none)
+        RUN(job, b.control, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
         own = b.every.impacts[0, : len(b.state)]
         most = own.max()
         if most >= rows.shape[2]:
@@ -171,17 +171,8 @@ class Walk:
         walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
         if backlash.random:
             draw_walls(backlash, key, first, walls)
-        job = Job(
-            c,
-            backlash,
-            key,
-            scene.phase,
-            PERIOD / self.steps,
-            EXACT,
-            False,
-            0,
-            memory_of(c.memory, PERIOD / self.steps),
-        )
+        dt = PERIOD / self.steps
+        job = Job(c, backlash, key, scene.phase, dt, EXACT, False, 0, memory_of(c.memory, dt))
         starts = _spread_starts(scene, walls, seed, first)
         every, room = lanes_of(1, first, starts, walls, scene.phase)
         if c.memory:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from rattle.montecarlo.noise.philox import CONTACT, Key, Word, normals, uniforms
 from rattle.scene.compiled import lean
 from rattle.scene.constants import CUT
+from rattle.scene.parts import Tolerance
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
 
@@ -26,19 +27,9 @@ class Backlash(NamedTuple):
 
 def backlash_of(scene: Scene) -> Backlash:
     """Backlash of a scene."""
-    t = scene.tolerance
-    if t is None:
-        return Backlash(scene.gap1, scene.gap2, 0.0, 0.0, DISTRIBUTIONS["fixed"], False, False)
-    random = t.distribution != "fixed"
-    return Backlash(
-        scene.gap1,
-        scene.gap2,
-        t.c1_max,
-        t.c2_max,
-        DISTRIBUTIONS[t.distribution],
-        random,
-        random and t.draw == "contact",
-    )
+    t = scene.tolerance or Tolerance(distribution="fixed")
+    kind, random = DISTRIBUTIONS[t.distribution], t.distribution != "fixed"
+    return Backlash(scene.gap1, scene.gap2, t.c1_max, t.c2_max, kind, random, random and t.draw == "contact")
 
 
 @lean

@@ -42,13 +42,8 @@ def memory_of(theta: float, h: float) -> Memory:
     x = h / theta
     variance = theta * x**3 * (1.0 / 12.0 - x**2 / 120.0 + 17.0 * x**4 / 20160.0)  # h - 2 theta tanh(x / 2)
     area = theta * x * (1.0 / 12.0 - x**2 / 720.0 + x**4 / 30240.0)  # theta (1 / 2 - 1 / x + 1 / (e^x - 1))
-    return Memory(
-        math.exp(-x),
-        math.sqrt(-math.expm1(-2.0 * x) / (2.0 * theta)),
-        theta * math.tanh(0.5 * x) / math.sqrt(h),
-        math.sqrt(variance / h),
-        area / math.sqrt(h / 12.0),
-    )
+    fresh, whole = math.sqrt(-math.expm1(-2.0 * x) / (2.0 * theta)), theta * math.tanh(0.5 * x) / math.sqrt(h)
+    return Memory(math.exp(-x), fresh, whole, math.sqrt(variance / h), area / math.sqrt(h / 12.0))
 
 
 @lean

@@ -7,19 +7,15 @@ import numpy as np
 from rattle.montecarlo.kernel.block import (
     BLOCK,
     CODES,
-    PAIRS,
-    SECTION_OF,
+    SECTION_PAIRS,
     BlockResult,
     Followers,
     Plan,
+    begin_block,
     count_followed,
     energy_losses,
-    start_state,
 )
-from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job
-from rattle.montecarlo.kernel.lanes import lanes_of
-from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
-from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.kernel.kernel import COLUMNS, Output
 from rattle.montecarlo.rare.kernel import run_weighted
 from rattle.montecarlo.rare.mixture import BranchMixture, draw_targets
 from rattle.montecarlo.rare.weighted_sums import ORDERS, WeightedSums, add
@@ -34,19 +30,16 @@ def sample_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[Floa
     to each impact; path-steps; and those in which a mesh stayed closed. Shapes: result (BLOCK, impacts, COLUMNS),
     (BLOCK, impacts).
     """
-    scene, c, first = plan.scene, plan.scene.constants, block * BLOCK
-    walls, backlash = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], BLOCK, axis=1), backlash_of(scene)
-    job = Job(c, backlash, key_of(plan.seed), scene.phase, plan.dt, EXACT, False, plan.most_steps)
-    if backlash.random:
-        draw_walls(backlash, job.key, first, walls)
-    rows, weights = np.full((1, BLOCK, plan.impacts, COLUMNS), np.nan), np.full((BLOCK, plan.impacts), np.nan)
-    every, room = lanes_of(1, first, start_state(scene, walls), walls, scene.phase)
+    first = block * BLOCK
+    job, every, room = begin_block(plan, first, BLOCK)
+    rows, weights = np.full((1, BLOCK, plan.impacts, COLUMNS), np.nan), np.full((BLOCK, plan.impacts, 1), np.nan)
     lanes = every.w.shape[1]
     part, ahead = np.full(lanes, -1), np.zeros(lanes)
     part[:BLOCK], ahead[:BLOCK] = draw_targets(mixture, plan.seed, block)
     done = np.zeros((len(mixture.unit), lanes))
-    steps, sticking = run_weighted(job, mixture, first, every, room, part, ahead, done, rows, weights)
-    return rows[0], weights, int(steps), int(sticking)
+    out = Output(first, rows, plan.fixed_steps, np.empty((1, 0, 0, 4)), weights)
+    steps, sticking = run_weighted(job, mixture, every, room, part, ahead, done, out)
+    return rows[0], weights[:, :, 0], int(steps), int(sticking)
 
 
 def run_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[BlockResult, None]:
@@ -58,7 +51,7 @@ def run_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[BlockRe
     if plan.energy:
         values = np.concatenate([values, energy_losses(plan.scene.constants, rows)], axis=2)
         centre = np.column_stack([centre, np.zeros(plan.impacts)])
-    pairs = np.array([(SECTION_OF[i], SECTION_OF[j]) for i, j in PAIRS])
+    pairs = np.array(SECTION_PAIRS)
 
     def weighted(weights: Floats, products: Floats) -> WeightedSums:
         sums, ends = np.zeros((mixture.counts.size, *centre.shape, ORDERS)), np.cumsum(mixture.counts)
@@ -80,16 +73,9 @@ def run_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[BlockRe
         kept = np.where(np.arange(plan.impacts) < stays[:, None], weights, 0.0)
         _tally(rows, kept, centre, pairs, listed[:0], of, np.zeros_like(codes), agreeing[:0])
         followers[name] = Followers({"weighted": weighted(kept, of)}, left)
-    unfinished = int(np.isnan(rows[:, -1, 0]).sum())
-    return BlockResult(
-        {"weighted": weighted(weights, products)},
-        codes,
-        dict(zip(plan.itineraries, agreeing, strict=True)),
-        steps,
-        sticking,
-        unfinished,
-        followers,
-    ), None
+    followed, unfinished = dict(zip(plan.itineraries, agreeing, strict=True)), int(np.isnan(rows[:, -1, 0]).sum())
+    found = {"weighted": weighted(weights, products)}
+    return BlockResult(found, codes, followed, steps, sticking, unfinished, followers), None
 
 
 @lean

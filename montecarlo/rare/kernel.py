@@ -2,7 +2,7 @@
 
 import math
 
-from rattle.montecarlo.kernel.kernel import EXACT, Job, _finish_inside, _step_lanes
+from rattle.montecarlo.kernel.kernel import EXACT, Job, Output, finish_inside, step_lanes
 from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, list_marked, of_level
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Word, fill_normals
@@ -75,25 +75,15 @@ def _retire(every: Lanes, room: Room, part: Ints, ahead: Floats, done: Floats, i
 
 @lean
 def run_weighted(
-    job: Job,
-    mixture: BranchMixture,
-    first: int,
-    every: Lanes,
-    room: Room,
-    part: Ints,
-    ahead: Floats,
-    done: Floats,
-    rows: Floats,
-    weights: Floats,
+    job: Job, mixture: BranchMixture, every: Lanes, room: Room, part: Ints, ahead: Floats, done: Floats, out: Output
 ) -> tuple[int, int]:
     """Follow a block of paths until each has had its impacts; gives path-steps, and those in which a mesh sticks.
 
-    `rows`: Output: the state just before each impact; impacts that are not reached stay as given. `weights`:
-    Output: the weight of each, given the steps up to the one of the impact. Shapes: `part` (lanes,); `ahead`
-    (lanes,); `done` (branches, lanes); `rows` (1, paths, impacts, COLUMNS); `weights` (paths, impacts).
+    `out`: Its `controls` take the weight of each impact, given the steps up to its own, shape (paths, impacts, 1).
+    Shapes: `part` (lanes,); `ahead` (lanes,); `done` (branches, lanes).
     """
     widest_vectors()
-    impacts, live, n, z, steps = rows.shape[2], rows.shape[1], 0, room.z, mixture.unit.shape[1]
+    (_, live, impacts, _), n, z, steps = out.rows.shape, 0, room.z, mixture.unit.shape[1]
     work, sticking = 0, 0
     while n < job.most_steps and live > 0:
         wide = (live + 7) // 8 * 8
@@ -109,22 +99,19 @@ def run_weighted(
                     _add_along(w, mixture.unit[k, n], done[k], wide)
             begin = job.tau + n * job.dt
             lanes = of_level(every, 0, w, area)
-            _step_lanes(EXACT, job, begin, job.dt, lanes, room.marks, wide)
+            step_lanes(EXACT, job, begin, job.dt, lanes, room.marks, wide)
             found = list_marked(room.marks, live, room.groups, room.hits)
             phase = phase_at(job.c.drive, begin)
             for i in range(found):
                 p, s = room.hits[i], lanes.before
                 noise = Noise(w[p] * math.sqrt(job.dt), area[p] * math.sqrt(job.dt / 12.0))
                 at = Progress(0, begin, job.dt, noise, s[0, p], s[1, p], s[2, p], s[3, p])
-                row, met = int(room.path[p]) - first, lanes.impacts[p]
-                stuck = _finish_inside(
-                    EXACT, job, room.path[p], row, n, 0, p, at, phase, lanes, rows, room.ahead, impacts
-                )
-                sticking += stuck
+                row, met = int(room.path[p]) - out.first, lanes.impacts[p]
+                sticking += finish_inside(EXACT, job, n, 0, p, at, phase, lanes, room, out, impacts)
                 if lanes.impacts[p] > met:
                     weight = _weight(mixture, n + 1, p, done)
                     for k in range(met, min(lanes.impacts[p], impacts)):
-                        weights[row, k] = weight
+                        out.controls[row, k, 0] = weight
             n += 1
             work += live
         live = _retire(every, room, part, ahead, done, impacts, live)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -131,7 +132,7 @@ class WeightedSums:
                     total += p * q * r * thrice[..., i + j + k]
         return np.asarray(total / self.weight**3)
 
-    def pair_moment(self, pairs: list[tuple[int, int]]) -> Floats:
+    def pair_moment(self, pairs: Sequence[tuple[int, int]]) -> Floats:
         """Covariances of pairs of variables.
 
         Shapes: result (impacts, pairs).

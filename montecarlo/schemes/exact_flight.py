@@ -35,7 +35,7 @@ PARTS = 200  # most parts of a step that wait at once: the depth of the stack of
 
 
 @inline
-def _squared_modulation(drive: Any, beta: float) -> float:
+def _square_modulation(drive: Any, beta: float) -> float:
     """Bound on the squared modulation of y1."""
     return 1.0 + beta * beta if len(drive) == 0 else most_modulation(drive, beta) ** 2
 
@@ -47,7 +47,7 @@ def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> 
     The noise left out acts later by the time of that flight, after the impact instead of before: below 1e-6 of a
     variance at `NEAR`.
     """
-    most = _squared_modulation(c.drive, c.beta1)
+    most = _square_modulation(c.drive, c.beta1)
     if mesh == 1:
         force = c.alpha * math.sqrt(most) + c.gamma1 + c.beta1 * abs(speed)
     else:

@@ -14,17 +14,7 @@ from rattle.scene.errors import InputError, finite
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 
-__all__ = [
-    "COARSEST",
-    "TimeScales",
-    "accurate_flight",
-    "check_step",
-    "default_step",
-    "is_admissible",
-    "largest_step",
-    "time_scales",
-    "trusted_step",
-]
+__all__ = ["default_step", "largest_step"]
 
 Limit = tuple[float, str]
 
@@ -265,12 +255,10 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
         raise InputError("dt", dt, "must be greater than 0")
     largest, reason = largest_step(scene, scheme)
     if dt < largest / MOST_PER_STEP:
-        raise InputError(
-            "dt",
-            dt,
-            f"must be at least {largest / MOST_PER_STEP:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default "
-            "limit of a path, do not add up to one longest admissible step",
+        why = (
+            f"must be at least {largest / MOST_PER_STEP:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default limit of "
         )
+        raise InputError("dt", dt, why + "a path, do not add up to one longest admissible step")
     coarsest = 1 if not SCHEMES[scheme].has_step_bias else coarsest
     if dt * coarsest > largest:
         with_bias = f" ({coarsest} dt is run beside it for the step bias)" if coarsest > 1 else ""

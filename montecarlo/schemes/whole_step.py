@@ -18,14 +18,8 @@ from rattle.scene.types import Bools, Floats
 class FlightForcing(NamedTuple):
     """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls."""
 
-    # x1y1, y1y1, x2y1, x2y2, y2y1, y2y2: entries of the flight's Jacobian J that are neither 0 nor 1: ``x1y1 =
-    # dx1'/dy1`` and so on
-    x1y1: float
-    y1y1: float
-    x2y1: float
-    x2y2: float
-    y2y1: float
-    y2y2: float
+    # entries of the flight's Jacobian J that are neither 0 nor 1: of x1 and y1 by y1, x2 by y1 and y2, y2 by y1 and y2
+    carry: tuple[float, float, float, float, float, float]
     drift: State  # effect of excitation and drag on ``(x1, y1, x2, y2)``
     along: State  # along, across: effect of a unit normal for the increment, and for the area
     across: State
@@ -40,27 +34,16 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     phase = phase_at(c.drive, tau)
     margin1, margin2 = margins(c, phase[0], phase[1], h)
     drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
-    return FlightForcing(
-        p.e1,
-        p.d1,
-        p.e12,
-        p.e2,
-        p.d12,
-        p.d2,
-        drift,
-        kick(c, tau, h, math.sqrt(h), 0.0),
-        kick(c, tau, h, 0.0, math.sqrt(h / 12.0)),
-        margin1,
-        margin2,
-    )
+    along, across = kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(h / 12.0))
+    return FlightForcing((p.e1, p.d1, p.e12, p.e2, p.d12, p.d2), drift, along, across, margin1, margin2)
 
 
 @inline
 def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -> tuple[float, float]:
     """Stage 1 after a step, ignoring the walls."""
     return (
-        x1 + f.x1y1 * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
-        f.y1y1 * y1 + (f.drift[1] + f.along[1] * z + f.across[1] * area),
+        x1 + f.carry[0] * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
+        f.carry[1] * y1 + (f.drift[1] + f.along[1] * z + f.across[1] * area),
     )
 
 
@@ -68,8 +51,8 @@ def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -
 def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float) -> tuple[float, float]:
     """Stage 2 after a step, ignoring the walls."""
     return (
-        x2 + (f.x2y1 * y1 + f.x2y2 * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
-        f.y2y1 * y1 + f.y2y2 * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
+        x2 + (f.carry[2] * y1 + f.carry[3] * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
+        f.carry[4] * y1 + f.carry[5] * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
     )
 
 

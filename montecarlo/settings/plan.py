@@ -58,14 +58,13 @@ def default_horizon(impacts: int, dt: float) -> float:
 
 def check_settings(
     scene: Scene,
-    *,
     paths: int,
     impacts: int,
     dt: float | None,
     scheme: str,
     rng: int | np.random.SeedSequence,
     workers: int,
-    step_bias: bool,
+    step_bias: bool = False,
 ) -> None:
     """Refuse settings that `simulate` could not run, before any work."""
     if not isinstance(scene, Scene):
@@ -85,7 +84,6 @@ def check_settings(
 
 def plan_of(
     scene: Scene,
-    *,
     paths: int,
     impacts: int,
     dt: float,
@@ -101,16 +99,8 @@ def plan_of(
     `any_step`: Take a step that is not admissible too, to measure what becomes of it.
     """
     record, sampling = record or Record(), sampling or Sampling()
-    check_settings(
-        scene,
-        paths=paths,
-        impacts=impacts,
-        dt=min(dt, default_step(scene, scheme)) if any_step else dt,
-        scheme=scheme,
-        rng=rng,
-        workers=workers,
-        step_bias=bool(record.step_bias),
-    )
+    step = min(dt, default_step(scene, scheme)) if any_step else dt
+    check_settings(scene, paths, impacts, step, scheme, rng, workers, bool(record.step_bias))
     if sampling.control and SCHEMES[scheme].normals < 2:
         raise InputError("sampling.control", True, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
     if scene.correlation_time and sampling.control:
@@ -120,30 +110,23 @@ def plan_of(
         why = f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}"
         raise InputError("sampling.increments", sampling.increments, why)
     if choice("sampling.device", sampling.device, ("cpu", "cuda")) == "cuda":
-        for name, value in (
-            ("record.step_bias", record.step_bias),
-            ("sampling.control", sampling.control),
-            ("record.energy", record.energy),
-            ("record.on_itinerary", record.on_itinerary),
-        ):
+        names = ("step_bias", "energy", "batches", "on_itinerary")
+        asked = {f"record.{name}": getattr(record, name) for name in names}
+        for name, value in (asked | {"sampling.control": sampling.control}).items():
             if value:
                 raise InputError(name, value, "is not computed on a GPU; leave it out, or use device='cpu'")
-        for field, given, usual in (
-            ("drive", scene.drive, SINE_ALONE),
-            ("correlation_time", scene.correlation_time, 0.0),
-        ):
-            if given != usual:
+        for name, usual in (("drive", SINE_ALONE), ("correlation_time", 0.0)):
+            if getattr(scene, name) != usual:
                 why = "is not simulated on a GPU, which knows one order and white noise; use device='cpu'"
-                raise InputError(field, given, why)
+                raise InputError(name, getattr(scene, name), why)
         check_gpu()
     levels = LEVELS if record.step_bias else 1
     coarsest = 2 ** (levels - 1)
     dt = float(dt)
     horizon = _horizon(sampling.horizon, impacts, dt * coarsest, scheme)
     if not isinstance(record.itineraries, Mapping):
-        raise InputError(
-            "record.itineraries", record.itineraries, "give a mapping from names to sequences of mesh * side"
-        )
+        why = "give a mapping from names to sequences of mesh * side"
+        raise InputError("record.itineraries", record.itineraries, why)
     named = {name: _check_itinerary(name, itinerary, impacts) for name, itinerary in record.itineraries.items()}
     plan = Plan(
         scene=scene,
@@ -190,28 +173,15 @@ def exact_orbit(plan: Plan) -> Floats:
 
     Rows ``tau, flight, x1, y1, x2, y2, mesh * side`` of each impact, shape (impacts, 7); 0 after the last one.
     """
-    step = _noise_free_step(plan.scene, plan.impacts, plan.dt)
-    quiet = plan._replace(
-        scene=plan.scene.noise_free,
-        scheme=EXACT,
-        dt=step,
-        most_steps=math.ceil(plan.most_steps * plan.dt / step),
-        paths=1,
-        fixed_steps=np.empty(0, np.int64),
-        itineraries={},
-        levels=1,
-        control=no_control(),
-        two_point=False,
-        energy=False,
-        keep=False,
-    )
-    return np.asarray(np.nan_to_num(sample(quiet, 0).rows[0, 0]))
+    step = min(SCHEMES[EXACT].step, accurate_flight(plan.scene)[0])
+    return noise_free_path(plan, EXACT, min(plan.dt, step) if plan.impacts > MOST_IN_A_STEP else step)
 
 
-def _noise_free_step(scene: Scene, impacts: int, dt: float) -> float:
-    """The step of the noise-free path: the longest that is accurate, and none longer than `dt` for many impacts."""
-    step = min(SCHEMES[EXACT].step, accurate_flight(scene)[0])
-    return min(dt, step) if impacts > MOST_IN_A_STEP else step
+def noise_free_path(plan: Plan, scheme: str, dt: float) -> Floats:
+    """The path of a plan without noise, by a scheme and a step; rows as of `exact_orbit`."""
+    scene, most_steps = plan.scene.noise_free, math.ceil(plan.most_steps * plan.dt / dt)
+    start = Plan(scene, 1, plan.impacts, dt, scheme, plan.seed, most_steps, np.empty(0, np.int64), {}, 1)
+    return np.asarray(np.nan_to_num(sample(start, 0).rows[0, 0]))
 
 
 def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float:
@@ -220,12 +190,8 @@ def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float
         return default_horizon(impacts, dt)
     if positive("sampling.horizon", given) / dt > MOST_STEPS:
         hours = given / dt * BLOCK * SCHEMES[scheme].step_ns * 1e-9 / 3600.0
-        raise InputError(
-            "sampling.horizon",
-            given,
-            f"must be at most {MOST_STEPS * dt:.3g}, {MOST_STEPS:.0e} steps of {dt:.3g}; "
-            f"{BLOCK} paths that last would take {hours:.3g} h",
-        )
+        why = f"must be at most {MOST_STEPS * dt:.3g}, {MOST_STEPS:.0e} steps of {dt:.3g}"
+        raise InputError("sampling.horizon", given, f"{why}; {BLOCK} paths that last would take {hours:.3g} h")
     return given
 
 

@@ -160,17 +160,10 @@ class CentralSums:
         place, powers = np.zeros((9, 9), np.int64), np.empty((2, 9))
         for o, (p, q) in enumerate(self.orders):
             place[p, q] = o
+        centre, exponents = mean.reshape(2, -1), np.array(self.orders)
         for part in (self, other):
-            _about(
-                part.n.ravel(),
-                part.mean.reshape(2, -1),
-                part.sums.reshape(len(self.orders), -1),
-                mean.reshape(2, -1),
-                np.array(self.orders),
-                place,
-                powers,
-                out,
-            )
+            own, sums = part.mean.reshape(2, -1), part.sums.reshape(len(self.orders), -1)
+            _about(part.n.ravel(), own, sums, centre, exponents, place, powers, out)
         return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
 
     def until(self, rows: int) -> "CentralSums":

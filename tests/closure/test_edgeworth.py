@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from rattle.closure.edgeworth import Edgeworth, coefficients, window_means
-from rattle.closure.published import _published_shift
+from rattle.closure.published import _shift_as_published
 from rattle.scene.moments import gaussian_raw_moments
 
 SD_X, SD_Y = 0.7, 1.9
@@ -131,7 +131,7 @@ def test_the_published_closure_has_the_published_sign():
     raw = mixture_moments(4)
     series = scaled(raw)
     expected = explicit_window_means(series.a, series.sd_x, series.sd_y, -0.9, 0.1, psi_0_sign=+1)
-    assert _published_shift(raw, 0.4, 0.5) == pytest.approx(expected, rel=1e-12)
+    assert _shift_as_published(raw, 0.4, 0.5) == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_velocity_density_is_the_joint_one_integrated():

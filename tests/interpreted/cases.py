@@ -18,7 +18,7 @@ from rattle.closure.branching.advance import Level
 from rattle.closure.long_orbit import LongOrbit, velocities
 from rattle.closure.orbit import follow
 from rattle.montecarlo import SCHEMES, Record, simulate
-from rattle.montecarlo.bench import _normals, _scalar_normals, _skilled_loop, _steps
+from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact, growths
@@ -156,7 +156,7 @@ def sums():
     _steps(PAIR.constants, np.ones((4, 4)), *states, z, np.zeros(8, np.bool_), 2)
     yield states
     rng = np.random.Generator(np.random.SFC64(1))
-    yield [_scalar_normals(rng, 20), _skilled_loop(PAIR.constants, rng, 3, np.ones((20, 4)), 0.1)]
+    yield [_scalar_normals(rng, 20), _skill_loop(PAIR.constants, rng, 3, np.ones((20, 4)), 0.1)]
 
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}

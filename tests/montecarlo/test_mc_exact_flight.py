@@ -29,9 +29,8 @@ def by_steps(scene, t, steps, across=1.0):
     mean, cov = np.array([s.x1, s.y1, s.x2, s.y2]), np.zeros((4, 4))
     for n in range(steps):
         f = flight_forcing(scene.constants, s.tau + n * h, h)
-        matrix = np.array([
-            [1.0, f.x1y1, 0.0, 0.0], [0.0, f.y1y1, 0.0, 0.0], [0.0, f.x2y1, 1.0, f.x2y2], [0.0, f.y2y1, 0.0, f.y2y2],
-        ])  # fmt: skip
+        matrix = np.diag([1.0, 0.0, 1.0, 0.0])
+        matrix[[0, 1, 2, 2, 3, 3], [1, 1, 1, 3, 1, 3]] = f.carry
         kicks = np.array([f.along, across * np.array(f.across)])
         mean, cov = matrix @ mean + f.drift, matrix @ cov @ matrix.T + kicks.T @ kicks
     return mean, cov

@@ -16,12 +16,11 @@ import numpy as np
 from scipy.integrate import quad
 
 from rattle.compare.checks.check import Check, Result
-from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Clockwork, clockwork_of, new_room, walk_step
-from rattle.montecarlo.noise.philox import STEP, Key, Word, key_of, normals
+from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
+from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.whole_step import flight_forcing
 from rattle.scene import Scene, Start
 from rattle.scene.compiled import jit
-from rattle.scene.constants import Constants
 from rattle.scene.errors import RattleError
 from rattle.scene.impact import struck
 from rattle.scene.types import Floats
@@ -35,9 +34,10 @@ APART = Word(2**24)  # distance of the random-number counters of two paths
 
 
 @jit
-def _bounce(c: Constants, w: Clockwork, key: Key, log_speed: Floats) -> int:
+def _bounce(tree: Tree, log_speed: Floats) -> int:
     """Fill `log_speed`, shape (paths, bounces), with ln of the speed after each impact; return the lost flights."""
-    room, hits, state = new_room(w.depth), np.empty((1, HIT)), np.zeros(4)  # room for one impact: it ends the step
+    c, w, hits, state = tree.c, tree.clock, np.empty((1, HIT)), np.zeros(4)  # one hit: it ends the step
+    room = new_room(w.depth)
     lost = 0
     for p in range(len(log_speed)):
         n, scale, y = Word(p) * APART, 0.0, 1.0
@@ -48,8 +48,8 @@ def _bounce(c: Constants, w: Clockwork, key: Key, log_speed: Floats) -> int:
                 s = math.sqrt(w.h * c.sigma**2 / (GROWTH * max(y * y, (distance * c.sigma**2) ** (2.0 / 3.0))))
                 scale -= math.log(s)
                 state[0], state[1] = c.wall1 - s**3 * distance, s * y
-                z0, z1, _, _ = normals(key, n, Word(ROW), Word(STEP))
-                met, _ = walk_step(c, w, room, key, n, ROW, (z0, z1), state, hits)
+                z0, z1, _, _ = normals(tree.key, n, Word(ROW), Word(STEP))
+                met, _ = walk_step(tree, room, n, ROW, (z0, z1), state, hits)
                 n += Word(1)
                 if met > 0:
                     break
@@ -71,7 +71,7 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=1.0, start=start, stages=1)
     whole = flight_forcing(scene.constants, ROW * STEP_TIME, STEP_TIME)  # of the single step, at the phase 3 pi / 2
     clock, out = clockwork_of([whole] * (ROW + 1), STEP_TIME, DEEPEST), np.empty((paths, bounces))
-    lost = _bounce(scene.constants, clock, key_of(np.random.SeedSequence([seed, 2])), out)
+    lost = _bounce(Tree(scene.constants, clock, key_of(np.random.SeedSequence([seed, 2]))), out)
     if lost:
         raise RattleError(f"{lost} of {out.size} flights did not return in {MOST} steps, or reached the far wall")
     return out
