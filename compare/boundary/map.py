@@ -83,8 +83,8 @@ class BoundaryMap:
     closure, over, along : str
     curve : DataFrame
         A row for each edge: the value of the second parameter (column ``along``), ``accurate, wrong`` (the first
-        parameter, as in `boundary`) and ``why``.  Where there is no edge, ``accurate`` is the end of the range if it is
-        accurate throughout, ``wrong`` its beginning if it is nowhere, and both are NaN where nothing was decided.
+        parameter, as in `boundary`) and ``why``.  Where there is no edge, ``accurate`` is the largest value at which it
+        is accurate and ``wrong`` the smallest at which it is shown wrong; NaN where there is none.
     points : DataFrame
         Every value that was judged, as of `boundary`, with a column ``along``.
     path_steps : int
@@ -265,8 +265,8 @@ def curve_rows(value: float, found: Found | str) -> list[dict[str, Any]]:
         return [{"along": value, "accurate": math.nan, "wrong": math.nan, "why": found}]
     if found.edges:
         return [{"along": value, **edge._asdict()} for edge in found.edges]
-    at, verdicts = found.points["value"], set(found.points["verdict"])
-    row = {"along": value, "accurate": math.nan, "wrong": math.nan, "why": "undecided"}
-    if verdicts == {ACCURATE}:
-        return [row | {"accurate": at.max(), "why": "accurate throughout"}]
-    return [row | {"wrong": at.min(), "why": "nowhere accurate"}] if verdicts == {WRONG} else [row]
+    good, bad = (found.points.loc[found.points["verdict"] == verdict, "value"] for verdict in (ACCURATE, WRONG))
+    why = "accurate throughout" if len(good) else "nowhere accurate"
+    if len(good) + len(bad) < len(found.points):
+        why = "undecided: " + next(text for text in found.points["remark"] if text)
+    return [{"along": value, "accurate": good.max(), "wrong": bad.min(), "why": why}]

@@ -19,6 +19,7 @@ from rattle.scene.scene import Scene
 LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 """Paths after which a value is judged."""
 MOST = 40  # values of a search
+SLIGHT = 0.01  # share of a tolerance below which it does not matter what a branch that was not seen could change
 ACCURATE, WRONG, UNDECIDED = "accurate", "wrong", "undecided"
 
 
@@ -84,12 +85,14 @@ def judge_value(
         if is_accurate(verdicts):
             return found._replace(verdict=ACCURATE)
         open_rows = rows[rows["verdict"] == "undecided"]
-        needed = open_rows["paths_needed"].fillna(np.inf)
         beyond = open_rows["error"].abs() > open_rows["tolerance"]
+        hidden = open_rows[["unseen_low", "unseen_high"]].max(axis=1) > SLIGHT * open_rows["tolerance"]
+        margin = (open_rows["error"].abs() - open_rows["tolerance"]).abs()
+        needed = open_rows["paths_needed"].fillna(np.inf).where(hidden, paths * (open_rows["noise"] / margin) ** 2)
         if needed.max() > LOOKS[-1] and not (needed[beyond] <= LOOKS[-1]).any():
             break  # neither verdict is in reach
-    hidden = [text for text in open_rows["remark"] if text]
-    return found._replace(remark=hidden[0] if hidden else "too few paths to decide")
+    remarks = [text for text in open_rows["remark"] if text]
+    return found._replace(remark=remarks[0] if remarks else "too few paths to decide")
 
 
 def search(

@@ -5,11 +5,23 @@ import time
 from contextlib import suppress
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from rattle import DAT21, InputError, Scene, boundary, mean_map
+from rattle import DAT21, InputError, Scene, Tolerances, boundary, mean_map
+from rattle.compare.boundary.figures import _side
 from rattle.compare.boundary.page import boundary_page
-from rattle.compare.boundary.search import ACCURATE, MOST, UNDECIDED, WRONG, Point, critical, search
+from rattle.compare.boundary.search import (
+    ACCURATE,
+    LOOKS,
+    MOST,
+    UNDECIDED,
+    WRONG,
+    Point,
+    critical,
+    judge_value,
+    search,
+)
 from rattle.compare.validation.verdict import widest
 
 DRIVEN = Scene.from_gears(DAT21)
@@ -90,11 +102,44 @@ def test_nowhere_accurate_is_said():
     assert found.answer[0] == "`published` is nowhere accurate from sigma = 0.01 to 0.1."
 
 
+@pytest.mark.parametrize(
+    ("over", "first", "last", "accurate", "said"),
+    [
+        ("sigma", (0.1, 0.2), (0.1, 0.2), True, "above 2"),
+        ("sigma", (9.0, 9.5), (2.0, 2.5), False, "above 2"),
+        ("alpha", (0.1, 0.2), (0.4, 0.5), True, "above 2"),
+        ("alpha", (0.4, 0.5), (0.1, 0.2), True, "below 1"),
+        ("alpha", (2.0, 2.5), (9.0, 9.5), False, "below 1"),
+        ("alpha", (0.1, 0.3), (0.2, 0.4), True, "below 1 or above 2"),
+    ],
+)
+def test_a_boundary_outside_is_said_with_its_side(over, first, last, accurate, said):
+    ends = [{"value": v, "low": low, "high": high} for v, (low, high) in ((1.0, first), (2.0, last))]
+    assert _side(over, "", pd.DataFrame(ends), accurate) == f"If there is one, it lies {said}."
+
+
 def test_gears_are_searched_in_their_units():
     scene = DRIVEN.with_sigma(0.01)
     found = boundary(scene, over="torque1", between=(90.0, 110.0), impacts=1, points=2)
     assert found.unit == "N mm"
     assert "torque1 = 90 to 110 N mm" in found.answer[0]
+
+
+@pytest.mark.parametrize(("could_change", "looks"), [(1e-6, 2), (0.5, 1)])
+def test_a_branch_that_hardly_matters_does_not_end_the_looks(could_change, looks, monkeypatch):
+    """More paths decide a row whose noise leaves it open, however many would show a branch that changes nothing."""
+    row = {"moment": "sd", "quantity": "tau", "impact": 1, "tolerance": 1.0, "error": 0.5, "low": -0.3, "high": 1.3}
+    row |= {"noise": 0.8, "unseen_low": 0.0, "unseen_high": could_change, "paths_needed": 1e9, "remark": ""}
+
+    def errors(predicted, paths, z, tolerances):
+        narrow = {"verdict": "accurate", "high": 0.9} if paths > LOOKS[0] else {"verdict": "undecided"}
+        return pd.DataFrame([row | narrow])
+
+    monkeypatch.setattr("rattle.compare.boundary.search.section_errors", errors)
+    seen = []
+    found = judge_value(0.1, None, None, lambda scene, paths: seen.append(paths) or paths, 4.0, Tolerances())
+    assert len(seen) == looks
+    assert found.verdict == (ACCURATE if looks == 2 else UNDECIDED)
 
 
 def test_all_looks_and_values_are_counted():
