@@ -7,9 +7,11 @@ its probability is off.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rattle.montecarlo.branches.search import SMALLEST, Branch, search_of
 from rattle.montecarlo.kernel.block import BLOCK, Plan
@@ -17,9 +19,6 @@ from rattle.montecarlo.rare.block import sample_mixture
 from rattle.montecarlo.rare.mixture import SPLIT, BranchMixture, mixture_of, tail
 from rattle.scene.moments import SECTION
 from rattle.scene.types import Floats
-
-if TYPE_CHECKING:
-    from rattle.montecarlo.ensemble.result import Ensemble
 
 LONGEST = 2048  # steps whose noise is searched for design points: later impacts have plain paths alone
 PROBES = 12  # branches that are probed
@@ -34,25 +33,45 @@ ALIKE = 0.9  # cosine from which two design points are one
 PROBE = 0x9170  # spawn key of the probes' random numbers
 
 
-def steps_of(run: Ensemble) -> int:
+class Run(Protocol):
+    """A run, as `rattle.montecarlo.Ensemble` is."""
+
+    @property
+    def plan(self) -> Plan:
+        """What was computed."""
+
+    @property
+    def paths(self) -> int:
+        """Number of paths."""
+
+    @property
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """The columns of its section."""
+
+    @property
+    def phase_reduced(self) -> Run:
+        """The same in local time."""
+
+
+def steps_of(run: Run) -> int:
     """Steps of a run until most of its paths have had all their impacts."""
     last = run.phase_reduced.columns
-    end = np.nan_to_num(last["tau"] + 6.0 * last["sd_tau"]).max() - run.scene.phase
-    return int(min(max(end / run.dt, 0.0) + 1.0, LONGEST))
+    end = np.nan_to_num(last["tau"] + 6.0 * last["sd_tau"]).max() - run.plan.scene.phase
+    return int(min(max(end / run.plan.dt, 0.0) + 1.0, LONGEST))
 
 
-def choose_mixture(run: Ensemble) -> BranchMixture | None:
+def choose_mixture(run: Run) -> BranchMixture | None:
     """The mixture from which the paths of a scene are better drawn than plainly; None where no branch is worth it.
 
     `run`: Of plain paths by exact flights.
     """
     columns, plan = run.phase_reduced.columns, run.plan
-    found = search_of(run.scene.phase_reduced, run.impacts, steps_of(run), run.dt).until(SMALLEST)
+    found = search_of(plan.scene.phase_reduced, plan.impacts, steps_of(run), plan.dt).until(SMALLEST)
     centre = np.nan_to_num(np.column_stack([columns[q] for q in SECTION]).astype(float))
     sd = np.column_stack([columns["sd_" + q] for q in SECTION]).astype(float)
     for mesh in (1, 2):
         sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly
-    sd[:, 2 + 2 * run.scene.stages :] = 0.0
+    sd[:, 2 + 2 * plan.scene.stages :] = 0.0
     sd[~(sd > 1e-12 * (1.0 + np.abs(centre)))] = np.inf
     shifts, added = list[Floats](), list[Floats]()
     for branch, predicted in _by_influence(found.branches, sd):

@@ -8,24 +8,21 @@ Garwood (1936).  Weights are bounded and their sums unbiased, whichever branches
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 from scipy.special import chdtri
 
-from rattle.montecarlo.branches.choose import ALIKE, LIKELY, cosine, steps_of
+from rattle.montecarlo.branches.choose import ALIKE, LIKELY, Run, cosine, steps_of
 from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
-from rattle.montecarlo.kernel.block import BLOCK, CODES, count_followed
+from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
 from rattle.montecarlo.rare.block import sample_mixture
 from rattle.montecarlo.rare.mixture import mixture_of
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings.plan import EXACT, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene.types import Floats
-
-if TYPE_CHECKING:
-    from rattle.montecarlo.ensemble.result import Ensemble
 
 MOST = 24  # branches near which paths are drawn, the most probable first
 BLOCKS, LEAST_BLOCKS = 2, 8  # blocks of paths for each branch, and for all
@@ -35,13 +32,13 @@ LEFT = 0x1EA  # spawn key of the random numbers of these paths
 COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "near")
 
 
-def find_leaving(run: Ensemble) -> pd.DataFrame:
-    """`Ensemble.leaving` of a run.
+def find_leaving(run: Run, followers: Mapping[str, Followers]) -> pd.DataFrame:
+    """`Ensemble.leaving` of a run, from what it summed over the paths that follow an itinerary.
 
     Its own paths are counted where so many left, or more than are drawn near the branches that were found.
     """
     name = next(n for n in run.plan.apart if begins(run.plan.itineraries[NOISE_FREE], run.plan.itineraries[n]))
-    plain, near = _share(run.result.followers[name].left, run.paths), _sample_near(run)
+    plain, near = _share(followers[name].left, run.paths), _sample_near(run)
     rows = []
     for k, i in zip(*np.nonzero(plain[0] + near[0]), strict=True):
         found, other, code = plain[:, k, i], near[:, k, i], CODES[i]
@@ -72,33 +69,33 @@ def interval(total: float, squares: float, largest: float) -> tuple[float, float
     return float(low), float(high)
 
 
-def search_for(run: Ensemble) -> RareEvents | None:
+def search_for(run: Run) -> RareEvents | None:
     """The branches of a run's orbit; None without noise, and for noise with a memory."""
-    scene = run.scene
+    scene = run.plan.scene
     if scene.sigma == 0.0 or scene.correlation_time:
         return None
     dt = default_step(scene, EXACT)
-    steps = math.ceil(steps_of(run) * run.dt / dt)
-    return search_of(scene.phase_reduced, run.impacts, steps, dt).until(1.0)
+    steps = math.ceil(steps_of(run) * run.plan.dt / dt)
+    return search_of(scene.phase_reduced, run.plan.impacts, steps, dt).until(1.0)
 
 
-def _sample_near(run: Ensemble) -> Floats:
+def _sample_near(run: Run) -> Floats:
     """What `Followers.left` has, in probabilities, from paths drawn near the rare branches of the orbit."""
-    left, found, shifts = np.zeros((3, run.impacts, len(CODES))), search_for(run), list[Floats]()
+    left, found, shifts = np.zeros((3, run.plan.impacts, len(CODES))), search_for(run), list[Floats]()
     for branch in sorted(found.branches if found else (), key=lambda b: -b.probability):
         rare = branch.probability < LIKELY and branch.shift.any()
         if rare and len(shifts) < MOST and all(cosine(branch.shift, other) < ALIKE for other in shifts):
             shifts.append(branch.shift)
     if not shifts:
         return left
-    mixture = mixture_of(shifts, [NEAR / len(shifts)] * len(shifts), np.zeros((run.impacts, 6)), BLOCK)
-    dt = default_step(run.scene, EXACT)
+    mixture = mixture_of(shifts, [NEAR / len(shifts)] * len(shifts), np.zeros((run.plan.impacts, 6)), BLOCK)
+    dt = default_step(run.plan.scene, EXACT)
     plan = run.plan._replace(
-        scene=run.scene.phase_reduced,
+        scene=run.plan.scene.phase_reduced,
         scheme=EXACT,
         dt=dt,
-        most_steps=math.ceil(run.plan.most_steps * run.dt / dt),
-        seed=np.random.SeedSequence(run.seed.entropy, spawn_key=(*run.seed.spawn_key, LEFT)),
+        most_steps=math.ceil(run.plan.most_steps * run.plan.dt / dt),
+        seed=np.random.SeedSequence(run.plan.seed.entropy, spawn_key=(*run.plan.seed.spawn_key, LEFT)),
     )
     itinerary = np.array(run.plan.itineraries[NOISE_FREE], dtype=float)
     blocks = max(LEAST_BLOCKS, BLOCKS * len(shifts))

@@ -309,7 +309,7 @@ class Ensemble(SectionResult):
 
         if not self.plan.apart:
             raise InputError("record.on_itinerary", False, NOT_APART)
-        return find_leaving(self)
+        return find_leaving(self, self.result.followers)
 
     @cached_property
     def covariance(self) -> Floats:
