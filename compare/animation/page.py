@@ -48,7 +48,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
 
     Examples
     --------
-    >>> from rattle.compare.animation import record
+    >>> from rattle.compare.animation.record import record
     >>> from rattle.scene import DAT21, Scene
     >>> page = animation(record(Scene.from_gears(DAT21, sigma=0.1), impacts=2), "DAT21")
     >>> page.startswith("<!doctype html>"), page.count('class="mark orbit"')

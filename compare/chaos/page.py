@@ -1,6 +1,5 @@
 """The page and the folder of a study of chaos, with its answer in a few sentences."""
 
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,27 +11,16 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
-from rattle.compare.chaos.sweep import crossings, signs
-from rattle.compare.report import Block, Figure, Page, PageSection, Table, Text, table_of
+from rattle.compare.chaos.sweep import crossings, say_crossings, signs
+from rattle.compare.report import Figure, Page, Text, table_of
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
+from rattle.compare.report.texts import lay_out, read_texts
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words
 
-FIGURES = {
-    "section": "Poincaré sections at the impacts, in the paper's coordinates: flight time against velocity just before "
-    "the impact, as densities on the same axes; orbit, mean map and noisy system.",
-    "spectra": "Power spectra of the velocities with 95 % intervals, the continuous floor, and the bands above it.",
-    "sweep": "Largest exponent over the field with its 95 % interval: of the orbit, and of the drift's linearisation "
-    "along noisy paths; where the orbit sticks, and the range that the paper claims to be chaotic.",
-    "bifurcation": "Bifurcation diagram: points of the section over the field as densities, with the largest exponents "
-    "below.",
-    "finite_size": "Finite-size exponent of the noisy system over the distance of two paths on the same noise: it "
-    "grows without bound as the distance decreases, so there is no infinitesimal exponent.",
-    "sqrt_law": "Distance of two paths on the same noise after an impact over their distance before it, with the "
-    "square-root law.",
-}
+FIGURES: dict[str, str] = read_texts("chaos")["figures"]
 """Captions of the figures, by name."""
 TABLES = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "sqrt_law", "sweep", "crossings")
 LARGE = ("sections", "spectra", "bifurcation")
@@ -68,71 +56,31 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     return found
 
 
-def chaos_page(
-    found: ChaosStudy, tables: dict[str, pd.DataFrame], record: dict[str, Any], drawn: Collection[str]
-) -> Page:
-    """Build the page of a study of chaos."""
-
-    def figures(*names: str) -> list[Block]:
-        return [Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in names if name in drawn]
-
-    def left_out(part: str) -> list[Block]:
-        return [Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what]
-
-    def shown(name: str, columns: str, texts: Collection[str], summary: str = "") -> Table:
-        return table_of(tables[name][columns.split()], texts, summary)
-
-    key = "section" if found.sweep is None else "sweep"
-    opening = (
-        *figures(key),
-        shown("exponents", "of exponent value low high rate sum_error impacts reason", ("of", "reason")),
-        Text(
-            "Lyapunov exponents per unit of dimensionless time, by the QR method, with 95 % intervals from batch "
-            "means. `sum_error` is their sum less its exact value −(β1 + β2) + rate · 2 ln ε.",
-            True,
-        ),
-        glossary(*WORDS, gears=found.scene.gears),
-    )
-    said = Text("The map that each closure iterates, and which exponents its means have.", True)
-    texts = ("closure", "map", "exponents", "moments")
-    maps = shown("mean_maps", "closure map exponents not_realizable ends moments", texts)
-    parts = [PageSection("The mean maps", (said, maps))]
-    if found.sweep is not None:
-        said = Text(f"Where the largest exponent changes its sign over {found.field}: between `low` and `high`.", True)
-        rows = table_of(tables["sweep"], ("of", "regime", "reason"), summary=f"All values of {found.field}")
-        blocks = (*left_out("bifurcation"), *figures("bifurcation"), said, table_of(tables["crossings"], ("of",)), rows)
-        parts.append(PageSection(f"Over {found.field}", blocks))
-    sections = (*(figures("section") if key != "section" else ()), *left_out("Poincaré"))
-    if sections:
-        parts.append(PageSection("Poincaré sections", sections))
-    spectra = left_out("spectra")
-    if found.spectra:
-        texts = ("side", "kind", "velocity", "narrow")
-        spectra += [
-            *figures("spectra"),
-            Text(
-                "`floor_share` is the share of the continuous part in the power, `narrow` the number of bands no "
-                "wider than a single frequency. False-alarm probability: 1 % for each spectrum.",
-                True,
-            ),
-            table_of(tables["spectra_summary"], ("side", "kind", "velocity")),
-            shown("lines", "side kind velocity frequency width share over narrow", texts, "All bands"),
-        ]
-    parts.append(PageSection("Spectra", tuple(spectra)))
-    apart = figures("finite_size", "sqrt_law") + left_out("square-root") + left_out("finite-size")
-    if found.finite_size is not None:
-        apart.append(table_of(found.finite_size, summary="All distances"))
-    parts.append(PageSection("Two paths on the same noise", tuple(apart)))
-    return Page(f"Chaos of {record['name']}", tuple(answer(found, tables)), source_of(record), opening, tuple(parts))
-
-
 def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
     """Write the folder of a study of chaos."""
     figures, tables = draw(found), chaos_tables(found)
-    page = chaos_page(found, tables, record, figures)
+    shown: dict[str, Any] = {"words": glossary(*WORDS, gears=found.scene.gears)}
+    shown |= {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in FIGURES if name in figures}
+    shown["key"] = shown.pop("section" if found.sweep is None else "sweep", ())
+    for part in ("bifurcation", "Poincaré", "spectra", "square-root", "finite-size"):
+        shown[f"no_{part}"] = [
+            Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what
+        ]
+    shown |= {name: tables[name] for name in ("exponents", "mean_maps")}
+    if found.sweep is not None:
+        shown["crossings"] = table_of(tables["crossings"], ("of",))
+        shown["sweep"] = table_of(tables["sweep"], ("of", "regime", "reason"), f"All values of {found.field}")
+    if found.spectra:
+        shown["spectra_summary"] = table_of(tables["spectra_summary"], ("side", "kind", "velocity"))
+        shown["lines"] = tables["lines"]
+    if found.finite_size is not None:
+        shown["fsle"] = table_of(found.finite_size, summary="All distances")
+    laid_out = lay_out("chaos", shown, field=found.field)
+    said = answer(found, tables)
+    page = Page(f"Chaos of {record['name']}", tuple(said), source_of(record), *laid_out)
     settings: dict[str, Any] = {"allowed": CONTENTS, "digits": "%.10g", "overwrite": overwrite}
     save(out, "chaos", page, record, figures=figures, tables=tables, **settings)
-    return list(page.answer)
+    return said
 
 
 def _exponents(e: Exponents, name: str) -> str:
@@ -222,12 +170,10 @@ def _sweep(table: pd.DataFrame, field: str, of: str, who: str) -> str:
     counts = ((kind, (rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES))
     sticking = [f"{kind} at {n}" for kind, n in counts if n]
     marked = f"; {who} {join_words(sticking)}" if sticking else ""
-    changes = crossings(table, field, of).to_dict("records")
-    where = [f"{'+' if c['to'] > 0 else '-'} between {c['low']:.3g} and {c['high']:.3g}" for c in changes]
     return (
         f"Largest exponent, {of}: positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
         f"{((found == 0) & decided).sum()} of {len(rows)} values of {field}{marked}. Changes of sign: "
-        f"{'; '.join(where) or 'none'}."
+        f"{say_crossings(table, field, of)}."
     )
 
 

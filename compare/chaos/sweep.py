@@ -19,6 +19,7 @@ from rattle.closure import closures_for, mean_map
 from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.chaos.exponents import CONFIDENCE, DRIFT, ORBIT, Exponents, drift_exponents, lyapunov
 from rattle.compare.chaos.record import in_threads
+from rattle.compare.report.texts import read_texts
 from rattle.scene.errors import InputError, choice, count, finite
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
@@ -30,28 +31,7 @@ PUBLISHED = 30  # impacts through which the published map is followed at each va
 FOLLOWED = 400  # impacts through which moments are followed
 SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
 TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
-MAPS = {
-    "published": (
-        "Eq. 22: means and shifts to means, with its own next impact",
-        "none: the map ends before they could converge",
-        "not realizable",
-    ),
-    "corrected": (
-        "the orbit, its means shifted by the windows of Eqs. 20 and 21",
-        "the orbit's",
-        "0: a restitution map at a fixed time leaves displacements unchanged, so their variance grows by noise alone",
-    ),
-    "saltation": (
-        "the orbit, its means shifted to second order in sigma",
-        "the orbit's",
-        "twice the orbit's: as exp(2 lambda_1 t)",
-    ),
-    "branching": (
-        "a mixture of Gaussian components, each on the orbit of its own mean",
-        "each component has the orbit's",
-        "twice those of each component's orbit, limited by splitting; on densities the map is linear: no chaos",
-    ),
-}
+MAPS: dict[str, dict[str, str]] = read_texts("chaos")["maps"]
 """Of each closure the map that it iterates, the exponents of its means, and how its second moments grow along it."""
 
 
@@ -112,10 +92,10 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     rows = []
     for closure in closures_for(scene):
         own = closure == "published"  # its means have dynamics of their own, different from the orbit's
-        kind, exponents, moments = MAPS[closure]
         value, low, high = (np.nan,) * 3 if own else orbit.largest
-        row: dict[str, Any] = {"closure": closure, "map": kind, "exponents": exponents}
-        row |= {"largest": value, "low": low, "high": high, "moments": moments}
+        said = MAPS[closure]
+        row: dict[str, Any] = {"closure": closure, "map": said["map"], "exponents": said["exponents"]}
+        row |= {"largest": value, "low": low, "high": high, "moments": said["moments"]}
         if closure == "branching":  # its cost grows with every impact, and its components follow different orbits
             rows.append(row | {"followed": 0})
             continue
@@ -201,3 +181,10 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
     changes = [(a, b) for a, b in pairwise(np.flatnonzero(sign)) if sign[a] != sign[b]]
     found = [(of, x[a], x[b], int(sign[b]), int(b - a - 1)) for a, b in changes]
     return pd.DataFrame(found, columns=["of", "low", "high", "to", "undecided"])
+
+
+def say_crossings(table: pd.DataFrame, field: str, of: str) -> str:
+    """Where the largest exponent changes its sign, in words."""
+    changes = crossings(table, field, of).to_dict("records")
+    where = [f"{'+' if c['to'] > 0 else '-'} between {c['low']:.3g} and {c['high']:.3g}" for c in changes]
+    return "; ".join(where) or "none"

@@ -1,1 +1,1 @@
-"""Checks of the installed program: published results, extreme values, stability and bias of the schemes."""
+"""Checks of the installed program, and of the paper: published results, claims, extreme values, stability and bias."""

@@ -8,12 +8,14 @@ import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
+from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
+from rattle.compare.report.texts import read_texts
 from rattle.scene.errors import choice, count
 
 FALSE_ALARM = 1e-3
@@ -21,8 +23,8 @@ FALSE_ALARM = 1e-3
 ROUNDING = 4e-15
 """A few roundings of a double: the default bound where a formula is compared with 400-digit arithmetic."""
 
-PUBLISHED = ("result", "check nearest to failing", "found", "truth", "se", "z", "controls", "s", "verdict")
-EXTREME = ("extreme", "field", "worst", "allowed", "relative to", "verdict")
+RESULT_HEAD = ("result", "check nearest to failing", "found", "truth", "se", "z", "controls", "s", "verdict")
+EXTREME_HEAD = ("extreme", "field", "worst", "allowed", "relative to", "verdict")
 NUMBERS = {"found", "truth", "se", "z", "controls", "s", "worst", "allowed"}  # columns with right alignment
 
 
@@ -121,6 +123,8 @@ def _to_dict(check: Check) -> dict[str, Any]:
     return check._asdict() | {"z": check.z if math.isfinite(check.z) else None}
 
 
+Found: TypeAlias = tuple[Sequence[Check], Mapping[str, Sequence[Check]]]
+"""Checks of a subject, and its negative controls by what their error is."""
 Subject: TypeAlias = Callable[[int, int], Result]
 """Computes the result of a subject with a seed and so many threads."""
 
@@ -150,31 +154,50 @@ def run_checks(
     return [result._replace(allowed=allowed) if math.isnan(result.allowed) else result for result in found]
 
 
-def extreme(
-    name: str, field: str, tried: str, truth: str, *, allowed: float = ROUNDING, unit: str = "its value"
-) -> Callable[[Callable[[], Iterable[float]]], Subject]:
+EXTREMES, PUBLISHED = read_texts("checks.extremes"), read_texts("checks.published")
+"""What is said of each check at extreme values, and of each published result, by the name of its function."""
+
+
+def extreme(allowed: float = ROUNDING, **texts: str) -> Callable[[Callable[[], Iterable[float]]], Subject]:
     """Decorate a function that yields errors, so that it returns the check of the worst of them.
 
-    `field`, `tried`: The fields of the scene that are extreme, and their range. `truth`: The reference. `allowed`: The
-    largest admissible error. `unit`: The size that errors are relative to, or "z" for standard errors.
+    `allowed`: The largest admissible error. `texts`: As in `EXTREMES`, for a function that is not there.
 
     Examples
     --------
-    >>> phi = extreme("phi", "beta", "0 to 1e3", "mpmath")(lambda: [2e-16, 0.0])
+    >>> phi = extreme(name="phi", field="beta", tried="0 to 1e3", truth="mpmath")(lambda: [2e-16, 0.0])
     >>> phi().holds, phi().worst.found
     (True, 2e-16)
     """
 
     def make(errors: Callable[[], Iterable[float]]) -> Subject:
+        said = {"unit": "its value"} | (texts or EXTREMES[errors.__name__])
+
         @wraps(errors)
         def check(seed: int = 0, workers: int = 1) -> Result:
-            bound = {"se": 1.0} if unit == "z" else {"slack": allowed}
-            worst = Check(field, worst_of(errors()), 0.0, **bound)
-            return Result(name, truth, tried, [worst], allowed=allowed, unit=unit)
+            bound = {"se": 1.0} if said["unit"] == "z" else {"slack": allowed}
+            worst = Check(said["field"], worst_of(errors()), 0.0, **bound)
+            return Result(said["name"], said["truth"], said["tried"], [worst], allowed=allowed, unit=said["unit"])
 
         return check
 
     return make
+
+
+def self_test(compute: Callable[[int, int], Found]) -> Subject:
+    """Decorate a function that computes checks and negative controls, so that it returns them as a result."""
+
+    @wraps(compute)
+    def check(seed: int = 0, workers: int = 2) -> Result:
+        checks, controls = compute(seed, workers)
+        return Result(**PUBLISHED[compute.__name__], checks=checks, controls=controls)
+
+    return check
+
+
+def collect(listed: Iterable[str], *modules: ModuleType) -> dict[str, Subject]:
+    """The subjects of these names, which stand in some modules."""
+    return {name: next(vars(m)[name] for m in modules if name in vars(m)) for name in listed}
 
 
 def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float:
@@ -224,12 +247,12 @@ def verdict(holds: bool) -> str:
     return "holds" if holds else "FAILS"
 
 
-def published_lines(results: Sequence[Result], *, all_checks: bool = False) -> list[str]:
+def result_lines(results: Sequence[Result], *, all_checks: bool = False) -> list[str]:
     """Format published results: a row for each, the failures below, and a summary.
 
     `all_checks`: Whether to list every check and every negative control below the table, not only failures.
     """
-    out = align(PUBLISHED, [_published_row(result) for result in results])
+    out = align(RESULT_HEAD, [_result_row(result) for result in results])
     for result in results:
         out += _details(result, all_checks)
     checks = [check for result in results for check in result.checks]
@@ -243,7 +266,7 @@ def published_lines(results: Sequence[Result], *, all_checks: bool = False) -> l
     return [*out, summary]
 
 
-def _published_row(result: Result) -> tuple[str, ...]:
+def _result_row(result: Result) -> tuple[str, ...]:
     worst = result.worst
     rejected = f"{sum(result.rejections.values())} of {len(result.controls)}"
     numbers = f"{worst.found:.6g}", f"{worst.truth:.6g}", *_error(worst), rejected, f"{result.seconds:.1f}"
@@ -270,7 +293,7 @@ def _details(result: Result, everything: bool) -> list[str]:
     return ["", f"{result.name} ({result.reference}): {result.statement}", *out] if out else []
 
 
-def published_record(results: Sequence[Result], seed: int) -> dict[str, Any]:
+def results_record(results: Sequence[Result], seed: int) -> dict[str, Any]:
     """Published results as plain data."""
     return {
         "holds": all(result.holds for result in results),
@@ -311,7 +334,7 @@ def extreme_lines(results: Sequence[Result], *, ranges: bool = False) -> list[st
     1 of 1 extreme-value checks passed.
     """
     rows = [(r.name, r.worst.quantity, *worst_error(r), verdict(r.holds)) for r in results]
-    head, rule, *aligned = align(EXTREME, rows)
+    head, rule, *aligned = align(EXTREME_HEAD, rows)
     out = [head, rule]
     for result, line in zip(results, aligned, strict=True):
         out.append(line)

@@ -6,13 +6,12 @@ from typing import Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import load_scene, say, say_lines, say_part
+from rattle.compare.cli.shared import Results, load_scene, say, say_part
 
 
 @click.command()
-@shared.SCENE
-@shared.SIGMA
-@shared.named("field", shared.FIELDS, "Field of the scene that the sweep varies.", default="alpha")
+@shared.SCENE_AND_SIGMA
+@shared.name_option("field", shared.FIELDS, "Field of the scene that the sweep varies.", default="alpha")
 @shared.grid("over", "0.05:2.5:100", "Its values.")
 @click.option("--keep-sigma", is_flag=True, help="Keep the noise along the sweep; else it is the paper's, sqrt(alpha).")
 @click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")
@@ -20,17 +19,14 @@ from rattle.compare.cli.shared import load_scene, say, say_lines, say_part
 @shared.whole("points", 1_000_000, "Points of each Poincare section.")
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
-@shared.whole("seed", 0, "Seed of the noise.")
-@shared.WORKERS
-@shared.folder("reports/NAME-chaos")
-@shared.OVERWRITE
+@shared.SEED_AND_WORKERS
+@shared.folder_options("reports/NAME-chaos")
 def chaos(
     scene: Path | None,
     sigma: float | None,
     over: str,
     keep_sigma: bool,
     no_sweep: bool,
-    workers: int,
     out: Path | None,
     overwrite: bool,
     **settings: Any,
@@ -44,31 +40,19 @@ def chaos(
     from rattle.compare.chaos.measure import study
     from rattle.compare.chaos.page import CONTENTS, write_chaos
     from rattle.compare.chaos.sweep import paper_noise, values, vary
-    from rattle.compare.report.provenance import Stopwatch, provenance
-    from rattle.scene.errors import count, positive
+    from rattle.scene.errors import positive
 
-    base = load_scene(scene, sigma)
+    base, field = load_scene(scene, sigma), settings["field"]
     at = () if no_sweep else values("over", over)
-    noise = None if keep_sigma or settings["field"] == "sigma" else paper_noise
-    scenes = vary(base, settings["field"], at, noise) if noise else vary(base, settings["field"], at)
+    noise = None if keep_sigma or field == "sigma" else paper_noise
+    scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
     positive("width", settings["width"])
-    for name, least in (("points", 100), ("impacts", 20_000), ("events", 128)):
-        count(name, settings[name], least=least)
-    count("workers", workers)
-    name, out = shared.results_folder(scene, out, "-chaos", CONTENTS, overwrite)
-    watch = Stopwatch()
-    found = study(base, scenes=scenes, workers=workers, progress=say_part, **settings)
-    record = {
-        "name": name,
-        "scene": base.to_dict(),
-        **{key: settings[key] for key in ("points", "impacts", "events", "width", "seed", "field")},
-        "over": list(at),
-        "workers": workers,
-        "noise": "the scene's" if noise is None else "sqrt(alpha)",
-        **provenance(watch),
-    }
-    say_lines(write_chaos(out, found, record, overwrite))
-    say(f"Folder: {out}")
+    shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
+    results = Results(scene, out, "-chaos", CONTENTS, overwrite)
+    found = study(base, scenes=scenes, progress=say_part, **settings)
+    said = "the scene's" if noise is None else "sqrt(alpha)"
+    answer = results.write(write_chaos, found, scene=base.to_dict(), **settings, over=list(at), noise=said)
+    results.say(answer, "chaos.html")
 
 
 BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pairs; a value of alpha; a path
@@ -80,10 +64,8 @@ BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pa
 @shared.whole("paths", 100_000, "Paths of each validation.")
 @shared.whole("points", 1_000_000, "Points of each Poincare section.")
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
-@shared.whole("seed", 0, "Seed.")
-@shared.WORKERS
-@shared.folder(Path("reports/claims"))
-@shared.OVERWRITE
+@shared.SEED_AND_WORKERS
+@shared.folder_options(Path("reports/claims"))
 def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwrite: bool, **settings: int) -> None:
     """Judge each claim of the paper on its own example, DAT21.
 
@@ -92,38 +74,23 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     Exit codes: 0 complete, whatever the verdicts; 2 bad input.
     """
     from rattle.compare.chaos.sweep import values
-    from rattle.compare.claims.evidence import gather
-    from rattle.compare.claims.page import CONTENTS, judge, write_claims
-    from rattle.compare.report.folder import check_free
-    from rattle.compare.report.provenance import Stopwatch, provenance
+    from rattle.compare.checks.claims.evidence import gather
+    from rattle.compare.checks.claims.page import CONTENTS, judge, write_claims
     from rattle.scene import DAT21, Scene
-    from rattle.scene.errors import count, positive
+    from rattle.scene.errors import positive
 
     at = values("over", over)
     levels = sigmas or (0.01, 0.1)
     for sigma in levels:
         positive("sigma", sigma)
-    for name, least in (("paths", 1000), ("points", 100)):
-        count(name, settings[name], least=least)
-    count("impacts", impacts, least=20_000)
-    count("workers", settings["workers"])
-    check_free(out, CONTENTS, overwrite)
+    shared.check_counts(settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1)
+    results = Results(None, out, "", CONTENTS, overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
-    watch = Stopwatch()
     dat21 = Scene.from_gears(DAT21)
     found = gather(dat21, sigmas=levels, at=at, spectrum_impacts=impacts, progress=say_part, **settings)
     judged = judge(found)
-    record = {
-        "name": "DAT21",
-        "scene": found.scene.to_dict(),
-        "sigmas": list(levels),
-        "over": list(at),
-        "impacts": impacts,
-        **{key: settings[key] for key in ("paths", "points", "seed", "workers")},
-        **provenance(watch),
-    }
-    say_lines(write_claims(out, judged, found.chaos, record, overwrite))
-    for number, claim in enumerate(judged, start=1):
-        say(f"{number:2d}. {claim.name}: {claim.verdict}")
-    say(f"Page: {out / 'claims.html'}")
+    record: dict[str, Any] = {"sigmas": list(levels), "over": list(at), "impacts": impacts, **settings}
+    answer = results.write(write_claims, judged, found.chaos, scene=found.scene.to_dict(), **record)
+    verdicts = [f"{number:2d}. {claim.name}: {claim.verdict}" for number, claim in enumerate(judged, start=1)]
+    results.say([*answer, *verdicts], "claims.html")

@@ -33,8 +33,7 @@ def check() -> None:
 @check.command("published")
 @shared.several("result", "names", str, "One result alone; repeatable. [default: all]")
 @click.option("--all", "all_checks", is_flag=True, help="Print every check and every negative control.")
-@shared.whole("seed", 0, "Seed of all random numbers.")
-@shared.WORKERS
+@shared.SEED_AND_WORKERS
 @shared.json_flag("the record")
 def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, as_json: bool) -> None:
     """Compare this installation with published results.
@@ -44,14 +43,14 @@ def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, a
 
     Exit codes: 0 all results hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.check import published_lines, published_record, run_checks
+    from rattle.compare.checks.check import result_lines, results_record, run_checks
     from rattle.compare.checks.published import RESULTS
 
     found = run_checks(RESULTS, names, seed=seed, workers=workers)
     if as_json:
-        say_json(published_record(found, seed))
+        say_json(results_record(found, seed))
     else:
-        say_lines(published_lines(found, all_checks=all_checks))
+        say_lines(result_lines(found, all_checks=all_checks))
     exit_if_broken(result.holds for result in found)
 
 
@@ -77,12 +76,11 @@ def extremes(ranges: bool, as_json: bool) -> None:
 
 
 @check.command()
-@shared.named("scheme", shared.SCHEMES, "Scheme; repeatable. [default: all]", many="schemes")
-@shared.named("axis", shared.AXES, "Axis; repeatable. [default: all]", many="axes")
+@shared.name_option("scheme", shared.SCHEMES, "Scheme; repeatable. [default: all]", many="schemes")
+@shared.name_option("axis", shared.AXES, "Axis; repeatable. [default: all]", many="axes")
 @shared.whole("points", 7, "Values of each axis, 1 to 7.")
 @shared.whole("paths", 32_768, "Most paths of a cell.")
-@shared.whole("seed", 0, "Seed.")
-@shared.WORKERS
+@shared.SEED_AND_WORKERS
 @shared.folder(Path("reports/stability"))
 @click.option(
     "--extremes/--no-extremes",

@@ -8,12 +8,10 @@ with ends_soon(raises=False):
 
     import click
 
-    from rattle.compare.cli.boundary import boundary
+    from rattle.compare.cli.boundary import boundary, sensitivity
     from rattle.compare.cli.chaos import chaos, claims
     from rattle.compare.cli.check import check, warm_up
-    from rattle.compare.cli.drive import drive
-    from rattle.compare.cli.init import init
-    from rattle.compare.cli.sensitivity import sensitivity
+    from rattle.compare.cli.init import drive, init
     from rattle.compare.cli.shared import say
     from rattle.compare.cli.show import animate, show
     from rattle.compare.cli.simulate import simulate, stationary
@@ -110,3 +108,6 @@ for command in (
     warm_up,
 ):
     main.add_command(command)
+
+if __name__ == "__main__":
+    main()

@@ -1,15 +1,16 @@
 """What the commands share: options and their types, the scene, the folder, and what is printed."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from rattle.compare.report.json_text import json_text
-from rattle.scene.errors import choice
+from rattle.scene.errors import choice, count
 from rattle.scene.text import harmless
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def grid(option: str, default: str | None, meaning: str) -> Option:
     return click.option(f"--{option}", default=default, show_default=shown, metavar="LOW:HIGH:POINTS", help=meaning)
 
 
-def named(
+def name_option(
     option: str, names: Sequence[str], meaning: str, *, many: str = "", field: str = "", default: str | None = None
 ) -> Option:
     """An option that takes a name from a list; with `many`, its name in the plural, any number of them."""
@@ -129,8 +130,16 @@ def named(
     )
 
 
+def join(*options: Option) -> Option:
+    """Several options as one."""
+    return lambda command: reduce(lambda inner, option: option(inner), reversed(options), command)
+
+
 SIGMA = real("sigma", "Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+SCENE_AND_SIGMA = join(SCENE, SIGMA)
+SEED = whole("seed", 0, "Seed.")
 WORKERS = whole("workers", 2, "Threads; the result does not depend on it.")
+SEED_AND_WORKERS = join(SEED, WORKERS)
 
 SCHEDULER = click.option(
     "--scheduler",
@@ -153,17 +162,50 @@ def json_flag(what: str) -> Option:
     return click.option("--json", "as_json", is_flag=True, help=f"Print {what} as JSON.")
 
 
-def results_folder(
-    scene: Path | None, out: Path | None, suffix: str, ours: frozenset[str], overwrite: bool, writes: bool = True
-) -> tuple[str, Path]:
-    """The name of a command's scene and the folder of its results, which can be written if the command `writes`."""
-    from rattle.compare.report.folder import check_free, default_place, name_of
+def folder_options(default: Path | str, *more: Option) -> Option:
+    """The options of the folder of the results, and of what is printed in place of it."""
+    return join(folder(default), OVERWRITE, *more)
 
-    name = name_of(scene) if scene else "DAT21"
-    out = out or default_place(name, suffix)
-    if writes:
-        check_free(out, ours, overwrite)
-    return name, out
+
+class Results:
+    """The folder of a command's results, and what their manifest says of the run; nothing is written with ``--json``.
+
+    Unless a folder is given as well.
+    """
+
+    def __init__(
+        self,
+        scene: Path | None,
+        out: Path | None,
+        suffix: str,
+        ours: frozenset[str],
+        overwrite: bool,
+        as_json: bool = False,
+    ) -> None:
+        from rattle.compare.report.folder import check_free, default_place, name_of
+        from rattle.compare.report.provenance import Stopwatch
+
+        self.name, self.overwrite, self.as_json = name_of(scene) if scene else "DAT21", overwrite, as_json
+        self.writes = out is not None or not as_json
+        self.out = out or default_place(self.name, suffix)
+        if self.writes:
+            check_free(self.out, ours, overwrite)
+        self.watch = Stopwatch()
+
+    def write(self, writer: Callable[..., Any], *found: Any, **settings: Any) -> Any:
+        """Write the folder, with the settings in its manifest."""
+        from rattle.compare.report.provenance import provenance
+
+        if self.writes:
+            return writer(self.out, *found, {"name": self.name, **settings, **provenance(self.watch)}, self.overwrite)
+        return ()
+
+    def say(self, sentences: Iterable[str], page: str, data: Callable[[], dict[str, Any]] = dict) -> None:
+        """Print the answer and the place of the page, or the data as JSON."""
+        if self.as_json:
+            say_json(data() | {"report": self.out if self.writes else None})
+        else:
+            say_lines((*sentences, f"Page: {self.out / page}"))
 
 
 def say(text: str, *, err: bool = False, keep: str = "") -> None:
@@ -188,6 +230,12 @@ def say_part(part: str) -> None:
 
 
 PAPER_SIGMA = 1.5**0.5  # sqrt(alpha) of DAT21
+
+
+def check_counts(settings: Mapping[str, Any], **least: int) -> None:
+    """Check that settings are whole numbers that are not too small."""
+    for name, number in least.items():
+        count(name, settings[name], least=number)
 
 
 def load_scene(path: Path | None, sigma: float | None, otherwise: float = PAPER_SIGMA) -> "Scene":

@@ -207,7 +207,7 @@ def show(report: Path, section: str | None, width: int | None) -> None:
 @shared.SCENE
 @shared.real("sigma", "Noise intensity. [default: the scene's; 0.1 on DAT21]")
 @shared.whole("impacts", 24, "Impacts of the noise-free orbit to show, 1 to 200.")
-@shared.whole("seed", 0, "Seed of the noisy path.")
+@shared.SEED
 @click.option("--out", type=shared.PATH, default=None, help="HTML file. [default: reports/NAME-animation.html]")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier animation of that name.")
 def animate(
@@ -220,8 +220,8 @@ def animate(
 
     Exit codes: 0 written; 2 bad input.
     """
-    from rattle.compare.animation import check_file, record, write_animation
-    from rattle.compare.animation.record import check_recording
+    from rattle.compare.animation.page import check_file, write_animation
+    from rattle.compare.animation.record import check_recording, record
     from rattle.compare.report.folder import default_place, name_of
     from rattle.compare.report.provenance import command_line
 

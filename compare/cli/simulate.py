@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import load_scene, say, say_json, say_lines
+from rattle.compare.cli.shared import Results, load_scene, say, say_json, say_lines
 from rattle.scene.errors import InputError
 from rattle.scene.units import RATE, UNITS, check_units, in_units
 
@@ -32,13 +32,12 @@ AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 
 
 @click.command()
-@shared.SCENE
-@shared.SIGMA
+@shared.SCENE_AND_SIGMA
 @shared.whole("impacts", 12, "Impacts after the start.")
 @shared.real("accuracy", "Error bound of all means and sds, in sds, with 95 % probability. [default: 0.01]")
 @shared.whole("paths", None, "Number of paths, in place of an accuracy.")
 @shared.real("dt", "Step, with --paths. [default: the scheme's, 0.002 for Euler-Maruyama]")
-@shared.named("scheme", shared.SCHEMES, "Scheme. [default: what costs least; exact-flight with --paths]")
+@shared.name_option("scheme", shared.SCHEMES, "Scheme. [default: what costs least; exact-flight with --paths]")
 @click.option(
     "--step-bias/--no-step-bias",
     default=True,
@@ -46,9 +45,8 @@ AN_HOUR = "an hour; beyond it the answer is what 20 s give"
     help="Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work).",
 )
 @shared.real("budget", f"Processor seconds that an accuracy may take, all threads together. [default: {AN_HOUR}]")
-@shared.whole("seed", 0, "Seed.")
-@shared.WORKERS
-@shared.named("units", UNITS, TABLE_UNITS, default="dimensionless")
+@shared.SEED_AND_WORKERS
+@shared.name_option("units", UNITS, TABLE_UNITS, default="dimensionless")
 @click.option("--out", type=shared.PATH, default=None, help="CSV file of the whole section table.")
 @shared.json_flag("the section table and the settings")
 def simulate(
@@ -116,21 +114,13 @@ def simulate(
             say(reach.sentence)
         say_lines(run.diagnostics)
         if reach is not None and reach.missed:
-            say_lines(_missed(reach, 2 * (2 + 2 * base.stages) * settings["impacts"]))
+            say_lines(_list_missed(reach, 2 * (2 + 2 * base.stages) * settings["impacts"]))
     if out is not None:  # last, so that the results have been printed if the file cannot be written
         from rattle.compare.report.save import csv_text
 
         write_whole(out, csv_text(run.section_in(units)))
     if reach is not None and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
-
-
-class _OnStderr(logging.Handler):
-    """Log handler that prints each record as a line on standard error."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Print a record."""
-        say(self.format(record), err=True)
 
 
 @contextmanager
@@ -142,7 +132,7 @@ def _estimates_shown() -> "Iterator[None]":
     from rattle.montecarlo import AccuracyWarning
     from rattle.montecarlo.accuracy.simulate_to import ESTIMATES
 
-    handler, level = _OnStderr(), ESTIMATES.level
+    handler, level = logging.StreamHandler(), ESTIMATES.level
     ESTIMATES.addHandler(handler)
     ESTIMATES.setLevel(logging.INFO)
     try:
@@ -180,7 +170,7 @@ def _stars(reach: "Reach | None", shown: tuple[str, ...]) -> Set[tuple[str, int]
     return {(name[column], impact) for column, impact in found if column in name}
 
 
-def _missed(reach: "Reach", rows: int) -> list[str]:
+def _list_missed(reach: "Reach", rows: int) -> list[str]:
     """The means and sds that miss the accuracy, the worst by name."""
     named = [row.sentence for row in reach.missed[:MOST_NAMED]]
     more = len(reach.missed) - len(named)
@@ -204,8 +194,7 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...], stars:
 
 
 @click.command()
-@shared.SCENE
-@shared.SIGMA
+@shared.SCENE_AND_SIGMA
 @shared.real("accuracy", "Relative half width of the widest 95 % interval. [default: 0.01]")
 @shared.whole("periods", None, "Periods of each path, in place of an accuracy.")
 @shared.several("quantity", "quantities", str, QUANTITY)
@@ -219,14 +208,11 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...], stars:
 )
 @click.option("--closure", "closures", type=shared.CLOSURE, multiple=True, help=COMPARED)
 @click.option("--no-closures", is_flag=True, help="Compare no closure.")
-@shared.named("field", shared.FIELDS, "Field of --over.", default="alpha")
+@shared.name_option("field", shared.FIELDS, "Field of --over.", default="alpha")
 @shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
-@shared.whole("seed", 0, "Seed.")
-@shared.WORKERS
-@shared.named("units", UNITS, JSON_UNITS)
-@shared.folder("reports/NAME-stationary")
-@shared.OVERWRITE
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON; no folder is written without --out.")
+@shared.SEED_AND_WORKERS
+@shared.name_option("units", UNITS, JSON_UNITS)
+@shared.folder_options("reports/NAME-stationary", shared.json_flag("everything"))
 def stationary(
     scene: Path | None,
     sigma: float | None,
@@ -252,7 +238,6 @@ def stationary(
     """
     from rattle.compare.chaos.section import stationary_bifurcation
     from rattle.compare.chaos.sweep import values, vary
-    from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.compare.stationary.measure import stationary as measure
     from rattle.compare.stationary.page import CONTENTS, write_stationary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
@@ -267,27 +252,14 @@ def stationary(
         raise InputError("closure", closures, "is left out by --no-closures; give one of them")
     at = () if over is None else values("over", over)
     scenes = vary(base, field, at)
-    writes = out is not None or not as_json
-    name, out = shared.results_folder(scene, out, "-stationary", CONTENTS, overwrite, writes)
+    results = Results(scene, out, "-stationary", CONTENTS, overwrite, as_json)
     settings = {name: settings[name] for name in ("accuracy", "periods", "paths", "burn_in", "slow", "budget")}
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
-    watch = Stopwatch()
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
     found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
-    record = {
-        "name": name,
-        "scene": base.to_dict(),
-        **settings,
-        "seed": seed,
-        "field": field,
-        "over": list(at),
-        **provenance(watch),
-    }
-    said = write_stationary(out, found, view, record, overwrite) if writes else []
-    if as_json:
-        say_json(found.to_dict(units or "dimensionless") | {"report": out if writes else None})
-    else:
-        say_lines((*said, f"Page: {out / 'stationary.html'}"))
+    more = {"scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at)}
+    said = results.write(write_stationary, found, view, **more)
+    results.say(said, "stationary.html", lambda: found.to_dict(units or "dimensionless"))
     if found.run is not None and found.run.reach is not None and not found.run.reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)

@@ -3,7 +3,6 @@
 import sys
 import time
 from collections import Counter
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +10,7 @@ import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
-from rattle.scene.errors import FileError, InputError, OutputError, RattleError
-from rattle.scene.files import read_text
+from rattle.scene.errors import InputError, OutputError, RattleError
 from rattle.scene.text import line
 
 if TYPE_CHECKING:
@@ -67,7 +65,7 @@ def study(
         return
     record = _read_finished(wanted, seen, folder)
     if record is None:
-        record = _compute(wanted, seen, folder, file, workers, scheduler)
+        record = _compute(wanted, seen, folder, workers, scheduler)
     if as_json:
         say_json(record)
     else:
@@ -81,9 +79,7 @@ def study(
         sys.exit(1)
 
 
-def _compute(
-    wanted: "Study", seen: "Store", folder: Path, file: Path, workers: int, scheduler: str | None
-) -> dict[str, Any]:
+def _compute(wanted: "Study", seen: "Store", folder: Path, workers: int, scheduler: str | None) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
     from rattle.compare.report.folder import write_whole
     from rattle.compare.study.design import combine, page_of, read_results
@@ -100,13 +96,6 @@ def _compute(
         say(f"rattle: {error}; all results stored; the page could not be written", err=True)
         return {"answer": page_of(wanted).answer(combine(wanted, read_results(wanted, seen)))}
 
-    def check_unchanged() -> None:
-        with suppress(FileError):
-            if read_text("study file", file) == wanted.text:
-                return
-        why = "its file has changed while it ran; finished results are kept: run the command again"
-        raise InputError("study", wanted.title, why)
-
     started = time.perf_counter()
     runner = Runner(workers)
     if scheduler is not None:
@@ -114,7 +103,7 @@ def _compute(
 
         silence()
         runner = Cluster(scheduler)
-    outcome = run(wanted.cells, store, runner, show=True, check=check_unchanged)
+    outcome = run(wanted.cells, store, runner, show=True)
     facts = {
         "computed": outcome.computed,
         "failed": outcome.failed,

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import load_scene, say, say_json, say_lines
+from rattle.compare.cli.shared import Results, load_scene, say, say_json, say_lines
 
 EXIT_FAILED, EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 3, 4, 5
 BESIDE = "Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes without SCENE]"
@@ -22,12 +22,11 @@ PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
 @shared.whole("impacts", 12, "Impacts after the start.")
 @shared.whole("paths", 256_000, "Simulated paths.")
 @shared.real("dt", "Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
-@shared.named("scheme", shared.SCHEMES, "Scheme of the simulation.", default="exact-flight")
+@shared.name_option("scheme", shared.SCHEMES, "Scheme of the simulation.", default="exact-flight")
 @shared.closure_option("repeatable. [default: all that can be applied]")
-@shared.named("beside", shared.SCHEMES, BESIDE, many="beside")
+@shared.name_option("beside", shared.SCHEMES, BESIDE, many="beside")
 @shared.whole("order", 4, "Order of the closures' moments, 2 to 6.")
-@shared.whole("seed", 0, "Seed of the simulation.")
-@shared.WORKERS
+@shared.SEED_AND_WORKERS
 @shared.grid("validity", "1e-3:2:12", VALIDITY)
 @shared.whole("validity-paths", 40_000, "Simulated paths of each of these.")
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
@@ -148,11 +147,10 @@ def validate(
 @shared.whole("impacts", 12, "Impacts after the start.")
 @shared.several("accuracy", "accuracies", float, "Error in sds; repeatable. [default: 0.3 to 0.001]")
 @shared.real("budget", "Core-seconds up to which a point is run; costlier ones are extrapolated.", 100.0)
-@shared.whole("seed", 0, "Seed of the simulations.")
+@shared.SEED
 @click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @shared.whole("workers", 2, "Threads.")
-@shared.folder("reports/NAME-tradeoff")
-@shared.OVERWRITE
+@shared.folder_options("reports/NAME-tradeoff")
 def tradeoff(
     scene: Path | None,
     sigma: float | None,
@@ -168,7 +166,6 @@ def tradeoff(
 
     Exit codes: 0 complete; 2 bad input.
     """
-    from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
     from rattle.compare.tradeoff.multilevel import SIGMAS, control_table
     from rattle.compare.tradeoff.page import CONTENTS, write_tradeoff
@@ -184,31 +181,20 @@ def tradeoff(
     seed = settings["seed"]
     for scheme in SCHEMES:
         check_settings(base, paths=1, dt=None, scheme=scheme, rng=seed, step_bias=False, **common)
-    name, out = shared.results_folder(scene, out, "-tradeoff", CONTENTS, overwrite)
-    watch = Stopwatch()
+    results = Results(scene, out, "-tradeoff", CONTENTS, overwrite)
     found = measure(base, accuracies=asked, **settings)
     control = control_table(base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common)
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
     measured = orders_over(base, sigmas, rng=seed, workers=settings["workers"]) if orders else None
-    record = {
-        "name": name,
-        "scene": base.to_dict(),
-        "accuracies": asked,
-        "orders": orders,
-        **{key: settings[key] for key in ("impacts", "budget", "seed", "workers")},
-        **provenance(watch),
-    }
-    say_lines(write_tradeoff(out, found, control, measured, asked, record, overwrite))
-    say(f"Page: {out / 'tradeoff.html'}")
+    record = {"scene": base.to_dict(), "accuracies": asked, "orders": orders, **settings}
+    results.say(results.write(write_tradeoff, found, control, measured, asked, **record), "tradeoff.html")
 
 
 @click.command()
-@shared.SCENE
-@shared.SIGMA
+@shared.SCENE_AND_SIGMA
 @shared.whole("impacts", 4, "Impacts after the start.")
 @shared.whole("paths", 20_000, "Paths of each run.")
-@shared.whole("seed", 0, "Seed.")
-@shared.WORKERS
+@shared.SEED_AND_WORKERS
 @shared.json_flag("the table")
 def order(scene: Path | None, sigma: float | None, seed: int, as_json: bool, **settings: int) -> None:
     """Measure the order of the step bias of Euler-Maruyama.

@@ -7,10 +7,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeAlias
-
-from rattle.scene.errors import InputError, choice
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,11 +49,6 @@ class TableCell:
     mark: str = ""  # the verdict on it, a key of `MARKS`
     value: float | None = None  # number by which it is sorted; finite
 
-    def __post_init__(self) -> None:
-        choice("mark", self.mark, MARKS)
-        if self.value is not None and not math.isfinite(self.value):
-            raise InputError("value", self.value, "give a finite number, or none")
-
     @property
     def display(self) -> str:
         """The text, followed by the sign of its mark if it has one."""
@@ -90,9 +82,6 @@ class Column:
     head: str
     kind: str = TEXT  # `TEXT` or `NUMBER`
 
-    def __post_init__(self) -> None:
-        choice("kind", self.kind, (TEXT, NUMBER))
-
 
 def numbers(*heads: str) -> tuple[Column, ...]:
     """Columns of numbers."""
@@ -106,13 +95,6 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[TableCell, ...], ...]  # each as long as ``columns``
     summary: str = ""  # if given, HTML shows the table collapsed beneath this line
-
-    def __post_init__(self) -> None:
-        if not self.columns:
-            raise InputError("columns", self.columns, "give at least one")
-        for number, row in enumerate(self.rows):
-            if len(row) != len(self.columns):
-                raise InputError(f"rows[{number}]", len(row), f"must have {len(self.columns)} cells, one for each head")
 
     @classmethod
     def of(cls, columns: Sequence[Column | str], rows: Iterable[Row], summary: str = "") -> "Table":
@@ -137,13 +119,6 @@ class Figure:
     caption: str
     alt: str  # description for readers who do not see the figure; not empty
 
-    def __post_init__(self) -> None:
-        path = PurePosixPath(self.path)
-        if path.is_absolute() or ".." in path.parts or path.suffix not in (".svg", ".png"):
-            raise InputError("path", self.path, "give an .svg or .png inside the report's folder")
-        if not self.alt.strip():
-            raise InputError("alt", self.alt, "say what the figure shows")
-
 
 @dataclass(frozen=True)
 class Code:
@@ -165,13 +140,6 @@ class Glossary:
 
     title: str  # the line beneath which it is folded
     terms: tuple[tuple[str, str], ...]  # each term and its meaning; at least one
-
-    def __post_init__(self) -> None:
-        if not self.terms:
-            raise InputError("terms", self.terms, "give at least one")
-        for term, meaning in self.terms:
-            if not meaning.strip():
-                raise InputError("terms", term, "say what it means")
 
 
 Block: TypeAlias = Text | Table | Figure | Code | Glossary
@@ -218,10 +186,6 @@ class Page:
     # the blocks, and then the other sentences
     blocks: tuple[Block, ...] = ()
     sections: tuple[PageSection, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not self.answer:
-            raise InputError("answer", self.answer, "a page begins with its answer; give a sentence")
 
     def all_sections(self) -> Iterator[PageSection]:
         """Iterate over all sections and subsections, each before its own subsections."""

@@ -5,14 +5,13 @@ import hashlib
 import json
 import math
 import os
-import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from rattle.compare.report import BLOCKS, Block, Page
-from rattle.scene.errors import FileError, InputError
+from rattle.scene.errors import FileError
 from rattle.scene.files import read_json
 from rattle.scene.text import harmless
 
@@ -105,24 +104,17 @@ def read_page(path: Path) -> Page:
     """
     try:
         data = read_json("page", path, "a page.json")
-        if not isinstance(data, dict) or data.get("format") != FORMAT:
-            raise _refusal("format", f"is not {FORMAT!r}")
-        if type(data.get("version")) is not int or data["version"] < 1:
-            raise _refusal("version", "is no version")
+        if data["format"] != FORMAT:
+            raise ValueError(f"its format is not {FORMAT!r}")
         check_not_newer("page", data["version"], VERSION, path)
-        page: Page = _read(Page, data.get("page"), "page")
-        if "sha256" in data and data["sha256"] != json_digest(data["page"]):  # an earlier version wrote none
-            raise _refusal("sha256", "the page was changed after it was written")
+        if data["sha256"] != json_digest(data["page"]):
+            raise ValueError("it was changed after it was written")
+        page: Page = _read(Page, data["page"])
     except FileError:
         raise
-    except (ValueError, OverflowError, RecursionError) as error:
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise FileError("page", str(path), f"is no page of a report ({error})") from None
     return page
-
-
-def _refusal(where: str, why: str) -> ValueError:
-    """The data are not a page: the place in them, and why."""
-    return ValueError(f"{where}: {why}")
 
 
 def _plain(value: Any) -> Any:
@@ -135,49 +127,13 @@ def _plain(value: Any) -> Any:
     return named | {name: _plain(found) for name, default, found in fields if found != default}
 
 
-def _read(kind: Any, data: Any, where: str) -> Any:
-    """Convert plain data to a type: a string, a number, a tuple, a block, or a dataclass of these."""
-    if kind is Block:
-        name = data.get("kind") if isinstance(data, dict) else None
-        if not isinstance(name, str) or name not in BLOCKS:
-            raise _refusal(where, f"is none of {', '.join(BLOCKS)}")
-        return _make(BLOCKS[name], {k: v for k, v in data.items() if k != "kind"}, where)
+def _read(kind: Any, data: Any) -> Any:
+    """Plain data as a tuple, a block, or another dataclass of these; others as they are."""
     if typing.get_origin(kind) is tuple:
-        return _tuple(typing.get_args(kind), data, where)
-    if isinstance(kind, types.UnionType):  # float | None
-        if type(data) not in (int, float, types.NoneType):
-            raise _refusal(where, "is no number")
-        return None if data is None else float(data)
-    if dataclasses.is_dataclass(kind):
-        return _make(kind, data, where)
-    if type(data) is not kind:
-        raise _refusal(where, f"is not of type {kind.__name__}")
-    return data
-
-
-def _tuple(kinds: tuple[Any, ...], data: Any, where: str) -> tuple[Any, ...]:
-    if not isinstance(data, list):
-        raise _refusal(where, "is no list")
-    if kinds[-1] is ...:
-        kinds = (kinds[0],) * len(data)
-    if len(data) != len(kinds):
-        raise _refusal(where, f"has {len(data)} entries in place of {len(kinds)}")
-    return tuple(_read(kind, item, f"{where}[{i}]") for i, (kind, item) in enumerate(zip(kinds, data, strict=True)))
-
-
-def _make(kind: Any, data: Any, where: str) -> Any:
-    """Make a dataclass from a mapping of its fields."""
-    if not isinstance(data, dict):
-        raise _refusal(where, "is no object")
-    fields = {field.name: field for field in dataclasses.fields(kind)}
-    for name in data:
-        if name not in fields:
-            raise _refusal(f"{where}.{name}", "is unknown")
-    for name, field in fields.items():
-        if name not in data and field.default is dataclasses.MISSING:
-            raise _refusal(f"{where}.{name}", "is missing")
+        return tuple(_read(typing.get_args(kind)[0], item) for item in data)
+    if kind is Block:
+        kind, data = BLOCKS[data["kind"]], {name: value for name, value in data.items() if name != "kind"}
+    if not hasattr(kind, "__dataclass_fields__"):
+        return data
     hints = typing.get_type_hints(kind)
-    try:
-        return kind(**{name: _read(hints[name], item, f"{where}.{name}") for name, item in data.items()})
-    except InputError as error:
-        raise _refusal(where, str(error)) from None
+    return kind(**{name: _read(hints[name], value) for name, value in data.items()})

@@ -12,11 +12,11 @@ import pandas as pd
 from rattle.closure import CLOSURES, Closure
 from rattle.closure.mean_map import predict
 from rattle.compare.study.store import Cell, Content
-from rattle.montecarlo import SCHEMES, Ensemble, Record, default_step, simulate, simulate_to
+from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import sampling_error, small_noise
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene.errors import InputError
+from rattle.scene.errors import InputError, choice, positive
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
@@ -130,6 +130,24 @@ class Sample(Cell):
             if f"bias_{(name := prefix + q)}" in wide
         ]
         return Sampled(self.scene, section, pd.concat(rows, ignore_index=True), batches, content.facts)
+
+
+def check_sample(sample: Sample) -> Sample:
+    """Check that an ensemble can be simulated."""
+    biased = SCHEMES[choice("scheme", sample.scheme, SCHEMES)].has_step_bias
+    if sample.accuracy is not None:
+        positive("accuracy", sample.accuracy)
+    check_settings(
+        sample.scene,
+        paths=1 if sample.paths is None else sample.paths,
+        impacts=sample.impacts,
+        dt=default_step(sample.scene, sample.scheme, biased) if sample.dt is None else sample.dt,
+        scheme=sample.scheme,
+        rng=sample.seed,
+        workers=1,
+        step_bias=biased,
+    )
+    return sample
 
 
 BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")

@@ -163,12 +163,8 @@ def run(
     runner: Runner,
     *,
     show: bool = False,
-    check: Callable[[], object] = lambda: None,
 ) -> Progress:
-    """Compute the cells that are missing.
-
-    `check`: Called between cells; an error that it raises ends the run.
-    """
+    """Compute the cells that are missing."""
     sweep(store.folder, ANY_TEXT)
     todo = deque(cell for cell in cells if store.read(cell) is None)
     computed: set[str] = set()
@@ -196,8 +192,6 @@ def run(
                         todo.append(cell)
                     else:
                         progress.finish(cell, found, cell.key in computed)
-                if done:
-                    check()
         except KeyboardInterrupt:
             have = len(cells) - len(store.missing(cells))
             text = f"interrupted; {have} of {len(cells)} results stored; run the same command again to continue"

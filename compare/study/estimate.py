@@ -33,18 +33,11 @@ MERGE_SECONDS = 110e-6  # measured time in which the client merges one block
 
 
 class Work(NamedTuple):
-    """Expected work of a cell: steps of its paths, and nominal seconds of one core."""
+    """Expected work of cells: steps of their paths, nominal seconds of one core, and memory of this process in MB."""
 
     path_steps: float
     core_seconds: float
-
-
-class StudyCost(NamedTuple):
-    """Expected cost of cells: steps of their paths, nominal seconds of one core, and memory of this process in MB."""
-
-    path_steps: float
-    core_seconds: float
-    megabytes: float
+    megabytes: float = BASE_MEGABYTES
 
 
 def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
@@ -99,12 +92,12 @@ def _pilot(cell: Sample, accuracy: float) -> Work:
 
 def estimate(
     cells: Sequence[Cell], work: Mapping[str, Work], workers: int, times: Callable[[Cell], float] = lambda cell: 1.0
-) -> StudyCost:
+) -> Work:
     """Sum the expected work of cells; `times` is how many cells of the study each represents."""
     steps, seconds = (sum(times(c) * work[c.key][i] for c in cells) for i in (0, 1))
     copies = (c.impacts * (3 if SCHEMES[c.scheme].has_step_bias else 2) for c in cells if isinstance(c, Sample))
     rows = BLOCK * COLUMNS * 8 * max(copies, default=0)
-    return StudyCost(steps, seconds, BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
+    return Work(steps, seconds, BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
 
 
 def scaling(

@@ -1,7 +1,7 @@
-"""Figures of a study: its tables drawn over the first field that varies."""
+"""Figures of a study, ``r``, which is of `rattle.compare.study.impacts.Tables`: over the first field that varies."""
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,20 +26,6 @@ BAND = 0.2  # opacity of an interval
 FLOOR = 1e-4  # lower end of a logarithmic error axis, in sds
 
 
-class Compared(Protocol):
-    """A study with the errors of its closures."""
-
-    @property
-    def study(self) -> Study:
-        """What was asked for."""
-        ...
-
-    @property
-    def errors(self) -> pd.DataFrame:
-        """Every error of every closure at every point."""
-        ...
-
-
 def axis_label(name: str) -> str:
     """Axis label of a field."""
     return GREEK.get(name, name)
@@ -56,7 +42,7 @@ def _draw_band(ax: Axes, x: Any, y: Any, low: Any, high: Any, **style: Any) -> N
     ax.fill_between(x, low, high, color=style["color"], alpha=BAND, lw=0)
 
 
-def _by_impact(rows: pd.DataFrame, r: Compared) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+def _by_impact(rows: pd.DataFrame, r: Any) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
     """The rows of a few impacts in the order of the field that varies, each with colour and label."""
     for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):
         own = rows[rows["impact"] == impact].sort_values(r.study.along)
@@ -94,7 +80,7 @@ def label_field(ax: Axes, name: str, given: Iterable[float]) -> None:
         ax.xaxis.set_minor_formatter(NullFormatter())
 
 
-def errors(r: Compared, rows: pd.DataFrame) -> Figure:
+def errors(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the largest error of each closure at some impacts, with its interval: means above, sds below."""
     name, shown = r.study.along, _pick_impacts(r.study.impacts)
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
@@ -108,8 +94,7 @@ def errors(r: Compared, rows: pd.DataFrame) -> Figure:
                 ends = (worst[end].clip(lower=FLOOR) for end in ("size", "least", "most"))
                 _draw_band(ax, worst[name], *ends, label=str(closure), lw=1.4, ms=3.5, **style)
             ax.axhline(limit, color="k", ls="--", lw=1.0, label="tolerance")
-            ax.set_yscale("log")
-            ax.set_ylim(FLOOR, None)
+            ax.set(yscale="log", ylim=(FLOOR, None))
             label_field(ax, name, rows[name])
             ax.set_title(f"impact {impact}", loc="left")
             if j == 0:
@@ -126,7 +111,7 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
     return table.sort_values("size").groupby(name).tail(1).sort_values(name)
 
 
-def validity(r: Compared, rows: pd.DataFrame) -> Figure:
+def validity(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the range of validity over the first k impacts: where each closure is accurate, and not shown wrong."""
     figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
     name, values = r.study.along, [float(v) for v in pd.unique(r.errors[r.study.along])]
@@ -147,30 +132,21 @@ def validity(r: Compared, rows: pd.DataFrame) -> Figure:
         ax.yaxis.set_major_formatter("{x:g}")
     ax.set_ylim(min(values), max(values) * 1.1)
     whole_impacts(ax)
-    ax.set_xlabel("first impacts")
-    ax.set_ylabel(f"largest {axis_label(name)}")
+    ax.set(xlabel="first impacts", ylabel=f"largest {axis_label(name)}")
     legend_above(figure, [ax], 2)
     return figure
 
 
-def correlation(r: Compared, rows: pd.DataFrame) -> Figure:
+def _correlation(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw the share of a closure's impacts at which its correlation is invalid, and the largest |rho|."""
-    figure, axes = new_figure(8.0, 3.4, 1, 2)
-    name = r.study.along
     for closure, group in rows.groupby("closure", sort=False):
-        style = STYLE[str(closure)]
-        group = group.sort_values(name)
+        group = group.sort_values(r.study.along)
         share = 100.0 * group["invalid"] / group["reached"].clip(lower=1)
-        axes[0].plot(group[name], share, label=str(closure), lw=1.4, ms=4, **style)
-        axes[1].plot(group[name], group["largest"], label=str(closure), lw=1.4, ms=4, **style)
-    axes[0].set_ylabel("impacts with invalid ρ, % of those reached")
-    axes[0].set_ylim(-2.0, max(10.0, axes[0].get_ylim()[1]))
+        for ax, values in zip(axes, (share, group["largest"]), strict=True):
+            ax.plot(group[r.study.along], values, label=str(closure), lw=1.4, ms=4, **STYLE[str(closure)])
+    axes[0].set(ylabel="impacts with invalid ρ, % of those reached", ylim=(-2.0, max(10.0, axes[0].get_ylim()[1])))
     axes[1].axhline(1.0, color="k", ls="--", lw=1.0, label="|ρ| = 1")
     axes[1].set_ylabel("largest |ρ|")
-    for ax in axes:
-        label_field(ax, name, rows[name])
-    legend_above(figure, axes, 4)
-    return figure
 
 
 def _wilson(k: int, n: int) -> tuple[float, float]:
@@ -183,26 +159,18 @@ def _wilson(k: int, n: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def agreement(r: Compared, rows: pd.DataFrame) -> Figure:
+def _agreement(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw the share of paths that are still on the noise-free itinerary, with Wilson's 95 % interval."""
-    figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
-    name = r.study.along
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
     for style, group in _by_impact(part[part["paths"] > 0], r):
         counts = zip(group["agreement"] * group["followed"], group["followed"], strict=True)
         interval = np.reshape([_wilson(round(k), int(n)) for k, n in counts], (-1, 2)).T
-        _draw_band(ax, group[name], group["agreement"], *interval, ms=3, **style)
-    ax.set_ylim(-0.02, 1.04)
-    ax.set_ylabel("paths on the noise-free itinerary")
-    label_field(ax, name, rows[name])
-    legend_above(figure, [ax], 4)
-    return figure
+        _draw_band(axes[0], group[r.study.along], group["agreement"], *interval, ms=3, **style)
+    axes[0].set(ylim=(-0.02, 1.04), ylabel="paths on the noise-free itinerary")
 
 
-def sections(r: Compared, rows: pd.DataFrame) -> Figure:
+def _sections(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
-    figure, axes = new_figure(11.0, 5.8, 2, 3)
-    name = r.study.along
     panels = [("tau", "sd"), ("y1", "sd"), ("rate", "mean"), ("tau", "skew"), ("y1", "skew"), ("energy", "mean")]
     labels = {
         "sd": "sd of {}",
@@ -214,19 +182,16 @@ def sections(r: Compared, rows: pd.DataFrame) -> Figure:
         part = rows[(rows["quantity"] == quantity) & (rows["moment"] == moment)]
         for style, group in _by_impact(part, r):
             low, high = (group["value"] + sign * 1.96 * group["se"] for sign in (-1.0, 1.0))
-            _draw_band(ax, group[name], group["value"], low, high, ms=2.5, **style)
+            _draw_band(ax, group[r.study.along], group["value"], low, high, ms=2.5, **style)
         label = labels.get(quantity) or labels[moment].format(SYMBOL[quantity])
         ax.set_ylabel(label + r" ($\nu_1\omega$)" * ((quantity, moment) == ("y1", "sd")))
         if moment == "sd" and (part["value"] > 0.0).any():
             ax.set_yscale("log")
         if moment == "skew":
             ax.set_yscale("symlog", linthresh=1.0)
-        label_field(ax, name, rows[name])
-    legend_above(figure, axes, 4)
-    return figure
 
 
-def draw_paired(r: Compared, rows: pd.DataFrame) -> Figure:
+def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
     """Draw the gain of common random numbers: independent over paired standard error of a difference of neighbours."""
     figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
     name = r.study.along
@@ -240,44 +205,53 @@ def draw_paired(r: Compared, rows: pd.DataFrame) -> Figure:
         label = f"{moment}s: median, 10 to 90 %"
         _draw_band(ax, gains.index, gains[0.5], gains[0.1], gains[0.9], lw=1.4, ms=4, label=label, **style)
     ax.axhline(1.0, color="k", ls="--", lw=1.0)
-    ax.set_yscale("log")
+    ax.set(yscale="log", ylabel="error of a difference, independent / paired")
     ax.yaxis.set_major_formatter("{x:g}")
-    ax.set_ylabel("error of a difference, independent / paired")
     label_field(ax, name, part["middle"])
     legend_above(figure, [ax], 2)
     return figure
 
 
-def cost(r: Compared, rows: pd.DataFrame) -> Figure:
+def _cost(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw the seconds of each cell."""
-    figure, (ax,) = new_figure(6.2, 3.8, 1, 1)
-    name = r.study.along
     for what, group in rows.groupby("what", sort=False):
-        group = group.sort_values(name)
-        ax.plot(group[name], group["seconds"], label=str(what), lw=1.2, ms=4, **STYLE[str(what)])
-    ax.set_yscale("log")
-    ax.set_ylabel("seconds of one core")
-    label_field(ax, name, rows[name])
-    legend_above(figure, [ax], 4)
-    return figure
+        group = group.sort_values(r.study.along)
+        axes[0].plot(group[r.study.along], group["seconds"], label=str(what), lw=1.2, ms=4, **STYLE[str(what)])
+    axes[0].set(yscale="log", ylabel="seconds of one core")
 
 
 class TablePlot(NamedTuple):
-    """A figure: the function that draws it, the table of the study that it needs, and its title."""
+    """A figure of a table of a study over the first field that varies, one for each value of the others."""
 
-    draw: Callable[[Compared, pd.DataFrame], Figure]
-    table: str
+    table: str  # name of the table
     title: str
+    draw: Callable[..., Any]  # of axes, study and rows; or of study and rows, if the figure has no `size`
+    size: tuple[float, float] | None = None
+    grid: tuple[int, int] = (1, 1)
+
+    def figure(self, r: Any, rows: pd.DataFrame) -> Figure:
+        """Draw the figure."""
+        if self.size is None:
+            found: Figure = self.draw(r, rows)
+            return found
+        figure, axes = new_figure(*self.size, *self.grid)
+        self.draw(axes, r, rows)
+        for ax in axes:
+            label_field(ax, r.study.along, rows[r.study.along])
+        legend_above(figure, axes, 4)
+        return figure
 
 
 FIGURES = {
-    "validity": TablePlot(validity, "validity", "Range of validity, for all means and sds of the first impacts"),
-    "errors": TablePlot(errors, "errors", "Largest error of each closure, with its interval"),
-    "agreement": TablePlot(agreement, "sections", "Itinerary agreement"),
-    "sections": TablePlot(sections, "sections", "Section sds, skewness, impact rate and impact energy"),
-    "correlation": TablePlot(correlation, "correlation", "Validity of the correlation"),
-    "paired": TablePlot(draw_paired, "paired", "What common random numbers save"),
-    "cost": TablePlot(cost, "cost", "Cost of each cell"),
+    "validity": TablePlot("validity", "Range of validity, for all means and sds of the first impacts", validity),
+    "errors": TablePlot("errors", "Largest error of each closure, with its interval", errors),
+    "agreement": TablePlot("sections", "Itinerary agreement", _agreement, (6.2, 3.8)),
+    "sections": TablePlot(
+        "sections", "Section sds, skewness, impact rate and impact energy", _sections, (11.0, 5.8), (2, 3)
+    ),
+    "correlation": TablePlot("correlation", "Validity of the correlation", _correlation, (8.0, 3.4), (1, 2)),
+    "paired": TablePlot("paired", "What common random numbers save", draw_paired),
+    "cost": TablePlot("cost", "Cost of each cell", _cost, (6.2, 3.8)),
 }
 """All figures by name."""
 

@@ -11,11 +11,10 @@ import pandas as pd
 
 from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDERS, find_closures
-from rattle.compare.study.cells import BATCH, FACTS, Predicted, Prediction, Sample, Sampled
+from rattle.compare.study.cells import BATCH, FACTS, Predicted, Prediction, Sample, Sampled, check_sample
 from rattle.compare.study.design import SETTINGS, Kind, Point, Study, list_reasons, with_coordinates
 from rattle.compare.validation.errors import section_errors, to_absolute_time
 from rattle.compare.validation.verdict import Tolerances, is_accurate, is_wrong, judge, unbroken, widest
-from rattle.montecarlo import SCHEMES, check_settings, default_step
 from rattle.scene.errors import InputError, check_keys, choice, count, positive
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
@@ -92,11 +91,11 @@ class Tables:
         """
         from rattle.compare.study.figures import FIGURES, panels
 
-        draw, table, _ = FIGURES[choice("kind", kind, FIGURES)]
-        rows = getattr(self, table)
+        plot = FIGURES[choice("kind", kind, FIGURES)]
+        rows = getattr(self, plot.table)
         for fixed, part in panels(self.study, rows, len(rows)) if len(rows) and self.study.along else ():
             if at.items() <= fixed.items():
-                return draw(self, part)
+                return plot.figure(self, part)
         raise InputError("kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study")
 
 
@@ -341,7 +340,7 @@ def cells(
     reasons: dict[str, str] = {}
     sample, predictions = None, []
     try:
-        sample = _check_sample(Sample(scene, study.impacts, seed, **settings))
+        sample = check_sample(Sample(scene, study.impacts, seed, **settings))
         if not study.common_noise:
             own = hashlib.sha256(f"{sample.key} {seed}".encode()).digest()
             sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
@@ -355,26 +354,6 @@ def cells(
         except InputError as error:
             reasons[method.name] = str(error)
     return sample, tuple(predictions), reasons
-
-
-def _check_sample(sample: Sample) -> Sample:
-    scheme = choice("scheme", sample.scheme, SCHEMES)
-    kind = SCHEMES[scheme]
-    if sample.accuracy is not None:
-        positive("accuracy", sample.accuracy)
-    biased = kind.has_step_bias
-    dt = default_step(sample.scene, scheme, biased) if sample.dt is None else sample.dt
-    check_settings(
-        sample.scene,
-        paths=1 if sample.paths is None else sample.paths,
-        impacts=sample.impacts,
-        dt=dt,
-        scheme=scheme,
-        rng=sample.seed,
-        workers=1,
-        step_bias=biased,
-    )
-    return sample
 
 
 def _check_settings(settings: Mapping[str, Any], varying: set[str]) -> None:

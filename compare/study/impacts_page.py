@@ -5,8 +5,9 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.report import Block, PageSection, Row, Table, TableCell, Text, numbers
+from rattle.compare.report import Block, PageSection
 from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.report.texts import lay_out
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import FIGURES, panels
 from rattle.compare.study.folder import Drawing
@@ -95,12 +96,12 @@ def _range_in_words(r: Tables, rows: pd.DataFrame) -> str:
 def draw(r: Tables) -> list[Drawing]:
     """Draw the figures, each once for all values of the fields that vary besides the first."""
     drawn = []
-    for name, (draw_one, table_name, title) in FIGURES.items():
-        table = getattr(r, table_name)
+    for name, plot in FIGURES.items():
+        table = getattr(r, plot.table)
         for number, (fixed, part) in enumerate(panels(r.study, table) if len(table) and r.study.along else ()):
             own = f"figures/{name}-{number + 1}" if fixed else f"figures/{name}"
             at = ", ".join(f"{field} = {v}" for field, v in fixed.items())
-            drawn.append(Drawing(own, draw_one(r, part), f"{title} ({at})." if at else f"{title}."))
+            drawn.append(Drawing(own, plot.figure(r, part), f"{plot.title} ({at})." if at else f"{plot.title}."))
     return drawn
 
 
@@ -108,37 +109,15 @@ def blocks(
     r: Tables, record: Mapping[str, Any], seconds: Mapping[str, float]
 ) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
     """Counts of verdicts and the words above the sections of the page; the cost as its last section."""
-    method = (
-        f"{record['points']} points, intervals of {record['z']:.2f} standard errors (95 % simultaneous coverage over "
-        f"the study), tolerance {r.study.within.mean:.0%} of an sd for means and {r.study.within.sd:.0%} for sds. "
-        f"{RULE} All rows: `errors.parquet`."
-    )
-    more = (
-        "Estimate for more cores, from these times and 3.5 ms of a Dask scheduler for each task of at most 65 536 "
-        "paths:"
-    )
-    words = glossary(*WORDS, gears=r.study.gears)
-    cost = PageSection("Cost", (_cost(r.cost), Text(more), _scaling(r, seconds)))
-    return (_counts(r), Text(method, note=True), words), (cost,)
-
-
-def _counts(r: Tables) -> Table:
     groups = r.errors.groupby(["closure", "moment"], sort=False)["verdict"] if len(r.errors) else ()
-    rows: list[Row] = [[str(key[0]), f"{key[1]}s", *(int((said == v).sum()) for v in VERDICTS)] for key, said in groups]
-    return Table.of(["closure", "moments", *numbers(*VERDICTS)], rows)
-
-
-def _cost(table: pd.DataFrame) -> Table:
-    seconds = table.groupby("what", sort=False)["seconds"]
-    rows: list[Row] = [
-        [str(what), len(s), TableCell(f"{s.median():.3g}"), TableCell(f"{s.sum():.3g}")] for what, s in seconds
+    counts = [
+        {"closure": c, "moments": f"{m}s"} | {v: int((said == v).sum()) for v in VERDICTS} for (c, m), said in groups
     ]
-    return Table.of(["what", *numbers("cells", "median seconds", "all seconds")], rows)
-
-
-def _scaling(r: Tables, taken: Mapping[str, float]) -> Table:
-    rows = (
-        [str(row["cores"]), f"{row['wall_seconds']:.3g}", f"{row['efficiency']:.0%}", str(row["limit"])]
-        for row in scaling(r.study.cells, taken).to_dict("records")
-    )
-    return Table.of([*numbers("cores", "seconds", "efficiency"), "limited by"], rows)
+    parts = {
+        "counts": pd.DataFrame(counts),
+        "words": glossary(*WORDS, gears=r.study.gears),
+        "cost": r.cost.groupby("what", sort=False)["seconds"].agg(["count", "median", "sum"]).reset_index(),
+        "scaling": scaling(r.study.cells, seconds),
+    }
+    values = {"points": record["points"], "z": record["z"], "rule": RULE, "within": r.study.within}
+    return lay_out("study", parts, **values)

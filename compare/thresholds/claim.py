@@ -6,8 +6,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rattle.compare.study.cells import Sample, check_sample
 from rattle.compare.validation.verdict import Tolerances
-from rattle.montecarlo import SCHEMES, check_settings, default_step
 from rattle.montecarlo.settings.plan import MOST_PATHS
 from rattle.scene.errors import FileError, InputError, check_keys, choice, count, finite, positive
 from rattle.scene.moments import SECTION, STATE
@@ -191,26 +191,14 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     for name, value in (("paths", paths), ("budget", budget)):
         if value is not None and accuracy is not None:
             raise InputError("accuracy", accuracy, f"chooses the number of paths itself; leave out {name} = {value!r}")
-    if accuracy is not None:
-        positive("accuracy", accuracy)
     if paths is not None:
         count("paths", paths, least=FEWEST)
     if budget is not None:
         count("budget", budget, most=MOST_PATHS)
     if (undecided := options.get("undecided")) is not None:
         choice("undecided", undecided, UNDECIDED)
-    scheme = choice("scheme", options.get("scheme", "exact-flight"), SCHEMES)
-    biased = SCHEMES[scheme].has_step_bias
-    check_settings(
-        scene,
-        paths=1 if paths is None else paths,
-        impacts=impacts[-1],
-        scheme=scheme,
-        rng=0,
-        workers=1,
-        dt=default_step(scene, scheme, biased) if accuracy is None else None,
-        step_bias=biased,
-    )
+    scheme = options.get("scheme", "exact-flight")
+    check_sample(Sample(scene, impacts[-1], 0, scheme, paths, accuracy))
     allowed = _read_tolerances(options, moments)
     return Claim(scene, impacts, quantities, allowed, paths, budget, accuracy, scheme, undecided)
 

@@ -40,11 +40,13 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
     )
     for _, row in points[points["kind"] == "closure"].iterrows():
         handles.append(_closure(ax, row))
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_ylim(0.6 * min(points["error"].min(), points["median_error"].min()), 2.0 * points["error"].max())
-    ax.set_xlabel("processor time (core-seconds)")
-    ax.set_ylabel("error of the section means and sds / sd of each quantity")
+    ax.set(
+        xscale="log",
+        yscale="log",
+        ylim=(0.6 * min(points["error"].min(), points["median_error"].min()), 2.0 * points["error"].max()),
+        xlabel="processor time (core-seconds)",
+        ylabel="error of the section means and sds / sd of each quantity",
+    )
     figure.legend(
         handles=[*handles, MEASURED, EXTRAPOLATED, MISSED],
         loc="outside right upper",

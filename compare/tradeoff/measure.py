@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -32,6 +32,7 @@ from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
 
+T = TypeVar("T")
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
 REPEATS = 3  # timings of a pilot run, of which the least counts
 
@@ -140,8 +141,8 @@ class CostModel:
         return 1e-9 * step_ns * steps if step_ns else self.path_seconds * share + self.step_seconds * steps
 
 
-def time_run(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
-    """Time a simulation."""
+def time_run(call: Callable[[], T]) -> tuple[T, float]:
+    """The result of a call, and its processor time."""
     began = time.process_time()
     run = call()
     return run, time.process_time() - began
@@ -201,12 +202,7 @@ def _scheme_points(
             if reach.reached:
                 measured, work = run, model.work(run, run.paths, run.dt)
                 point = point._replace(dt=run.dt, paths=run.paths, core_seconds=seconds, work=work, measured=True)
-                errors: dict[str, Any] = {
-                    "sampling_error": reach.sampling,
-                    "step_error": reach.step,
-                    "error": reach.bound,
-                }
-                point = point._replace(**errors)
+                point = point._replace(sampling_error=reach.sampling, step_error=reach.step, error=reach.bound)
         points.append((point, measured))
         bar.update()
     return points
@@ -239,18 +235,11 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Cost
         worst = int(error.argmax())
         resolved = bool(error[worst] > noise[worst])
         bound = float(error[worst] if resolved else (error + noise).max())
-        seconds = min(_seconds(call) for _ in range(CALLS))
+        seconds = min(time_run(call)[1] for _ in range(CALLS))
         point = CostPoint(closure, "closure", math.nan, math.nan, 0, seconds, float(noise[worst]), 0.0, bound, True)
         more: dict[str, Any] = {"median_error": float(np.median(error)), "resolved": resolved, "rows": error.size}
         points.append(point._replace(work=closure_seconds(found), **more))
     return points
-
-
-def _seconds(call: Callable[[], object]) -> float:
-    """Processor time of a call that is compiled already."""
-    began = time.process_time()
-    call()
-    return time.process_time() - began
 
 
 def _compare(point: CostPoint, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[CostPoint]:

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Column, Figure, Page, PageSection, Row, Table, TableCell, Text, format_table, numbers
+from rattle.compare.report import Page, Row, Table, TableCell, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
+from rattle.compare.report.texts import lay_out
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Tradeoff, bound_of_means, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
@@ -102,55 +103,6 @@ def verdict(m: Tradeoff, accuracies: Sequence[float]) -> str:
     )
 
 
-FIGURE = (
-    "Error against processor time, both on logarithmic scales. Schemes: 95 % simultaneous error bound of all "
-    "section means and sds. Closures: worst and median error against {reference} paths of exact flights. Dash-dotted: "
-    "the section means alone, at nominal core-seconds of counted work. Open and dashed: extrapolated. Pale: runs that "
-    "missed the requested accuracy, at their actual error."
-)
-SCHEMES = (
-    "Runs of `rattle simulate --accuracy` with each scheme where {budget} core-seconds suffice, including pilot runs "
-    "and the longer steps that measure the step bias. The accuracy is the 95 % simultaneous error bound of all section "
-    "means and sds, including rare branches that the sample may miss. The other rows are extrapolated from the time of "
-    "a path-step, the number of paths predicted from the largest run, and the step bias, which may take half of the "
-    "accuracy. “Actual” is the worst difference of the run from {reference} paths of exact flights over all rows, and "
-    "should be within the accuracy; where it exceeds that by more than the reference's own error, the run “missed” it, "
-    "and the next row gives the cost predicted from the largest run."
-)
-STEP = (
-    "A path-step is one step of one path at one step size, timed in the pilot runs with all statistics; for "
-    "exact-flight it includes the impacts."
-)
-RATES = (
-    "Powers of two per halving of the step, with 95 % intervals. Nominal core-seconds of the counted work for a "
-    "standard error of the section means alone; multilevel estimators have a bias of the same size beside it:"
-)
-LEVELS = (
-    "In brackets: for a row with the median of the variances and biases alone. Each level: `levels.csv`; a "
-    "kurtosis beyond {alarm} there means that a few paths dominate the variance of the difference, whose estimate is "
-    "then unreliable."
-)
-ORDERS = (
-    "No order is published for schemes with inelastic impacts. Two questions are separated. How fast does a scheme "
-    "converge towards its own limit: the change of a section mean or sd between dt and dt / 2 on the same Brownian "
-    "paths, root mean square over {impacts} impacts in units of the sd, for each quantity alone; its slope over "
-    "the stated steps and at the finest ones, with 95 % intervals. It is called an order only where it has settled: "
-    "where the local slopes over the finest three changes agree, and the change turns its sign there at no impact. Is"
-    " that limit correct: Richardson extrapolation from the smallest steps compared with exact flights, the largest "
-    "difference in standard errors, beside its bound at 95 % confidence if the limit is correct. For the noise-free "
-    "itinerary the moment is its probability, the error the distance from that of exact flights."
-)
-ORDER_FIGURE = (
-    "Change of each quantity against the step, both on logarithmic scales, with 95 % intervals; what sampling noise "
-    "hides is left out. Grey: slope 1. A limit further off than allowed means that a scheme is not yet in its "
-    "asymptotic regime at these steps, or that its limit is wrong."
-)
-GAINS = (
-    "Variance of exact flights without the linearised path as control variate over that with it, on the same paths; "
-    "divided by the time ratio it is the gain per second. Antithetic pairs, paths with the same noise and its "
-    "negative, take no more time: their gain, median over the rows, is 1 / (1 + r) with the correlation r of a pair, "
-    "at least 0.5."
-)
 CONTENTS = contents(
     "tradeoff", figures=["tradeoff", "orders"], tables=["tradeoff", "levels", "control", "orders", "changes"]
 )
@@ -159,159 +111,76 @@ CONTENTS = contents(
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
+def _parts(m: Tradeoff, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float]) -> dict[str, Any]:
+    """The tables and words of the page, by name."""
+    exact, p = m.models[EXACT], m.points
+    p = p.assign(
+        found=np.select([p["missed"], p["measured"]], ["missed", "measured"], "extrapolated"),
+        actual=["–" if np.isnan(error) else f"{error:.2g}" for error in p["actual_error"]],
+        time=p["core_seconds"].map(_duration),
+        below=np.where(p["resolved"], "", "below "),
+        most=p["rows"].max(),
+    )
+    means: list[Row] = []
+    for a in accuracies:
+        cells = [f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())]
+        cells += [f"{means_seconds(exact, a, control=control):.2g}" for control in (True, False)]
+        means.append((f"{a:g}", *cells))
+    heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
+    rates = ("alpha", "beta", "typical_beta", "gamma")
+    parts: dict[str, Any] = {
+        "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in accuracies]),
+        "words": glossary(*WORDS, gears=m.reference.scene.gears),
+        "points": p[p["kind"] == "scheme"],
+        "slopes": pd.DataFrame(
+            {"scheme": name, "ns": 1e9 * model.step_seconds, "all": _slope(p, name, False), "measured": _slope(p, name)}
+            for name, model in m.models.items()
+        ),
+        "closures": p[p["kind"] == "closure"],
+        "rates": pd.DataFrame(
+            {"scheme": name} | {rate: _rate(getattr(x, rate), 1 if rate == "gamma" else -1) for rate in rates}
+            for name, x in m.levels.items()
+        ),
+        "means": Table.of(numbers(*heads), means),
+    }
+    if orders:
+        parts |= {
+            "orders_said": [Text(said) for said in orders_said(orders.table)],
+            "orders": format_orders(orders.table),
+        }
+    if control.empty:
+        return parts | {"no_control": Text("Left out: the control variate is for white noise only.")}
+    gains = {f"{m}_per_second": control[f"{m}_median"] / control["time_ratio"] for m in ("means", "sds")}
+    return parts | {"control": control.assign(**gains)}
+
+
+def _duration(seconds: float) -> Any:
+    return TableCell(duration_text(seconds, 2), value=float(seconds))
+
+
 def _rate(rate: Rate, sign: float) -> str:
     return f"{sign * rate.slope:.2f} ± {rate.half:.2f}"
 
 
-def _time(row: dict[str, Any]) -> TableCell:
-    return TableCell(duration_text(row["core_seconds"], 2), value=float(row["core_seconds"]))
+def _slope(points: pd.DataFrame, scheme: str, measured: bool = True) -> str:
+    power, n = slope(points, scheme, measured)
+    return f"{power:.2f} ({n} points)" if n > 1 else "–"
 
 
-def _found(row: dict[str, Any]) -> str:
-    return "missed" if row["missed"] else "measured" if row["measured"] else "extrapolated"
-
-
-def _actual(row: dict[str, Any]) -> str:
-    return "–" if np.isnan(row["actual_error"]) else f"{row['actual_error']:.2g}"
-
-
-def _cheapest_table(p: pd.DataFrame, accuracies: Sequence[float]) -> Table:
-    return format_table(
-        pd.DataFrame([cheapest(p, a) | {"asked": a} for a in accuracies]),
-        [
-            ("error / sd", "{asked:g}"),
-            ("cheapest method", "{method}"),
-            ("time on one core", _time),
-            ("found", lambda r: "measured" if r["measured"] else "extrapolated"),
-        ],
-        ("cheapest method", "found"),
-    )
-
-
-def _scheme_section(m: Tradeoff, budget: float) -> PageSection:
-    p = m.points
-    slopes: list[Row] = [
-        (
-            name,
-            f"{1e9 * model.step_seconds:.3g}",
-            *(f"{power:.2f} ({n} points)" if n > 1 else "–" for power, n in (slope(p, name, x) for x in (False, True))),
-        )
-        for name, model in m.models.items()
-    ]
-    points = format_table(
-        p[p["kind"] == "scheme"],
-        [
-            ("scheme", "{method}"),
-            ("accuracy", "{accuracy:g}"),
-            ("dt", "{dt:.2g}"),
-            ("paths", "{paths:,}"),
-            ("core-seconds", "{core_seconds:.3g}"),
-            ("standard error", "{sampling_error:.2g}"),
-            ("step bias", "{step_error:.2g}"),
-            ("actual", _actual),
-            ("found", _found),
-        ],
-        ("scheme", "found"),
-    )
-    heads: list[Column | str] = [
-        "scheme",
-        *numbers("ns per path-step", "cost grows as accuracy to the", "of measured points alone"),
-    ]
-    note = SCHEMES.format(budget=budget, reference=f"{m.reference.paths:,}")
-    return PageSection("Schemes", (Text(note, note=True), points, Table.of(heads, slopes), Text(STEP, note=True)))
-
-
-def _closure_section(p: pd.DataFrame) -> PageSection:
-    table = format_table(
-        p[p["kind"] == "closure"].assign(most=p["rows"].max()),
-        [
-            ("closure", "{method}"),
-            ("rows predicted", "{rows} of {most}"),
-            ("worst error", lambda r: f"{'' if r['resolved'] else 'below '}{r['error']:.3g}"),
-            ("median", "{median_error:.2g}"),
-            ("time", _time),
-        ],
-        ("closure",),
-    )
-    return PageSection("Closures", (table,))
-
-
-def _multilevel_section(m: Tradeoff, accuracies: Sequence[float], said: str) -> PageSection:
-    rates: list[Row] = [
-        (name, _rate(x.alpha, -1), _rate(x.beta, -1), _rate(x.typical_beta, -1), _rate(x.gamma, 1))
-        for name, x in m.levels.items()
-    ]
-    means: list[Row] = []
-    for a in accuracies:
-        cells = [f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())]
-        cells += [f"{means_seconds(m.models[EXACT], a, control=control):.2g}" for control in (True, False)]
-        means.append((f"{a:g}", *cells))
-    heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
-    names: list[Column | str] = [
-        "scheme",
-        *numbers("α (bias)", "β (variance, worst row)", "β (median row)", "γ (work)"),
-    ]
-    note = Text(LEVELS.format(alarm=f"{KURTOSIS_ALARM:g}"), note=True)
-    tables = (Table.of(names, rates), Text(RATES, note=True), Table.of(numbers(*heads), means))
-    return PageSection("Multilevel Monte Carlo over the step, for the section means alone", (Text(said), *tables, note))
-
-
-def _order_section(orders: Orders) -> PageSection:
-    alt = "Change of means and sds, and error of the itinerary's probability, against the step"
-    said = (*map(Text, orders_said(orders.table)), Text(ORDERS.format(impacts=ORDER_IMPACTS), note=True))
-    shown = (orders_table(orders.table), Figure("orders.svg", ORDER_FIGURE, alt))
-    return PageSection("Slopes of the step bias, and orders, measured", (*said, *shown))
-
-
-def _control_section(control: pd.DataFrame) -> PageSection:
-    title = "What the control variate and antithetic pairs are worth"
-    if control.empty:
-        return PageSection(title, (Text("Left out: the control variate is for white noise only."),))
-    table = format_table(
-        control,
-        [
-            ("σ", "{sigma:.4g}"),
-            ("means: median", "{means_median:.3g}"),
-            ("smallest", "{means_smallest:.3g}"),
-            ("sds: median", "{sds_median:.3g}"),
-            ("smallest", "{sds_smallest:.3g}"),
-            ("time of a path", "{time_ratio:.2f}"),
-            ("means per second, median", lambda r: f"{r['means_median'] / r['time_ratio']:.3g}"),
-            ("sds per second, median", lambda r: f"{r['sds_median'] / r['time_ratio']:.3g}"),
-            ("antithetic pairs: means", "{antithetic_means:.3g}"),
-            ("sds", "{antithetic_sds:.3g}"),
-        ],
-    )
-    return PageSection(title, (Text(GAINS, note=True), table))
-
-
-def orders_table(table: pd.DataFrame) -> Table:
+def format_orders(table: pd.DataFrame) -> pd.DataFrame:
     """The measured slopes, the orders on which they have settled, and whether each scheme's limit is correct."""
-    return format_table(
-        table[table["slope"].notna()],
-        [
-            ("σ", "{sigma:.4g}"),
-            ("scheme", "{scheme}"),
-            ("moment", lambda r: f"{r['moment']} {r['quantity']}".strip()),
-            ("dt", "{coarsest:g} to {finest:g}"),
-            ("slope", lambda r: _between(r, "slope", "low", "high")),
-            ("at the finest", lambda r: _between(r, "last", "last_low", "last_high")),
-            ("impacts where it turns", "{turns}"),
-            ("order", _order),
-            ("last change", "{change:.2g}"),
-            ("limit: standard errors off", "{limit_z:.1f}"),
-            ("allowed", "{limit_allowed:.1f}"),
-        ],
-        ("scheme", "moment"),
+    rows = table[table["slope"].notna()]
+
+    def between(value: str, low: str, high: str, none: str = "–") -> list[str]:
+        found = zip(rows[value], rows[low], rows[high], strict=True)
+        return [none if np.isnan(v) else f"{v:.2f} ({a:.2f} to {b:.2f})" for v, a, b in found]
+
+    return rows.assign(
+        kind=[f"{moment} {q}".strip() for moment, q in zip(rows["moment"], rows["quantity"], strict=True)],
+        whole=between("slope", "low", "high"),
+        local=between("last", "last_low", "last_high"),
+        settled=between("order", "order_low", "order_high", "not settled"),
     )
-
-
-def _order(row: dict[str, Any]) -> str:
-    return "not settled" if np.isnan(row["order"]) else _between(row, "order", "order_low", "order_high")
-
-
-def _between(row: dict[str, Any], value: str, low: str, high: str) -> str:
-    return "–" if np.isnan(row[value]) else f"{row[value]:.2f} ({row[low]:.2f} to {row[high]:.2f})"
 
 
 def orders_said(table: pd.DataFrame) -> list[str]:
@@ -341,37 +210,6 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
     return join_words(found)
 
 
-def tradeoff_page(
-    m: Tradeoff,
-    control: pd.DataFrame,
-    orders: Orders | None,
-    accuracies: Sequence[float],
-    sentences: Sequence[str],
-    record: dict[str, Any],
-) -> Page:
-    """The page and the folder of a trade-off."""
-    caption = FIGURE.format(reference=f"{m.reference.paths:,}")
-    sections = [
-        _scheme_section(m, record["budget"]),
-        _closure_section(m.points),
-        _multilevel_section(m, accuracies, sentences[-1]),
-        *([_order_section(orders)] if orders else []),
-        _control_section(control),
-    ]
-    scene, impacts = m.reference.scene, m.reference.impacts
-    return Page(
-        f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts",
-        tuple(sentences[:-1]),
-        source_of(record, more={"all points": "`tradeoff.csv`"}),
-        (
-            Figure("tradeoff.svg", caption, "Error against processor time of every scheme and every closure"),
-            _cheapest_table(m.points, accuracies),
-            glossary(*WORDS, gears=scene.gears),
-        ),
-        tuple(sections),
-    )
-
-
 def write_tradeoff(
     out: Path,
     m: Tradeoff,
@@ -396,6 +234,14 @@ def write_tradeoff(
     if orders:
         figures["orders"] = order_figure(orders.changes)
         tables |= {"orders": orders.table, "changes": orders.changes}
-    page = tradeoff_page(m, control, orders, accuracies, sentences, record)
+    scene, impacts = m.reference.scene, m.reference.impacts
+    said = {"verdict": sentences[-1], "budget": record["budget"], "reference": f"{m.reference.paths:,}"}
+    said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": ORDER_IMPACTS}
+    page = Page(
+        f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts",
+        tuple(sentences[:-1]),
+        source_of(record, more={"all points": "`tradeoff.csv`"}),
+        *lay_out("tradeoff", _parts(m, control, orders, accuracies), figures, **said),
+    )
     save(out, "tradeoff", page, record, allowed=CONTENTS, figures=figures, tables=tables, overwrite=overwrite)
     return sentences

@@ -11,7 +11,7 @@ where the local slopes at the finest steps agree, and no change turns its sign.
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -111,40 +111,28 @@ STEPS = (0.016, 0.008, 0.004, 0.002)
 ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
 
 
-class Slope(NamedTuple):
-    """Slope of the step bias of one quantity, of one scheme and kind of moment."""
+COLUMNS = [
+    *("scheme", "sigma", "moment", "quantity", "coarsest", "finest"),
+    *("slope", "low", "high", "last", "last_low", "last_high", "turns"),
+    *("order", "order_low", "order_high", "change", "limit_z", "limit_allowed"),
+]
+"""Columns of the slopes, a row for each scheme, noise intensity, ``moment`` (``mean``, ``sd``, or ``itinerary`` for the
+probability of the noise-free itinerary) and quantity.
 
-    scheme: str
-    sigma: float  # noise intensity
-    moment: str  # ``mean``, ``sd``, or ``itinerary`` for the probability of the noise-free itinerary
-    quantity: str  # of the section; empty for the itinerary
-    # coarsest, finest: range of steps: the larger step of the first pair and the smaller one of the last
-    coarsest: float
-    finest: float
-    # slope, low, high: slope over the whole range and its 95 % interval; NaN where sampling noise hides the bias
-    slope: float
-    low: float
-    high: float
-    last: float  # last, last_low, last_high: local slope at the finest steps
-    last_low: float
-    last_high: float
-    turns: int  # number of impacts at which the change turns its sign within the range
-    # order, order_low, order_high: slope over the finest three changes, where it has settled; NaN where not
-    order: float
-    order_low: float
-    order_high: float
-    # root mean square over the impacts, in sds, of the change from twice the smallest step to the smallest; of an
-    # itinerary the distance from exact flights
-    change: float
-    limit_z: float  # largest difference between the extrapolated value and exact flights, in standard errors
-    # its bound at 95 % confidence if the limit is correct, over all quantities of the scheme and moment
-    limit_allowed: float
+``coarsest, finest``: the larger step of the first pair and the smaller one of the last.  ``slope, low, high``: over all
+steps, with its 95 % interval; NaN where sampling noise hides the bias.  ``last``: the same at the finest steps.
+``turns``: impacts at which the change turns its sign.  ``order``: slope over the finest three changes, where it has
+settled.  ``change``: root mean square over the impacts, in sds, of the last change; of an itinerary the distance from
+exact flights.  ``limit_z``: largest difference between the extrapolated value and exact flights, in standard errors.
+``limit_allowed``: its bound at 95 % confidence if the limit is correct, over all quantities of the scheme and moment.
+"""
+Row: TypeAlias = tuple[Any, ...]
 
 
 class Orders(NamedTuple):
     """Slopes and orders, and the changes from which they are fitted."""
 
-    table: pd.DataFrame  # A row for each `Slope`
+    table: pd.DataFrame  # with `COLUMNS`
     # columns ``scheme, sigma, moment, quantity, dt, change, low, high``.  For means and sds ``change`` is the root
     # mean square over the impacts, in sds, of the change between dt and dt / 2; for the itinerary the distance of its
     # probability at dt from that of exact flights; NaN where noise hides it.  The 95 % intervals are for each row by
@@ -223,20 +211,18 @@ def weak_orders(
             errors = _itinerary_errors(shares, kept, paths * replicates)
             changes += _points((scheme, scene.sigma, "itinerary", ""), *errors)
     columns = ["scheme", "sigma", "moment", "quantity", "dt", "change", "low", "high"]
-    return Orders(pd.DataFrame(found), pd.DataFrame(changes, columns=columns))
+    return Orders(pd.DataFrame(found, columns=COLUMNS), pd.DataFrame(changes, columns=columns))
 
 
-def _by_quantity(
-    scheme: str, moment: str, runs: list[list[Ensemble]], exact: Ensemble
-) -> tuple[list[Slope], list[tuple[Any, ...]]]:
+def _by_quantity(scheme: str, moment: str, runs: list[list[Ensemble]], exact: Ensemble) -> tuple[list[Row], list[Row]]:
     """Slopes and changes of each quantity, from runs by replicate and step."""
     rows = [[_rows(run, moment) for run in row] for row in runs]
     bias, se = (np.array([[r[name] for r in row] for row in rows]) for name in ("bias", "se_bias"))
     names, sigma = rows[0][0]["quantity"].to_numpy(), exact.scene.sigma
     limits = [_limit_z(row[-1], exact, moment) for row in runs]
     allowed = widest(sum(int(varies.sum()) for _, varies in limits), 1.0 - CONFIDENCE)
-    slopes: list[Slope] = []
-    points: list[tuple[Any, ...]] = []
+    slopes: list[Row] = []
+    points: list[Row] = []
     for quantity in dict.fromkeys(names):
         own = names == quantity
         b, s = bias[:, :, own], se[:, :, own]
@@ -244,12 +230,12 @@ def _by_quantity(
         settled = find_settled(b, s, STEPS)
         z = max((float(z[own & varies].max()) for z, varies in limits if (own & varies).any()), default=math.nan)
         of = (scheme, sigma, moment, str(quantity), STEPS[0], 0.5 * STEPS[-1])
-        slopes.append(Slope(*of, *whole[:3], *local[:3], settled[3], *settled[:3], whole[3], z, allowed))
+        slopes.append((*of, *whole[:3], *local[:3], settled[3], *settled[:3], whole[3], z, allowed))
         points += _points((scheme, sigma, moment, quantity), *changes_from(b, s))
     return slopes, points
 
 
-def _points(of: tuple[str, float, str, str], change: Floats, low: Floats, high: Floats) -> list[tuple[Any, ...]]:
+def _points(of: tuple[str, float, str, str], change: Floats, low: Floats, high: Floats) -> list[Row]:
     steps = [0.5 * step if of[2] == "itinerary" else step for step in STEPS]
     return [(*of, *row) for row in zip(steps, change, low, high, strict=True)]
 
@@ -262,7 +248,7 @@ def _itinerary_errors(shares: Floats, kept: float, paths: int) -> tuple[Floats, 
     return np.where(distance > half, distance, np.nan), np.maximum(distance - half, 0.0), distance + half
 
 
-def _itinerary_slope(scheme: str, sigma: float, shares: Floats, kept: float, paths: int) -> Slope:
+def _itinerary_slope(scheme: str, sigma: float, shares: Floats, kept: float, paths: int) -> Row:
     """Slope of the itinerary's probability, whose bias is taken against exact flights; NaN where noise hides it."""
     means, spread = shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
     floor = math.sqrt(max(kept * (1.0 - kept), 1e-300) / paths)
@@ -283,6 +269,5 @@ def _itinerary_slope(scheme: str, sigma: float, shares: Floats, kept: float, pat
     away = abs(float(last) - kept) / max(error, 1e-300)
     allowed = widest(1, 1.0 - CONFIDENCE)
     ends = (float(steps[seen][0]), float(steps[seen][-1])) if seen.any() else (float(steps[0]), float(steps[-1]))
-    return Slope(
-        scheme, sigma, "itinerary", "", *ends, *whole, *local, turns, *settled, abs(float(bias[-1])), away, allowed
-    )
+    of = (scheme, sigma, "itinerary", "", *ends)
+    return *of, *whole, *local, turns, *settled, abs(float(bias[-1])), away, allowed

@@ -92,7 +92,7 @@ def test_killed_while_it_writes_a_report_is_the_old_one(tmp_path):
     out, words = tmp_path / "report", ["validate", *WRITERS["validate"], "--out"]
     rattle(*words, out)
     before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
-    command = [sys.executable, "-m", "rattle.compare", *words, str(out), "--overwrite", "--seed", "1"]
+    command = [sys.executable, "-m", "rattle.compare.cli.main", *words, str(out), "--overwrite", "--seed", "1"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as running:
         while running.poll() is None and not list(tmp_path.glob(".report-*/table.csv")):
             time.sleep(0.002)
@@ -121,7 +121,7 @@ def test_an_interrupt_ends_a_command_soon(tmp_path):
         said[command] = tmp_path / f"{command}.txt"
         with said[command].open("wb") as file:
             running[command] = subprocess.Popen(
-                [sys.executable, "-X", "importtime", "-m", "rattle.compare", *command.split(), *LONG[command]],
+                [sys.executable, "-X", "importtime", "-m", "rattle.compare.cli.main", *command.split(), *LONG[command]],
                 cwd=place, stdout=subprocess.DEVNULL, stderr=file,
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             )  # fmt: skip

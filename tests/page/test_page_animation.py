@@ -2,7 +2,8 @@
 
 import pytest
 
-from rattle.compare.animation import record, write_animation
+from rattle.compare.animation.page import write_animation
+from rattle.compare.animation.record import record
 from rattle.scene import DAT21, Scene
 
 SHOWN = "paths.map(p => p.flashes.map(f => f.style.visibility === 'visible' ? Number(f.dataset.impact) : 0))"

@@ -46,13 +46,7 @@ def _draw(seed: int) -> list[tuple[Constants, float, float]]:
     return out
 
 
-@extreme(
-    "flight",
-    "alpha, beta, gamma",
-    "t 1e-12 to 1e6, beta 0 to 1e3, alpha 0 to 1e4, gamma 0 to 1e6",
-    "MODEL 2 in 400 digits",
-    unit="the sum of its terms",
-)
+@extreme()
 def flight_state() -> Iterator[float]:
     """Displacements and velocities after a flight."""
     rng = np.random.default_rng(1)
@@ -62,7 +56,7 @@ def flight_state() -> Iterator[float]:
         yield farthest(flight.displacement(c, tau, y1, y2, t), values, sizes)
 
 
-@extreme("phi-functions of damping", "beta", "beta 0, 1e-14 to 1e3; t 1e-12 to 1e6", "MODEL 2 in 400 digits")
+@extreme()
 def phi_functions() -> Iterator[float]:
     """``t phi1(-beta t)`` and ``t^2 phi2(-beta t)``."""
     for beta in BETAS:
@@ -73,13 +67,7 @@ def phi_functions() -> Iterator[float]:
             yield farthest(damping.phi2(beta, t), values[0], values[0])
 
 
-@extreme(
-    "Jacobian of a flight",
-    "beta1 = beta2",
-    "beta 0 to 1e3, apart by 0, by 1e-16 of it and more",
-    "MODEL 2 in 400 digits",
-    unit="each entry, (1 + beta t)",
-)
+@extreme()
 def flight_jacobian() -> Iterator[float]:
     """Every entry of the Jacobian of a flight, with its own relative error."""
     for c, _, t in _draw(2):
@@ -88,14 +76,7 @@ def flight_jacobian() -> Iterator[float]:
         yield farthest(flight.jacobian(c, t), exact, size)
 
 
-@extreme(
-    "noise of a flight",
-    "sigma, beta",
-    "t 1e-12 to 1e6, beta 0 to 1e3, nearly equal too; sigma 1e-8 and 1e4",
-    "sums of exponentials in 400 digits",
-    allowed=1e-13,
-    unit="sd times sd",
-)
+@extreme(allowed=1e-13)
 def flight_noise() -> Iterator[float]:
     """Covariance of the noise accumulated in a flight."""
     for c, tau, t in _draw(3):
@@ -107,14 +88,7 @@ def flight_noise() -> Iterator[float]:
             yield farthest(found, exact, np.outer(sd, sd))
 
 
-@extreme(
-    "derivative of that noise by the phase",
-    "sigma, beta",
-    "as above",
-    "the same reference at two phases",
-    allowed=1e-11,
-    unit="largest sd times sd",
-)
+@extreme(allowed=1e-11)
 def noise_phase_derivative() -> Iterator[float]:
     """Derivative of that covariance by the phase of the start."""
     for c, tau, t in _draw(4)[: POINTS // 3]:
@@ -126,9 +100,6 @@ def noise_phase_derivative() -> Iterator[float]:
         yield farthest(found, exact, np.outer(most, most))
 
 
-FLIGHTS = (phi_functions, flight_state, flight_jacobian, flight_noise, noise_phase_derivative)
-
-
 def _series(seed: int) -> np.ndarray:
     a = np.zeros((ORDER + 1, ORDER + 1))
     rng = np.random.default_rng(seed)
@@ -138,13 +109,7 @@ def _series(seed: int) -> np.ndarray:
     return a
 
 
-@extreme(
-    "window means (Eqs. 20, 21)",
-    "sigma, gap",
-    "1e-12 to 30 sds wide, up to 50 sds away",
-    "integration by parts in 400 digits",
-    unit="the sum of its terms",
-)
+@extreme()
 def edgeworth_windows() -> Iterator[float]:
     """Window means of Eqs. 20 and 21."""
     for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
@@ -171,13 +136,7 @@ def _by_parts(a: np.ndarray, low: float, high: float) -> tuple[list[float], list
     return values, sizes
 
 
-@extreme(
-    "correlation, eigenvalue, realizability",
-    "sigma, gap",
-    "1 - |rho| 1e-12 to 1, both signs; units 1e-16 to 1e8",
-    "eigenvalues in 400 digits",
-    unit="1, and the smaller variance",
-)
+@extreme()
 def correlations() -> Iterator[float]:
     """Correlations close to 1, smallest eigenvalues and realizability, in any units."""
     for unit in spread(1e-16, 1e8, 7):
@@ -211,7 +170,7 @@ def _scenes_and_steps() -> list[tuple[Constants, float]]:
     return out
 
 
-@extreme("phase of a step", "tau", "1e-9 to 1e6, and multiples of pi / 4", "mpmath in 40 digits", unit="1")
+@extreme()
 def step_phase() -> Iterator[float]:
     """Sine and cosine by the project's own operations."""
     for tau in (*spread(1e-9, 1e6, 200, 0.0), *(-0.25 * math.pi * k for k in range(1, 40))):
@@ -220,13 +179,7 @@ def step_phase() -> Iterator[float]:
         yield farthest(drive.sine_cosine(tau), exact)
 
 
-@extreme(
-    "exact flight: a part of a step",
-    "beta, beta1 = beta2",
-    "beta 0 to 1e3, beta h up to 0.2, h up to 0.1",
-    "MODEL 2 in 400 digits",
-    unit="sum of the terms",
-)
+@extreme()
 def step_flight() -> Iterator[float]:
     """Flight of a part of a step without noise: what it adds to the displacements, and the velocities after it."""
     for c, h in _scenes_and_steps():
@@ -236,14 +189,7 @@ def step_flight() -> Iterator[float]:
         yield farthest(found, exact, sizes)
 
 
-@extreme(
-    "exact flight: noise of a step",
-    "beta, beta1 = beta2",
-    "as above, by increment and by space-time Lévy area",
-    "Gauss-Legendre in 30 digits",
-    allowed=1e-8,
-    unit="modulation, (times time)",
-)
+@extreme(allowed=1e-8)
 def step_noise() -> Iterator[float]:
     """Noise of a step from its Brownian increment and space-time Lévy area."""
     for c, h in _scenes_and_steps()[1::3] + _scenes_and_steps()[2::3]:
@@ -264,6 +210,3 @@ def _integral(c: Constants, tau: float, h: float, first: float, slope: float) ->
         weight = float(w / 2) * c.sigma * (first + slope * (share - 0.5))
         total += weight * np.array(truth.unit_noise(c, tau + h, h * (1.0 - share)))
     return total.tolist()
-
-
-ROWS = (edgeworth_windows, correlations, step_phase, step_flight, step_noise)

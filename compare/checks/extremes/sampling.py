@@ -35,14 +35,7 @@ def _reach(run: montecarlo.Ensemble) -> float:
     return float(np.nan_to_num(np.abs(run.raw[:, :, [2, 4]])).max())
 
 
-@extreme(
-    "mean exit time from a gap",
-    "sigma, gap",
-    "sigma 1e-3 to 1e4, half gap 1e-8 to 10; two schemes",
-    "Masoliver & Porra 1995",
-    allowed=Z,
-    unit="z",
-)
+@extreme(allowed=Z)
 def exit_times() -> Iterator[float]:
     """Mean exit times of a randomly accelerated particle from the middle and from a tenth of a gap."""
     for n, (sigma, half) in enumerate(EXITS):
@@ -57,14 +50,7 @@ def exit_times() -> Iterator[float]:
                 yield Check("", mean, truth, se, EXIT_BIAS * truth).z if run.unfinished == 0 else math.inf
 
 
-@extreme(
-    "drift of ln speed per bounce",
-    "epsilon",
-    "1e-9 to 1, including the collapse below 0.163",
-    "Cornell, Swift & Bray 1998",
-    allowed=Z,
-    unit="z",
-)
+@extreme(allowed=Z)
 def collapse_drift() -> Iterator[float]:
     """Drift of ln speed per bounce, below and above the restitution at which a noisy particle collapses."""
     for n, epsilon in enumerate((1e-9, 0.1, math.exp(-MEAN), 1.0)):
@@ -72,14 +58,7 @@ def collapse_drift() -> Iterator[float]:
         yield abs(float(whole.mean()) - math.log(epsilon) - MEAN) / (float(whole.std()) / math.sqrt(PATHS))
 
 
-@extreme(
-    "paths that stick or collapse",
-    "epsilon, sigma",
-    "epsilon 0, 0.05, 0.163, 1; sigma 1e-3 to 1e3; every scheme",
-    "they reach the end, between the walls",
-    allowed=1e-9,
-    unit="half gap, or plain step",
-)
+@extreme(allowed=1e-9)
 def stay_between_walls() -> Iterator[float]:
     """Paths that collapse onto a wall, or stick to it, stay between the walls and reach the end."""
     for epsilon in (0.0, 0.05, 0.163, 1.0):
@@ -97,14 +76,7 @@ def stay_between_walls() -> Iterator[float]:
                 yield max(over, 0.0) / unit if len(means) == len(fixed) else math.inf
 
 
-@extreme(
-    "sticking under drag",
-    "gamma",
-    "drags of 1 to 1e4 gaps, gaps 1e-8 to 1e4; every scheme and closure",
-    "at its wall after the bouncing ball's time",
-    allowed=0.02,
-    unit="half gap, or step's fall",
-)
+@extreme(allowed=0.02)
 def sticking_paths() -> Iterator[float]:
     """Under drag a path completes its chatter at the time of the bouncing ball, and sticks from then on."""
     for gap in (1e-8, 0.5, 1e4):
@@ -130,14 +102,7 @@ def sticking_paths() -> Iterator[float]:
                 yield 0.0 if m.stopped or m.trace.found == 200 else math.inf
 
 
-@extreme(
-    "tolerances as large as the gap",
-    "c_max",
-    "c_max within 1e-12 of gaps of 1e-8, 0.5, 1e4; every distribution",
-    "a wider gap; no path beyond it",
-    allowed=0.0,
-    unit="a half gap",
-)
+@extreme(allowed=0.0)
 def large_tolerances() -> Iterator[float]:
     """Tolerances as large as the gap: a fixed one equals a wider gap; with random ones no path is beyond its walls."""
     for gap in (1e-8, 0.5, 1e4):
@@ -161,6 +126,3 @@ def large_tolerances() -> Iterator[float]:
                 loose = replace(plain, tolerance=tolerance, start=Start(0.0, 0.0, gap))
                 run = _run(loose, 20.0, "exact-flight", paths=64, impacts=4, rng=2, record=Record(raw=True))
                 yield max(_reach(run) / (gap + most) - 1.0, 0.0)
-
-
-ROWS = (exit_times, collapse_drift, stay_between_walls, sticking_paths, large_tolerances)

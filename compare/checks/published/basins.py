@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rattle.closure.long_orbit import PERIOD, LongOrbit
-from rattle.compare.checks.check import Check, Result
+from rattle.compare.checks.check import Check, Found, self_test
 from rattle.scene import Scene, Start
 from rattle.scene.types import Floats
 
@@ -75,7 +75,8 @@ def _in_frame(across: Floats, up: Floats) -> Floats:
     return np.column_stack([left + (right - left) * across, bottom + (top - bottom) * up])
 
 
-def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
     """Check from which starts each of two coexisting motions is reached, and the share of all starts."""
     lines = FIGURE.split()
     cells = [(i, j, int(c)) for i, line in enumerate(lines) for j, c in enumerate(line) if c != "."]
@@ -90,11 +91,7 @@ def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Result:
     three = _impacts_a_period(GEARS, _in_frame(*rng.uniform(size=(2, STARTS)))) == 3.0
     se = float(three.std()) * math.sqrt(1.0 / STARTS + 1.0 / PIXELS**2)
     share = Check("share of starts that end in three impacts a period", float(three.mean()), SHARE, se)
-    return Result(
-        "gear-rattle basins",
-        "De Souza & Caldas 2001, figure of Wagemakers 2025",
-        "of one stage without noise, starts in the coloured area of the figure end in three impacts a period, all "
-        "others in two: follow()",
+    return (
         [*differ(), share],
         {
             "restitution 0.88": differ(replace(GEARS, epsilon=0.88)),

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import betainc, gamma, hyp2f1
 from scipy.stats import truncnorm
 
-from rattle.compare.checks.check import Check, Result
+from rattle.compare.checks.check import Check, Found, self_test
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start, Tolerance
@@ -51,7 +51,8 @@ def mean_exit_time(start: float, gap: float, sigma: float) -> float:
     return float(scale * (z * (1.0 - z)) ** (1.0 / 6.0) * both)
 
 
-def exit_time(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def exit_time(seed: int = 0, workers: int = 2) -> Found:
     """Check the mean exit time from three starting points, for all three schemes of `montecarlo.simulate`."""
 
     def check(scheme: str, share: float, sigma: float = 1.0) -> Check:
@@ -63,17 +64,13 @@ def exit_time(seed: int = 0, workers: int = 2) -> Result:
         truth = mean_exit_time(2.0 * HALF * share, 2.0 * HALF, 1.0)
         return Check(f"mean exit time from {share:g}, {scheme}", tau - scene.start.tau, truth, se, left * truth)
 
-    return Result(
-        "mean exit time",
-        "Masoliver & Porra 1995",
-        "x'' = sigma eta leaves a gap after the closed-form mean time: simulate(), all schemes, at the phase where the "
-        "modulation is stationary",
-        [check(scheme, share) for scheme in SCHEMES for share in (0.1, 0.25, 0.5)],
-        {f"{STRONGER - 1.0:.0%} more noise, {scheme}": [check(scheme, 0.5, STRONGER)] for scheme in SCHEMES},
-    )
+    return [check(scheme, share) for scheme in SCHEMES for share in (0.1, 0.25, 0.5)], {
+        f"{STRONGER - 1.0:.0%} more noise, {scheme}": [check(scheme, 0.5, STRONGER)] for scheme in SCHEMES
+    }
 
 
-def exit_side(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def exit_side(seed: int = 0, workers: int = 2) -> Found:
     """Check the share of paths that leave a gap on the side of the orbit without noise (its agreement)."""
     found = {}
     for i, share in enumerate(SIDES):
@@ -87,20 +84,14 @@ def exit_side(seed: int = 0, workers: int = 2) -> Result:
         ]
 
     side = {z: float(betainc(1.0 / 6.0, 1.0 / 6.0, z)) for z in SIDES}
-    return Result(
-        "side of exit",
-        "Bicout & Burkhardt 2000",
-        "x'' = sigma eta leaves a gap at one end with the incomplete beta function of its start, of order 1/6: the "
-        "agreement of simulate()",
-        checks(side),
-        {
-            "the other side": checks({z: 1.0 - p for z, p in side.items()}),
-            "a share linear in the start, as of Brownian motion": checks({z: z for z in SIDES}),
-        },
-    )
+    return checks(side), {
+        "the other side": checks({z: 1.0 - p for z, p in side.items()}),
+        "a share linear in the start, as of Brownian motion": checks({z: z for z in SIDES}),
+    }
 
 
-def random_gap(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def random_gap(seed: int = 0, workers: int = 2) -> Found:
     """Check mean and sd of the wall that coasting paths strike first, for both distributions of the gap."""
     coasting = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 1.0))
     found = {}
@@ -116,13 +107,7 @@ def random_gap(seed: int = 0, workers: int = 2) -> Result:
             out.append(Check(f"sd of the wall, {name}", sd, spreads[name] * width, se_sd))
         return out
 
-    return Result(
-        "random gap",
-        "moments of a uniform and of a cut normal distribution",
-        "coasting paths strike walls with the mean and sd of their gaps: simulate() with a Tolerance",
-        checks(SPREADS),
-        {
-            "the other distribution": checks(dict(zip(SPREADS, reversed(SPREADS.values()), strict=True))),
-            "a tolerance 5 % wider": checks(SPREADS, 1.05 * WIDTH),
-        },
-    )
+    return checks(SPREADS), {
+        "the other distribution": checks(dict(zip(SPREADS, reversed(SPREADS.values()), strict=True))),
+        "a tolerance 5 % wider": checks(SPREADS, 1.05 * WIDTH),
+    }

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rattle.compare.checks.check import Check, Result
+from rattle.compare.checks.check import Check, Found, self_test
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.settings.sampling import Sampling
@@ -80,7 +80,8 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
     return solved[:4], solved[4:].reshape(4, 4)
 
 
-def free_flight(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def free_flight(seed: int = 0, workers: int = 2) -> Found:
     """Check the first four moments of `montecarlo.simulate`, and the covariance of `rattle.scene.flight`."""
     rng, sampling = np.random.SeedSequence([seed, 7]), Sampling(horizon=FLIGHT + 0.1)
     chosen: dict[str, Any] = {"scheme": "exact-flight", "rng": rng, "sampling": sampling, "workers": workers}
@@ -109,19 +110,12 @@ def free_flight(seed: int = 0, workers: int = 2) -> Result:
             out.append(Check(f"kurtosis of {q}", m4 / m2**2 - 3.0, kurtosis, math.sqrt(24.0 / PATHS)))
         return out
 
-    return Result(
-        "free-flight covariance",
-        "Wang & Uhlenbeck 1945; docs/model.md section 8",
-        "without walls the state is Gaussian with covariance int exp(A s) m m' exp(A' s) sigma^2 ds: simulate() and "
-        "rattle.scene.flight against an ODE",
-        [*checks(SCENE), *shape(0.0, 0.0)],
-        {
-            "2 % more noise": checks(SCENE.with_sigma(1.02 * SCENE.sigma)),
-            "a second stage that the noise does not reach": checks(SCENE, coupled=False),
-            "skewness 0.05": shape(0.05, 0.0),
-            "kurtosis 0.1": shape(0.0, 0.1),
-        },
-    )
+    return [*checks(SCENE), *shape(0.0, 0.0)], {
+        "2 % more noise": checks(SCENE.with_sigma(1.02 * SCENE.sigma)),
+        "a second stage that the noise does not reach": checks(SCENE, coupled=False),
+        "skewness 0.05": shape(0.05, 0.0),
+        "kurtosis 0.1": shape(0.0, 0.1),
+    }
 
 
 def speed_variance(tau: float, beta: float, sigma: float) -> float:
@@ -163,18 +157,12 @@ def _checks(run: Ensemble, sigma: float = SIGMA, phase: float = 0.0) -> list[Che
     return out
 
 
-def elastic_box(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def elastic_box(seed: int = 0, workers: int = 2) -> Found:
     """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at three fixed times."""
     run = _run(1.0, seed, workers)
-    return Result(
-        "elastic damped box",
-        "Uhlenbeck & Ornstein 1930, folded by reflection",
-        "at epsilon = 1 x is uniform, y Gaussian, and E y^2 that of the free linear stage under the modulated noise: "
-        "simulate(), exact-flight",
-        _checks(run),
-        {
-            f"restitution {LOSSY:g}": _checks(_run(LOSSY, seed, workers)),
-            "2 % more noise": _checks(run, 1.02 * SIGMA),
-            "modulation 0.1 late": _checks(run, phase=-0.1),
-        },
-    )
+    return _checks(run), {
+        f"restitution {LOSSY:g}": _checks(_run(LOSSY, seed, workers)),
+        "2 % more noise": _checks(run, 1.02 * SIGMA),
+        "modulation 0.1 late": _checks(run, phase=-0.1),
+    }

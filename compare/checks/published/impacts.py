@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.closure.orbit import follow
-from rattle.compare.checks.check import Check, Result
+from rattle.compare.checks.check import Check, Found, self_test
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.long_run import LongRun, long_run
 from rattle.montecarlo.long_run.estimates import corrections
@@ -114,7 +114,8 @@ def _energy(i: Impacts, lost: Floats, mass: tuple[float, float]) -> list[Check]:
     ]
 
 
-def impact_laws(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     """Check momentum, restitution and energy of the impacts at both meshes, of the orbit and of every scheme."""
     orbit, lost = _follow_orbit()
     sides = {"orbit": orbit} | {scheme: _coast(scheme) for scheme in SCHEMES}
@@ -123,20 +124,14 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Result:
         laws = [check for who, impacts in sides.items() for check in _laws(who, impacts, mass, epsilon)]
         return laws + _energy(orbit, lost, mass)
 
-    return Result(
-        "impact laws",
-        "Newton's restitution; momentum and energy of the wheels",
-        "mesh 1 acts on wheel 1 alone, mesh 2 keeps the momentum of both wheels, and each flank returns epsilon of its "
-        "speed: follow(), simulate() with every scheme, energy_loss()",
-        checks(),
-        {
-            "masses of the wheels interchanged": checks(mass=MASS[::-1]),
-            "restitution 0.1 % larger": checks(epsilon=1.001 * GEARS.epsilon),
-        },
-    )
+    return checks(), {
+        "masses of the wheels interchanged": checks(mass=MASS[::-1]),
+        "restitution 0.1 % larger": checks(epsilon=1.001 * GEARS.epsilon),
+    }
 
 
-def bouncing_ball(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
     """Check flights and time to rest of one stage under constant drag, for the orbit and for a simulated path.
 
     With ``alpha = beta = sigma = 0`` Eq. 3 is ``y' = gamma``: an impact at speed v is followed by a flight of
@@ -164,13 +159,7 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Result:
             out.append(Check(f"time to rest, {who}", rest, first / (1.0 - epsilon), 0.0, slack))
         return out
 
-    return Result(
-        "bouncing-ball sum",
-        "Luck & Mehta 1993",
-        "under constant drag flights shrink by epsilon and add up to t1 / (1 - epsilon): the orbit, simulate()",
-        checks(),
-        {"epsilon 1 % larger": checks(1.01 * EPSILON), "epsilon squared": checks(EPSILON**2)},
-    )
+    return checks(), {"epsilon 1 % larger": checks(1.01 * EPSILON), "epsilon squared": checks(EPSILON**2)}
 
 
 def _balance(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> Check:
@@ -194,7 +183,8 @@ def _noise_power(scene: Scene) -> float:
     return 0.25 * scene.sigma**2 * (1.0 + scene.beta1**2 + mass * (1.0 + scene.beta2**2))
 
 
-def energy_law(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def energy_law(seed: int = 0, workers: int = 2) -> Found:
     """Check the energy balance of eight long runs, driven and not, of one stage and of two."""
     runs = {
         name: long_run(scene, periods=periods, rng=seed + 31 * i, workers=workers)
@@ -202,15 +192,8 @@ def energy_law(seed: int = 0, workers: int = 2) -> Result:
     }
     two = {name: run for name, run in runs.items() if run.scene.stages == 2}
     light = {name: replace(run, scene=replace(run.scene, mu=0.98 * run.scene.mu)) for name, run in two.items()}
-    return Result(
-        "energy law",
-        "energy balance (Itô), docs/model.md section 10",
-        "the energy lost in impacts per unit of time is what noise and drive supply less what damping takes; without "
-        "drive and damping sigma^2 / 4, and sigma^2 / (4 (1 - mu)) with two stages: long_run()",
-        [_balance(name, run) for name, run in runs.items()],
-        {
-            **{f"2 % of the loss missing, {n}": [_balance(n, run, 0.98)] for n, run in runs.items()},
-            "2 % less mass of wheel 2": [_balance(name, run) for name, run in light.items()],
-            "noise of 2 % more energy": [_balance(name, run, 1.0, 1.02) for name, run in runs.items()],
-        },
-    )
+    return [_balance(name, run) for name, run in runs.items()], {
+        **{f"2 % of the loss missing, {n}": [_balance(n, run, 0.98)] for n, run in runs.items()},
+        "2 % less mass of wheel 2": [_balance(name, run) for name, run in light.items()],
+        "noise of 2 % more energy": [_balance(name, run, 1.0, 1.02) for name, run in runs.items()],
+    }

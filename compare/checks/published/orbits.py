@@ -12,7 +12,7 @@ import numpy as np
 from rattle.closure.long_orbit import attractor
 from rattle.closure.stationary import linear_law
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov
-from rattle.compare.checks.check import Check, Result
+from rattle.compare.checks.check import Check, Found, self_test
 from rattle.montecarlo.long_run import long_run
 from rattle.scene import DAT21, Scene
 
@@ -38,7 +38,8 @@ def _pair(alpha: float, epsilon: float, sigma: float = 0.0) -> Scene:
     return Scene(alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, stages=1)
 
 
-def impact_pair(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def impact_pair(seed: int = 0, workers: int = 2) -> Found:
     """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise gives them."""
     orbits = {case: attractor(_pair(*case)) for case in CASES}
     noisy = _pair(*CASES[0], WEAK)
@@ -64,17 +65,11 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Result:
             out.append(Check(name, found[q].value / WEAK, factor * truth / WEAK, found[q].se / WEAK, SLACK))
         return out
 
-    return Result(
-        "impact pair",
-        "Masri & Caughey 1966; Lyapunov's equation",
-        "the symmetric orbit has its impacts at tau0 + n pi at the speed 2 alpha cos tau0 / (1 - epsilon): follow(); "
-        "its stationary sds under weak noise by a discrete Lyapunov equation: long_run()",
-        states() + spreads(),
-        {"restitution 0.1 % larger": states(1.001), "sds 2 % larger": spreads(1.02)},
-    )
+    return states() + spreads(), {"restitution 0.1 % larger": states(1.001), "sds 2 % larger": spreads(1.02)}
 
 
-def exponent_sum(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
     """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy path."""
     scene = Scene.from_gears(DAT21)
     records = lyapunov(scene, impacts=IMPACTS), drift_exponents(scene.with_sigma(SIGMA), impacts=IMPACTS, seed=seed)
@@ -87,17 +82,11 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Result:
             out.append(Check(f"sum of exponents, {found.of}", float(found.value.sum()), truth, 0.0, ROUNDING))
         return out
 
-    return Result(
-        "exponent sum",
-        "Liouville; Mueller 1995 (saltation)",
-        "the exponents of four-dimensional frames add up to -(beta1 + beta2) + rate 2 ln epsilon: orbit and noisy path",
-        checks(),
-        {
-            "epsilon to the first power": checks(power=1.0),
-            "damping of one stage alone": checks(damping=scene.beta1),
-            "1 % more damping": checks(damping=1.01 * both),
-        },
-    )
+    return checks(), {
+        "epsilon to the first power": checks(power=1.0),
+        "damping of one stage alone": checks(damping=scene.beta1),
+        "1 % more damping": checks(damping=1.01 * both),
+    }
 
 
 def _exponents(alpha: float, epsilon: float) -> tuple[float, float]:
@@ -118,7 +107,8 @@ def _without_saltation(alpha: float, epsilon: float) -> tuple[float, float]:
     return 0.0, math.log(epsilon) / math.pi
 
 
-def orbit_exponents(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def orbit_exponents(seed: int = 0, workers: int = 2) -> Found:
     """Check both exponents of three symmetric orbits: the tangent frames through flights and impacts."""
     found = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in PAIRS}
 
@@ -129,13 +119,7 @@ def orbit_exponents(seed: int = 0, workers: int = 2) -> Result:
             for i in range(2)
         ]
 
-    return Result(
-        "orbit exponents",
-        "Masri & Caughey 1966; Mueller 1995 (saltation)",
-        "each exponent of the impact pair's symmetric orbit is that of its map from impact to impact: lyapunov()",
-        checks(_exponents),
-        {
-            "impacts without the saltation term": checks(_without_saltation),
-            "restitution 0.1 % larger": checks(lambda alpha, epsilon: _exponents(alpha, 1.001 * epsilon)),
-        },
-    )
+    return checks(_exponents), {
+        "impacts without the saltation term": checks(_without_saltation),
+        "restitution 0.1 % larger": checks(lambda alpha, epsilon: _exponents(alpha, 1.001 * epsilon)),
+    }

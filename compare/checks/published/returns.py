@@ -15,7 +15,7 @@ import math
 import numpy as np
 from scipy.integrate import quad
 
-from rattle.compare.checks.check import Check, Result
+from rattle.compare.checks.check import Check, Found, self_test
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
 from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.whole_step import flight_forcing
@@ -90,7 +90,8 @@ BELOW, ABOVE = 0.12, 0.22  # restitutions below and above the critical one, exp(
 PATHS, BOUNCES = 20_000, 8
 
 
-def return_speed(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def return_speed(seed: int = 0, workers: int = 2) -> Found:
     """Check mean and variance of ln rho, and P(rho < 1), over `RETURNS` flights that start at speed 1."""
     flights = log_speeds(1.0, RETURNS, 1, seed)[:, 0]
     slower = quad(lambda r: 1.5 / math.pi * r**1.5 / (1.0 + r**3), 0.0, 1.0)[0]
@@ -104,21 +105,15 @@ def return_speed(seed: int = 0, workers: int = 2) -> Result:
             Check("P(rho < 1)", share, slower, math.sqrt(share * (1.0 - share) / RETURNS)),
         ]
 
-    return Result(
-        "return speed",
-        "McKean 1963; Cornell, Swift & Bray 1998",
-        "a randomly accelerated particle that leaves a wall at speed v returns at speed rho v: steps of "
-        "rattle.montecarlo.coupling.dyadic, rescaled before each, without a time limit",
-        checks(),
-        {
-            "mean 3 % larger": checks(mean=1.03 * MEAN),
-            "variance 3 % smaller": checks(variance=0.97 * VARIANCE),
-            "an impact that keeps 97 %": checks(ln=flights + math.log(0.97)),
-        },
-    )
+    return checks(), {
+        "mean 3 % larger": checks(mean=1.03 * MEAN),
+        "variance 3 % smaller": checks(variance=0.97 * VARIANCE),
+        "an impact that keeps 97 %": checks(ln=flights + math.log(0.97)),
+    }
 
 
-def return_moments(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def return_moments(seed: int = 0, workers: int = 2) -> Found:
     """Check moments of the ratio of consecutive speeds, ``E rho^s = 1 / (2 cos(pi (1 + s) / 3))``."""
     ln = log_speeds(1.0, RETURNS, 1, seed + 2)[:, 0]
     powers = {s: np.exp(s * ln) for s in ORDERS}
@@ -130,14 +125,7 @@ def return_moments(seed: int = 0, workers: int = 2) -> Result:
             for s, power in powers.items()
         ]
 
-    return Result(
-        "return moments",
-        "McKean 1963",
-        "moments of the ratio of speeds on return and on leaving, -5/2 < s < 1/2: the flights of the return speed, of "
-        "another seed",
-        checks(),
-        {"moments 1 % larger": checks(wrong=1.01), "orders 0.02 larger": checks(shifted=0.02)},
-    )
+    return checks(), {"moments 1 % larger": checks(wrong=1.01), "orders 0.02 larger": checks(shifted=0.02)}
 
 
 def _drift(epsilon: float, seed: int) -> tuple[float, float]:
@@ -146,7 +134,8 @@ def _drift(epsilon: float, seed: int) -> tuple[float, float]:
     return float(whole.mean()), float(whole.std()) / math.sqrt(PATHS)
 
 
-def critical_restitution(seed: int = 0, workers: int = 2) -> Result:
+@self_test
+def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
     """Check the drift of ln speed per bounce below and above the critical restitution, and where it is zero."""
     (d0, s0), (d1, s1) = _drift(BELOW, seed), _drift(ABOVE, seed + 1)
     span = math.log(ABOVE / BELOW)
@@ -161,11 +150,4 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Result:
             Check("critical restitution", zero if d0 < 0.0 < d1 else math.nan, math.exp(-mean / power), se),
         ]
 
-    return Result(
-        "critical restitution",
-        "Cornell, Swift & Bray 1998",
-        "ln speed drifts by ln epsilon + pi / sqrt(3) per bounce: collapse below exp(-pi / sqrt(3)) = 0.163; the same "
-        "flights, joined by the restitution map",
-        checks(),
-        {"mean 3 % larger": checks(mean=1.03 * MEAN), "epsilon squared": checks(power=2.0)},
-    )
+    return checks(), {"mean 3 % larger": checks(mean=1.03 * MEAN), "epsilon squared": checks(power=2.0)}

@@ -5,6 +5,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
@@ -13,11 +14,12 @@ from matplotlib.lines import Line2D
 from rattle.compare.checks.check import Result, extreme_record, worst_error
 from rattle.compare.checks.stability.cell import AXES, BIASED, COLLAPSING, IMPACTS, UNBIASED, UNDECIDED, UNSTABLE
 from rattle.compare.checks.stability.chart import Chart
-from rattle.compare.report import Figure, Form, Page, PageSection, Row, Table, TableCell, Text, format_table, numbers
+from rattle.compare.report import Page
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.report.style import legend_above, new_figure
+from rattle.compare.report.texts import lay_out
 from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
 
@@ -85,8 +87,7 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
         face = "white" if cell["diagnosed"] and cell["share"] <= 1.0 else style["color"]
         size = 4.0 if cell["default"] else 5.5
         ax.plot(x, cell["dt"], style["marker"], ms=size, mec=style["color"], mfc=face, mew=1.2, ls="")
-    ax.set_ylim(low, high)
-    ax.set_xlim(-0.5, len(values) - 0.5)
+    ax.set(ylim=(low, high), xlim=(-0.5, len(values) - 0.5))
     ax.set_xticks(range(len(values)), [f"{v:g}" for v in values], fontsize=7.5)
 
 
@@ -105,34 +106,7 @@ CONTENTS = contents("stability", figures=["verdicts", "stability"], tables=["sta
 
 MAP_TERMS = ("admissible step", "default step", "diagnostic", "unbiased", "biased", "unstable", "no limit")
 WORDS = (*SCHEME_TERMS, *MAP_TERMS, "standard error", "σ", "ε", "E, sd", "impact", "sticking")
-KEY = (
-    "Verdicts on the cells of the map: scenes from the mildest to the most extreme damping, gap, noise and "
-    "restitution, at steps that input validation admits."
-)
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
-STEPS = (
-    "Input validation refuses a step longer than the longest admissible one before any path is simulated, and names "
-    "that step and what limits it. A longer default step is shortened to it, which the result reports. Admissible runs "
-    "that may be biased carry diagnostics: Ensemble.diagnostics, which rattle simulate prints."
-)
-TOLERANCE = (
-    "The section is the Poincaré section at the impacts: moments are taken over each path's own k-th impact. "
-    "A cell is unbiased if all section means are within {mean:.0%} and all sds within {sd:.0%} of an sd of the "
-    "reference, intervals included; biased if one of them is outside, interval included; undecided otherwise. If an "
-    "sd is less than 1 % of the flight time, the half gap or the speed, that 1 % is the unit. A run is unstable if its "
-    "moments are not finite, its speeds are ten times those of the reference, or it abandons paths that the "
-    "reference does not. No limit: at restitution 0 noise makes infinitely many impacts in a finite time."
-)
-REFERENCE = (
-    "Reference: {impacts} impacts of exact flights at a quarter of their default step with other random numbers and "
-    "four times the paths, or root finding along the orbit where σ = 0. Not judged: the displacement at the mesh that "
-    "most paths strike, and quantities whose variance comes from less than about 3 % of the paths; {fewest} to {most} "
-    "moments are judged in a cell. Intervals of {z:.2f} standard errors: 95 % simultaneous coverage, including "
-    "repeated attempts with more paths. Base scene: DAT21 at σ = 0.3, with a start at τ = 1 whose speed matches gap "
-    "and noise."
-)
-EXTREMES = "Each row compares a part of the program with an independent reference at extreme values."
-FLOATS = "All computations are in double precision; single precision is not offered, neither on CPUs nor on GPUs."
 
 
 def answer(found: Chart) -> list[str]:
@@ -178,81 +152,27 @@ def write_stability(
     said = answer(found)
     if tried:
         said.append(f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and samplers hold.")
-    tolerance = TOLERANCE.format(**Tolerances()._asdict())
-    moments = found.table["moments"]
-    reference = REFERENCE.format(impacts=IMPACTS, z=found.z, fewest=moments.min(), most=moments.max())
-    defaults = _table(found.table[found.table["default"]], "all cells at the default step")
-    caption = (
-        "Every scheme (rows) over every axis (columns): a mark for each time step. Grey: longer than the longest "
-        "admissible step, refused by input validation."
+    cells, moments = found.admissible[found.admissible["verdict"] != COLLAPSING], found.table["moments"]
+    table = found.table.assign(
+        mark=[MARK.get(verdict, "open") for verdict in found.table["verdict"]],
+        said=np.where(found.table["diagnosed"], "yes", "no"),
     )
-    whole = Figure("stability.svg", caption, caption)
-    page = Page(
-        "Where is each scheme stable and unbiased?",
-        tuple(said),
-        source_of(record),
-        (
-            Figure("verdicts.svg", KEY, KEY),
-            Text("The worst cell with an admissible step, for each scheme and axis:", note=True),
-            _worst(found),
-            glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
-        ),
-        (
-            PageSection("How long may a step be?", (whole, Text(STEPS), Text(FLOATS))),
-            PageSection("At the default step", (defaults,)),
-            PageSection("Method", (Text(tolerance), Text(reference))),
-            PageSection("Exact flights without walls compared with the exact covariance", (_covariance(covariance),)),
-            *((PageSection("Extreme values", (Text(EXTREMES, note=True), _extremes(tried))),) if tried else ()),
-        ),
-    )
+    parts: dict[str, Any] = {
+        "worst": table.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()],
+        "words": glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
+        "defaults": table[table["default"]],
+        "covariance": covariance.assign(mark=np.where(covariance["holds"], "good", "bad")),
+    }
+    drawn = {"verdicts": summary(found.table), "stability": figure(found.table)}
     tables = {"stability": found.table, "covariance": covariance}
     if tried:
-        tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
-    drawn = {"verdicts": summary(found.table), "stability": figure(found.table)}
-    parts = {"figures": drawn, "tables": tables, "digits": "%.6g"}
-    save(out, "stability", page, record, allowed=CONTENTS, overwrite=overwrite, **parts)
+        extremes = tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
+        shown, _, relative = zip(*map(worst_error, tried), strict=True)
+        mark = np.where(extremes["holds"], "good", "bad")
+        parts["extremes"] = extremes.assign(shown=shown, mark=mark, relative=relative)
+    said_of = {"impacts": IMPACTS, "z": found.z, "fewest": moments.min(), "most": moments.max()}
+    laid_out = lay_out("checks.stability", parts, drawn, **Tolerances()._asdict(), **said_of)
+    page = Page("Where is each scheme stable and unbiased?", tuple(said), source_of(record), *laid_out)
+    content = {"figures": drawn, "tables": tables, "digits": "%.6g"}
+    save(out, "stability", page, record, allowed=CONTENTS, overwrite=overwrite, **content)
     return said
-
-
-def _worst(found: Chart) -> Table:
-    """The admissible cell with the largest error, for each scheme and axis."""
-    cells = found.admissible[found.admissible["verdict"] != COLLAPSING]
-    return _table(cells.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()])
-
-
-def _table(cells: pd.DataFrame, summary: str = "") -> Table:
-    columns: list[tuple[str, Form]] = [
-        ("scheme", "{scheme}"),
-        ("axis", "{axis}"),
-        ("at", lambda c: c["value"]),
-        ("dt", lambda c: c["dt"]),
-        ("verdict", lambda c: TableCell(c["verdict"], MARK.get(c["verdict"], "open"))),
-        ("error in tolerances", "{error:.2g} ± {half:.1g}"),
-        ("of", "{where}"),
-        ("diagnosed", lambda c: "yes" if c["diagnosed"] else "no"),
-    ]
-    return format_table(cells, columns, ("scheme", "axis", "verdict", "of", "diagnosed"), summary)
-
-
-def _extremes(tried: Sequence[Result]) -> Table:
-    texts = ("what", "field", "range", "reference")
-    rows: list[Row] = []
-    for result in tried:
-        error, _, unit = worst_error(result)
-        worst = TableCell(error, "good" if result.holds else "bad")
-        named = (result.name, result.worst.quantity, result.statement, result.reference)
-        rows.append([*named, worst, result.allowed, unit])
-    return Table.of([*texts, *numbers("worst error", "allowed"), "relative to"], rows, "every row")
-
-
-def _covariance(table: pd.DataFrame) -> Table:
-    def error(row: dict[str, Any]) -> TableCell:
-        return TableCell(f"{row['error']:+.2%} ± {row['half']:.1%}", "good" if row["holds"] else "bad")
-
-    columns: list[tuple[str, Form]] = [
-        ("β₁", lambda r: r["beta"]),
-        ("dt", lambda r: r["dt"]),
-        ("relative error of the sd", error),
-        ("of", "{quantity}"),
-    ]
-    return format_table(table, columns, ("of",))

@@ -11,9 +11,8 @@ from click.testing import CliRunner
 from matplotlib.path import Path as Polygon
 
 from rattle.closure.orbit import follow
-from rattle.compare.animation import animation, check_file, record
-from rattle.compare.animation.page import GENERATOR, LARGEST, PLAY, TOOTH, Wheel, outline
-from rattle.compare.animation.record import FEWEST, MOST_IMPACTS, SCHEME
+from rattle.compare.animation.page import GENERATOR, LARGEST, PLAY, TOOTH, Wheel, animation, check_file, outline
+from rattle.compare.animation.record import FEWEST, MOST_IMPACTS, SCHEME, record
 from rattle.compare.cli.main import main
 from rattle.montecarlo import Record, default_step, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance

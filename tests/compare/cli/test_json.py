@@ -73,7 +73,7 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study.toml").write_text(STUDY)
     (tmp_path / "scene.toml").write_text(SINGLE)  # without a second stage, and so without numbers for it
-    rows = {"lost": extreme("lost", "β", "", "", allowed=1.0, unit="z")(lambda: [math.inf])}
+    rows = {"lost": extreme(1.0, name="lost", field="β", tried="", truth="", unit="z")(lambda: [math.inf])}
     monkeypatch.setattr(extremes, "ROWS", rows)  # all of them take a minute
     monkeypatch.setattr("rattle.montecarlo.bench.bench", lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]))
     found = CliRunner().invoke(main, [*command.split(), *SMALL[command], "--json"])

@@ -30,7 +30,7 @@ def rattle(*words):
 
 
 def start(file, *words):
-    command = [sys.executable, "-m", "rattle.compare", "study", str(file), "--workers", "1", *words]
+    command = [sys.executable, "-m", "rattle.compare.cli.main", "study", str(file), "--workers", "1", *words]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

@@ -202,8 +202,8 @@ def test_row_rejects_its_negative_control(name, monkeypatch):
 
 
 def test_table_and_terminal_say_what_failed(monkeypatch):
-    good = extreme("E", "beta", "0 to 1e3", "mpmath")(lambda: [2e-16])
-    bad = extreme("exit", "sigma", "1e-3 to 1e4", "a formula", allowed=4.5, unit="z")(lambda: [7.0])
+    good = extreme(name="E", field="beta", tried="0 to 1e3", truth="mpmath")(lambda: [2e-16])
+    bad = extreme(4.5, name="exit", field="sigma", tried="1e-3 to 1e4", truth="a formula", unit="z")(lambda: [7.0])
     found = [extreme_record(row()) for row in (good, bad)]
     assert [row["holds"] for row in found] == [True, False]
     assert list(found[0]) == ["name", "field", "tried", "truth", "worst", "allowed", "unit", "holds"]
@@ -220,7 +220,7 @@ def test_table_and_terminal_say_what_failed(monkeypatch):
 
 
 def test_what_is_not_a_number_fails():
-    assert not extreme("E", "beta", "", "", allowed=1.0)(lambda: [0.0, math.nan])().holds
+    assert not extreme(1.0, name="E", field="beta", tried="", truth="")(lambda: [0.0, math.nan])().holds
     assert not worst_of([0.0, math.nan]) < 1.0
     assert worst_of([]) == math.inf
     assert farthest([1.0, np.nan], [1.0, 2.0]) == math.inf

@@ -134,8 +134,8 @@ def test_command_writes_map_tables_and_page(tmp_path):
 
 def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_path, monkeypatch):
     rows = {
-        "E": extreme("E", "beta", "0 to 1e3", "mpmath")(lambda: [2e-16]),
-        "u": extreme("u", "", "", "", allowed=4.5, unit="z")(lambda: [5.0]),
+        "E": extreme(name="E", field="beta", tried="0 to 1e3", truth="mpmath")(lambda: [2e-16]),
+        "u": extreme(4.5, name="u", field="", tried="", truth="", unit="z")(lambda: [5.0]),
     }
     monkeypatch.setattr(extremes, "ROWS", rows)
     done = run(tmp_path, "--scheme", "exact-flight", "--points", "1", "--extremes")

@@ -12,6 +12,7 @@ from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lya
 from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise, vary
+from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import widest
@@ -42,6 +43,16 @@ class PaperClaim(NamedTuple):
     def kind(self) -> str:
         """The kind of its verdict, one of `KINDS`."""
         return PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
+
+
+TEXTS = read_texts("checks.claims")
+"""What is said of each claim, by the name of the function that judges it, in the order of the paper."""
+
+
+def claim(judged: str, evidence: str, verdict: str, **numbers: float) -> PaperClaim:
+    """A judged claim; `numbers` are those in its texts."""
+    name, where, says, test = (TEXTS[judged][part].format(**numbers) for part in PaperClaim._fields[:4])
+    return PaperClaim(name, where, says, test, evidence, verdict)
 
 
 def judge_parts(found: list[str], sought: int, otherwise: str = NOT_REPRODUCED) -> str:

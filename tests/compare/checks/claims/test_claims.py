@@ -12,16 +12,16 @@ from click.testing import CliRunner
 from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import Mean
 from rattle.compare.chaos.sweep import paper_noise
-from rattle.compare.claims import evidence as of_evidence
-from rattle.compare.claims import of_moments, of_motion
-from rattle.compare.claims.evidence import NOT_REPRODUCED, REPRODUCED, UNDECIDED, gather, table
-from rattle.compare.claims.of_moments import MEND_15, MEND_17, MEND_BOTH, PUBLISHED, failures
-from rattle.compare.claims.page import CLAIMS, answer, judge, write_claims
+from rattle.compare.checks.claims import evidence as of_evidence
+from rattle.compare.checks.claims import of_moments, of_motion
+from rattle.compare.checks.claims.evidence import NOT_REPRODUCED, REPRODUCED, UNDECIDED, gather, table
+from rattle.compare.checks.claims.of_moments import MEND_15, MEND_17, MEND_BOTH, PUBLISHED, failures
+from rattle.compare.checks.claims.page import CLAIMS, answer, judge, write_claims
 from rattle.compare.cli.main import main
 from rattle.compare.report.json_text import read_page
 from rattle.scene import DAT21, Scene
 
-REPOSITORY = Path(__file__).parents[3]
+REPOSITORY = Path(__file__).parents[4]
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 

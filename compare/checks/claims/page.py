@@ -11,25 +11,17 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
-from rattle.compare.claims.evidence import (
+from rattle.compare.checks.claims import of_moments, of_motion
+from rattle.compare.checks.claims.evidence import (
     KINDS,
     NOT_REPRODUCED,
     PART,
     REPRODUCED,
+    TEXTS,
     UNDECIDED,
     Evidence,
     PaperClaim,
     table,
-)
-from rattle.compare.claims.of_moments import beyond_one, describes, not_gaussian, solvable, stages_apart
-from rattle.compare.claims.of_motion import (
-    both_models,
-    chaotic_range,
-    continuous,
-    control,
-    counter_meshes,
-    fuzzy,
-    narrow_bands,
 )
 from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text
 from rattle.compare.report.glossary import glossary
@@ -38,20 +30,7 @@ from rattle.compare.report.save import contents, save
 from rattle.compare.report.style import new_figure
 from rattle.compare.validation.verdict import join_words
 
-CLAIMS: tuple[Callable[[Evidence], PaperClaim], ...] = (
-    solvable,
-    beyond_one,
-    not_gaussian,
-    stages_apart,
-    counter_meshes,
-    fuzzy,
-    narrow_bands,
-    continuous,
-    chaotic_range,
-    describes,
-    both_models,
-    control,
-)
+CLAIMS: list[Callable[[Evidence], PaperClaim]] = [(vars(of_moments) | vars(of_motion))[name] for name in TEXTS]
 
 
 def judge(evidence: Evidence) -> list[PaperClaim]:
@@ -59,14 +38,8 @@ def judge(evidence: Evidence) -> list[PaperClaim]:
     return [claim(evidence) for claim in CLAIMS]
 
 
-SHOWN: dict[Callable[[Evidence], PaperClaim], str] = {
-    fuzzy: "section",
-    narrow_bands: "spectra",
-    chaotic_range: "sweep",
-    control: "bifurcation",
-    both_models: "sqrt_law",
-}
-"""Figure of the study of chaos that shows the evidence of a claim."""
+SHOWN = [text.get("figure", "") for text in TEXTS.values()]
+"""Figure of the study of chaos that shows the evidence of each claim, if there is one."""
 SAID = {
     REPRODUCED: ("is reproduced", "are reproduced"),
     PART: ("holds only in part", "hold only in part"),
@@ -76,7 +49,7 @@ SAID = {
 """The verdicts in words, of one claim and of several; the last one is followed by the claims that it is on."""
 KEY = "verdicts"
 CAPTION = "The verdict on each claim, in the order of the paper."
-CONTENTS = contents("claims", figures=(KEY, *SHOWN.values()), tables=["claims"])
+CONTENTS = contents("claims", figures=(KEY, *filter(None, SHOWN)), tables=["claims"])
 """Files of such a folder; a folder with any other file is not overwritten."""
 WORDS = (*CHAOS_WORDS, "ρ1, ρ2", "stage", "accurate", "reproduced", "not reproduced", "holds only for")
 MARKS = {REPRODUCED: "good", NOT_REPRODUCED: "bad", PART: "part"}
@@ -106,8 +79,7 @@ def verdict_figure(claims: list[PaperClaim]) -> Drawing:
     ax.set_xticks(range(len(kinds)), [f"{kind}: {sum(c.kind == kind for c in claims)}" for kind in kinds])
     ax.set_yticks(range(len(claims)), [f"{number}. {claim.name}" for number, claim in enumerate(claims, start=1)])
     ax.tick_params(length=0, labeltop=True, labelbottom=False)
-    ax.set_xlim(-0.5, len(kinds) - 0.5)
-    ax.set_ylim(len(claims) - 0.5, -0.5)
+    ax.set(xlim=(-0.5, len(kinds) - 0.5), ylim=(len(claims) - 0.5, -0.5))
     return figure
 
 
@@ -116,7 +88,7 @@ def write_claims(
 ) -> list[str]:
     """Write the folder of the claims atomically."""
     said = answer(claims)
-    drawn = {name: figure for name, figure in draw(chaos).items() if name in SHOWN.values()}
+    drawn = {name: figure for name, figure in draw(chaos).items() if name in SHOWN}
     opening = Figure(f"{KEY}.svg", CAPTION, f"{CAPTION} {said[0]}")
     rows: list[Row] = [
         [str(i), c.says, TableCell(c.verdict, MARKS.get(c.kind, "open")), c.where]
@@ -124,8 +96,7 @@ def write_claims(
     ]
     overview = Table.of(["claim", "the paper says", "verdict", "where"], rows)
     sections = []
-    for i, (test, claim) in enumerate(zip(CLAIMS, claims, strict=True), start=1):
-        shown = SHOWN.get(test, "")
+    for i, (shown, claim) in enumerate(zip(SHOWN, claims, strict=True), start=1):
         pictures = [Figure(f"{shown}.svg", FIGURES[shown], FIGURES[shown])] if shown in drawn else []
         said_of_it = (
             f"The paper, {claim.where}: “{claim.says}”",

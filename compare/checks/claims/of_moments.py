@@ -11,7 +11,15 @@ import numpy as np
 
 from rattle.closure import mean_map
 from rattle.closure.published import after_flight, plain_covariance
-from rattle.compare.claims.evidence import HOLDS_ONLY, NOT_REPRODUCED, REPRODUCED, UNDECIDED, Evidence, PaperClaim
+from rattle.compare.checks.claims.evidence import (
+    HOLDS_ONLY,
+    NOT_REPRODUCED,
+    REPRODUCED,
+    UNDECIDED,
+    Evidence,
+    PaperClaim,
+    claim,
+)
 from rattle.compare.validation.comparison import Comparison, rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.compare.validation.verdict import join_words, widest
@@ -94,13 +102,8 @@ def solvable(e: Evidence) -> PaperClaim:
             error = abs(np.arctanh(rho) - np.arctanh(correlation(q[j : j + 2, j : j + 2])))  # Fisher's z
             worst = max(worst, float((error - step_bias / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]))
     allowed = widest(2 * len(fixed))
-    return PaperClaim(
-        "An exact solution",
-        "section 3, below Eq. 9",
-        "Equation (8) in the free flight phase is a non-linear stochastic differential equation without the "
-        "restitution force term whose exact solution cannot be solved.",
-        "In flight Eq. 8 is linear in the state and its noise does not depend on it, so the state is Gaussian with the "
-        "covariance of a linear equation. Correlations of simulated flights without walls must agree with it.",
+    return claim(
+        "solvable",
         f"{e.flight.paths:,} paths, {len(fixed)} fixed times, both stages: the largest error beyond the measured step "
         f"bias is {worst:.1f} standard errors, {allowed:.1f} allowed.",
         NOT_REPRODUCED if worst <= allowed else UNDECIDED,
@@ -126,15 +129,8 @@ def beyond_one(e: Evidence) -> PaperClaim:
         for f in by_rule[rule][:1]
         if f.impact
     ]
-    return PaperClaim(
-        "ρ beyond 1",
-        "section 3, below Eq. 9",
-        "The correlation coefficient ρ … from the corresponding moment equation of Eq. (9) does not always satisfy the "
-        "relation … ≤ 1, therefore, its distribution is out of accord with a Gaussian normal distribution.",
-        "Correlation of displacement and velocity of each stage in the published moment equations, in the corrected "
-        "ones, and in the simulation; and in the published ones with the rule of one stage at impacts corrected: the "
-        "second moments of stage 2 by Eq. 15, of stage 1 by Eq. 17. Reproduced if the corrected equations exceed 1 as "
-        "well.",
+    return claim(
+        "beyond_one",
         "; ".join(text for *_, text in found) + f". By which rule, {_at(e.validations[-1])}: {rules}.",
         HOLDS_ONLY.format(f"the published rules at impacts: {join_words(guilty)}") if only_published else REPRODUCED,
     )
@@ -159,15 +155,7 @@ def not_gaussian(e: Evidence) -> PaperClaim:
             f"{_at(v)}: skewness of τ significantly non-zero at {many} of {len(s)} impacts, largest "
             f"{skew[worst]:.2f} ± {1.96 * se[worst]:.2f}"
         )
-    return PaperClaim(
-        "Not Gaussian",
-        "section 3",
-        "… its distribution is out of accord with a Gaussian normal distribution. … An Edgeworth expansion is adopted "
-        "to approximate the true distribution",
-        f"Skewness of the time of each path's k-th impact, more than {z:.1f} standard errors from zero.",
-        "; ".join(shown) + ".",
-        REPRODUCED if beyond else UNDECIDED,
-    )
+    return claim("not_gaussian", "; ".join(shown) + ".", REPRODUCED if beyond else UNDECIDED, z=z)
 
 
 def stages_apart(e: Evidence) -> PaperClaim:
@@ -182,16 +170,7 @@ def stages_apart(e: Evidence) -> PaperClaim:
         coupled += many
         largest = rho[np.abs(rho).argmax()]
         shown.append(f"{_at(v)}: non-zero at {many} of {len(fixed)} fixed times, largest {largest:.3f}")
-    return PaperClaim(
-        "Independent stages",
-        "section 3, above Eq. 11",
-        "It is assumed that the variables ξ₁ and ζ₁ have nothing to do with ξ₂ and ζ₂ because the variables ξ₂ and ζ₂ "
-        "have not arisen in the equation about ξ₁ and ζ₁.",
-        "An assumption of the paper, not a result. Correlation of y₁ and y₂ over the paths in the middle of the "
-        "orbit's flights, non-zero beyond its interval (corrected for the number of fixed times).",
-        "; ".join(shown) + ".",
-        NOT_REPRODUCED if coupled else UNDECIDED,
-    )
+    return claim("stages_apart", "; ".join(shown) + ".", NOT_REPRODUCED if coupled else UNDECIDED)
 
 
 def describes(e: Evidence) -> PaperClaim:
@@ -212,15 +191,7 @@ def describes(e: Evidence) -> PaperClaim:
     elif accurate:
         names = ", ".join(accurate)
         verdict = HOLDS_ONLY.format(f"closures right to first order ({names}), at {_at(e.validations[0])}")
-    return PaperClaim(
-        "The mean map describes the noisy system",
-        "section 5",
-        "… a discrete stochastic model has been developed to describe two-stage rattling vibration in gearbox.",
-        "Share of the section means and sds of 12 impacts that are accurate (within 5 % and 10 % of an sd, interval "
-        "included); reproduced if this holds for all of them with the paper's method at the paper's noise.",
-        text + ".",
-        verdict,
-    )
+    return claim("describes", text + ".", verdict)
 
 
 def _accurate(v: Comparison, closure: str) -> float:
