@@ -1,0 +1,65 @@
+"""Whether searches find the boundary of `saltation` on DAT21, and at what cost: docs/results/boundary_seeds.csv.
+
+``python tests/compare/boundary/measure_boundary.py`` takes about five minutes on one core and continues an interrupted
+run.  40 searches, each with its own seed; the true value is where the error of the worst row of 8 million paths at each
+of two values is its tolerance; and the path-steps of the study over the noise intensity, counted with fewer paths.
+"""
+
+import math
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+
+from rattle import DAT21, Scene, Study, Tolerances, boundary, mean_map
+from rattle.compare.study.cells import Sample
+from rattle.compare.study.store import Store
+from rattle.compare.validation.errors import section_errors
+from rattle.compare.validation.verdict import JUDGED
+
+ROOT = Path(__file__).resolve().parents[3]
+TABLE = ROOT / "docs" / "results" / "boundary_seeds.csv"
+CELLS = Path(tempfile.gettempdir()) / "rattle-boundary-seeds"
+SEEDS, SIGMAS, PATHS, IMPACTS, COUNTED = range(40), (0.045, 0.048), 8_000_000, 12, 4096
+SCENE = Scene.from_gears(DAT21)
+
+
+def shares(store, sigma):
+    """The error of every judged row over its tolerance, and its standard error."""
+    scene = SCENE.with_sigma(sigma)
+    run = store.obtain(Sample(scene, IMPACTS, 2026, paths=PATHS))
+    rows = section_errors(mean_map(scene, impacts=IMPACTS, closure="saltation"), run, 1.0, Tolerances())
+    rows = rows[rows["verdict"].isin(JUDGED)].set_index(["quantity", "moment", "impact"])
+    return rows["error"].abs() / rows["tolerance"], rows["noise"] / rows["tolerance"]
+
+
+def true_boundary(store):
+    """Where the first row leaves its tolerance, and its standard error."""
+    (one, _), (other, errors) = (shares(store, sigma) for sigma in SIGMAS)
+    row = other.idxmax()
+    slope = math.log(other[row] / one[row]) / math.log(SIGMAS[1] / SIGMAS[0])
+    truth = SIGMAS[1] * math.exp(-math.log(other[row]) / slope)
+    assert one.max() < 1.0 < other[row], "the true value lies between the two"
+    return truth, truth * errors[row] / other[row] / slope
+
+
+def main():
+    """Write the table."""
+    store = Store(CELLS)
+    samples = [point.sample for point in Study.load(ROOT / "reports/studies/noise.toml").points]
+    counted = [store.obtain(replace(one, paths=COUNTED)).facts["path_steps"] for one in samples]
+    study = sum(steps * one.paths / COUNTED for steps, one in zip(counted, samples, strict=True))
+    rows = []
+    for seed in SEEDS:
+        found = boundary(SCENE, rng=seed, folder=CELLS)
+        for edge in found.edges:
+            rows.append({"seed": seed, "accurate": edge.accurate, "wrong": edge.wrong, "path_steps": found.path_steps})
+            print(rows[-1], flush=True)
+    truth, error = true_boundary(store)
+    table = pd.DataFrame(rows).assign(truth=truth, se_truth=error, study_path_steps=study)
+    table.to_csv(TABLE, index=False, float_format="%.6g")
+
+
+if __name__ == "__main__":
+    main()
