@@ -30,7 +30,7 @@ EXIT_NOT_MET = 3
 @real("width", "Every edge is known to ± this share.", 0.1)
 @real("budget", "Processor seconds after which no further value is judged.")
 @shared.SEED_AND_WORKERS
-@shared.folder_options("reports/NAME-boundary", shared.json_flag("everything"))
+@shared.folder_options("reports/NAME-boundary", shared.JSON_ALONE)
 def boundary(
     scene: Path | None,
     sigma: float | None,
@@ -107,7 +107,7 @@ def boundary(
 @real("slow", "Speed below which an impact is slow.", 0.1)
 @real("budget", "Processor seconds after which no more runs are begun.")
 @shared.SEED_AND_WORKERS
-@shared.folder_options("reports/NAME-sensitivity", shared.json_flag("everything"))
+@shared.folder_options("reports/NAME-sensitivity", shared.JSON_ALONE)
 def sensitivity(
     scene: Path | None,
     sigma: float | None,

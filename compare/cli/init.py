@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from rattle.compare.cli.shared import PATH, Results, folder_options, json_flag, load_scene, say
+from rattle.compare.cli.shared import JSON_ALONE, PATH, Results, folder_options, load_scene, say
 from rattle.scene.errors import InputError, OutputError
 from rattle.scene.text import line
 
@@ -48,7 +48,7 @@ def init(file: Path) -> None:
 
 @click.command()
 @click.argument("measured", type=PATH, metavar="SCENE")
-@folder_options("reports/NAME-drive", json_flag("everything"))
+@folder_options("reports/NAME-drive", JSON_ALONE)
 def drive(measured: Path, out: Path | None, overwrite: bool, as_json: bool) -> None:
     """Show the measured drive of a scene file.
 
@@ -58,12 +58,12 @@ def drive(measured: Path, out: Path | None, overwrite: bool, as_json: bool) -> N
     from rattle.scene.files import read_text, read_toml
     from rattle.scene.gears_input import find_measured, read_measured
 
+    results = Results(measured, out, "-drive", CONTENTS, overwrite, as_json)
     base = load_scene(measured, None)
     data = find_measured(read_toml(read_text("scene file", measured)), measured.parent)
     if not isinstance(data.get("drive"), Mapping):
         raise InputError("drive", str(measured), "has no measured drive; give a scene file with [drive] and file = ...")
     found = read_measured(data)
-    results = Results(measured, out, "-drive", CONTENTS, overwrite, as_json)
     facts = {k: v for k, v in vars(found).items() if k not in ("cycle", "spread", "sum_of_orders", "drive")}
     said = [*found.answer, f"sigma of this scene: {base.sigma:.4g} with alpha = {base.alpha:.4g}."]
     results.write(write_drive, found, scene=base.to_dict(), file=str(data["drive"]["file"]))

@@ -167,6 +167,11 @@ def folder_options(default: Path | str, *more: Option) -> Option:
     return join(folder(default), OVERWRITE, *more)
 
 
+JSON_ALONE = click.option(
+    "--json", "as_json", is_flag=True, help="Print everything as JSON; no folder is written without --out."
+)
+
+
 class Results:
     """The folder of a command's results, and what their manifest says of the run; nothing is written with ``--json``.
 

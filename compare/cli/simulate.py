@@ -212,7 +212,7 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...], stars:
 @shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, JSON_UNITS)
-@shared.folder_options("reports/NAME-stationary", shared.json_flag("everything"))
+@shared.folder_options("reports/NAME-stationary", shared.JSON_ALONE)
 def stationary(
     scene: Path | None,
     sigma: float | None,
