@@ -17,6 +17,7 @@ from rattle.scene.linear_algebra import transform
 from rattle.scene.scene import Scene
 
 IMPACTS, TIME = 4, 0.5  # impacts and time after the start that are looked at: later the variance is large
+STEPS = 32  # of a flight from which on it has no effect: 1 / (6 * 32^4) of the variance
 
 
 @lru_cache(maxsize=256)
@@ -36,10 +37,11 @@ def neglected_noise(scene: Scene, dt: float) -> float:
     c, tau, worst = scene.constants, scene.phase, 0.0
     whole, missing = np.zeros((5, 5)), np.zeros((5, 5))  # covariances
     for impact in orbit_impacts(scene, IMPACTS):
-        if impact.tau - scene.phase > TIME:
+        if impact.tau - scene.phase > min(TIME, STEPS * dt):
             break
         while tau < impact.tau:
             end = min(impact.tau, scene.phase + (math.floor((tau - scene.phase) / dt + 1e-9) + 1) * dt)
+            end = max(end, math.nextafter(tau, math.inf))
             h, carry, exact = end - tau, np.eye(5), np.zeros((5, 5))
             carry[:4, :4], exact[:4, :4] = jacobian(c, h), noise_covariance(c, tau, h)
             whole, missing = transform(carry, whole) + exact, transform(carry, missing) + exact
