@@ -43,7 +43,7 @@ def test_first_flight_rho_is_right_and_a_wrong_one_is_caught(validation):
 
 def test_no_noise_has_no_correlation_rows():
     v = validate(Scene.from_gears(DAT21), impacts=3, paths=10)
-    assert set(v.table["kind"]) == {"section"}
+    assert set(v.table["kind"]) == {"section", "itinerary"}
     corrected = v.table.query("closure == 'corrected' and moment == 'mean'")
     assert (corrected["verdict"] != "inaccurate").all()  # nothing varies, and the step decides no better than 1e-5
     np.testing.assert_allclose(corrected["error"], 0.0, atol=1e-5)
