@@ -27,7 +27,7 @@ def forbid(monkeypatch):
     def fail(*_, **__):
         pytest.fail("a repr computes")
 
-    for owner, name in ((block, "sample"), (block, "run"), (diagnostics, "sample"), (accuracy, "unseen")):
+    for owner, name in ((block, "sample"), (block, "run"), (diagnostics, "noise_free_path"), (accuracy, "unseen")):
         monkeypatch.setattr(owner, name, fail)
     monkeypatch.setattr(branches.BranchSearch, "until", fail)
     monkeypatch.setattr(type(rattle.CLOSURES["saltation"]), "trace", fail)
