@@ -55,8 +55,8 @@ class ClosureSensitivity:
     --------
     >>> from rattle import DAT21, Scene
     >>> found = closure_sensitivity(Scene.from_gears(DAT21, sigma=0.01), parameters=["omega"], impacts=1, paths=4096)
-    >>> set(found.table["moment"])
-    {'mean', 'sd'}
+    >>> sorted(set(found.table["moment"]))
+    ['mean', 'sd']
     """
 
     scene: Scene
@@ -152,7 +152,7 @@ def closure_sensitivity(
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.01)
     >>> found = closure_sensitivity(scene, parameters=["amplitude"], impacts=1, paths=4096)
-    >>> found.table["verdict"].value_counts()["accurate"] > 6
+    >>> bool(found.table["verdict"].value_counts()["accurate"] > 6)
     True
     """
     if not isinstance(scene, Scene):

@@ -154,7 +154,7 @@ def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
     --------
     >>> names = ["closure", "sigma", "accurate", "itinerary_accurate", "leaving", "on_itinerary"]
     >>> rows = [("saltation", 0.03, 12, 12, 0.0, 12), ("saltation", 0.06, 4, 12, 1.9e-5, 12)]
-    >>> print(itinerary_sentence(pd.DataFrame(rows, columns=names), 12)[0].replace("; ", ";\n"))
+    >>> print(itinerary_sentence(pd.DataFrame(rows, columns=names), 12)[0].replace("; ", ";\\n"))
     On the itinerary, which all but 19 in a million paths follow, `saltation` is accurate up to σ = 0.06;
     all paths together: up to σ = 0.03.
     """
