@@ -66,8 +66,7 @@ def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(tmp_path)
     page = (out / "chaos.md").read_text(encoding="utf-8")
     for text in (done.output, page):
         assert "the spectra of the orbit (the orbit sticks often)" in text
-        assert "the square-root law (the noisy path sticks often)" in text
-        assert "the finite-size exponents (the noisy path sticks often)" in text
+        assert "the square-root law and the finite-size exponents (the noisy path sticks often)." in text
         assert "give " not in text
     assert {p.stem for p in out.glob("*.svg")} == {"section", "spectra"}
     assert not (out / "fsle.csv").exists()
