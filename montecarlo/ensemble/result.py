@@ -289,7 +289,7 @@ class Ensemble(SectionResult):
 
         Columns ``impact, mesh, side`` (the wall that is struck in place of the itinerary's), ``probability`` with a
         95 % interval ``low, high``, ``paths`` that it rests on, and ``near``: whether these were drawn near a branch
-        that the search along the orbit has found (`rattle.montecarlo.branches.leaving`), or are those of this run.
+        that the search along the orbit has found (``rattle.montecarlo.branches.leaving``), or are those of this run.
         What fewer than one in a billion paths do is left out.
 
         Raises
