@@ -31,7 +31,7 @@ from rattle.montecarlo.settings.plan import plan_of
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.montecarlo.statistics.fixed_order import columns_of
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene import DAT21, Order, Scene, Start, Tolerance
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
 from rattle.scene.impact import contact_matrix, energy_loss
 
@@ -43,6 +43,7 @@ STICKING = Scene(
 )
 """Both stages are accelerated into their flanks, where impacts accumulate."""
 DRIVEN = Scene(alpha=3.0, epsilon=0.1, beta1=0.1, gamma1=2.0, stages=1, sigma=2.0, start=Start(0.3, 0.5, 2.0, mesh=1))
+MEMORY = replace(PAIR, drive=(Order(1), Order(3, 0.2, 0.4)), correlation_time=0.5)
 FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
 SCENES = {
     "two stages": PAIR,
@@ -197,6 +198,12 @@ for scheme, dt in STEP.items():
         CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(
             PAIR, k, dt=d, sampling=Sampling(increments="two-point")
         )
+    CASES[f"{scheme}, orders and memory"] = lambda k=scheme, d=dt: simulated(MEMORY, k, dt=0.5 * d)
+CASES |= {
+    "orbit, orders": lambda: orbits(replace(MEMORY, correlation_time=0.0)),
+    "saltation, orders": lambda: predicted(replace(MEMORY, correlation_time=0.0), "saltation", 4),
+    "saltation, orders and memory": lambda: predicted(MEMORY, "saltation", 4),
+}
 CASES["exact-flight, control"] = lambda: simulated(
     replace(PAIR, sigma=0.02), "exact-flight", sampling=Sampling(control=True)
 )
