@@ -82,8 +82,8 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     paths cannot have is NaN. Returns: A copy with two more columns.  ``verdict``: ``accurate`` if the whole
     interval lies within the tolerance, ``inaccurate`` if all of it lies outside, else ``undecided``; ``not
     predicted`` where a value is missing, ``not judged`` where ``judged`` is False.  ``paths_needed``: the number
-    of paths that would decide an undecided row, NaN where only a smaller step can.  It counts the paths that show
-    the branches which this sample cannot have seen, where these alone leave the row open.
+    of paths that would decide an undecided row, NaN where only a smaller step can: those that decide it whatever
+    the branches do which this sample cannot have seen, or those that show these, whichever are fewer.
     """
     out = table.copy()
     for name in UNSEEN:
@@ -101,11 +101,12 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     low, high = out["low"] + out["unseen_low"], out["high"] - out["unseen_high"]  # of what the sample has seen
     fixed = out.get("rest", 0.5 * (high - low) - out["noise"]).astype(float)  # what more paths do not reduce
     margin = (out["error"].abs() - tolerance).abs() - fixed
+    beside = margin - out[["unseen_low", "unseen_high"]].max(axis=1)  # room that unseen branches leave at most
     with np.errstate(invalid="ignore", divide="ignore"):
-        needed = out["paths"] * (out["noise"] / margin) ** 2
+        needed, whatever = (out["paths"] * (out["noise"] / m.where(m > 0.0)) ** 2 for m in (margin, beside))
     undecided = out["verdict"] == "undecided"
     seen = ((low >= -tolerance) & (high <= tolerance)) | (low > tolerance) | (high < -tolerance)
-    needed = needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"])
+    needed = np.fmin(whatever, needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"]))
     out["paths_needed"] = np.where(undecided & (margin > 0.0) & np.isfinite(needed), np.ceil(needed), np.nan)
     return out
 

@@ -34,7 +34,8 @@ PLACES = (0.5 + np.arange(1, 13) * np.array([[0.8191725134], [0.6710436067], [0.
 TURN = 2.0  # time within which a grazing path turns
 SAMPLE = 2000  # Gaussian paths around the design point of a missed impact
 LONGEST = 100.0  # flight; a longer one ends the search
-FAINT = -60.0  # logarithm of the flux below which a peak is not looked at
+RAREST = math.log(1e-9)  # logarithm of a probability below which a branch is not looked for
+ROUNDS = 12  # of fourfold narrowing, at most, in which a peak of the flux is found
 LATEST = 1.0  # time after the orbit's own impact up to which another may still come before that of a path
 STRATA = np.array([0.6, 0.35, 0.05])  # of the depth by which a missed impact is missed; each has one representative
 MIDDLES = np.cumsum(STRATA) - 0.5 * STRATA
@@ -203,20 +204,26 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
     end = flight.time if same else flight.time + min(flight.time, LATEST)
     times = np.linspace(0.0, end, GRID + 1)[1:]
     flux = _log_flux(flight, times, mesh, side)
-    peaks = np.flatnonzero((flux[1:-1] >= flux[:-2]) & (flux[1:-1] > flux[2:]) & (flux[1:-1] > FAINT)) + 1
+    peaks = np.flatnonzero((flux[1:-1] >= flux[:-2]) & (flux[1:-1] > flux[2:])) + 1
     found = []
     if same and side == flight.side:  # the last peak may be the orbit's own impact
         i = 2 * (mesh - 1)
         late = math.sqrt(max(flight.at(times[-1:])[1][0, i, i], 0.0)) / max(abs(flight.before[i + 1]), NO_SD)
         peaks = peaks[times[peaks] < flight.time - FURTHEST * late]
     for peak in peaks:
-        at = times[peak - 1 : peak + 2]
-        for _ in range(4):  # narrow the bracket
+        at, log = times[peak - 1 : peak + 2], flux[peak - 1 : peak + 2]
+        for n in range(ROUNDS):  # narrow the bracket
+            highest = 2.0 * log[1] - log.min()  # bound of a log-concave flux within it
+            rare = highest + math.log(end) < RAREST
+            if rare or (n > 3 and highest < log[1] + 1.0):
+                break
             fine = np.linspace(at[0], at[2], 9)
             log = _log_flux(flight, fine, mesh, side)
             best = int(np.clip(log.argmax(), 1, 7))
-            at = fine[best - 1 : best + 2]
-        bend = 2.0 * log[best] - log[best - 1] - log[best + 1]
+            at, log = fine[best - 1 : best + 2], log[best - 1 : best + 2]
+        if rare:
+            continue
+        bend = 2.0 * log[1] - log[0] - log[2]
         width = 6.0 * (at[1] - at[0]) / math.sqrt(bend) if bend > 0.0 else end
         around = np.linspace(max(at[1] - width, times[0]), min(at[1] + width, end), 65)
         density = np.exp(_log_flux(flight, around, mesh, side))

@@ -54,6 +54,14 @@ def test_where_no_other_event_is_near_nothing_is_counted():
     assert rare_events(Scene.from_gears(DAT21, sigma=0.01), 12).branches == ()
 
 
+def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
+    """Below sigma = 0.07 it was lost, from one noise intensity to the next."""
+    sigmas = (0.055, 0.06, 0.065, 0.07)
+    found = [rare_events(Scene.from_gears(DAT21, sigma=s), 1).branches for s in sigmas]
+    assert [(b.mesh, b.side) for (b,) in found] == [(2, -1)] * 4
+    np.testing.assert_allclose([b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3)
+
+
 def test_an_orbit_that_ends_leaves_later_impacts_unknown():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=5.0, gamma1=0.0, stages=1, sigma=1e-6)
     found = rare_events(scene, 3)

@@ -47,6 +47,13 @@ def test_paths_needed_would_decide():
     assert judge(rows(error=[0.045], low=[0.045 - shrunk], high=[0.045 + shrunk]))["verdict"].item() == "accurate"
 
 
+@pytest.mark.parametrize(("shift", "needed"), [(0.0, 16_000.0), (1e-4, 16_660.0), (0.006, 1e12)])
+def test_branches_that_hardly_matter_do_not_ask_for_the_paths_that_show_them(shift, needed):
+    wide = {"low": [0.025 - shift], "high": [0.065 + shift], "unseen_low": shift, "unseen_high": shift}
+    found = judge(rows(error=[0.045], noise=[0.02], unseen_paths=1e12, **wide))["paths_needed"].item()
+    assert found == pytest.approx(needed, rel=1e-3)
+
+
 @pytest.mark.parametrize("checks", [1, 10, 300])
 def test_simultaneous_coverage_of_all_intervals(checks):
     """The share of families with an interval that misses, over many families, is the nominal 5 %."""
