@@ -1,15 +1,15 @@
 """The commands ``rattle boundary`` and ``rattle sensitivity``."""
 
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import Results, load_scene, real, several, whole
+from rattle.compare.cli.shared import EXIT_NOT_MET, Results, real, several, whole
 from rattle.scene.errors import InputError
 
-EXIT_NOT_MET = 3
+if TYPE_CHECKING:
+    from rattle.scene import Scene
 
 
 @click.command()
@@ -30,10 +30,10 @@ EXIT_NOT_MET = 3
 @real("width", "Every edge is known to ± this share.", 0.1)
 @real("budget", "Processor seconds after which no further value is judged.")
 @shared.SEED_AND_WORKERS
-@shared.folder_options("reports/NAME-boundary", shared.JSON_ALONE)
+@shared.report("reports/NAME-boundary", "boundary.page", shared.JSON_ALONE)
 def boundary(
-    scene: Path | None,
-    sigma: float | None,
+    base: "Scene",
+    results: Results,
     closure: str | None,
     quantity: str | None,
     level: float | None,
@@ -45,9 +45,6 @@ def boundary(
     budget: float | None,
     seed: int,
     workers: int,
-    out: Path | None,
-    overwrite: bool,
-    as_json: bool,
     **settings: Any,
 ) -> None:
     """Find where along a parameter a closure stops holding.
@@ -59,10 +56,9 @@ def boundary(
     from rattle.compare.boundary.boundary import boundary as find
     from rattle.compare.boundary.crossing import crossing
     from rattle.compare.boundary.map import boundary_map
-    from rattle.compare.boundary.page import CONTENTS, write_boundary
+    from rattle.compare.boundary.page import write_boundary
     from rattle.compare.study.cluster import check_address, silence
 
-    base = load_scene(scene, sigma)
     if quantity is not None and closure is not None:
         raise InputError("quantity", quantity, "takes the place of a closure; give one of them")
     if (quantity is None) != (level is None):
@@ -76,7 +72,6 @@ def boundary(
     if scheduler is not None:
         check_address(scheduler)
         silence()
-    results = Results(scene, out, "-boundary", CONTENTS, overwrite, as_json)
     settings |= {"quantity": quantity, "level": level} if quantity else {"closure": closure or "saltation"}
     settings |= {} if quantity else {"impacts": impacts}
     # beside the report, which is replaced as a whole
@@ -107,23 +102,16 @@ def boundary(
 @real("slow", "Speed below which an impact is slow.", 0.1)
 @real("budget", "Processor seconds after which no more runs are begun.")
 @shared.SEED_AND_WORKERS
-@shared.folder_options("reports/NAME-sensitivity", shared.JSON_ALONE)
+@shared.report("reports/NAME-sensitivity", "sensitivity.page", shared.JSON_ALONE)
 def sensitivity(
-    scene: Path | None,
-    sigma: float | None,
+    base: "Scene",
+    results: Results,
     quantities: tuple[str, ...],
     parameters: tuple[str, ...],
     closure: str | None,
-    impacts: int,
-    paths: int,
-    accuracy: float,
-    slow: float,
-    budget: float | None,
     seed: int,
     workers: int,
-    out: Path | None,
-    overwrite: bool,
-    as_json: bool,
+    **asked: Any,
 ) -> None:
     """Find which parameter changes the rattle, and by how much.
 
@@ -133,17 +121,14 @@ def sensitivity(
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the intervals are wider than asked for.
     """
     from rattle.compare.sensitivity.of_closure import closure_sensitivity
-    from rattle.compare.sensitivity.page import CONTENTS, write_closure_sensitivity, write_sensitivity
+    from rattle.compare.sensitivity.page import write_closure_sensitivity, write_sensitivity
     from rattle.compare.sensitivity.sensitivity import sensitivity as measure
 
-    base = load_scene(scene, sigma)
     if closure is not None and quantities:
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
-    results = Results(scene, out, "-sensitivity", CONTENTS, overwrite, as_json)
     common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
-    settings: dict[str, Any] = {"accuracy": accuracy, "slow": slow, "budget": budget}
-    if closure is not None:
-        settings = {"closure": closure, "impacts": impacts, "paths": paths}
+    names = ("accuracy", "slow", "budget") if closure is None else ("closure", "impacts", "paths")
+    settings = {name: (asked | {"closure": closure})[name] for name in names}
     record = {"scene": base.to_dict(), **settings, "seed": seed}
     if closure is not None:
         judged = closure_sensitivity(base, **settings, **common, progress="sensitivity")

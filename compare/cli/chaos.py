@@ -1,12 +1,15 @@
 """The commands ``rattle chaos`` and ``rattle claims``."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import Results, load_scene, say, say_part
+from rattle.compare.cli.shared import Results, say, say_part
+
+if TYPE_CHECKING:
+    from rattle.scene import Scene
 
 
 @click.command()
@@ -20,17 +23,8 @@ from rattle.compare.cli.shared import Results, load_scene, say, say_part
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
 @shared.SEED_AND_WORKERS
-@shared.folder_options("reports/NAME-chaos")
-def chaos(
-    scene: Path | None,
-    sigma: float | None,
-    over: str,
-    keep_sigma: bool,
-    no_sweep: bool,
-    out: Path | None,
-    overwrite: bool,
-    **settings: Any,
-) -> None:
+@shared.report("reports/NAME-chaos", "chaos.page")
+def chaos(base: "Scene", results: Results, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
     """Measure Lyapunov exponents, Poincare sections and spectra.
 
     They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over a sweep.
@@ -38,17 +32,15 @@ def chaos(
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.chaos.measure import study
-    from rattle.compare.chaos.page import CONTENTS, write_chaos
+    from rattle.compare.chaos.page import write_chaos
     from rattle.compare.chaos.sweep import paper_noise, values, vary
     from rattle.scene.errors import positive
 
-    base, field = load_scene(scene, sigma), settings["field"]
-    at = () if no_sweep else values("over", over)
+    field, at = settings["field"], () if no_sweep else values("over", over)
     noise = None if keep_sigma or field == "sigma" else paper_noise
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
     positive("width", settings["width"])
     shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
-    results = Results(scene, out, "-chaos", CONTENTS, overwrite)
     found = study(base, scenes=scenes, progress=say_part, **settings)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     answer = results.write(write_chaos, found, scene=base.to_dict(), **settings, over=list(at), noise=said)
@@ -84,7 +76,7 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     for sigma in levels:
         positive("sigma", sigma)
     shared.check_counts(settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1)
-    results = Results(None, out, "", CONTENTS, overwrite)
+    results = Results(None, out, "", CONTENTS, overwrite, as_json=False)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     dat21 = Scene.from_gears(DAT21)

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
-from functools import reduce
+from functools import reduce, wraps
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ CLOSURES = ("published", "corrected", "saltation", "branching")
 FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
 AXES = ("beta", "gap", "sigma", "epsilon")
 # Written out, for --help does not wait for the modules that define them; a test compares them.
+EXIT_NOT_MET = 3  # the accuracy, the width or the requirement that was asked for
+PAPER_SIGMA = 1.5**0.5  # sqrt(alpha) of DAT21
 
 MOST_DIGITS = 60
 
@@ -172,6 +175,31 @@ JSON_ALONE = click.option(
 )
 
 
+def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGMA) -> Option:
+    """The options of the folder of a command on a scene, which gets the loaded scene and its `Results`.
+
+    `page`: Module within `rattle.compare` whose ``CONTENTS`` are the files of such a folder. `otherwise`: Noise
+    intensity of DAT21, if no scene is given.
+    """
+
+    def decorate(command: Callable[..., None]) -> Any:
+        @wraps(command)
+        def run(
+            scene: Path | None,
+            sigma: float | None,
+            out: Path | None,
+            overwrite: bool,
+            as_json: bool = False,
+            **asked: Any,
+        ) -> None:
+            base, ours = load_scene(scene, sigma, otherwise), import_module(f"rattle.compare.{page}").CONTENTS
+            command(base, Results(scene, out, default.removeprefix("reports/NAME"), ours, overwrite, as_json), **asked)
+
+        return folder_options(default, *more)(run)
+
+    return decorate
+
+
 class Results:
     """The folder of a command's results, and what their manifest says of the run; nothing is written with ``--json``.
 
@@ -179,13 +207,7 @@ class Results:
     """
 
     def __init__(
-        self,
-        scene: Path | None,
-        out: Path | None,
-        suffix: str,
-        ours: frozenset[str],
-        overwrite: bool,
-        as_json: bool = False,
+        self, scene: Path | None, out: Path | None, suffix: str, ours: frozenset[str], overwrite: bool, as_json: bool
     ) -> None:
         from rattle.compare.report.folder import check_free, default_place, name_of
         from rattle.compare.report.provenance import Stopwatch
@@ -232,9 +254,6 @@ def say_json(data: Any) -> None:
 def say_part(part: str) -> None:
     """Print on standard error which part of a long command begins, and when."""
     say(f"{datetime.now():%H:%M:%S} {part}", err=True)
-
-
-PAPER_SIGMA = 1.5**0.5  # sqrt(alpha) of DAT21
 
 
 def check_counts(settings: Mapping[str, Any], **least: int) -> None:

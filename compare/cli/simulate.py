@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import Results, load_scene, say, say_json, say_lines
+from rattle.compare.cli.shared import EXIT_NOT_MET, Results, load_scene, say, say_json, say_lines
 from rattle.scene.errors import InputError
 from rattle.scene.units import RATE, UNITS, check_units, in_units
 
@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rattle.montecarlo.diagnostics.reach import Reach
-    from rattle.scene import Gears
+    from rattle.scene import Gears, Scene
 
-EXIT_NOT_MET = 3
 MOST_NAMED = 8  # rows that miss an accuracy which are named
 TABLE_UNITS = "Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears]."
 JSON_UNITS = "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
@@ -212,18 +211,15 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...], stars:
 @shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, JSON_UNITS)
-@shared.folder_options("reports/NAME-stationary", shared.JSON_ALONE)
+@shared.report("reports/NAME-stationary", "stationary.page", shared.JSON_ALONE)
 def stationary(
-    scene: Path | None,
-    sigma: float | None,
+    base: "Scene",
+    results: Results,
     quantities: tuple[str, ...],
     closures: tuple[str, ...],
     no_closures: bool,
     over: str | None,
     units: str | None,
-    out: Path | None,
-    overwrite: bool,
-    as_json: bool,
     field: str,
     seed: int,
     workers: int,
@@ -239,11 +235,10 @@ def stationary(
     from rattle.compare.chaos.section import stationary_bifurcation
     from rattle.compare.chaos.sweep import values, vary
     from rattle.compare.stationary.measure import stationary as measure
-    from rattle.compare.stationary.page import CONTENTS, write_stationary
+    from rattle.compare.stationary.page import write_stationary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
     from rattle.montecarlo.long_run.run import ASKED
 
-    base = load_scene(scene, sigma)
     check_units(units or "dimensionless", base.gears)
     if own := [name for name in closures if ":" in name]:
         why = "predicts impacts, not the long run; leave it out, or judge it by rattle validate or rattle boundary"
@@ -252,7 +247,6 @@ def stationary(
         raise InputError("closure", closures, "is left out by --no-closures; give one of them")
     at = () if over is None else values("over", over)
     scenes = vary(base, field, at)
-    results = Results(scene, out, "-stationary", CONTENTS, overwrite, as_json)
     settings = {name: settings[name] for name in ("accuracy", "periods", "paths", "burn_in", "slow", "budget")}
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)

@@ -2,17 +2,20 @@
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import Results, load_scene, say, say_json, say_lines
+from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Results, load_scene, say, say_json, say_lines
 
-EXIT_FAILED, EXIT_NOT_MET, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 3, 4, 5
+if TYPE_CHECKING:
+    from rattle.scene import Scene
+
+EXIT_FAILED, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 4, 5
 BESIDE = "Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes without SCENE]"
 VALIDITY = "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
-PAPER_SIGMAS = (0.01, 0.1, 1.5**0.5)
+PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
 
@@ -150,16 +153,8 @@ def validate(
 @shared.SEED
 @click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @shared.whole("workers", 2, "Threads.")
-@shared.folder_options("reports/NAME-tradeoff")
-def tradeoff(
-    scene: Path | None,
-    sigma: float | None,
-    accuracies: tuple[float, ...],
-    orders: bool,
-    out: Path | None,
-    overwrite: bool,
-    **settings: Any,
-) -> None:
+@shared.report("reports/NAME-tradeoff", "tradeoff.page", otherwise=0.1)
+def tradeoff(base: "Scene", results: Results, accuracies: tuple[float, ...], orders: bool, **settings: Any) -> None:
     """Measure what an accuracy costs by each scheme and closure.
 
     SCENE is a TOML file, DAT21 if none is given.
@@ -168,12 +163,11 @@ def tradeoff(
     """
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
     from rattle.compare.tradeoff.multilevel import SIGMAS, control_table
-    from rattle.compare.tradeoff.page import CONTENTS, write_tradeoff
+    from rattle.compare.tradeoff.page import write_tradeoff
     from rattle.compare.tradeoff.weak_order import orders_over
     from rattle.montecarlo import SCHEMES, check_settings
     from rattle.scene.errors import positive
 
-    base = load_scene(scene, sigma, 0.1)
     positive("sigma", base.sigma)
     asked = check_accuracies(accuracies or ACCURACIES)
     positive("budget", settings["budget"])
@@ -181,7 +175,6 @@ def tradeoff(
     seed = settings["seed"]
     for scheme in SCHEMES:
         check_settings(base, paths=1, dt=None, scheme=scheme, rng=seed, step_bias=False, **common)
-    results = Results(scene, out, "-tradeoff", CONTENTS, overwrite)
     found = measure(base, accuracies=asked, **settings)
     control = control_table(base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common)
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
