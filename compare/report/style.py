@@ -1,6 +1,6 @@
 """Common style of all figures: colours, markers, symbols, legends, and reproducible SVG files."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +89,7 @@ def whole_impacts(ax: Axes) -> None:
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
-def caption_of(figure: Figure, parts: Sequence[tuple[str, str]]) -> str:
+def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
     """The caption of a figure: only the parts that refer to something that is drawn.
 
     `parts`: Texts, each with a word; a text is included if a label of the legends contains its word, or if that

@@ -37,9 +37,9 @@ def _read(package: str, name: str) -> str:
 
 
 def lay_out(
-    package: str, parts: Mapping[str, Any], drawn: Collection[str] = (), **values: Any
+    package: str, parts: Mapping[str, Any], drawn: Collection[str] = (), layout: str = "page.md", **values: Any
 ) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
-    """The blocks above the sections of a page, and the sections, as ``page.md`` of its folder says.
+    """The blocks above the sections of a page, and the sections, as ``page.md`` of its folder says, or another layout.
 
     ``# Title`` begins a section, ``[name]`` stands for the block or blocks of that name in `parts`, or for a table of
     that frame if heads, alignment and forms of its columns follow; ``![alternative](NAME.svg) caption`` for a figure
@@ -48,7 +48,7 @@ def lay_out(
     """
     sections: list[tuple[str, list[Block]]] = [("", [])]
     notes: list[Block] = []
-    for paragraph in _read(package, "page.md").split("\n\n"):
+    for paragraph in _read(package, layout).split("\n\n"):
         piece = " ".join(paragraph.split())
         if piece.startswith("# "):
             sections[-1][1].extend(notes)

@@ -1,7 +1,6 @@
 """Figures of a validation: errors, correlation, section histograms, agreement, ranges of validity."""
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
@@ -16,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from rattle.compare.report.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.validation.comparison import CAUSES, Comparison
 from rattle.compare.validation.verdict import ACCURATE as ACCURATE_TO
-from rattle.compare.validation.verdict import NOT_WRONG, UNDECIDED, WRONG
+from rattle.compare.validation.verdict import NOT_WRONG, WRONG
 from rattle.scene.scene import Scene
 
 VISIBLE = 2e-3  # the outermost bins of a histogram that are drawn have at least this share of the highest
@@ -154,46 +153,7 @@ def agreement_figure(validations: Sequence[Comparison]) -> Figure:
     return figure
 
 
-class FigureKind(NamedTuple):
-    """A figure of one validation."""
-
-    draw: Callable[[Comparison], Figure]  # returns the figure of a validation
-    # its parts, each with a word of the legend that it needs, see `rattle.compare.report.style.caption_of`
-    caption: tuple[tuple[str, str], ...]
-
-
-FIGURES = {
-    "errors": FigureKind(
-        error_figure,
-        (
-            (
-                "Errors of the closure's section moments per impact, in units of the quantity's sd; bars are intervals "
-                "with step bias, the band is what counts as accurate. Beyond 0.1 the scale is logarithmic.",
-                "",
-            ),
-        ),
-    ),
-    "correlation": FigureKind(
-        correlation_figure,
-        (
-            ("Correlation of displacement and velocity per stage.", ""),
-            (" Filled: closure just before its impacts.", "before impact"),
-            (" Open: closure at mid-flight, next to the Monte Carlo at the same time.", "Monte Carlo, mid-flight"),
-            (" No correlation can lie in the shaded zone", ""),
-            ("; a cross marks a negative variance", "negative variance"),
-            (".", ""),
-        ),
-    ),
-    "section": FigureKind(
-        section_figure,
-        (
-            ("Velocity of each path just before its own impact (histogram)", ""),
-            (", and the Edgeworth density of the closures around their mean", "Edgeworth"),
-            (", and the density of the mixture", "mixture"),
-            (".", ""),
-        ),
-    ),
-}
+FIGURES = {"errors": error_figure, "correlation": correlation_figure, "section": section_figure}
 """Figures of one validation, by name."""
 
 
@@ -214,18 +174,6 @@ MARKER = {
     "ended": "|",
 }
 """Markers of the causes; a closure that is accurate to the last impact has none."""
-VALIDITY = (
-    (
-        "Range of validity of each closure: the impact up to which every section mean and sd that it predicts is "
-        "accurate (filled)",
-        "",
-    ),
-    (f"; hatched, {UNDECIDED}, so {NOT_WRONG} its upper edge", NOT_WRONG),
-    (".", ""),
-    (" A marker says what limits it there.", WRONG),
-    (" The black line is the same impact for the paths on its itinerary alone.", ""),
-)
-"""The caption, for `rattle.compare.report.style.caption_of`."""
 ROOM = 0.9  # height, in impacts, that a marker takes above the band that it explains
 
 

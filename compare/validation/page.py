@@ -1,6 +1,6 @@
 """The report of a validation: a folder with its page, figures, tables and a manifest."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +14,12 @@ from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT
 from rattle.compare.report.provenance import command_line, provenance, source_of
 from rattle.compare.report.save import contents, csv_text, save
 from rattle.compare.report.style import caption_of
+from rattle.compare.report.texts import lay_out, read_texts
 from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.comparison import Comparison, Sweep
-from rattle.compare.validation.figures import (
-    FIGURES,
-    VALIDITY,
-    agreement_figure,
-    drive_figure,
-    has_something,
-    validity_figure,
-)
-from rattle.compare.validation.tables import SCHEMES_NOTE, motion_blocks, scheme_table
+from rattle.compare.validation.figures import FIGURES, agreement_figure, drive_figure, has_something, validity_figure
+from rattle.compare.validation.tables import motion_blocks
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 from rattle.scene.parts import SINE_ALONE
 
@@ -36,76 +30,48 @@ CONTENTS = contents(
 ) | {"figures"}
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
-SPEED = (
-    "Work of each closure up to the last impact at which it is accurate, compared with the cheapest simulation of the "
-    "same accuracy: exact flights with a control variate, with so many paths that the 95 % simultaneous error bound of "
-    "all moments is the closure's worst error (in sds of the quantity). Times are nominal, for one core: impacts, "
-    "mixture components and path-steps are counted at a fixed cost each (`speed.csv`)."
-)
-NONE = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
-UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
-TIMED = " The time of a closure of one's own is measured on this machine; it is not compared with counted work."
-AGREEMENT = (
-    "Share of paths whose impacts so far were at the meshes and sides of the closure's itinerary; a closure along a "
-    "single orbit says nothing about the others."
-)
-FAILURES = (
-    "First failure of each check of the closures' moments; “negative mass” judges the truncated series, "
-    "not the moments."
-)
-LEAVING = (
-    "How paths leave the itinerary of the orbit without noise: the impact at which they strike another wall than it "
-    "does. Rare branches are found by a search along the orbit, and their probability from paths drawn near them; a "
-    "branch that neither the search nor the simulation has found is not listed."
-)
+WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
+CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
+"""Of each figure the parts of its caption, with a word of the legend that each needs."""
 NO_BRANCH = (
     "No path leaves the itinerary of the orbit without noise, and the search along it finds no branch that one in a "
     "billion paths take."
 )
-DISTANCE = "Distance of the section densities from the histograms, in units of the distance due to sampling alone:"
-WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
-DRIVE = "The driver's motion over a period, in units of that of one sine: the sum of its orders, and each of them."
-PREDICTED = " Dashed: the share that the branching closure predicts."
+NO_SPEED = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
+UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
+TIMED = " The time of a closure of one's own is measured on this machine; it is not compared with counted work."
 
 
-def _add(drawings: dict[str, Drawing], drawing: Drawing, name: str, parts: Sequence[tuple[str, str]]) -> Figure:
+def _add(drawings: dict[str, Drawing], drawing: Drawing, name: str, parts: Mapping[str, str]) -> Figure:
     """Add a drawing to those that are to be written; the block that shows it."""
-    drawings[f"figures/{name}"], caption = drawing, caption_of(drawing, parts)
+    drawings[f"figures/{name}"], caption = drawing, caption_of(drawing, parts.items())
     return Figure(f"figures/{name}.svg", caption, caption)
 
 
 def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSection:
     """One noise intensity of the page; its figures are added to the drawings."""
-    name, sigma = f"{number}-sigma-{sigma_text(v)}", f"σ = {sigma_text(v)}"
-    figures = [
-        _add(drawings, draw(v), f"{kind}-{name}", parts)
-        for kind, (draw, parts) in FIGURES.items()
-        if has_something(kind, v)
-    ]
-    failures = tables.failure_table(v)
-    found: list[Block] = [Text(FAILURES, note=True), failures] if failures.rows else [Text("Every check holds.")]
-    left = tables.leaving_table(v)
-    leaving: list[Block] = [Text(LEAVING, note=True), left] if left.rows else [Text(NO_BRANCH)]
-    errors: list[Block] = []
+    sigma, errors = sigma_text(v), list[Block]()
     for closure, prediction in v.predictions.items():
-        errors.append(tables.impact_table(v, closure, f"Errors of the {closure} closure per impact, {sigma}"))
+        errors.append(tables.impact_table(v, closure, f"Errors of the {closure} closure per impact, σ = {sigma}"))
         if prediction.stopped:
             errors.append(Text(f"The {closure} closure cannot be continued: {prediction.stopped}.", note=True))
-    return PageSection(
-        sigma,
-        (
-            Text(tables.simulation_text(v), note=True),
-            tables.reach_table(v),
-            tables.count_table(v),
-            *motion_blocks(v),
-            *figures,
-        ),
-        (
-            PageSection(f"Leaving the itinerary at {sigma}", tuple(leaving)),
-            PageSection(f"Realizability at {sigma}", (*found, Text(DISTANCE, note=True), tables.distance_table(v))),
-            PageSection(f"Errors per impact at {sigma}", tuple(errors)),
-        ),
-    )
+    left, failures = tables.list_leaving(v), tables.find_failures(v)
+    parts = {
+        "reach": tables.find_reach(v),
+        "counts": tables.count_verdicts(v),
+        "motion": motion_blocks(v),
+        "figures": [
+            _add(drawings, draw(v), f"{kind}-{number}-sigma-{sigma}", CAPTIONS[kind])
+            for kind, draw in FIGURES.items()
+            if has_something(kind, v)
+        ],
+        **({"leaving": left} if len(left) else {"no_leaving": Text(NO_BRANCH)}),
+        **({"failures": failures} if len(failures) else {"no_failures": Text("Every check holds.")}),
+        "distances": tables.find_distances(v),
+        "errors": errors,
+    }
+    values = {"sigma": sigma, "simulation": tables.simulation_text(v)}
+    return PageSection(f"σ = {sigma}", *lay_out("validation", parts, layout="sigma.md", **values))
 
 
 def _own_closures(v: Comparison) -> list[Block]:
@@ -130,60 +96,47 @@ def _page(
     schemes: pd.DataFrame | None,
 ) -> Page:
     """The page of the report; its figures are added to the drawings."""
-    caption = AGREEMENT + (PREDICTED if "branching" in validations[0].predictions else "")
-    agreement = _add(drawings, agreement_figure(validations), "agreement", ((caption, ""),))
-    own = _own_closures(validations[0])
-    words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=validations[0].scene.gears)
+    first = validations[0]
+    drawn = {text: "" for text, word in CAPTIONS["agreement"].items() if not word or word in first.predictions}
+    agreement = _add(drawings, agreement_figure(validations), "agreement", drawn)
+    words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=first.scene.gears)
+    explained, parts = [*_own_closures(first), words], dict[str, Any]()
+    marks = ", ".join(f"{SIGNS[m] or '–'} {verdict}" for verdict, m in tables.MARKS.items() if verdict != NOT_JUDGED)
+    values: dict[str, Any] = {
+        "rule": RULE,
+        "marks": marks,
+        "validity_paths": settings.validity_paths,
+        "unresolved": "",
+        "timed": "",
+    }
+    values["beside"] = 0 if schemes is None else schemes["paths"].max()
     if swept:
-        paths = (
-            f"{settings.validity_paths:,} paths of exact flights at each σ (no step bias), all with the same random "
-            "numbers. Each σ: `validity.csv`; what a simulation takes there: `simulation.csv`."
-        )
-        figure = _add(drawings, validity_figure(swept.validity, settings.impacts), "validity", VALIDITY)
-        opening: tuple[Block, ...] = (
-            figure,
-            tables.validity_table(swept.validity),
-            Text(paths, note=True),
-            *own,
-            words,
-        )
-        speeds = tables.speed_table(swept.speed)
-        note = SPEED + ("" if swept.speed["resolved"].all() else UNRESOLVED)
-        note += TIMED if swept.speed["speed_up"].isna().any() else ""
-        none = NONE.format("some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is")
-        blocks = (Text(note, note=True), speeds) if speeds.rows else (Text(none),)
-        sections = [
-            PageSection("Speed-up of each closure where it is accurate", blocks),
-            PageSection("How long the paths follow the itinerary", (agreement,)),
-        ]
+        figure = _add(drawings, validity_figure(swept.validity, settings.impacts), "validity", CAPTIONS["validity"])
+        parts |= {"validity_figure": figure, "validity": tables.merge_sigmas(swept.validity)}
+        parts |= {"agreement": agreement, "own_and_words": explained, "speed": tables.speed_rows(swept.speed)}
+        values |= {} if swept.speed["resolved"].all() else {"unresolved": UNRESOLVED}
+        values |= {"timed": TIMED} if swept.speed["speed_up"].isna().any() else {}
+        if swept.speed.empty:
+            del parts["speed"]
+            none = "some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"
+            parts["no_speed"] = Text(NO_SPEED.format(none))
     else:
-        opening, sections = (agreement, *own, words), []
-    marks = ", ".join(
-        f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in tables.MARKS.items() if verdict != NOT_JUDGED
-    )
-    legend = (
-        f"Marks: {marks}. Errors are closure minus simulation, corrected for the measured step bias, in units of the "
-        f"quantity's standard deviation, with the half width of their interval. {RULE}"
-    )
+        parts |= {"agreement_alone": agreement, "words_alone": explained}
     if schemes is not None:
-        ensembles: list[Block] = [Text(SCHEMES_NOTE.format(schemes["paths"].max()), note=True)]
-        for v in validations:
-            ensembles += [Text(f"At σ = {sigma_text(v)}:"), scheme_table(schemes, v.scene.sigma)]
-        sections.append(PageSection("Euler–Maruyama beside exact flights and the closures", tuple(ensembles)))
+        at = ((Text(f"At σ = {sigma_text(v)}:"), tables.scheme_table(schemes, v.scene.sigma)) for v in validations)
+        parts["schemes"] = [block for pair in at for block in pair]
     if claim := correlation_claim(validations):
-        sections.append(PageSection("Does |ρ| > 1 show that the density is not Gaussian?", (Text(claim),)))
-    sections.append(PageSection("How the tables are read", (Text(legend),)))
-    sections += [_section(v, number, drawings) for number, v in enumerate(validations, start=1)]
-    if validations[0].scene.drive != SINE_ALONE:
-        shown = _add(drawings, drive_figure(validations[0].scene), "drive", ((DRIVE, ""),))
-        sections.append(PageSection("The drive", (shown,)))
-    scene = Code(validations[0].scene.to_toml(), "toml")
+        parts["claim"] = Text(claim)
+    opening, sections = lay_out("validation", parts, **values)
+    sections += tuple(_section(v, number, drawings) for number, v in enumerate(validations, start=1))
+    if first.scene.drive != SINE_ALONE:
+        shown = _add(drawings, drive_figure(first.scene), "drive", CAPTIONS["drive"])
+        sections += (PageSection("The drive", (shown,)),)
+    scene = Code(first.scene.to_toml(), "toml")
     files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
     digests = {f"`{name}.csv`": f"sha256 {digest}" for name, digest in files.items() if digest}
     source = source_of(record, (Text("The scene at its first noise intensity:"), scene), digests)
-    return Page(
-        f"Can the closure be believed? {settings.name}", tuple(record["answer"]), source, opening, tuple(sections)
-    )
+    return Page(f"Can the closure be believed? {settings.name}", tuple(record["answer"]), source, opening, sections)
 
 
 def write_report(

@@ -110,7 +110,7 @@ class Validation(Comparison):
         """
         from rattle.compare.validation.figures import FIGURES, has_something
 
-        draw = FIGURES[choice("kind", kind, FIGURES)].draw
+        draw = FIGURES[choice("kind", kind, FIGURES)]
         if not has_something(kind, self):
             raise InputError("kind", kind, "needs a closure other than branching")
         return draw(self)

@@ -10,7 +10,7 @@ from rattle.compare.report import Block, Row, Table, TableCell, Text, numbers
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.realizability import first_failures, realizability_table, section_distances
-from rattle.compare.validation.verdict import ACCURATE, JUDGED, NOT_WRONG, VERDICTS
+from rattle.compare.validation.verdict import JUDGED, VERDICTS
 from rattle.scene.moments import STATE
 from rattle.scene.units import PRODUCTS, RATE
 
@@ -24,14 +24,18 @@ SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", 
 """Section moments that the page tabulates; the table files hold all of them."""
 
 
-def count_table(v: Comparison) -> Table:
+def count_verdicts(v: Comparison) -> pd.DataFrame:
     """Number of moments with each verdict, by closure and kind of moment."""
-    rows: list[Row] = []
-    for (closure, kind, moment), group in v.table.groupby(["closure", "kind", "moment"], sort=False):
-        name = "ρ at mid-flight" if kind == "fixed time" else f"section {moment}s"
-        name += ", paths on its itinerary" if kind == ON_ITINERARY else ""
-        rows.append([str(closure), name, *(int((group["verdict"] == w).sum()) for w in VERDICTS)])
-    return Table.of(["closure", "what", *numbers(*VERDICTS)], rows)
+    names = {
+        "fixed time": "ρ at mid-flight",
+        ON_ITINERARY: "section {}s, paths on its itinerary",
+        "section": "section {}s",
+    }
+    groups = v.table.groupby(["closure", "kind", "moment"], sort=False)["verdict"]
+    return pd.DataFrame(
+        {"closure": closure, "what": names[str(kind)].format(moment)} | {w: int((said == w).sum()) for w in VERDICTS}
+        for (closure, kind, moment), said in groups
+    )
 
 
 def _cell(row: pd.Series) -> TableCell:
@@ -63,68 +67,36 @@ def impact_table(v: Comparison, closure: str, summary: str) -> Table:
     return Table.of([*numbers(*columns), "realizable"], zip(*columns.values(), realizable, strict=True), summary)
 
 
-def failure_table(v: Comparison) -> Table:
-    """First failure of each check of realizability.
-
-    Returns: Without rows if no check fails.  Mixtures (branching) have no moments of a perturbation to check.
-    """
-    failures = first_failures(realizability_table([m for m in v.predictions.values() if m.trace.parts is None]))
-    rows: list[Row] = []
-    for closure, check, impact, stage, value, excess in failures.itertuples(index=False):
-        where = f"impact {impact}, " + (f"stage {stage}" if stage else "both stages")
-        rows.append([closure, check, where, f"{value:.3g}", f"{excess:.3g}"])
-    return Table.of(["closure", "check", "where", *numbers("value", "missed by")], rows)
+def find_failures(v: Comparison) -> pd.DataFrame:
+    """First failure of each check of realizability; mixtures (branching) have no moments of a perturbation to check."""
+    found = first_failures(realizability_table([m for m in v.predictions.values() if m.trace.parts is None]))
+    stages = found["stage"].map({0: "both stages"}).fillna("stage " + found["stage"].astype(str))
+    return found.assign(where="impact " + found["impact"].astype(str) + ", " + stages)
 
 
-def distance_table(v: Comparison) -> Table:
-    """Distances between predicted section density and histogram, by closure.
-
-    Returns: In units of the sampling floor: the distance that a sample of the true density would have.
-    """
+def find_distances(v: Comparison) -> pd.DataFrame:
+    """Distances between predicted section density and histogram by closure, over that of a sample of the true one."""
     table = pd.concat([section_distances(m, v.run) for m in v.predictions.values()], ignore_index=True)
     ratios = pd.DataFrame({name: table[name] / table[f"{name}_floor"] for name in ("kolmogorov", "total_variation")})
     found = ratios.groupby(table["closure"], sort=False).agg(["median", "max"])
-    rows: list[Row] = [
-        [name, *(format(value, form) for value, form in zip(values, (".2g", ".3g") * 2, strict=True))]
-        for name, *values in found.itertuples()
-    ]
-    return Table.of(["closure", *numbers("Kolmogorov, median", "worst", "total variation, median", "worst")], rows)
+    return found.set_axis(found.columns.map(" ".join), axis="columns").reset_index()
 
 
-def reach_table(v: Comparison) -> Table:
-    """Range of validity of each closure of a validation, and its cause."""
-    found = find_validities([v]).to_dict("records")
-    rows: list[Row] = [
-        [
-            f["closure"],
-            DESCRIBES[v.predictions[f["closure"]].method.describes],
-            *(f[name] for name in ("accurate", "not_inaccurate", "itinerary_accurate", "itinerary_not_inaccurate")),
-            f["why"],
-        ]
-        for f in found
-    ]
-    heads = (f"{ACCURATE} impact", NOT_WRONG, f"on its itinerary: {ACCURATE} impact", NOT_WRONG)
-    return Table.of(["closure", "whose moments it predicts", *numbers(*heads), "why it ends, of all paths"], rows)
+def find_reach(v: Comparison) -> pd.DataFrame:
+    """Range of validity of each closure of a validation, its cause, and which paths the closure describes."""
+    found = find_validities([v])
+    return found.assign(describes=[DESCRIBES[v.predictions[name].method.describes] for name in found["closure"]])
 
 
-def leaving_table(v: Comparison) -> Table:
+def list_leaving(v: Comparison) -> pd.DataFrame:
     """How paths leave the noise-free itinerary, by what they strike instead."""
-    rows: list[Row] = [
-        [
-            str(row["impact"]),
-            f"mesh {row['mesh']}, side {row['side']:+d}",
-            *(f"{row[name]:.3g}" for name in ("probability", "low", "high")),
-            "paths drawn near the branch" if row["near"] else "this simulation",
-        ]
-        for row in v.run.leaving.to_dict("records")
-    ]
-    numbered = numbers("probability", "95 % interval from", "to")
-    return Table.of([*numbers("impact"), "struck instead", *numbered, "known from"], rows)
+    found = v.run.leaving
+    return found.assign(known=np.where(found["near"].astype(bool), "paths drawn near the branch", "this simulation"))
 
 
-def validity_table(table: pd.DataFrame) -> Table:
-    """Range of validity of each closure over the noise intensity."""
-    rows: list[Row] = []
+def merge_sigmas(table: pd.DataFrame) -> pd.DataFrame:
+    """Range of validity of each closure; neighbouring noise intensities with the same range and cause are one row."""
+    rows = []
     for closure, group in table.groupby("closure", sort=False):
         group = group.sort_values("sigma")
         found = group[["accurate", "not_inaccurate", "cause"]]
@@ -132,28 +104,26 @@ def validity_table(table: pd.DataFrame) -> Table:
             first, last = same.iloc[0], same.iloc[-1]
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
             why = first["why"] if same["why"].nunique() == 1 else CAUSES[first["cause"]]
-            rows.append([str(closure), sigma, first["accurate"], first["not_inaccurate"], why])
-    return Table.of(["closure", *numbers("σ", f"{ACCURATE} impact", NOT_WRONG), "why it ends"], rows)
+            rows.append({"closure": closure, "sigma": sigma, **first[["accurate", "not_inaccurate"]], "why": why})
+    return pd.DataFrame(rows)
 
 
-def speed_table(table: pd.DataFrame) -> Table:
-    """Speed-up of each closure against a simulation of equal accuracy.
+def speed_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """Speed-up of each closure against a simulation of equal accuracy, in words where it is a bound or not known.
 
-    Returns: Where the interval of the worst error contains zero, the error is an upper and the speed-up a lower
-    bound.
+    Where the interval of the worst error contains zero, the error is an upper and the speed-up a lower bound.  The time
+    of a closure of one's own is measured, that of the simulation counted: they are not compared.
     """
-    rows: list[Row] = []
-    for row in table.sort_values(["closure", "sigma"]).to_dict("records"):
-        most, least = ("", "") if row["resolved"] else ("≤ ", "≥ ")
-        errors = f"{most}{row['worst']:.4f}", f"{row['median']:.4f}"
-        times = f"{1e3 * row['closure_seconds']:.2f} ms", f"{1e3 * row['simulation_seconds']:.3g} ms"
-        gain = f"{least}{float(format(row['speed_up'], '.2g')):g}"
-        if pd.isna(row["speed_up"]):  # of a closure of one's own: its time is measured, that of the simulation counted
-            times, gain = (f"{times[0]}, measured", times[1]), "–"
-        sigma, paths = f"{row['sigma']:.4g}", f"{row['paths']:,} paths"
-        rows.append([row["closure"], sigma, row["impacts"], *errors, *times, paths, gain])
-    heads = ("σ", "impacts", "worst error", "median", "closure", "simulation", "which takes", "speed-up")
-    return Table.of(["closure", *numbers(*heads)], rows)
+    rows = table.sort_values(["closure", "sigma"])
+    counted = rows["speed_up"].notna()
+    gains = [f"{float(format(gain, '.2g')):g}" for gain in rows["speed_up"]]
+    return rows.assign(
+        most=np.where(rows["resolved"], "", "≤ "),
+        own=[f"{1e3 * s:.2f} ms" for s in rows["closure_seconds"]]
+        + pd.Series(", measured", rows.index).mask(counted, ""),
+        simulated=1e3 * rows["simulation_seconds"],
+        gain=(pd.Series("≥ ", rows.index).mask(rows["resolved"], "") + gains).where(counted, "–"),
+    )
 
 
 def simulation_text(v: Comparison) -> str:
@@ -263,14 +233,6 @@ def _spreads(table: pd.DataFrame, name: str, variance: str = "") -> list[str]:
 NUMBERS = ("bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds")
 FORMS = {"dt": ".4g", "paths": ",.0f", **dict.fromkeys(NUMBERS, ".3g")}
 """How the page shows the columns of `rattle.compare.validation.validate.compare_schemes`."""
-
-SCHEMES_NOTE = (
-    "Each scheme with {:,} paths, and each closure, compared with the simulation of this report: the largest "
-    "difference of a mean and of an sd over all impacts, in sds of the quantity, and the processor time (for closures "
-    "the nominal one). For exact flights the difference is sampling error alone. The step bias is measured from dt, "
-    "2 dt and 4 dt on the same noise, and the time includes that; it is not subtracted from the differences "
-    "(`schemes.csv`)."
-)
 
 
 def scheme_table(found: pd.DataFrame, sigma: float) -> Table:

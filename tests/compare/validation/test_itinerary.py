@@ -8,7 +8,7 @@ from rattle.compare import validate
 from rattle.compare.validation.answer import answer, itinerary_sentence
 from rattle.compare.validation.comparison import find_validities, find_validity
 from rattle.compare.validation.errors import NO_ITINERARY, ON_ITINERARY, TOO_FEW_FOLLOW
-from rattle.compare.validation.tables import leaving_table, reach_table
+from rattle.compare.validation.tables import find_reach, list_leaving
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene, Start
@@ -55,9 +55,9 @@ def test_counts_and_ranges_of_all_paths_leave_these_rows_aside(compared):
     said = itinerary_sentence(find_validities([compared]), IMPACTS)[0]
     assert "`right` is accurate; all paths together: it is not" in said
     assert said in answer([compared])
-    whose = {row[0].text: row[1].text for row in reach_table(compared).rows}
+    whose = dict(find_reach(compared)[["closure", "describes"]].itertuples(index=False))
     assert whose == {"saltation": "paths on its itinerary", "right": "paths on its itinerary", "off": "not stated"}
-    assert any("mesh 2, side -1" in row[1].text for row in leaving_table(compared).rows)
+    assert len(list_leaving(compared).query("mesh == 2 and side == -1"))
 
 
 def test_branching_tells_the_paths_on_the_itinerary_from_all():

@@ -6,8 +6,9 @@ import pytest
 from rattle.compare.report.style import caption_of
 from rattle.compare.validation.answer import validity_sentence
 from rattle.compare.validation.comparison import Speed, Validity, find_validity
-from rattle.compare.validation.figures import VALIDITY, validity_figure
-from rattle.compare.validation.tables import validity_table
+from rattle.compare.validation.figures import validity_figure
+from rattle.compare.validation.page import CAPTIONS
+from rattle.compare.validation.tables import merge_sigmas
 from rattle.compare.validation.validate import read_grid, sweep, validate
 from rattle.compare.validation.verdict import NOT_WRONG, WRONG
 from rattle.scene import DAT21, InputError, Scene
@@ -56,9 +57,9 @@ def test_bad_grids_are_refused(text):
 
 def test_neighbours_with_one_range_of_validity_and_cause_share_a_row():
     table = pd.DataFrame([ended(0.01, 4, 4, "holds"), ended(0.1, 1, 2, why="a"), ended(0.2, 1, 2, why="b")])
-    rows = validity_table(table).rows
-    assert [row[1].text for row in rows] == ["0.01", "0.1 – 0.2"]
-    assert [row[-1].text for row in rows] == ["so", "paths have left its itinerary"]
+    rows = merge_sigmas(table)
+    assert rows["sigma"].tolist() == ["0.01", "0.1 – 0.2"]
+    assert rows["why"].tolist() == ["so", "paths have left its itinerary"]
 
 
 def test_sentence_says_up_to_where_everything_is_right():
@@ -106,6 +107,6 @@ def test_legend_and_caption_of_the_range_of_validity_name_what_is_there():
     for rows, undecided, wrong in ((holds, False, False), ([*holds, ended(0.2, 1, 2)], True, True)):
         figure = validity_figure(pd.DataFrame(rows), 4)
         words = [text.get_text() for text in figure.legends[0].get_texts()]
-        said = caption_of(figure, VALIDITY)
+        said = caption_of(figure, CAPTIONS["validity"].items())
         assert (f"{NOT_WRONG} here" in words, WRONG in words) == (undecided, wrong)
         assert ("to decide" in said, "A marker" in said) == (undecided, wrong)

@@ -7,7 +7,7 @@ import pytest
 from rattle.compare import validate
 from rattle.compare.validation.answer import answer, correlation_claim
 from rattle.compare.validation.comparison import CAUSES, find_validities, find_validity, rows_to_judge
-from rattle.compare.validation.tables import count_table, reach_table
+from rattle.compare.validation.tables import count_verdicts, find_reach
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED
 from rattle.scene import DAT21, Scene
 
@@ -98,9 +98,8 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     assert v.accurate
     found = find_validity(v, "saltation")
     assert (found.accurate, found.not_inaccurate) == (3, 3)
-    assert [row[2].text for row in reach_table(v).rows] == ["3"]
-    heads = [column.head for column in count_table(v).columns]
-    counts = [dict(zip(heads[2:], (int(cell.text) for cell in row[2:]), strict=True)) for row in count_table(v).rows]
+    assert find_reach(v)["accurate"].tolist() == [3]
+    counts = count_verdicts(v).to_dict("records")
     assert [c["inaccurate"] + c["undecided"] for c in counts] == [0] * 5
     assert [c["not judged"] for c in counts] == [3, 3, 0, 3, 3]  # means, sds, rho; those of the paths on its itinerary
     assert "`saltation` 30 of 30" in " ".join(answer([v]))
