@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from command_names import commands
 
 from rattle.closure import follow
-from rattle.compare.cli.main import MOVED, main
+from rattle.compare.cli.main import main
 from rattle.compare.study.design import Study
 from rattle.scene import DAT21, Scene
 
@@ -231,9 +231,3 @@ def test_the_page_of_commands_has_one_line_for_each(group):
     assert len(listed) <= 16
     assert all(line.endswith(".") and not line.endswith("...") for line in listed)
     assert max(map(len, text.splitlines())) <= 80
-
-
-def test_a_command_that_has_moved_is_named():
-    for old, new in MOVED.items():
-        found = rattle(old)
-        assert (found.exit_code, f"it is `rattle check {new}` now" in found.output) == (2, True)

@@ -14,11 +14,11 @@ from tqdm import tqdm
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.boundary.search import UNDECIDED, Edge, Point, critical, judge_value, search
-from rattle.compare.interrupt import BudgetEnded, stop_after
+from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
-from rattle.compare.sensitivity.parameters import Parameter, find_parameter
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.engine import Runner
+from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene.errors import InputError, count, positive

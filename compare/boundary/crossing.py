@@ -15,10 +15,10 @@ from tqdm import tqdm
 
 from rattle.compare.boundary.boundary import find_range, own_seed
 from rattle.compare.boundary.search import MOST, UNDECIDED, find_changes
-from rattle.compare.sensitivity.parameters import find_parameter
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.compare.study.engine import Runner
+from rattle.compare.study.parameters import find_parameter
 from rattle.compare.study.store import Store
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.statistics.intervals import half_width

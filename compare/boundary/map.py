@@ -14,9 +14,9 @@ import pandas as pd
 from rattle.closure.mean_map import find_closure
 from rattle.compare.boundary.boundary import boundary, find_range
 from rattle.compare.boundary.search import ACCURATE, WRONG, Edge
-from rattle.compare.sensitivity.parameters import find_parameter
 from rattle.compare.study.cluster import Cluster
 from rattle.compare.study.engine import Runner, run
+from rattle.compare.study.parameters import find_parameter
 from rattle.compare.study.store import Cell, Content, Store
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene.errors import InputError, RattleError, check_keys, count

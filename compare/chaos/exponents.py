@@ -100,21 +100,10 @@ class Exponents:
     @property
     def table(self) -> pd.DataFrame:
         """One row per exponent: ``of, exponent, value, low, high, rate, sum_error, impacts, time, regime, reason``."""
-        return pd.DataFrame(
-            {
-                "of": self.of,
-                "exponent": np.arange(1, self.value.size + 1),
-                "value": self.value,
-                "low": self.value - self.half,
-                "high": self.value + self.half,
-                "rate": self.rate,
-                "sum_error": self.sum_error,
-                "impacts": self.impacts,
-                "time": self.time,
-                "regime": self.regime.kind,
-                "reason": self.regime.reason,
-            }
-        )
+        numbers = {name: getattr(self, name) for name in ("rate", "sum_error", "impacts", "time")}
+        columns = {"of": self.of, "exponent": np.arange(1, self.value.size + 1), "value": self.value}
+        columns |= {"low": self.value - self.half, "high": self.value + self.half, **numbers}
+        return pd.DataFrame(columns | {"regime": self.regime.kind, "reason": self.regime.reason})
 
     def impacts_for(self, width: float) -> int:
         """Estimate the impacts that a given width of the largest exponent's interval takes."""

@@ -181,17 +181,8 @@ def spectra_tables(found: dict[tuple[str, str, str], Spectrum]) -> tuple[pd.Data
         columns = {"frequency": s.frequency, "power": s.power, "low": low, "high": high, "floor": s.floor}
         density.append(pd.DataFrame(key | columns))
         lines.append(s.lines.assign(**key))
-        summary.append(
-            key
-            | {
-                "variance": float(s.power.sum() * (s.frequency[1] - s.frequency[0])),
-                "lines": len(s.lines),
-                "narrow": int(s.lines["narrow"].sum()),
-                "line_share": 1.0 - s.floor_share,
-                "floor_share": s.floor_share,
-                "threshold": s.threshold,
-                "dof": s.dof,
-                "segments": s.segments,
-            }
-        )
+        variance = float(s.power.sum() * (s.frequency[1] - s.frequency[0]))
+        row = key | {"variance": variance, "lines": len(s.lines), "narrow": int(s.lines["narrow"].sum())}
+        row |= {"line_share": 1.0 - s.floor_share, "floor_share": s.floor_share}
+        summary.append(row | {"threshold": s.threshold, "dof": s.dof, "segments": s.segments})
     return pd.concat(density, ignore_index=True), pd.concat(lines, ignore_index=True), pd.DataFrame(summary)

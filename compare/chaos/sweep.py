@@ -22,15 +22,15 @@ from rattle.compare.chaos.record import in_threads
 from rattle.compare.report.texts import read_texts
 from rattle.scene.errors import InputError, choice, count, finite
 from rattle.scene.parts import Start
-from rattle.scene.scene import Scene
+from rattle.scene.scene import SWEPT, Scene
 from rattle.scene.types import Ints
 
 ALPHAS = "0.05:2.5:100"
-FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
 PUBLISHED = 30  # impacts through which the published map is followed at each value
 FOLLOWED = 400  # impacts through which moments are followed
 SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
 TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
+COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
 MAPS: dict[str, dict[str, str]] = read_texts("chaos")["maps"]
 """Of each closure the map that it iterates, the exponents of its means, and how its second moments grow along it."""
 
@@ -50,7 +50,7 @@ def values(name: str, text: str) -> tuple[float, ...]:
 
 def with_field(scene: Scene, name: str, value: float) -> Scene:
     """Return the same scene with another value of a field; a default start is adapted to new gaps."""
-    choice("field", name, FIELDS)
+    choice("field", name, SWEPT)
     usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
     changes: dict[str, Any] = {name: value} | ({"start": None} if usual else {})
     return replace(scene, **changes)
@@ -113,9 +113,8 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
 
 
 def _row(of: str, e: Exponents) -> dict[str, object]:
-    value, low, high = e.largest
-    found = {"of": of, "largest": value, "low": low, "high": high, "rate": e.rate, "sum_error": e.sum_error}
-    return found | {"impacts": e.impacts, "regime": e.regime.kind, "reason": e.regime.reason}
+    numbers = (*e.largest, e.rate, e.sum_error, e.impacts, e.regime.kind, e.regime.reason)
+    return {"of": of} | dict(zip(COLUMNS, numbers, strict=True))
 
 
 def _exponents_at(scene: Scene, width: float, seed: int) -> list[dict[str, object]]:
@@ -126,8 +125,7 @@ def _exponents_at(scene: Scene, width: float, seed: int) -> list[dict[str, objec
         m = mean_map(scene, impacts=PUBLISHED, closure="published")
         how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
         reason = f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"
-        row = {"of": "mean map (published)", "impacts": m.trace.found, "regime": "breaks down", "reason": reason}
-        rows.append(row)
+        rows.append({"of": "mean map (published)", "impacts": m.trace.found, "regime": "breaks down", "reason": reason})
     return rows
 
 

@@ -102,8 +102,7 @@ def stability(
     """
     from rattle.compare.checks.check import run_checks
     from rattle.compare.checks.extremes import ROWS
-    from rattle.compare.checks.stability.cell import moderate
-    from rattle.compare.checks.stability.chart import chart, covariance_table
+    from rattle.compare.checks.stability.chart import chart, covariance_table, moderate
     from rattle.compare.checks.stability.page import CONTENTS, write_stability
     from rattle.compare.report.folder import check_free
     from rattle.compare.report.provenance import Stopwatch, provenance

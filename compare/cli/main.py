@@ -1,6 +1,6 @@
 """The command ``rattle``."""
 
-from rattle.compare.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon, said
+from rattle.compare.report.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon, said
 
 with ends_soon(raises=False):
     import errno
@@ -21,9 +21,6 @@ with ends_soon(raises=False):
     from rattle.scene.text import harmless, line
 
 EXIT_BAD_INPUT = 2
-MOVED = {"selftest": "published", "extremes": "extremes", "stability": "stability", "bench": "speed"}
-"""Commands of earlier versions, which `rattle check` has now."""
-
 STORAGE = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room on that disk"),
     **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "choose another place"),
@@ -37,12 +34,6 @@ NO_TEMPORARY = ("MPLCONFIGDIR", "No usable temporary directory")
 
 class RattleGroup(click.Group):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """A command; one of an earlier version is refused by its name of today."""
-        if cmd_name in MOVED:
-            ctx.fail(f"No such command {cmd_name!r}; it is `rattle check {MOVED[cmd_name]}` now.")
-        return super().get_command(ctx, cmd_name)
 
     def main(self, *args: Any, **extra: Any) -> Any:
         """Run the command line; Ctrl-C ends it at once where no command runs."""

@@ -190,7 +190,5 @@ def _status(wanted: "Study", seen: "Store") -> str:
     todo = seen.missing(wanted.cells)
     lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results stored."]
     lines += [f"  missing: {number} {group}" for group, number in Counter(cell.group for cell in todo).items()]
-    aside = [p.read_text(encoding="utf-8", errors="replace") for p in sorted(seen.aside.glob("*.txt"))]
-    lines += [f"  set aside: {line(text)}" for text in aside]
     lines += [f"  {line(str(failure))}" for failure in group_failures(wanted.points, {})]
     return "\n".join(lines)

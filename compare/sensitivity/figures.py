@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rattle.compare.report.style import new_figure
-from rattle.compare.sensitivity.parameters import CHANGE, Parameter, find_parameters
+from rattle.compare.study.parameters import CHANGE, Parameter, find_parameters
 from rattle.scene.scene import Scene
 
 LESS, MORE, BENT = "#0072B2", "#D55E00", "#999999"

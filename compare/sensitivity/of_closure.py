@@ -13,8 +13,8 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
-from rattle.compare.sensitivity.parameters import CHANGE, find_parameters
 from rattle.compare.sensitivity.sensitivity import CONFIDENCE, factors_of, find_slopes
+from rattle.compare.study.parameters import CHANGE, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise

@@ -10,8 +10,8 @@ from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.sensitivity.figures import tornado
 from rattle.compare.sensitivity.of_closure import ClosureSensitivity
-from rattle.compare.sensitivity.parameters import CHANGE, STEPS
 from rattle.compare.sensitivity.sensitivity import Sensitivity
+from rattle.compare.study.parameters import CHANGE, STEPS
 
 CONTENTS = contents("sensitivity", figures=("sensitivity", "by_mesh"), tables=("sensitivity", "values"))
 """Names of all files in such a folder; a folder with any other file is not overwritten."""

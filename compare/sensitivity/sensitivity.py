@@ -13,9 +13,9 @@ import pandas as pd
 from scipy.stats import t as student
 from tqdm import tqdm
 
-from rattle.compare.sensitivity.parameters import CHANGE, STEPS, Parameter, find_parameters
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
+from rattle.compare.study.parameters import CHANGE, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene.errors import InputError, choice, positive
 from rattle.scene.scene import Scene

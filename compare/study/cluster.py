@@ -90,7 +90,6 @@ PATIENCE = 15.0
 
 Dask's nanny process restarts a worker that has died in less time.
 """
-LOADING = 60.0  # seconds in which a worker loads this package, which it does before it first answers
 WATCH = 1.0  # seconds between two questions to the scheduler which workers it has
 
 
@@ -120,7 +119,6 @@ class Cluster(Runner):
         self._client = connect(self.address, self.patience)
         try:
             self._client.wait_for_workers(1, timeout=self.patience)
-            self._check_versions()
             self.workers = sum(self._client.nthreads(callback_timeout=self.patience).values())
         except BaseException as error:
             self.__exit__()
@@ -184,28 +182,12 @@ class Cluster(Runner):
     def _refuse(self, why: str) -> InputError:
         return InputError("scheduler", self.address, why)
 
-    def _check_versions(self) -> None:
-        """Refuse workers of another numerical version: their results would differ."""
-        try:
-            versions = self._client.run(numerical_version, on_error="return", callback_timeout=LOADING)
-        except (CancelledError, OSError) as error:
-            raise self._refuse(f"or a worker of it does not answer ({error or type(error).__name__})") from None
-        own = numerical_version()
-        for worker, version in versions.items():
-            if isinstance(version, BaseException):  # the worker lacks this package, or has another Python
-                raise self._refuse(f"worker {worker} cannot run rattle ({version}); install the same version there")
-            if version != own:
-                raise self._refuse(_differ(worker, version, own))
-
 
 def compute_checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
     """On a worker: the result of some work, or Lost if the worker's numerical version is not `version`."""
     from distributed import get_worker
 
     if (own := numerical_version()) != version:
-        raise Lost(_differ(get_worker().address, own, version))
+        worker = get_worker().address
+        raise Lost(f"worker {worker} has numerical version {own}, here it is {version}: install the same there")
     return work(*given)
-
-
-def _differ(worker: str, version: str, own: str) -> str:
-    return f"worker {worker} has numerical version {version}, here it is {own}: install the same there, or stop it"

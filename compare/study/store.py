@@ -24,7 +24,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, SoftFileLock, Timeout
 
-from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path, within, write_whole
+from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path, within
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene.compiled import has_fma
@@ -166,9 +166,9 @@ class Store:
     """
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
-        self.folder, self.aside, self._locks = folder, folder / "set-aside", folder / "locks"
+        self.folder, self._locks = folder, folder / "locks"
         self._tries: Counter[str] = Counter()  # of cells that other processes compute, by process
-        within(folder, self._locks.name, self.aside.name)
+        within(folder, self._locks.name)
         if read_only:
             return
         try:
@@ -187,7 +187,7 @@ class Store:
         return [cell for cell in cells if not self.path(cell).exists()]
 
     def read(self, cell: Cell) -> Any:
-        """Read the result of a cell, None if there is none; a damaged or foreign file is moved to `aside`."""
+        """Read the result of a cell; None if there is none, or a damaged file, which will be replaced."""
         path = self.path(cell)
         try:
             return cell.restore(_parse(cell.key, path.read_bytes()))
@@ -198,7 +198,6 @@ class Store:
             if number is not None:  # the system's own: the file may be sound
                 how = "it stays as it is: remove the cause, and repeat the command"
                 raise self._refuse(f"{path.name} cannot be read ({os.strerror(number)}); {how}") from None
-            self._set_aside(path, str(error) or type(error).__name__)
         return None
 
     def write(self, cell: Cell, content: Content) -> None:
@@ -276,19 +275,6 @@ class Store:
 
     def _refuse(self, why: str) -> OutputError:
         return OutputError(f"out = {str(self.folder)!r}: {why}")
-
-    def _set_aside(self, path: Path, why: str) -> None:
-        """Move a file to `aside`, with a note of the reason."""
-        target = self.aside / path.name
-        try:
-            self.aside.mkdir(exist_ok=True)
-            os.replace(path, target)
-        except FileNotFoundError:
-            return
-        except OSError as error:
-            raise self._refuse(f"{path.name} is damaged and cannot be moved away ({error.strerror})") from None
-        with suppress(OutputError):  # the note is not essential
-            write_whole(target.with_suffix(".txt"), f"{path.name}: {(why.splitlines() or ['?'])[0][:200]}\n")
 
 
 def _parse(key: str, content: bytes) -> Content:

@@ -85,7 +85,6 @@ def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell,
         with pytest.raises(OutputError, match="stays as it is"):
             store.obtain(cell)
     assert store.path(cell).read_bytes() == content
-    assert not store.aside.exists()
     assert store.read(cell).section.equals(before.section)
 
 

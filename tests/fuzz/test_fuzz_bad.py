@@ -249,7 +249,6 @@ def damaged_cell(place, how):
         damaged.path(cell).write_bytes(mutated(good.path(cell).read_bytes(), how))
         found = damaged.read(cell)
         if found is None:
-            assert list(damaged.aside.glob("*.txt")), "set aside without a word"
             return "refused"
     pd.testing.assert_frame_equal(found.section, truth.section, check_exact=True)
     assert found.facts == truth.facts

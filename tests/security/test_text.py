@@ -96,10 +96,6 @@ def test_a_study_from_end_to_end(tmp_path):
     record = json.loads(rattle("study", file, "--out", tmp_path / "out", "--json", code=1).stdout)
     assert record["title"] == STEERING  # data are as they were
     assert "\\x1b]0;pwned" in rattle("show", tmp_path / "out").stdout
-    set_aside = tmp_path / "out" / "cells" / "set-aside"
-    set_aside.mkdir()
-    (set_aside / "x.txt").write_text(STEERING)
-    rattle("study", file, "--out", tmp_path / "out", "--status")
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -11,7 +11,7 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
-from rattle.compare.checks.claims import of_moments, of_motion
+from rattle.compare.checks.claims import judges
 from rattle.compare.checks.claims.evidence import (
     KINDS,
     NOT_REPRODUCED,
@@ -30,7 +30,7 @@ from rattle.compare.report.save import contents, save
 from rattle.compare.report.style import new_figure
 from rattle.compare.validation.verdict import join_words
 
-CLAIMS: list[Callable[[Evidence], PaperClaim]] = [(vars(of_moments) | vars(of_motion))[name] for name in TEXTS]
+CLAIMS: list[Callable[[Evidence], PaperClaim]] = [vars(judges)[name] for name in TEXTS]
 
 
 def judge(evidence: Evidence) -> list[PaperClaim]:

@@ -1,22 +1,240 @@
-"""The whole map, at admissible and longer steps and at the default step; and exact flights against their covariance."""
+"""The map: scenes on its axes with their references, verdicts on a scheme with a time step there, and the whole of it.
 
-from collections.abc import Sequence
+Steps are admissible and longer ones, and the default step; beside it stand exact flights against their covariance.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from tqdm import tqdm
 
-from rattle.compare.checks.stability.cell import AXES, BIASED, IMPACTS, UNSTABLE, judge, looks, reference
-from rattle.compare.validation.verdict import widest
-from rattle.montecarlo import Record, default_step, largest_step, simulate
-from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE
-from rattle.montecarlo.kernel.block import BLOCK
+from rattle.compare.validation.verdict import Tolerances, at_wall, widest
+from rattle.montecarlo import Ensemble, Record, default_step, largest_step, simulate
+from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE, diagnose_rare_branch, diagnose_short_step, motion_units
+from rattle.montecarlo.ensemble.simulate import extend
+from rattle.montecarlo.kernel.block import BLOCK, BlockResult
+from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.settings.plan import is_random, plan_of
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene import Start
+from rattle.scene import DAT21, Scene, Start
 from rattle.scene.flight import noise_covariance
+from rattle.scene.impact import next_impact, struck
 from rattle.scene.moments import SECTION, STATE
+from rattle.scene.types import Floats
+
+SIGMA, HALF_GAP = 0.3, 0.5
+PHASE, INSIDE = 1.0, 0.2  # of the start: its phase, and x2 over the half gap
+SPEED = 2.0  # speed of the start in the half gap of DAT21
+
+
+def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float = SIGMA, epsilon: float = 0.9) -> Scene:
+    """Build DAT21 with some fields changed, and a start at a matching speed.
+
+    The start is just before an impact at mesh 1, at a phase where the noise acts; the second stage is inside its gap,
+    so that the two meshes are not struck together.  The speed is proportional to the square root of the gap g, as under
+    constant acceleration.  It is at least ``(g sigma^2)^(1/3)``, which noise creates in a crossing, and at least g, so
+    that a wide gap is crossed before the velocity is damped.
+
+    Examples
+    --------
+    >>> moderate(gap=0.5).start.y1, round(moderate(gap=1e-8).start.y1, 6)
+    (2.0, 0.000965)
+    """
+    pair = Scene.from_gears(DAT21)
+    speed = max(SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
+    beta1, beta2 = (pair.beta1, pair.beta2) if beta is None else (beta, beta * pair.beta2 / pair.beta1)
+    start = Start(PHASE, gap, speed, INSIDE * gap, speed, mesh=1)
+    return replace(
+        pair, gears=None, start=start, beta1=beta1, beta2=beta2, gap1=gap, gap2=gap, sigma=sigma, epsilon=epsilon
+    )
+
+
+class MapAxis(NamedTuple):
+    """An axis of the map."""
+
+    symbol: str  # for the figure
+    values: tuple[float, ...]
+    scene: Callable[[float], Scene]  # gives the scene at a value
+
+
+AXES = {
+    "beta": MapAxis(r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3), lambda v: moderate(beta=v)),
+    "gap": MapAxis("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4), lambda v: moderate(gap=v)),
+    "sigma": MapAxis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4), lambda v: moderate(sigma=v)),
+    "epsilon": MapAxis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0), lambda v: moderate(epsilon=v)),
+}
+"""All axes by name."""
+
+
+IMPACTS = 4
+FINER = 4.0  # the default step of exact flights over the step of the reference
+MOST_KURTOSIS = 30.0  # excess kurtosis above which too few paths contribute to an sd for a reliable error
+CROSSINGS = 40.0  # horizon of a path, in crossings of a half gap at the speed of the start
+
+
+class Reference(NamedTuple):
+    """Reference section moments of a cell."""
+
+    columns: Mapping[str, NDArray[Any]]  # means, sds and their standard errors, as `Ensemble.columns`
+    # units of the errors, see `rattle.montecarlo.diagnostics.diagnostics.motion_units`; NaN where none is judged
+    unit: dict[str, Floats]
+    late: float  # share of the paths that did not complete their impacts before the horizon
+
+    @property
+    def moments(self) -> int:
+        """Number of means and sds that are judged."""
+        return 2 * sum(int(np.isfinite(unit).sum()) for unit in self.unit.values())
+
+
+def horizon_of(scene: Scene) -> float:
+    """Compute the time after which a path is abandoned."""
+    return CROSSINGS * scene.gap1 / abs(scene.start.y1)
+
+
+def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference:
+    """Compute the reference by exact flights at a quarter of their default step, or by root finding without noise.
+
+    Not judged are the quantities that `rattle.compare.validation.verdict.RULE` leaves out, and those whose variance
+    comes from less than about 3 % of the paths, for which standard errors are unreliable.
+    """
+    if scene.sigma == 0.0:
+        columns: Mapping[str, NDArray[Any]] = _orbit(scene)
+        late = 0.0
+    else:
+        step, sampling = default_step(scene, "exact-flight") / FINER, Sampling(horizon=horizon_of(scene))
+        run = simulate(scene, paths=paths, impacts=IMPACTS, dt=step, rng=seed, sampling=sampling, workers=workers)
+        columns, late = run.columns, run.unfinished / run.paths
+    unit = motion_units(columns, scene)
+    for q in SECTION:
+        rare = np.nan_to_num(columns["kurt_" + q]) > MOST_KURTOSIS
+        unit[q] = np.where(at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q]), np.nan, unit[q])
+    return Reference(columns, unit, late)
+
+
+def _orbit(scene: Scene) -> dict[str, Floats]:
+    """The noise-free path by root finding, in the columns of an ensemble."""
+    c, tau = scene.constants, scene.start.tau
+    x1, y1, x2, y2 = scene.start_state
+    if scene.start.mesh:
+        y1, y2 = struck(c, scene.start.mesh, y1, y2)
+    rows = np.full((IMPACTS, len(SECTION) + 1), np.nan)
+    for k in range(IMPACTS):
+        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, horizon_of(scene))
+        if mesh <= 0:
+            break
+        tau += t
+        rows[k] = tau, t, x1, y1, x2, y2, mesh
+        y1, y2 = struck(c, mesh, y1, y2)
+    columns = {q: rows[:, i] for i, q in enumerate(SECTION)} | {"mesh": rows[:, -1]}
+    nothing = np.zeros(IMPACTS)
+    return columns | {prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")}
+
+
+UNBIASED, BIASED, UNDECIDED, UNSTABLE, COLLAPSING = "unbiased", "biased", "undecided", "unstable", "no limit"
+FIRST = 2 * BLOCK  # paths of the first attempt at a verdict
+GROWTH = 8  # factor on the number of paths while the verdict is undecided
+LATE = 0.05  # admissible excess of the share of abandoned paths over that of the reference
+FAST = 10.0  # speeds above so many times those of the reference count as unstable
+
+
+class Judged(NamedTuple):
+    """The verdict on a cell, with its evidence."""
+
+    # ``unbiased``: all moments are within the tolerance, intervals included.  ``biased``: one of
+    # them is outside, interval included.  ``undecided``: neither.  ``unstable``: moments are not finite, speeds are
+    # ten times too large, or paths are abandoned.  ``no limit``: the scheme cannot converge as the step decreases
+    verdict: str
+    # error, half: error of the decisive moment, and the half width of its interval, in units of the tolerance
+    error: float
+    half: float
+    where: str  # the decisive moment, or the kind of instability
+    # whether the run reports a diagnostic of its step; that a default step was shortened does not count
+    diagnosed: bool
+    paths: int  # simulated paths
+    moments: int  # number of moments that are judged
+
+
+def looks(paths: int) -> int:
+    """Compute how often a verdict may be attempted, for the simultaneous intervals.
+
+    Examples
+    --------
+    >>> looks(FIRST), looks(FIRST + 1), looks(FIRST * GROWTH**2)
+    (1, 2, 3)
+    """
+    number, tried = FIRST, 1
+    while number < paths:
+        number, tried = number * GROWTH, tried + 1
+    return tried
+
+
+def simulate_any(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:
+    """Simulate with any time step, admissible or not."""
+    chosen: dict[str, Any] = {"dt": dt, "scheme": scheme, "rng": seed, "any_step": True}
+    sampling = Sampling(horizon=max(horizon_of(scene), 4.0 * dt))
+    plan = plan_of(scene, paths=paths, impacts=IMPACTS, sampling=sampling, **chosen)
+    merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
+    return Ensemble(plan, paths, merged, None, None, 0.0)
+
+
+def judge(
+    scene: Scene, beside: Reference, *, scheme: str, dt: float, paths: int, seed: int, workers: int, z: float
+) -> Judged:
+    """Simulate a cell, with more paths while the verdict is undecided, and judge it."""
+    with np.errstate(all="ignore"):  # unstable runs overflow
+        run = simulate_any(scene, scheme=scheme, dt=dt, paths=min(paths, FIRST), seed=seed, workers=workers)
+        while (found := _verdict(run, beside, z))[0] == UNDECIDED and run.paths < paths and is_random(scene):
+            run = extend(run, min(paths, GROWTH * run.paths), in_threads(workers))
+        diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(diagnose_rare_branch(run))
+        return Judged(*found, diagnosed, run.plan.paths, beside.moments)
+
+
+def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, float, str]:
+    a, b = run.columns, beside.columns
+    parts = [
+        (np.abs(a[p + q] - b[p + q]) / unit, z * np.hypot(a["se_" + p + q], b["se_" + p + q]) / unit, f"{name} of {q}")
+        for p, name, tolerance in (("", "mean", Tolerances().mean), ("sd_", "sd", Tolerances().sd))
+        for q in SECTION
+        for unit in (tolerance * beside.unit[q],)
+    ]
+    counts = np.isfinite(np.concatenate([beside.unit[q] for _ in range(2) for q in SECTION]))
+    error, half = (np.concatenate([part[i] for part in parts])[counts] for i in (0, 1))
+    names = np.array([f"{part[2]} at impact {k}" for part in parts for k in range(1, IMPACTS + 1)])[counts]
+
+    def at(of: Floats) -> tuple[float, float, str]:
+        k = int(np.nan_to_num(of, nan=np.inf).argmax())
+        return float(error[k]), float(half[k]), str(names[k])
+
+    wrong = _describe_instability(run, beside)
+    if run.scene.sigma > 0.0 and run.scene.epsilon == 0.0:
+        return COLLAPSING, *at(error)[:2], "at restitution 0 noise makes infinitely many impacts in a finite time"
+    if wrong:
+        return UNSTABLE, *at(error)[:2], wrong
+    if (error - half > 1.0).any():
+        return BIASED, *at(error - half)
+    return (UNBIASED if (error + half <= 1.0).all() else UNDECIDED, *at(error + half))
+
+
+def _describe_instability(run: Ensemble, beside: Reference) -> str:
+    """Description of an instability; empty if there is none."""
+    reached = np.isfinite(beside.columns["tau"])
+    if not all(np.isfinite(run.columns[q][reached]).all() for q in ("tau", "y1", "y2", "sd_y1", "sd_y2")):
+        return "moments are not finite"
+    ours, theirs = (
+        max(float(np.nanmax(np.hypot(c[y], c["sd_" + y]))) for y in ("y1", "y2")) for c in (run.columns, beside.columns)
+    )
+    if ours > FAST * theirs:
+        return f"speeds are {ours / theirs:.1e} times those of the reference"
+    if run.unfinished > (beside.late + LATE) * run.paths:
+        return f"{run.unfinished / run.paths:.0%} of the paths were abandoned"
+    return ""
+
 
 REFERENCE = 4  # the reference has so many times the paths of a cell
 SHARES = (1 / 32, 1 / 8, 1 / 2, 1.0, 4.0, 16.0)
@@ -29,7 +247,7 @@ class Chart(NamedTuple):
 
     # A row for each cell: ``scheme, axis, value, dt, share`` (dt over the longest admissible step), ``why`` (what
     # limits that step), ``default`` (whether dt is the default step), and the attributes of
-    # `rattle.compare.checks.stability.cell.Judged`
+    # `Judged`
     table: pd.DataFrame
     z: float  # half width of the intervals in standard errors, for 95 % simultaneous coverage
 

@@ -12,8 +12,16 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from rattle.compare.checks.check import Result, extreme_record, worst_error
-from rattle.compare.checks.stability.cell import AXES, BIASED, COLLAPSING, IMPACTS, UNBIASED, UNDECIDED, UNSTABLE
-from rattle.compare.checks.stability.chart import Chart
+from rattle.compare.checks.stability.chart import (
+    AXES,
+    BIASED,
+    COLLAPSING,
+    IMPACTS,
+    UNBIASED,
+    UNDECIDED,
+    UNSTABLE,
+    Chart,
+)
 from rattle.compare.report import Page
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.provenance import source_of

@@ -12,13 +12,13 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 from rattle.closure import CLOSURES
-from rattle.compare.chaos.sweep import FIELDS
-from rattle.compare.checks.stability.cell import AXES
+from rattle.compare.checks.stability.chart import AXES
 from rattle.compare.cli import shared
 from rattle.compare.cli.init import template
 from rattle.compare.cli.main import main
 from rattle.montecarlo import SCHEMES, simulate
 from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
+from rattle.scene.scene import SWEPT
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[3] / "examples").glob("*.toml"))
 
@@ -30,7 +30,7 @@ def rattle(*words):
 @pytest.mark.parametrize(
     ("listed", "table"),
     [
-        (shared.SCHEMES, SCHEMES), (shared.CLOSURES, CLOSURES), (shared.FIELDS, FIELDS), (shared.AXES, AXES),
+        (shared.SCHEMES, SCHEMES), (shared.CLOSURES, CLOSURES), (shared.FIELDS, SWEPT), (shared.AXES, AXES),
     ],
 )  # fmt: skip
 def test_the_lists_of_the_options_are_those_of_the_modules(listed, table):

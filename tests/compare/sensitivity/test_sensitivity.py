@@ -9,8 +9,8 @@ import pytest
 from rattle import DAT21, InputError, Order, Scene, Tolerance, sensitivity
 from rattle.compare.sensitivity.figures import lever_sentences, tornado
 from rattle.compare.sensitivity.page import sensitivity_page
-from rattle.compare.sensitivity.parameters import STEPS, find_parameter, find_parameters
 from rattle.compare.sensitivity.sensitivity import _effect
+from rattle.compare.study.parameters import STEPS, find_parameter, find_parameters
 
 # Noise alone drives this stage: in the long run all that it supplies, sigma^2 (1 + beta1^2) / 4, is lost in impacts.
 NOISE_ALONE = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)

@@ -13,9 +13,9 @@ from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import Mean
 from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.checks.claims import evidence as of_evidence
-from rattle.compare.checks.claims import of_moments, of_motion
+from rattle.compare.checks.claims import judges
 from rattle.compare.checks.claims.evidence import NOT_REPRODUCED, REPRODUCED, UNDECIDED, gather, table
-from rattle.compare.checks.claims.of_moments import MEND_15, MEND_17, MEND_BOTH, PUBLISHED, failures
+from rattle.compare.checks.claims.judges import MEND_15, MEND_17, MEND_BOTH, PUBLISHED, failures
 from rattle.compare.checks.claims.page import CLAIMS, answer, judge, write_claims
 from rattle.compare.cli.main import main
 from rattle.compare.report.json_text import read_page
@@ -67,19 +67,19 @@ def test_verdicts_on_dat21(claims, name, verdict):
 
 def test_another_covariance_would_not_pass_for_the_solution(evidence):
     control = replace(evidence, open_space=replace(evidence.open_space, beta1=0.3))
-    assert of_moments.solvable(control).verdict == UNDECIDED
+    assert judges.solvable(control).verdict == UNDECIDED
 
 
 def test_a_corrected_correlation_beyond_one_would_reproduce_the_claim(evidence):
     v = evidence.validations[0]
     rows = v.correlation.assign(rho=v.correlation["rho"].where(v.correlation["closure"] != "corrected", 1.2))
     control = replace(evidence, validations=[replace(v, correlation=rows), *evidence.validations[1:]])
-    assert of_moments.beyond_one(control).verdict == REPRODUCED
+    assert judges.beyond_one(control).verdict == REPRODUCED
 
 
 def test_impacts_that_alternate_would_reproduce_the_claim(evidence):
     control = replace(evidence, repeats=dict.fromkeys(("orbit", "noisy"), Mean(0.0, 0.0, 32.0)))
-    assert of_motion.counter_meshes(control).verdict == REPRODUCED
+    assert judges.counter_meshes(control).verdict == REPRODUCED
 
 
 @pytest.mark.parametrize(
@@ -91,8 +91,8 @@ def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     sign = sweep["alpha"].map(dict(zip((0.3, 1.0, 2.0), signs, strict=True)))
     control = sweep.assign(alpha=sweep["alpha"].replace(0.3, 0.1), low=sign - 0.1, high=sign + 0.1)
     chaos = replace(evidence.chaos, sweep=control)
-    assert of_motion.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
-    controlled = of_motion.control(replace(evidence, chaos=chaos)).verdict
+    assert judges.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
+    controlled = judges.control(replace(evidence, chaos=chaos)).verdict
     assert (controlled == REPRODUCED) == (len(set(signs)) == 2)
 
 
@@ -108,7 +108,7 @@ def test_alpha_outside_the_range_and_an_orbit_that_sticks_at_times_are_said(evid
     """The paper says nothing of alpha outside its range; positive exponents there refute nothing."""
     sweep = evidence.chaos.sweep
     positive = sweep.assign(low=0.1, high=0.2, regime="sticks at times")
-    found = of_motion.chaotic_range(replace(evidence, chaos=replace(evidence.chaos, sweep=positive)))
+    found = judges.chaotic_range(replace(evidence, chaos=replace(evidence.chaos, sweep=positive)))
     assert found.verdict == REPRODUCED
     assert "of α outside the paper says nothing" in found.test
     assert (
@@ -141,7 +141,7 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
     """The published map ends, so the claims on its mean velocity are not reproduced as they stand."""
     assert evidence.mean.periodic
     assert evidence.mean.share == pytest.approx((0.018, 0.006), abs=0.01)
-    narrow, continuous = of_motion.narrow_bands(evidence), of_motion.continuous(evidence)
+    narrow, continuous = judges.narrow_bands(evidence), judges.continuous(evidence)
     for claim in (narrow, continuous):
         assert "The published map ends at impact 21 and has no spectrum." in claim.evidence
         assert claim.verdict.endswith("; the published map ends before it has a spectrum")
@@ -149,10 +149,10 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
     assert "the ensemble's mean" not in continuous.verdict
     assert "single noisy paths" in continuous.verdict
     drifts = replace(evidence, mean=evidence.mean._replace(largest=9.0))
-    assert "the ensemble's mean" in of_motion.continuous(drifts).verdict
+    assert "the ensemble's mean" in judges.continuous(drifts).verdict
     maps = evidence.chaos.maps.assign(ends=evidence.chaos.maps["followed"])
     goes_on = replace(drifts, chaos=replace(evidence.chaos, maps=maps))
-    assert of_motion.continuous(goes_on).verdict == REPRODUCED
+    assert judges.continuous(goes_on).verdict == REPRODUCED
 
 
 def test_a_mean_that_still_depends_on_the_start_is_not_periodic(monkeypatch):
@@ -173,9 +173,7 @@ def test_quotation_marks_are_around_the_papers_own_words(claims):
 def test_a_right_mean_map_would_reproduce_the_claim(evidence):
     last = evidence.validations[-1]
     control = replace(last, table=last.table.assign(verdict="accurate"))
-    assert (
-        of_moments.describes(replace(evidence, validations=[*evidence.validations[:-1], control])).verdict == REPRODUCED
-    )
+    assert judges.describes(replace(evidence, validations=[*evidence.validations[:-1], control])).verdict == REPRODUCED
 
 
 def test_a_section_of_few_points_is_not_fuzzy(evidence):
@@ -183,7 +181,7 @@ def test_a_section_of_few_points_is_not_fuzzy(evidence):
     few = np.zeros_like(section.counts)
     few[:, :5, :5] = 100
     chaos = replace(evidence.chaos, sections={**evidence.chaos.sections, "orbit": replace(section, counts=few)})
-    assert of_motion.fuzzy(replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
+    assert judges.fuzzy(replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
 
 
 @pytest.mark.usefixtures("undrawn")

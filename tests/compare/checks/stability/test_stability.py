@@ -10,20 +10,19 @@ from click.testing import CliRunner
 
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import extreme
-from rattle.compare.checks.stability import cell as cells
 from rattle.compare.checks.stability import chart as charts
-from rattle.compare.checks.stability.cell import (
+from rattle.compare.checks.stability.chart import (
     AXES,
     BIASED,
     COLLAPSING,
     UNBIASED,
     UNDECIDED,
     UNSTABLE,
+    Chart,
     judge,
     moderate,
     reference,
 )
-from rattle.compare.checks.stability.chart import Chart
 from rattle.compare.checks.stability.page import answer, summary
 from rattle.compare.cli.main import main
 from rattle.compare.report.json_text import read_page
@@ -155,7 +154,7 @@ def _longest(row):
 
 
 def test_undiagnosed_bias_ends_with_an_exit_code(tmp_path, monkeypatch):
-    monkeypatch.setattr(cells.Ensemble, "diagnostics", ())
+    monkeypatch.setattr(charts.Ensemble, "diagnostics", ())
     done = run(tmp_path, "--scheme", "euler-maruyama")
     assert done.exit_code == 1
     assert "without a diagnostic: a defect." in done.output

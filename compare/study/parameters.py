@@ -4,13 +4,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from rattle.compare.chaos.sweep import FIELDS
-from rattle.compare.study.design import FIELDS as ALL
-from rattle.compare.study.design import ORDER, make_scene, table_of
+from rattle.compare.study.design import FIELDS, ORDER, make_scene, table_of
 from rattle.scene.errors import choice
 from rattle.scene.gears import Gears
 from rattle.scene.parts import SINE_ALONE, Start
-from rattle.scene.scene import FREE, Scene
+from rattle.scene.scene import FREE, SWEPT, Scene
 
 CHANGE = 0.01  # the change of a parameter that effects are stated for
 STEPS = (0.02, 0.04)  # relative changes of a parameter at which the motion is simulated, up and down
@@ -72,7 +70,7 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     """
     gears = scene.gears
     if gears is None:
-        values = {name: getattr(scene, name) for name in FIELDS if scene.stages == 2 or name not in SECOND}
+        values = {name: getattr(scene, name) for name in SWEPT if scene.stages == 2 or name not in SECOND}
     else:
         values = {"amplitude": gears.amplitude} | {k: v for k, v in gears.values.items() if k != "alpha"}
         if scene.stages == 1:
@@ -101,7 +99,7 @@ def find_parameter(scene: Scene, name: str) -> Parameter:
         return known[name]
     if not ORDER.fullmatch(name):
         missing = (*known, *NOT_REAL, *(SECOND if scene.stages == 1 else ()))
-        choice("over", name, [*known, *(other for other in ALL if other not in missing)])
+        choice("over", name, [*known, *(other for other in FIELDS if other not in missing)])
     phases = {f"drive.{one.order}.phase": one.phase for one in scene.drive}
     own: Any = scene
     for field in name.split("."):
