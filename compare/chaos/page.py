@@ -12,11 +12,10 @@ from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
 from rattle.compare.chaos.sweep import crossings, say_crossings, signs
-from rattle.compare.report import Figure, Page, Text, table_of
+from rattle.compare.report import Figure, Text, table_of
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
-from rattle.compare.report.provenance import source_of
-from rattle.compare.report.save import contents, save
-from rattle.compare.report.texts import lay_out, read_texts
+from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words
 
@@ -75,12 +74,9 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
         shown["lines"] = tables["lines"]
     if found.finite_size is not None:
         shown["fsle"] = table_of(found.finite_size, summary="All distances")
-    laid_out = lay_out("chaos", shown, field=found.field)
-    said = answer(found, tables)
-    page = Page(f"Chaos of {record['name']}", tuple(said), source_of(record), *laid_out)
-    settings: dict[str, Any] = {"allowed": CONTENTS, "digits": "%.10g", "overwrite": overwrite}
-    save(out, "chaos", page, record, figures=figures, tables=tables, **settings)
-    return said
+    files: dict[str, Any] = {"figures": figures, "tables": tables, "digits": "%.10g", "values": {"field": found.field}}
+    title, said = f"Chaos of {record['name']}", answer(found, tables)
+    return save_report(out, "chaos", title, said, record, shown, allowed=CONTENTS, overwrite=overwrite, **files)
 
 
 def _exponents(e: Exponents, name: str) -> str:

@@ -23,9 +23,8 @@ FALSE_ALARM = 1e-3
 ROUNDING = 4e-15
 """A few roundings of a double: the default bound where a formula is compared with 400-digit arithmetic."""
 
-RESULT_HEAD = ("result", "check nearest to failing", "found", "truth", "se", "z", "controls", "s", "verdict")
-EXTREME_HEAD = ("extreme", "field", "worst", "allowed", "relative to", "verdict")
-NUMBERS = {"found", "truth", "se", "z", "controls", "s", "worst", "allowed"}  # columns with right alignment
+HEAD = ("result", "check nearest to failing", "found", "truth", "se", "z", "controls", "s", "verdict")
+NUMBERS = {"found", "truth", "se", "z", "controls", "s"}  # columns with right alignment
 
 
 class Check(NamedTuple):
@@ -231,37 +230,40 @@ def worst_of(errors: Iterable[float]) -> float:
     return max((math.inf if math.isnan(e) else e for e in errors), default=math.inf)
 
 
-def align(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """An aligned table: its head, a rule, and a line for each row."""
-    width = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    right = [name in NUMBERS for name in head]
-    lines = [
-        "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, width, right, strict=True)).rstrip()
-        for row in (head, *rows)
-    ]
-    return [lines[0], "-" * max(map(len, lines)), *lines[1:]]
-
-
 def verdict(holds: bool) -> str:
     """A verdict in a word."""
     return "holds" if holds else "FAILS"
 
 
 def result_lines(results: Sequence[Result], *, all_checks: bool = False) -> list[str]:
-    """Format published results: a row for each, the failures below, and a summary.
+    """Format results: a row for each, the failures below, and a summary.
 
     `all_checks`: Whether to list every check and every negative control below the table, not only failures.
+
+    Examples
+    --------
+    >>> E = Result("E", "mpmath", "0 to 1e3", [Check("beta", 2e-16, 0.0, slack=4e-15)], {}, 4e-15, "its value")
+    >>> print(result_lines([E])[-1])
+    1 of 1 results hold; 1 checks, 0 of them statistical; 0 of 0 negative controls rejected; 0 s.
     """
-    out = align(RESULT_HEAD, [_result_row(result) for result in results])
+    rows = [HEAD, *map(_result_row, results)]
+    width = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    right = [name in NUMBERS for name in HEAD]
+    head, *lines = (
+        "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, width, right, strict=True)).rstrip()
+        for row in rows
+    )
+    out = [head, "-" * max(map(len, [head, *lines])), *lines]
     for result in results:
         out += _details(result, all_checks)
     checks = [check for result in results for check in result.checks]
     rejections = [rejected for result in results for rejected in result.rejections.values()]
+    bounds = {result.allowed for result in results for check in result.checks if check.se > 0.0}
+    each = f", each allowed {bounds.pop():.2f} standard errors (false alarm {FALSE_ALARM:g} over all)" if bounds else ""
     summary = (
         f"{sum(result.holds for result in results)} of {len(results)} results hold; {len(checks)} checks, "
-        f"{sum(c.se > 0.0 for c in checks)} of them statistical, each allowed {results[0].allowed:.2f} standard errors "
-        f"(false alarm {FALSE_ALARM:g} over all); {sum(rejections)} of {len(rejections)} negative controls rejected; "
-        f"{sum(result.seconds for result in results):.0f} s."
+        f"{sum(c.se > 0.0 for c in checks)} of them statistical{each}; {sum(rejections)} of {len(rejections)} negative "
+        f"controls rejected; {sum(result.seconds for result in results):.0f} s."
     )
     return [*out, summary]
 
@@ -270,7 +272,8 @@ def _result_row(result: Result) -> tuple[str, ...]:
     worst = result.worst
     rejected = f"{sum(result.rejections.values())} of {len(result.controls)}"
     numbers = f"{worst.found:.6g}", f"{worst.truth:.6g}", *_error(worst), rejected, f"{result.seconds:.1f}"
-    return result.name, worst.quantity, *numbers, verdict(result.holds)
+    relative = f", relative to {result.unit}" if result.unit not in ("", "z") else ""
+    return result.name, worst.quantity + relative, *numbers, verdict(result.holds)
 
 
 def _error(check: Check) -> tuple[str, str]:
@@ -294,7 +297,7 @@ def _details(result: Result, everything: bool) -> list[str]:
 
 
 def results_record(results: Sequence[Result], seed: int) -> dict[str, Any]:
-    """Published results as plain data."""
+    """Results as plain data."""
     return {
         "holds": all(result.holds for result in results),
         "false_alarm": FALSE_ALARM,
@@ -316,28 +319,3 @@ def worst_error(result: Result) -> tuple[str, str, str]:
     if result.unit == "z":
         return f"{result.worst.found:.2f}", f"{result.allowed:.2f}", "standard errors"
     return f"{result.worst.found:.1e}", f"{result.allowed:.1e}", result.unit
-
-
-def extreme_lines(results: Sequence[Result], *, ranges: bool = False) -> list[str]:
-    """Format checks at extreme values: a row for each, and a summary.
-
-    `ranges`: Whether to print range and reference below each row, not only below those that fail.
-
-    Examples
-    --------
-    >>> E = Result("E", "mpmath", "0 to 1e3", [Check("beta", 2e-16, 0.0, slack=4e-15)], {}, 4e-15, "its value")
-    >>> for line in extreme_lines([E]):
-    ...     print(line)
-    extreme  field    worst  allowed  relative to  verdict
-    ------------------------------------------------------
-    E        beta   2.0e-16  4.0e-15  its value    holds
-    1 of 1 extreme-value checks passed.
-    """
-    rows = [(r.name, r.worst.quantity, *worst_error(r), verdict(r.holds)) for r in results]
-    head, rule, *aligned = align(EXTREME_HEAD, rows)
-    out = [head, rule]
-    for result, line in zip(results, aligned, strict=True):
-        out.append(line)
-        if ranges or not result.holds:
-            out.append(f"    {result.statement}; against: {result.reference}")
-    return [*out, f"{sum(result.holds for result in results)} of {len(results)} extreme-value checks passed."]

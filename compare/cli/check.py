@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
 
 if TYPE_CHECKING:
+    from rattle.compare.checks.check import Result
     from rattle.scene import Scene
 
 EXIT_BROKEN = 1
@@ -23,6 +24,17 @@ def exit_if_broken(holds: Iterable[bool]) -> None:
     """Exit with code 1 unless every check holds."""
     if not all(holds):
         sys.exit(EXIT_BROKEN)
+
+
+def show_results(results: "Sequence[Result]", all_checks: bool, as_json: bool, record: object) -> None:
+    """Print results as a table or as JSON, and exit with code 1 unless all hold."""
+    from rattle.compare.checks.check import result_lines
+
+    if as_json:
+        say_json(record)
+    else:
+        say_lines(result_lines(results, all_checks=all_checks))
+    exit_if_broken(result.holds for result in results)
 
 
 @click.group()
@@ -43,15 +55,11 @@ def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, a
 
     Exit codes: 0 all results hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.check import result_lines, results_record, run_checks
+    from rattle.compare.checks.check import results_record, run_checks
     from rattle.compare.checks.published import RESULTS
 
     found = run_checks(RESULTS, names, seed=seed, workers=workers)
-    if as_json:
-        say_json(results_record(found, seed))
-    else:
-        say_lines(result_lines(found, all_checks=all_checks))
-    exit_if_broken(result.holds for result in found)
+    show_results(found, all_checks, as_json, results_record(found, seed))
 
 
 @check.command()
@@ -64,15 +72,11 @@ def extremes(ranges: bool, as_json: bool) -> None:
 
     Exit codes: 0 all rows hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.check import extreme_lines, extreme_record, run_checks
+    from rattle.compare.checks.check import extreme_record, run_checks
     from rattle.compare.checks.extremes import ROWS
 
     rows = run_checks(ROWS)
-    if as_json:
-        say_json([extreme_record(row) for row in rows])
-    else:
-        say_lines(extreme_lines(rows, ranges=ranges))
-    exit_if_broken(row.holds for row in rows)
+    show_results(rows, ranges, as_json, [extreme_record(row) for row in rows])
 
 
 @check.command()

@@ -6,10 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Page
-from rattle.compare.report.provenance import source_of
-from rattle.compare.report.save import contents, save
-from rattle.compare.report.texts import lay_out
+from rattle.compare.report.save import contents, save_report
 from rattle.scene.measured_drive import CHANCE, SMALL, MeasuredDrive
 
 CONTENTS = contents("drive", figures=("drive",), tables=("orders",))
@@ -20,9 +17,11 @@ def write_drive(out: Path, found: MeasuredDrive, record: dict[str, Any], overwri
     """Write the folder of a measured drive."""
     orders = pd.DataFrame(found.table)
     shown = {"orders": orders.assign(said=np.where(orders["kept"], "kept", "left out"))}
-    laid_out = lay_out("report", shown, ["drive"], "drive.md", small=SMALL, chance=CHANCE)
-    page = Page(f"The measured drive of {record['name']}", tuple(found.answer), source_of(record), *laid_out)
     names = ("amplitude", "omega", "periods", "sigma_ratio", "low", "high", "memory", "left_out")
     record = record | {name: getattr(found, name) for name in names}
-    parts: dict[str, Any] = {"figures": {"drive": found.plot()}, "tables": {"orders": orders}, "digits": "%.6g"}
-    save(out, "drive", page, record, allowed=CONTENTS, overwrite=overwrite, **parts)
+    where: dict[str, Any] = {"package": "report", "layout": "drive.md", "values": {"small": SMALL, "chance": CHANCE}}
+    files: dict[str, Any] = {"figures": {"drive": found.plot()}, "tables": {"orders": orders}, "digits": "%.6g"}
+    title = f"The measured drive of {record['name']}"
+    save_report(
+        out, "drive", title, found.answer, record, shown, **where, allowed=CONTENTS, overwrite=overwrite, **files
+    )

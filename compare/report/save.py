@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pandas as pd
@@ -12,7 +13,9 @@ from rattle.compare.report import Page, style
 from rattle.compare.report.folder import whole_folder
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.manifest import seal
+from rattle.compare.report.provenance import source_of
 from rattle.compare.report.render import pages, write_page
+from rattle.compare.report.texts import lay_out
 from rattle.scene.text import harmless
 
 
@@ -71,6 +74,30 @@ def save(
     """
     with whole_folder(out, allowed, overwrite) as folder:
         write_files(folder, name, page, record, allowed=allowed, **parts)
+
+
+def save_report(
+    out: Path,
+    name: str,
+    title: str,
+    said: Sequence[str],
+    record: Mapping[str, Any],
+    parts: Mapping[str, Any],
+    *,
+    package: str = "",
+    layout: str = "page.md",
+    values: Mapping[str, Any] = MappingProxyType({}),
+    more: Mapping[str, str] | None = None,
+    **files: Any,
+) -> list[str]:
+    """Write the folder of a page that a Markdown file lays out; returns what the page says.
+
+    `package`, `layout`: Folder of `rattle.compare` and name of that file; the folder is that of the name if not given.
+    `parts`, `values`: See `rattle.compare.report.texts.lay_out`. `more`: Further facts of its source. `files`: `save`.
+    """
+    laid_out = lay_out(package or name, parts, files["figures"], layout, **values)
+    save(out, name, Page(title, tuple(said), source_of(record, more=more), *laid_out), record, **files)
+    return list(said)
 
 
 def write_files(

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Page, Row, Table, TableCell, Text, numbers
+from rattle.compare.report import Row, Table, TableCell, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
-from rattle.compare.report.provenance import source_of
-from rattle.compare.report.save import contents, save
-from rattle.compare.report.texts import lay_out
+from rattle.compare.report.save import contents, save_report
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Tradeoff, bound_of_means, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
@@ -237,11 +235,9 @@ def write_tradeoff(
     scene, impacts = m.reference.scene, m.reference.impacts
     said = {"verdict": sentences[-1], "budget": record["budget"], "reference": f"{m.reference.paths:,}"}
     said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": ORDER_IMPACTS}
-    page = Page(
-        f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts",
-        tuple(sentences[:-1]),
-        source_of(record, more={"all points": "`tradeoff.csv`"}),
-        *lay_out("tradeoff", _parts(m, control, orders, accuracies), figures, **said),
-    )
-    save(out, "tradeoff", page, record, allowed=CONTENTS, figures=figures, tables=tables, overwrite=overwrite)
+    title = f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts"
+    files: dict[str, Any] = {"figures": figures, "tables": tables, "more": {"all points": "`tradeoff.csv`"}}
+    parts = _parts(m, control, orders, accuracies)
+    files |= {"values": said, "allowed": CONTENTS, "overwrite": overwrite}
+    save_report(out, "tradeoff", title, sentences[:-1], record, parts, **files)
     return sentences

@@ -270,15 +270,8 @@ def measure_speed(v: Comparison, closure: str) -> Speed | None:
         prediction = predict(v.scene, prediction.method, reached, prediction.order)
     paths = paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), float(errors.max()))
     seconds, cost = closure_seconds(prediction), cost_of(v.run, paths).core_seconds * reached / v.run.impacts
+    resolved = bool(worst["low"] > 0.0 or worst["high"] < 0.0)
+    own_errors = float(errors.max()), float(errors.median()), resolved
     return Speed(
-        closure=closure,
-        sigma=v.scene.sigma,
-        impacts=reached,
-        worst=float(errors.max()),
-        median=float(errors.median()),
-        resolved=bool(worst["low"] > 0.0 or worst["high"] < 0.0),
-        closure_seconds=seconds,
-        paths=paths,
-        simulation_seconds=cost,
-        speed_up=math.nan if own else cost / seconds,
+        closure, v.scene.sigma, reached, *own_errors, seconds, paths, cost, math.nan if own else cost / seconds
     )

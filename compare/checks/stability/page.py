@@ -22,12 +22,9 @@ from rattle.compare.checks.stability.chart import (
     UNSTABLE,
     Chart,
 )
-from rattle.compare.report import Page
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
-from rattle.compare.report.provenance import source_of
-from rattle.compare.report.save import contents, save
+from rattle.compare.report.save import contents, save_report
 from rattle.compare.report.style import legend_above, new_figure
-from rattle.compare.report.texts import lay_out
 from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
 
@@ -178,9 +175,7 @@ def write_stability(
         shown, _, relative = zip(*map(worst_error, tried), strict=True)
         mark = np.where(extremes["holds"], "good", "bad")
         parts["extremes"] = extremes.assign(shown=shown, mark=mark, relative=relative)
-    said_of = {"impacts": IMPACTS, "z": found.z, "fewest": moments.min(), "most": moments.max()}
-    laid_out = lay_out("checks.stability", parts, drawn, **Tolerances()._asdict(), **said_of)
-    page = Page("Where is each scheme stable and unbiased?", tuple(said), source_of(record), *laid_out)
-    content = {"figures": drawn, "tables": tables, "digits": "%.6g"}
-    save(out, "stability", page, record, allowed=CONTENTS, overwrite=overwrite, **content)
-    return said
+    values = {"impacts": IMPACTS, "z": found.z, "fewest": moments.min(), "most": moments.max()}
+    content: dict[str, Any] = {"figures": drawn, "tables": tables, "digits": "%.6g", "package": "checks.stability"}
+    content |= {"allowed": CONTENTS, "overwrite": overwrite, "values": values | Tolerances()._asdict()}
+    return save_report(out, "stability", "Where is each scheme stable and unbiased?", said, record, parts, **content)

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from rattle import closure, montecarlo
 from rattle.closure import edgeworth, long_orbit, orbit, section_step
 from rattle.compare.checks import extremes
-from rattle.compare.checks.check import extreme, extreme_lines, extreme_record, farthest, worst_of
+from rattle.compare.checks.check import extreme, extreme_record, farthest, result_lines, worst_of
 from rattle.compare.checks.extremes import ROWS, formulas, invariance, sampling
 from rattle.compare.checks.published import returns
 from rattle.compare.cli.main import main
@@ -207,10 +207,10 @@ def test_table_and_terminal_say_what_failed(monkeypatch):
     found = [extreme_record(row()) for row in (good, bad)]
     assert [row["holds"] for row in found] == [True, False]
     assert list(found[0]) == ["name", "field", "tried", "truth", "worst", "allowed", "unit", "holds"]
-    text = extreme_lines([good(), bad()])
-    assert text[-1] == "1 of 2 extreme-value checks passed."
-    assert "FAILS" in text[3]
-    assert text[4].strip() == "1e-3 to 1e4; against: a formula"
+    text = result_lines([good(), bad()])
+    assert text[-1].startswith("1 of 2 results hold; 2 checks, 1 of them statistical")
+    assert ("holds" in text[2], "FAILS" in text[3]) == (True, True)
+    assert text[5] == "exit (a formula): 1e-3 to 1e4"
     monkeypatch.setattr(extremes, "ROWS", {"good": good, "bad": bad})
     done = CliRunner().invoke(main, ["check", "extremes", "--json"])
     assert done.exit_code == 1
