@@ -28,7 +28,6 @@ if TYPE_CHECKING:
         mean_map,
         refusals,
     )
-    from rattle.compare import Tolerances, Validation, validate
     from rattle.compare.boundary.boundary import Boundary, boundary
     from rattle.compare.boundary.crossing import Crossing, crossing
     from rattle.compare.boundary.map import BoundaryMap, boundary_map
@@ -39,6 +38,9 @@ if TYPE_CHECKING:
     from rattle.compare.study.design import Study
     from rattle.compare.study.folder import load_study
     from rattle.compare.study.impacts import Tables
+    from rattle.compare.validation.result import Validation
+    from rattle.compare.validation.validate import validate
+    from rattle.compare.validation.verdict import Tolerances
     from rattle.montecarlo import (
         SCHEMES,
         AccuracyWarning,
@@ -163,7 +165,6 @@ _MODULES = {
         "simulate_to",
     ),
     "montecarlo.diagnostics.reach": ("Reach",),
-    "compare": ("Tolerances", "Validation", "validate"),
     "compare.boundary.boundary": ("Boundary", "boundary"),
     "compare.boundary.crossing": ("Crossing", "crossing"),
     "compare.boundary.map": ("BoundaryMap", "boundary_map"),
@@ -172,6 +173,9 @@ _MODULES = {
     "compare.stationary.measure": ("stationary",),
     "compare.stationary.result": ("Stationary",),
     "compare.study.design": ("Study",),
+    "compare.validation.result": ("Validation",),
+    "compare.validation.validate": ("validate",),
+    "compare.validation.verdict": ("Tolerances",),
     "compare.study.folder": ("load_study",),
     "compare.study.impacts": ("Tables",),
 }

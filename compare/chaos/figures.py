@@ -18,6 +18,7 @@ from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Bifurcation, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
+from rattle.compare.report.texts import read_texts
 from rattle.scene.types import Bools, Floats
 
 SIDE: Any = {
@@ -30,20 +31,7 @@ SIDE: Any = {
 STICKS = "orbit sticks often or for good"
 STICKING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
 SHADES, DEEP = "viridis", 1e-4  # colour map of densities, and its lower end relative to the highest density
-NAMES = {
-    "alpha": r"excitation amplitude $\alpha$",
-    "sigma": r"noise intensity $\sigma$",
-    "epsilon": r"restitution $\epsilon$",
-    "mu": r"mass ratio $\mu$",
-} | {
-    f"{name}{stage}": rf"{word} of stage {stage} ${symbol}_{stage}$ ({unit})"
-    for name, word, symbol, unit in (
-        ("beta", "damping", r"\beta", r"$\omega$"),
-        ("gamma", "drag", r"\gamma", r"$\nu_1\omega^2$"),
-        ("gap", "half gap", "g", r"$\nu_1$"),
-    )
-    for stage in (1, 2)
-}
+NAMES: dict[str, str] = read_texts("chaos")["fields"]
 FLIGHT = r"time since the last impact $\Delta\tau$ (1/$\omega$)"
 IMAGE: Any = {"rasterized": True}
 HIGHEST = 6.5  # highest frequency drawn, in units of the excitation frequency

@@ -23,7 +23,7 @@ def read_texts(package: str) -> dict[str, Any]:
     >>> read_texts("report")["σ"]
     'noise intensity: strength of the random part of the driving motion; 0 is none'
     """
-    return {name: _join_lines(value) for name, value in tomllib.loads(_read(package, "texts.toml")).items()}
+    return {name: _join_lines(value) for name, value in tomllib.loads(read_file(package, "texts.toml")).items()}
 
 
 def _join_lines(value: Any) -> Any:
@@ -32,7 +32,8 @@ def _join_lines(value: Any) -> Any:
     return " ".join(value.split())
 
 
-def _read(package: str, name: str) -> str:
+def read_file(package: str, name: str) -> str:
+    """The text of a file in a folder of `rattle.compare`."""
     return files("rattle.compare").joinpath(*package.split("."), name).read_text(encoding="utf-8")
 
 
@@ -48,7 +49,7 @@ def lay_out(
     """
     sections: list[tuple[str, list[Block]]] = [("", [])]
     notes: list[Block] = []
-    for paragraph in _read(package, layout).split("\n\n"):
+    for paragraph in read_file(package, layout).split("\n\n"):
         piece = " ".join(paragraph.split())
         if piece.startswith("# "):
             sections[-1][1].extend(notes)

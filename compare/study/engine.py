@@ -6,7 +6,7 @@ The work runs on threads of this process, or on a Dask cluster (`rattle.compare.
 import os
 import sys
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Collection
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
@@ -74,8 +74,6 @@ class Runner:
 class Progress:
     """What a run has done so far: a line on the terminal, a log file in the folder, and the counts for the manifest.
 
-    The remaining time is estimated from what finished cells of the same group took.
-
     `show`: Whether to draw the line if standard error is a terminal, and to print there which process is waited for
     and which cells fail.
     """
@@ -84,8 +82,6 @@ class Progress:
         self.computed, self.cell_seconds = 0, 0.0  # of this run; other cells may come from another process
         self.failed: dict[str, str] = {}  # error message of each cell that could not be computed, by key
         self._show, self._started = show, time.perf_counter()
-        self._left = Counter(cell.group for cell in todo)
-        self._taken: dict[str, list[float]] = {}  # seconds of the finished cells of each group
         within(folder, LOG)
         try:
             self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (closed by __exit__)
@@ -97,7 +93,7 @@ class Progress:
             desc="study",
             unit=" cells",
             disable=None if show else True,
-            bar_format="{desc} {n}/{total} cells |{bar:20}| {elapsed}, {rate_noinv_fmt}{postfix}",
+            bar_format="{desc} {n}/{total} cells |{bar:20}| {elapsed}, {remaining} left{postfix}",
         )
         self.log(f"start: {stored} results stored, {len(todo)} to compute")
 
@@ -114,14 +110,6 @@ class Progress:
     def wall_seconds(self) -> float:
         """Seconds since the beginning."""
         return time.perf_counter() - self._started
-
-    @property
-    def seconds_left(self) -> float:
-        """Expected seconds to the end, once a cell is finished."""
-        means = {group: sum(taken) / len(taken) for group, taken in self._taken.items()}
-        other = sum(means.values()) / len(means)
-        left = sum(count * means.get(group, other) for group, count in self._left.items())
-        return self.wall_seconds * left / max(sum(map(sum, self._taken.values())), 1e-9)
 
     def log(self, text: str) -> None:
         """Write a line to the log file."""
@@ -140,21 +128,18 @@ class Progress:
         seconds, said = float(result.facts["seconds"]), cell.describe(result)
         self.computed += here
         self.cell_seconds += seconds * here
-        self._taken.setdefault(cell.group, []).append(seconds)
         self.log(f"{'done' if here else 'found'} {cell.label} {cell.key}: {seconds:.2f} s" + f", {said}" * bool(said))
-        self._count(cell, f"{cell.label}: {said or 'done'}")
+        self._count(f"{cell.label}: {said or 'done'}")
 
     def fail(self, cell: Cell, why: str) -> None:
         """Count and report a cell that cannot be computed."""
         self.failed[cell.key] = why
         self.notify(f"{cell.label} failed: {why}")
-        self._count(cell, f"{cell.label} failed")
+        self._count(f"{cell.label} failed")
 
-    def _count(self, cell: Cell, text: str) -> None:
-        self._left[cell.group] -= 1
+    def _count(self, text: str) -> None:
         self._bar.update(1)
-        left = tqdm.format_interval(self.seconds_left) if self._taken else "?"
-        self._bar.set_postfix_str(f"{left} left, {text}")
+        self._bar.set_postfix_str(text)
 
 
 def run(

@@ -95,20 +95,6 @@ def find_changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: 
     return {key: (old.get(key), new.get(key)) for key in dict.fromkeys([*old, *new]) if not same(key)}
 
 
-def update_baseline(recorded: Mapping[str, Any], now: Mapping[str, Any], changed: Changes) -> dict[str, Any]:
-    """Take the present content, but keep the recorded digits of values that have not changed."""
-
-    def merge(old: Mapping[str, Any], new: Mapping[str, Any], before: str) -> dict[str, Any]:
-        return {
-            key: merge(old.get(key, {}), value, f"{before}{key}.")
-            if isinstance(value, Mapping)
-            else (value if before + key in changed else old[key])
-            for key, value in new.items()
-        }
-
-    return merge(recorded, now, "")
-
-
 def format_changes(changed: Changes) -> list[str]:
     """Format changes as lines of text.
 
@@ -241,7 +227,7 @@ class Rattle:
             said = f"{prediction.closure} differs from its baseline {name} by more than {bound}:"
             self._fail("\n".join([said, *lines, f"If that is meant: {again}=regenerate"]))
         if changes:
-            self._guard(write_baseline, path, update_baseline(recorded, now, changes), prediction.closure)
+            self._guard(write_baseline, path, now, prediction.closure)
         self._record(kind="baseline", done="\n".join([f"regenerated {name}", *lines]) if changes else "")
 
     def _once(self, kind: str) -> None:

@@ -15,10 +15,10 @@ import pandas as pd
 
 from rattle.closure import MeanMap
 from rattle.closure.mean_map import closure_seconds, predict
+from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.errors import ON_ITINERARY, first_failure
 from rattle.compare.validation.verdict import (
     NOT_JUDGED,
-    UNDECIDED,
     Tolerances,
     is_accurate,
     is_wrong,
@@ -85,18 +85,7 @@ class Sweep(NamedTuple):
     )  # from `rattle.compare.validation.comparison.simulation_costs`, a row for each noise intensity
 
 
-CAUSES = {
-    "holds": "accurate at every impact computed",
-    "undecided": UNDECIDED,
-    "fixed time": "it ignores that impact times vary",
-    "off itinerary": "paths have left its itinerary",
-    "grazing": "an impact grazes",
-    "second order": "second order is not enough",
-    "own": "its approximation is not enough",
-    "mixture": "it has too few mixture components",
-    "not realizable": "no distribution has its moments",
-    "ended": "it ends",
-}
+CAUSES: dict[str, str] = read_texts("validation")["causes"]
 """What limits the range of validity: key in the tables, and phrase."""
 
 DIVERGED = 0.99  # agreement below which no closure along a single orbit can be accurate
@@ -130,7 +119,7 @@ def find_validity(v: Comparison, closure: str) -> Validity:
 
     Examples
     --------
-    >>> from rattle.compare import validate
+    >>> from rattle import validate
     >>> from rattle.scene import DAT21, Scene
     >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=3, paths=20_000, rng=1)
     >>> find_validity(v, "saltation").accurate, find_validity(v, "published").not_inaccurate

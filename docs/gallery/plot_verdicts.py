@@ -2,7 +2,7 @@ r"""
 Verdicts on every moment
 ========================
 
-`rattle.compare.validate` compares every closure with a simulation and judges each moment at each impact: accurate (the
+`rattle.compare.validation.validate.validate` compares every closure with a simulation and judges each moment at each impact: accurate (the
 whole interval of the error is within what is allowed), inaccurate (all of it is outside), or undecided.
 """
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rattle import validate
 from rattle.closure import mean_map
-from rattle.compare import validate
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from common_scenes import SCENES
 
+from rattle import validate
 from rattle.closure import follow, mean_map
 from rattle.closure.section_map import derivatives
-from rattle.compare import validate
 from rattle.compare.validation.errors import ABSOLUTE, section_errors
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import Record, simulate

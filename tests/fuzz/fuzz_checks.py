@@ -8,9 +8,9 @@ import numpy as np
 from fuzz_files import simulate_file, study_file, validate_file
 from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, refused, semidefinite
 
+from rattle import validate
 from rattle.closure import CLOSURES, MeanMap, follow, mean_map
 from rattle.closure.long_orbit import LongOrbit
-from rattle.compare import validate
 from rattle.montecarlo import SCHEMES
 from rattle.scene import Scene
 from rattle.scene.errors import RattleError

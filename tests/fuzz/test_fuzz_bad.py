@@ -23,8 +23,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from settings import recorded
 
+from rattle import validate
 from rattle.closure import mean_map
-from rattle.compare import validate
 from rattle.compare.cli.main import main
 from rattle.compare.report import manifest
 from rattle.compare.report.json_text import read_page

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from settings import recorded
 
+from rattle import validate
 from rattle.closure import follow, mean_map
-from rattle.compare import validate
 from rattle.compare.study.design import read_axes
 from rattle.montecarlo import Record, simulate, simulate_to
 from rattle.montecarlo.settings.sampling import Sampling

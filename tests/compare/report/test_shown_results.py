@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from rattle import validate
 from rattle.closure import mean_map
-from rattle.compare import validate
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, InputError, Scene
 

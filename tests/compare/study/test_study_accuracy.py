@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 from study_files import study_text
 
-from rattle.compare import validate
+from rattle import validate
 from rattle.compare.cli.main import main
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work, scaling

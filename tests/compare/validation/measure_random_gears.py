@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from rattle.compare import validate
+from rattle import validate
 from rattle.compare.validation.comparison import find_validities
 from rattle.scene import Scene, Start
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rattle.compare import validate
+from rattle import validate
 from rattle.compare.validation.answer import advice, answer, cost_sentence
 from rattle.compare.validation.comparison import WANTED, simulation_costs
 from rattle.compare.validation.validate import sweep

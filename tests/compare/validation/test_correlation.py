@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rattle.compare import validate
+from rattle import validate
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.scene import DAT21, Scene
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rattle import Closure, mean_map
-from rattle.compare import validate
+from rattle import Closure, mean_map, validate
 from rattle.compare.validation.answer import answer, itinerary_sentence
 from rattle.compare.validation.comparison import find_validities, find_validity
 from rattle.compare.validation.errors import NO_ITINERARY, ON_ITINERARY, TOO_FEW_FOLLOW

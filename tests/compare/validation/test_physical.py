@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rattle.compare import validate
+from rattle import validate
 from rattle.compare.report import Glossary
 from rattle.compare.report.json_text import read_page
 from rattle.compare.validation.answer import answer

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rattle.compare import validate
+from rattle import validate
 from rattle.compare.validation.answer import answer, correlation_claim
 from rattle.compare.validation.comparison import CAUSES, find_validities, find_validity, rows_to_judge
 from rattle.compare.validation.tables import count_verdicts, find_reach
