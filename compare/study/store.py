@@ -1,6 +1,5 @@
 """A store of results: a Parquet file for each cell, named by the digest of its inputs and of the numerical code."""
 
-import ast
 import errno
 import hashlib
 import importlib.metadata
@@ -27,7 +26,7 @@ from filelock import FileLock, SoftFileLock, Timeout
 from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path, within
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
-from rattle.scene.compiled import has_fma
+from rattle.scene.compiled import has_fma, strip
 from rattle.scene.errors import OutputError
 from rattle.scene.scene import Scene
 from rattle.scene.text import harmless, line
@@ -43,7 +42,7 @@ def numerical_version(*packages: str) -> str:
 
     All x86-64 processors with AVX2 and FMA are of one kind, for their bits agree.  Each other is a kind of its own.
 
-    The code enters as a syntax tree without docstrings: comments, docstrings and layout do not change the digest.
+    Comments, docstrings and empty lines do not change the digest.
 
     Examples
     --------
@@ -55,7 +54,7 @@ def numerical_version(*packages: str) -> str:
         digest.update(f"{library} {importlib.metadata.version(library)};".encode())
     for package in packages or PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
-            digest.update(path.name.encode() + _meaning(path.read_text(encoding="utf-8")).encode())
+            digest.update(path.name.encode() + strip(path.read_bytes()))
     return digest.hexdigest()[:16]
 
 
@@ -65,16 +64,6 @@ def _processor() -> str:
     if machine.lower() in ("x86_64", "amd64") and has_fma():
         return "x86-64 with AVX2 and FMA"
     return f"{machine} {llvmlite.binding.get_host_cpu_name()}"
-
-
-@cache
-def _meaning(source: str) -> str:
-    """The syntax tree of a source, without its docstrings."""
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
-            node.body = node.body[1:]
-    return ast.dump(tree)
 
 
 PAUSE = 0.2  # seconds between two tries of a cell that another process is computing

@@ -72,14 +72,6 @@ def test_the_numerical_version_is_in_the_key(monkeypatch):
     assert not before & {c.key for c in read().cells}
 
 
-def test_the_numerical_version_sees_code_and_not_comments():
-    from rattle.compare.study.store import _meaning
-
-    code = 'def f(x):\n    """Twice."""\n    return 2 * x\n'
-    assert _meaning(code) == _meaning(code.replace("Twice", "Double") + "# a comment\n")
-    assert _meaning(code) != _meaning(code.replace("2 * x", "3 * x"))
-
-
 def test_common_noise_is_one_seed_and_own_noise_is_many():
     assert {p.sample.seed for p in read().points} == {3}
     own = [p.sample.seed for p in read(common="false").points]
