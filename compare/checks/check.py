@@ -105,17 +105,10 @@ class Result(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """The worst check and the verdict as plain data, with lists of all ``checks`` and ``controls``."""
-        return {
-            "name": self.name,
-            "reference": self.reference,
-            "statement": self.statement,
-            **_to_dict(self.worst),
-            "allowed": self.allowed,
-            "holds": self.holds,
-            "checks": [_to_dict(check) for check in self.checks],
-            "controls": [{"error": error, "rejected": rejected} for error, rejected in self.rejections.items()],
-            "seconds": self.seconds,
-        }
+        found = {name: getattr(self, name) for name in ("name", "reference", "statement")} | _to_dict(self.worst)
+        controls = [{"error": error, "rejected": rejected} for error, rejected in self.rejections.items()]
+        found |= {"allowed": self.allowed, "holds": self.holds, "checks": [_to_dict(check) for check in self.checks]}
+        return found | {"controls": controls, "seconds": self.seconds}
 
 
 def _to_dict(check: Check) -> dict[str, Any]:

@@ -92,18 +92,10 @@ def simulate(
             run = simulate_to(base, accuracy, scheme=scheme, budget=budget, refuse=False, **common)
     reach = run.reach
     if as_json:
-        record = {
-            "scheme": run.scheme,
-            "dt": run.dt,
-            "paths": run.paths,
-            "seconds": round(run.wall_seconds, 3),
-            "reach": None if reach is None else reach.sentence,
-            "missed": [] if reach is None else [row._asdict() for row in reach.missed],
-            "diagnostics": run.diagnostics,
-            "units": units,
-            "section": run.section_in(units).reset_index().to_dict("records"),
-        }
-        say_json(record)
+        record = {"scheme": run.scheme, "dt": run.dt, "paths": run.paths, "seconds": round(run.wall_seconds, 3)}
+        missed = [] if reach is None else [row._asdict() for row in reach.missed]
+        record |= {"reach": reach and reach.sentence, "missed": missed, "diagnostics": run.diagnostics, "units": units}
+        say_json(record | {"section": run.section_in(units).reset_index().to_dict("records")})
     else:
         shown = columns_in(units, base.gears)
         say(_table(in_units(run.columns, base.gears, units), shown, _stars(reach, shown)), keep="\n")

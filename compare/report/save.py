@@ -58,22 +58,10 @@ def file_digest(path: Path) -> str | None:
         return None
 
 
-def save(
-    out: Path,
-    name: str,
-    page: Page,
-    record: Mapping[str, Any],
-    *,
-    allowed: frozenset[str],
-    overwrite: bool,
-    **parts: Any,
-) -> None:
-    """Write a report folder; whatever ends it on the way, the folder is the earlier one or the new one.
-
-    `parts`: Figures, tables and their digits, see `write_files`.
-    """
+def save(out: Path, *content: Any, allowed: frozenset[str], overwrite: bool, **parts: Any) -> None:
+    """Write a report folder by `write_files`; whatever ends it on the way, it is the earlier one or the new one."""
     with whole_folder(out, allowed, overwrite) as folder:
-        write_files(folder, name, page, record, allowed=allowed, **parts)
+        write_files(folder, *content, allowed=allowed, **parts)
 
 
 def save_report(

@@ -89,29 +89,24 @@ class Sample(Cell):
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Simulate the ensemble: what is stored of it, a row for each impact."""
-        exact = not SCHEMES[self.scheme].has_step_bias
-        common: dict[str, Any] = {"impacts": self.impacts, "rng": self.seed, "scheme": self.scheme}
         if self.accuracy is not None:
-            run = simulate_to(
-                self.scene.phase_reduced,
-                self.accuracy,
-                record=Record(batches=True, energy=True),
-                sampling=Sampling(blocks=blocks),
-                **common,
-            )
+            common: dict[str, Any] = {"impacts": self.impacts, "rng": self.seed, "scheme": self.scheme}
+            common |= {"record": Record(batches=True, energy=True), "sampling": Sampling(blocks=blocks)}
+            run = simulate_to(self.scene.phase_reduced, self.accuracy, **common)
             if run.reach is not None and not run.reach.reached:  # where it stopped depends on wall time: not repeatable
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
         else:
             assert self.paths is not None
-            run = simulate(
-                self.scene.phase_reduced,
-                paths=self.paths,
-                dt=self.dt,
-                sampling=Sampling(control=exact and small_noise(self.scene), blocks=blocks),
-                record=Record(batches=True, energy=True, step_bias=not exact),
-                **common,
-            )
+            run = self.simulate(self.paths, blocks, batches=True, energy=True)
         return _sections(run), {name: getattr(run, name) for name in FACTS}
+
+    def simulate(self, paths: int, blocks: Blocks | None = None, **record: Any) -> Ensemble:
+        """Simulate a number of paths of it, with the step bias where the scheme has one."""
+        biased = SCHEMES[self.scheme].has_step_bias
+        sampling = Sampling(control=not biased and small_noise(self.scene), blocks=blocks)
+        common: dict[str, Any] = {"impacts": self.impacts, "dt": self.dt, "rng": self.seed, "scheme": self.scheme}
+        common |= {"sampling": sampling, "record": Record(step_bias=biased, **record)}
+        return simulate(self.scene.phase_reduced, paths=paths, **common)
 
     def describe(self, result: Sampled) -> str:
         """The largest standard error."""

@@ -142,13 +142,7 @@ class Progress:
         self._bar.set_postfix_str(text)
 
 
-def run(
-    cells: Collection[Cell],
-    store: Store,
-    runner: Runner,
-    *,
-    show: bool = False,
-) -> Progress:
+def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = False) -> Progress:
     """Compute the cells that are missing."""
     sweep(store.folder, ANY_TEXT)
     todo = deque(cell for cell in cells if store.read(cell) is None)

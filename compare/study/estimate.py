@@ -14,15 +14,14 @@ import pandas as pd
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.cluster import SHARE
 from rattle.compare.study.store import Cell
-from rattle.montecarlo import SCHEMES, Record, simulate
+from rattle.montecarlo import SCHEMES, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import choose_scheme
-from rattle.montecarlo.diagnostics.accuracy import LEAST, small_noise
+from rattle.montecarlo.diagnostics.accuracy import LEAST
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.settings.budget import Budget
 from rattle.montecarlo.settings.plan import count_followed
-from rattle.montecarlo.settings.sampling import Sampling
 
 PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
 PILOTS = 20  # most pilot runs for accuracies; other cells are taken to be like the one before
@@ -66,18 +65,7 @@ def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
 
 def _probe(cell: Sample, paths: int) -> Work:
     """Work of a number of paths, as a few of them let expect."""
-    biased = SCHEMES[cell.scheme].has_step_bias
-    run = simulate(
-        cell.scene.phase_reduced,
-        paths=PROBED,
-        impacts=cell.impacts,
-        dt=cell.dt,
-        scheme=cell.scheme,
-        rng=cell.seed,
-        sampling=Sampling(control=not biased and small_noise(cell.scene)),
-        record=Record(step_bias=biased),
-    )
-    found = cost_of(run, count_followed(cell.scene, paths))
+    found = cost_of(cell.simulate(PROBED), count_followed(cell.scene, paths))
     return Work(found.path_steps, found.core_seconds)
 
 

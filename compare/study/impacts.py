@@ -199,10 +199,7 @@ def _sections(points: list[Triple]) -> pd.DataFrame:
         s = run.section
         since = s["tau"] - run.scene.phase  # stored times are counted from the phase of the start
         rate = s.index.to_numpy() / since
-        columns = [
-            ("rate", "mean", rate, rate * s["se_tau"] / since),
-            ("energy", "mean", s["energy"], s["se_energy"]),
-        ]
+        columns = [("rate", "mean", rate, rate * s["se_tau"] / since), ("energy", "mean", s["energy"], s["se_energy"])]
         columns += [
             (q, moment, s[prefix + q], s["se_" + prefix + q])
             for moment, prefix in (("mean", ""), ("sd", "sd_"), ("skew", "skew_"))

@@ -76,14 +76,8 @@ def _range_in_words(r: Tables, rows: pd.DataFrame) -> str:
         for name in r.study.others:
             own = own[own[name] == row[name]]
         values = sorted(own[r.study.along].unique())
-        said = in_words(
-            r.study.along,
-            values,
-            row["accurate"],
-            row["not_inaccurate"],
-            ended=row["ended"],
-            undecided=want(own[own[r.study.along] <= row["not_inaccurate"]]),
-        )
+        lacking, ends = want(own[own[r.study.along] <= row["not_inaccurate"]]), (row["accurate"], row["not_inaccurate"])
+        said = in_words(r.study.along, values, *ends, ended=row["ended"], undecided=lacking)
         found.setdefault(said, []).append(", ".join(f"{name} = {row[name]}" for name in r.study.others))
     if len(found) == 1:
         return next(iter(found))

@@ -194,14 +194,11 @@ def weak_orders(
     schemes = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
     with tqdm(total=len(schemes) * replicates * len(STEPS), desc="weak order", unit="run", disable=None) as bar:
         for scheme in schemes:
+            common: dict[str, Any] = {"paths": paths, "scheme": scheme, "record": Record(step_bias=True)}
             runs: list[list[Ensemble]] = []
             for seed in seeds[:-1]:
-                runs.append([])
-                for step in STEPS:
-                    runs[-1].append(
-                        sample(paths=paths, scheme=scheme, dt=0.5 * step, rng=seed, record=Record(step_bias=True))
-                    )
-                    bar.update()
+                runs.append([sample(dt=0.5 * step, rng=seed, **common) for step in STEPS])
+                bar.update(len(STEPS))
             for moment in ("mean", "sd"):
                 slopes, points = _by_quantity(scheme, moment, runs, exact)
                 found += slopes

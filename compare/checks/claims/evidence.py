@@ -136,41 +136,18 @@ def gather(
     exponents: dict[str, Any] = {"width": 0.02}
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
     open_space = replace(scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5))
-    flight = simulate(
-        open_space,
-        paths=paths,
-        impacts=1,
-        dt=STEP,
-        scheme="euler-maruyama",
-        rng=seed,
-        workers=workers,
-        sampling=Sampling(horizon=float(FLIGHTS[-1]) + 1.0),
-        record=Record(step_bias=True, times=open_space.start.tau + FLIGHTS),
-    )
-    chaos = study(
-        scene,
-        scenes=vary(scene, "alpha", at, paper_noise),
-        points=points,
-        impacts=spectrum_impacts,
-        events=events,
-        seed=seed,
-        workers=workers,
-        progress=progress,
-    )
+    sampling, record = Sampling(horizon=FLIGHTS[-1] + 1.0), Record(step_bias=True, times=open_space.start.tau + FLIGHTS)
+    free: dict[str, Any] = {"dt": STEP, "scheme": "euler-maruyama", "sampling": sampling, "record": record}
+    flight = simulate(open_space, **(settings | {"impacts": 1}), **free)
+    asked: dict[str, Any] = {"points": points, "impacts": spectrum_impacts, "events": events, "progress": progress}
+    chaos = study(scene, scenes=vary(scene, "alpha", at, paper_noise), seed=seed, workers=workers, **asked)
     progress("a single stage, repeated flanks, the mean motion")
-    return Evidence(
-        scene,
-        validations,
-        chaos,
-        {"orbit": lyapunov(single, **exponents), "noisy": drift_exponents(single, **exponents, seed=seed)},
-        flight,
-        open_space,
-        {
-            "orbit": _repeats(orbit_record(scene, REPEATS, Regime(), tangent=False), scene.stages),
-            "noisy": _repeats((s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False)), scene.stages),
-        },
-        mean_motion(scene, max(paths // 5, LEAST), seed, workers),
-    )
+    alone = {"orbit": lyapunov(single, **exponents), "noisy": drift_exponents(single, **exponents, seed=seed)}
+    noisy = (s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False))
+    records = {"orbit": orbit_record(scene, REPEATS, Regime(), tangent=False), "noisy": noisy}
+    repeats = {of: _repeats(record, scene.stages) for of, record in records.items()}
+    mean = mean_motion(scene, max(paths // 5, LEAST), seed, workers)
+    return Evidence(scene, validations, chaos, alone, flight, open_space, repeats, mean)
 
 
 def _repeats(stretches: Iterable[Stretch], stages: int) -> Mean:
@@ -189,17 +166,9 @@ def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion
     period = round(2.0 * math.pi / MEAN_STEP)
     steps = np.arange(SETTLED * period, (SETTLED + COMPARED) * period, EVERY) + EVERY
     times = np.asarray(scene.start.tau + MEAN_STEP * steps, dtype=float)
-    run = simulate(
-        scene,
-        paths=paths,
-        impacts=MOST_IMPACTS,
-        dt=MEAN_STEP,
-        scheme="exact-flight",
-        rng=np.random.SeedSequence([seed, 11]),
-        workers=workers,
-        sampling=Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0),
-        record=Record(times=times),
-    )
+    chosen: dict[str, Any] = {"dt": MEAN_STEP, "scheme": "exact-flight", "rng": np.random.SeedSequence([seed, 11])}
+    chosen |= {"sampling": Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0), "record": Record(times=times)}
+    run = simulate(scene, paths=paths, impacts=MOST_IMPACTS, workers=workers, **chosen)
     table, largest, share = run.at_times(), 0.0, []
     for stage in range(1, scene.stages + 1):
         mean, se = (table[f"{prefix}y{stage}"].to_numpy().reshape(COMPARED, -1) for prefix in ("", "se_"))
