@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import EXIT_NOT_MET, Results, real, several, whole
+from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, real, several, whole
 from rattle.scene.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 @shared.report("reports/NAME-boundary", "boundary.page", shared.JSON_ALONE)
 def boundary(
     base: "Scene",
-    results: Results,
+    begin: Begin,
     closure: str | None,
     quantity: str | None,
     level: float | None,
@@ -72,6 +72,7 @@ def boundary(
     if scheduler is not None:
         check_address(scheduler)
         silence()
+    results = begin()
     settings |= {"quantity": quantity, "level": level} if quantity else {"closure": closure or "saltation"}
     settings |= {} if quantity else {"impacts": impacts}
     # beside the report, which is replaced as a whole
@@ -105,7 +106,7 @@ def boundary(
 @shared.report("reports/NAME-sensitivity", "sensitivity.page", shared.JSON_ALONE)
 def sensitivity(
     base: "Scene",
-    results: Results,
+    begin: Begin,
     quantities: tuple[str, ...],
     parameters: tuple[str, ...],
     closure: str | None,
@@ -126,6 +127,7 @@ def sensitivity(
 
     if closure is not None and quantities:
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
+    results = begin()
     common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
     names = ("accuracy", "slow", "budget") if closure is None else ("closure", "impacts", "paths")
     settings = {name: (asked | {"closure": closure})[name] for name in names}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import Results, say, say_part
+from rattle.compare.cli.shared import Begin, Results, say, say_part
 
 if TYPE_CHECKING:
     from rattle.scene import Scene
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-chaos", "chaos.page")
-def chaos(base: "Scene", results: Results, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
+def chaos(base: "Scene", begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
     """Measure Lyapunov exponents, Poincare sections and spectra.
 
     They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over a sweep.
@@ -41,6 +41,7 @@ def chaos(base: "Scene", results: Results, over: str, keep_sigma: bool, no_sweep
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
     positive("width", settings["width"])
     shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
+    results = begin()
     found = study(base, scenes=scenes, progress=say_part, **settings)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     answer = results.write(write_chaos, found, scene=base.to_dict(), **settings, over=list(at), noise=said)

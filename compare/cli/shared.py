@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 PATH = click.Path(path_type=Path)
 Option = Callable[[Any], Any]
+Begin = Callable[[], "Results"]  # checks the folder of the results, and starts the clock
 
 SCHEMES = ("euler-maruyama", "euler-maruyama-located", "exact-flight")
 CLOSURES = ("published", "corrected", "saltation", "branching")
@@ -176,7 +177,7 @@ JSON_ALONE = click.option(
 
 
 def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGMA) -> Option:
-    """The options of the folder of a command on a scene, which gets the loaded scene and its `Results`.
+    """The options of the folder of a command on a scene, which gets the loaded scene, and a function for its `Results`.
 
     `page`: Module within `rattle.compare` whose ``CONTENTS`` are the files of such a folder. `otherwise`: Noise
     intensity of DAT21, if no scene is given.
@@ -192,8 +193,11 @@ def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGM
             as_json: bool = False,
             **asked: Any,
         ) -> None:
-            base, ours = load_scene(scene, sigma, otherwise), import_module(f"rattle.compare.{page}").CONTENTS
-            command(base, Results(scene, out, default.removeprefix("reports/NAME"), ours, overwrite, as_json), **asked)
+            def begin() -> Results:
+                ours = import_module(f"rattle.compare.{page}").CONTENTS
+                return Results(scene, out, default.removeprefix("reports/NAME"), ours, overwrite, as_json)
+
+            command(load_scene(scene, sigma, otherwise), begin, **asked)
 
         return folder_options(default, *more)(run)
 

@@ -12,19 +12,7 @@ import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import load_scene, say
-from rattle.compare.report import (
-    NUMBER,
-    Block,
-    Code,
-    Figure,
-    Glossary,
-    Page,
-    PageSection,
-    Source,
-    Table,
-    TableCell,
-    Text,
-)
+from rattle.compare.report import NUMBER, Block, Code, Figure, Glossary, Page, PageSection, Table, TableCell, Text
 from rattle.compare.report.render import parts
 from rattle.scene.errors import FileError, InputError, count, nearest
 from rattle.scene.text import harmless, line
@@ -39,14 +27,10 @@ GAP = "  "
 
 def page_lines(page: Page, width: int) -> Iterator[str]:
     """The lines of a page."""
-    yield from _heading(page.title, 1, width)
-    for sentence in page.answer:
-        yield from _paragraph(sentence, width)
-    for block in page.blocks:
-        yield from _block(block, width)
-    for section in page.sections:
-        yield from section_lines(section, width)
-    yield from source_lines(page.source, width)
+    source = page.source
+    origin = Text("Repeat it:"), Code(line(source.repeat)), Glossary("", source.facts), *source.blocks
+    sections = (*page.sections, PageSection("Where this comes from", origin))
+    yield from section_lines(PageSection(page.title, (*map(Text, page.answer), *page.blocks), sections), width, 1)
 
 
 def section_lines(section: PageSection, width: int, level: int = 2) -> Iterator[str]:
@@ -56,18 +40,6 @@ def section_lines(section: PageSection, width: int, level: int = 2) -> Iterator[
         yield from _block(block, width)
     for inner in section.sections:
         yield from section_lines(inner, width, level + 1)
-
-
-def source_lines(source: Source, width: int) -> Iterator[str]:
-    """The lines about the source of a page."""
-    yield from _heading("Where this comes from", 2, width)
-    yield from _paragraph("Repeat it:", width)
-    yield from ("    " + line(source.repeat), "")
-    for name, value in source.facts:
-        yield from textwrap.wrap(f"{line(name)}: {_words(value)}", width, subsequent_indent="    ")
-    yield ""
-    for block in source.blocks:
-        yield from _block(block, width)
 
 
 def _words(text: str) -> str:

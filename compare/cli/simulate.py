@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import EXIT_NOT_MET, Results, load_scene, say, say_json, say_lines
+from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines
 from rattle.scene.errors import InputError
 from rattle.scene.units import RATE, UNITS, check_units, in_units
 
@@ -206,7 +206,7 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...], stars:
 @shared.report("reports/NAME-stationary", "stationary.page", shared.JSON_ALONE)
 def stationary(
     base: "Scene",
-    results: Results,
+    begin: Begin,
     quantities: tuple[str, ...],
     closures: tuple[str, ...],
     no_closures: bool,
@@ -238,7 +238,7 @@ def stationary(
     if closures and no_closures:
         raise InputError("closure", closures, "is left out by --no-closures; give one of them")
     at = () if over is None else values("over", over)
-    scenes = vary(base, field, at)
+    scenes, results = vary(base, field, at), begin()
     settings = {name: settings[name] for name in ("accuracy", "periods", "paths", "burn_in", "slow", "budget")}
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)

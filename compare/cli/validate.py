@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Results, load_scene, say, say_json, say_lines
+from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Begin, load_scene, say, say_json, say_lines
 
 if TYPE_CHECKING:
     from rattle.scene import Scene
@@ -154,7 +154,7 @@ def validate(
 @click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @shared.whole("workers", 2, "Threads.")
 @shared.report("reports/NAME-tradeoff", "tradeoff.page", otherwise=0.1)
-def tradeoff(base: "Scene", results: Results, accuracies: tuple[float, ...], orders: bool, **settings: Any) -> None:
+def tradeoff(base: "Scene", begin: Begin, accuracies: tuple[float, ...], orders: bool, **settings: Any) -> None:
     """Measure what an accuracy costs by each scheme and closure.
 
     SCENE is a TOML file, DAT21 if none is given.
@@ -175,6 +175,7 @@ def tradeoff(base: "Scene", results: Results, accuracies: tuple[float, ...], ord
     seed = settings["seed"]
     for scheme in SCHEMES:
         check_settings(base, paths=1, dt=None, scheme=scheme, rng=seed, step_bias=False, **common)
+    results = begin()
     found = measure(base, accuracies=asked, **settings)
     control = control_table(base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common)
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's

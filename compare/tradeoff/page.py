@@ -16,7 +16,7 @@ from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Tradeoff, bound_of_me
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
 from rattle.compare.validation.answer import explain_missing
-from rattle.compare.validation.verdict import join_words
+from rattle.compare.validation.verdict import join_words, span
 from rattle.scene.text import duration_text
 
 EXACT = "exact-flight"
@@ -202,9 +202,7 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
     """Quantities and the range of their values, of means and of sds."""
     found = []
     for moment, own in rows.groupby("moment", sort=False):
-        low, high = own[value].min(), own[value].max()
-        span = f"{low:.2f}" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f}"
-        found.append(f"{span} ({moment}s of {join_words(list(own['quantity']))})")
+        found.append(f"{span(own[value], '.2f')} ({moment}s of {join_words(list(own['quantity']))})")
     return join_words(found)
 
 
