@@ -4,7 +4,8 @@ Verdicts on every moment
 
 `rattle.compare.validation.validate.validate` compares every closure with a simulation and judges each moment at each
 impact: accurate (the whole interval of the error is within what is allowed), inaccurate (all of it is outside), or
-undecided. """
+undecided.
+"""
 
 import matplotlib.pyplot as plt
 from matplotlib.colors import ListedColormap
