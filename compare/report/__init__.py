@@ -219,7 +219,7 @@ def table_of(frame: "pd.DataFrame", texts: Collection[str] = (), summary: str = 
 
 
 def format_table(
-    frame: "pd.DataFrame", columns: Sequence[tuple[str, Form]], texts: Collection[str] = (), summary: str = ""
+    frame: "pd.DataFrame", columns: Sequence[tuple[Column | str, Form]], texts: Collection[str] = (), summary: str = ""
 ) -> Table:
     """A table of columns with heads and forms of their own; those with a head in `texts` are text.
 
@@ -237,5 +237,5 @@ def format_table(
     return Table.of(_columns([head for head, _ in columns], texts), rows, summary)
 
 
-def _columns(heads: Sequence[str], texts: Collection[str]) -> list[Column]:
-    return [Column(head, TEXT if head in texts else NUMBER) for head in heads]
+def _columns(heads: Sequence[Column | str], texts: Collection[str]) -> list[Column]:
+    return [h if isinstance(h, Column) else Column(h, TEXT if h in texts else NUMBER) for h in heads]

@@ -7,7 +7,18 @@ from importlib.resources import files
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from rattle.compare.report import Block, Figure, Form, PageSection, Table, TableCell, Text, format_table
+from rattle.compare.report import (
+    Block,
+    Column,
+    Figure,
+    Form,
+    PageSection,
+    Table,
+    TableCell,
+    Text,
+    format_table,
+    numbers,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,11 +93,11 @@ def _blocks(
 def _table(frame: "pd.DataFrame", rows: Sequence[str], summary: str) -> Table:
     """A table of a frame by three rows: heads, alignment (``--:`` for numbers), and the forms of its cells."""
     heads, rule, forms = ([cell.strip() for cell in row.strip().strip("|").split("|")] for row in rows)
-    numeric = [mark.endswith(":") for mark in rule]
-    columns = [(head, _form(form, number)) for head, form, number in zip(heads, forms, numeric, strict=True)]
-    return format_table(
-        frame, columns, [head for head, number in zip(heads, numeric, strict=True) if not number], summary
-    )
+    columns = [
+        (numbers(head)[0], _form(form, True)) if mark.endswith(":") else (Column(head), _form(form, False))
+        for head, mark, form in zip(heads, rule, forms, strict=True)
+    ]
+    return format_table(frame, columns, summary=summary)
 
 
 def _form(form: str, number: bool) -> Form:

@@ -115,14 +115,12 @@ def speed_rows(table: pd.DataFrame) -> pd.DataFrame:
     of a closure of one's own is measured, that of the simulation counted: they are not compared.
     """
     rows = table.sort_values(["closure", "sigma"])
-    counted = rows["speed_up"].notna()
-    gains = [f"{float(format(gain, '.2g')):g}" for gain in rows["speed_up"]]
+    each = list(rows[["speed_up", "resolved", "closure_seconds"]].itertuples(index=False))
     return rows.assign(
         most=np.where(rows["resolved"], "", "≤ "),
-        own=[f"{1e3 * s:.2f} ms" for s in rows["closure_seconds"]]
-        + pd.Series(", measured", rows.index).mask(counted, ""),
+        own=[f"{1e3 * seconds:.2f} ms{', measured' * math.isnan(gain)}" for gain, _, seconds in each],
         simulated=1e3 * rows["simulation_seconds"],
-        gain=(pd.Series("≥ ", rows.index).mask(rows["resolved"], "") + gains).where(counted, "–"),
+        gain=["–" if math.isnan(g) else f"{'≥ ' * (not sure)}{float(f'{g:.2g}'):g}" for g, sure, _ in each],
     )
 
 
