@@ -239,6 +239,20 @@ def rare_branches(reports: Path) -> Table:
 
 
 @table
+def boundary_seeds(reports: Path) -> Table:
+    """Whether searches with seeds of their own hold the true boundary, and at what cost, kept beside the page."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "boundary_seeds.csv")
+    truth, share = found["truth"], found["path_steps"] / found["study_path_steps"]
+    of, se = found["seed"].nunique(), widest(1) * found["se_truth"].iloc[0]
+    held, cheap = (found["accurate"] <= truth) & (found["wrong"] >= truth), share <= 0.2
+    width = (found["wrong"] - found["accurate"]) / (found["wrong"] + found["accurate"])
+    spread = (f"{part.median():.1%} ({part.max():.1%})" for part in (width, share))
+    row = [f"{truth.iloc[0]:.4f} ± {se:.4f}", f"{held.sum()} of {of}", *spread, f"{cheap.sum()} of {of}"]
+    heads = ["true value of σ", "searches that hold it", "half width: median (most)", "share of the study's path-steps"]
+    return [*heads, "at most a fifth"], [row]
+
+
+@table
 def accuracy_cells(reports: Path) -> Table:
     """What an accuracy takes on random gear sets, and its true error, kept beside the page."""
     found = pd.read_csv(Path(__file__).parent / "results" / "accuracy_cells.csv")

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
         mean_map,
         refusals,
     )
-    from rattle.compare.boundary.boundary import Boundary, boundary
-    from rattle.compare.boundary.crossing import Crossing, crossing
-    from rattle.compare.boundary.map import BoundaryMap, boundary_map
-    from rattle.compare.sensitivity.of_closure import ClosureSensitivity, closure_sensitivity
-    from rattle.compare.sensitivity.sensitivity import Sensitivity, sensitivity
+    from rattle.compare.parameters.boundary import Boundary, boundary
+    from rattle.compare.parameters.crossing import Crossing, crossing
+    from rattle.compare.parameters.map import BoundaryMap, boundary_map
+    from rattle.compare.parameters.of_closure import ClosureSensitivity, closure_sensitivity
+    from rattle.compare.parameters.sensitivity import Sensitivity, sensitivity
     from rattle.compare.stationary.measure import stationary
     from rattle.compare.stationary.result import Stationary
     from rattle.compare.study.design import Study
@@ -165,11 +165,11 @@ _MODULES = {
         "simulate_to",
     ),
     "montecarlo.diagnostics.reach": ("Reach",),
-    "compare.boundary.boundary": ("Boundary", "boundary"),
-    "compare.boundary.crossing": ("Crossing", "crossing"),
-    "compare.boundary.map": ("BoundaryMap", "boundary_map"),
-    "compare.sensitivity.of_closure": ("ClosureSensitivity", "closure_sensitivity"),
-    "compare.sensitivity.sensitivity": ("Sensitivity", "sensitivity"),
+    "compare.parameters.boundary": ("Boundary", "boundary"),
+    "compare.parameters.crossing": ("Crossing", "crossing"),
+    "compare.parameters.map": ("BoundaryMap", "boundary_map"),
+    "compare.parameters.of_closure": ("ClosureSensitivity", "closure_sensitivity"),
+    "compare.parameters.sensitivity": ("Sensitivity", "sensitivity"),
     "compare.stationary.measure": ("stationary",),
     "compare.stationary.result": ("Stationary",),
     "compare.study.design": ("Study",),

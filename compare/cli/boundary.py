@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @real("width", "Every edge is known to ± this share.", 0.1)
 @real("budget", "Processor seconds after which no further value is judged.")
 @shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-boundary", "boundary.page", shared.JSON_ALONE)
+@shared.report("reports/NAME-boundary", "parameters.page", shared.JSON_ALONE)
 def boundary(
     base: "Scene",
     begin: Begin,
@@ -53,10 +53,10 @@ def boundary(
     With --quantity: where a quantity of the long run crosses a level. SCENE is a TOML file, DAT21 if none is given.
     Results are stored in OUT-cells: after an interruption the same command continues.
     """
-    from rattle.compare.boundary.boundary import boundary as find
-    from rattle.compare.boundary.crossing import crossing
-    from rattle.compare.boundary.map import boundary_map
-    from rattle.compare.boundary.page import write_boundary
+    from rattle.compare.parameters.boundary import boundary as find
+    from rattle.compare.parameters.crossing import crossing
+    from rattle.compare.parameters.map import boundary_map
+    from rattle.compare.parameters.page import write_report
     from rattle.compare.study.cluster import check_address, silence
 
     if quantity is not None and closure is not None:
@@ -84,7 +84,7 @@ def boundary(
     else:
         settings |= {"along": along, "reach": reach, "values": values}
         found = boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
-    results.write(write_boundary, found, scene=base.to_dict(), **settings, seed=seed)
+    results.write(write_report, found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "boundary.html", found.to_dict)
 
 
@@ -103,7 +103,7 @@ def boundary(
 @real("slow", "Speed below which an impact is slow.", 0.1)
 @real("budget", "Processor seconds after which no more runs are begun.")
 @shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-sensitivity", "sensitivity.page", shared.JSON_ALONE)
+@shared.report("reports/NAME-sensitivity", "parameters.page", shared.JSON_ALONE)
 def sensitivity(
     base: "Scene",
     begin: Begin,
@@ -121,24 +121,21 @@ def sensitivity(
 
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the intervals are wider than asked for.
     """
-    from rattle.compare.sensitivity.of_closure import closure_sensitivity
-    from rattle.compare.sensitivity.page import write_closure_sensitivity, write_sensitivity
-    from rattle.compare.sensitivity.sensitivity import sensitivity as measure
+    from rattle.compare.parameters.of_closure import closure_sensitivity
+    from rattle.compare.parameters.page import write_report
+    from rattle.compare.parameters.sensitivity import sensitivity as measure
 
     if closure is not None and quantities:
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
     results = begin()
     common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
-    names = ("accuracy", "slow", "budget") if closure is None else ("closure", "impacts", "paths")
+    names = ("accuracy", "slow", "budget") if closure is None else ("closure", "impacts", "paths", "budget")
     settings = {name: (asked | {"closure": closure})[name] for name in names}
-    record = {"scene": base.to_dict(), **settings, "seed": seed}
-    if closure is not None:
-        judged = closure_sensitivity(base, **settings, **common, progress="sensitivity")
-        results.write(write_closure_sensitivity, judged, **record)
-        results.say(judged.answer, "sensitivity.html", judged.to_dict)
-        return
-    found = measure(base, quantities=quantities or None, **settings, **common, progress="sensitivity")
-    results.write(write_sensitivity, found, **record)
-    results.say([*found.answer, found.said], "sensitivity.html", found.to_dict)
-    if not found.reached:
+    if closure is None:
+        found: Any = measure(base, quantities=quantities or None, **settings, **common, progress="sensitivity")
+    else:
+        found = closure_sensitivity(base, **settings, **common, progress="sensitivity")
+    results.write(write_report, found, scene=base.to_dict(), **settings, seed=seed)
+    results.say(found.answer, "sensitivity.html", found.to_dict)
+    if closure is None and not found.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)

@@ -85,6 +85,7 @@ def _blocks(
     if found := PART.match(piece):
         part, (first, *rows) = parts.get(found[1], ()), paragraph.strip().splitlines()
         if rows and not isinstance(part, Sequence):
+            rows[0] = rows[0].format(**values)
             return [_table(part, rows, first.partition("] ")[2].format(**values))]
         return part if isinstance(part, Sequence) else [part]
     return [Text(piece.format(**values))]

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Collection
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.chaos.section import Bifurcation
-from rattle.compare.report import Block, Figure, Form, Page, PageSection, Table, TableCell, Text, format_table, table_of
+from rattle.compare.report import Form, Page, Table, format_table, table_of
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
+from rattle.compare.report.texts import lay_out
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TOLERANCES
@@ -21,40 +21,15 @@ from rattle.montecarlo.long_run import LongRun
 from rattle.scene.scene import Scene
 from rattle.scene.threshold import rattle_threshold
 
-FIGURES = {
-    "distribution": "Velocity just before an impact, with its 95 % interval, on a logarithmic scale: the stationary "
-    "motion. Coloured lines: the mean speed that each closure gives; grey: impacts that count as slow.",
-    "section": "The Poincaré section at the impacts: density over the phase of the excitation and the velocity before "
-    "the impact, and its relative standard error in every cell.",
-    "memory": "Autocorrelation time of each quantity, in impacts: right of 1 errors computed as if impacts were "
-    "independent are too small, left of it too large.",
-    "closures": "Errors of the closures relative to the tolerance, with intervals of 95 % simultaneous coverage.",
-    "bifurcation": "Density of the velocity before an impact over a field of the scene: without noise and with it.",
-}
-"""Captions of the figures, by name."""
-
+FIGURES = ("distribution", "section", "memory", "closures", "bifurcation")
 CONTENTS = contents(
-    "stationary", figures=tuple(FIGURES), tables=("stationary", "physical", "verdicts", "sections", "bifurcation")
+    "stationary", figures=FIGURES, tables=("stationary", "physical", "verdicts", "sections", "bifurcation")
 )
 """Files of such a folder; a folder with any other file is not overwritten."""
 
 WORDS: tuple[str, ...] = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "τ", "Δτ", "y1, y2", "E, sd")
 WORDS += ("orbit", "mean map", "sticking")
-
-MEANING = (
-    "`rate_above`, `speed_above`: impacts per unit of time, and speed just before them, of impacts at {slow} or "
-    "faster. `rate`, `speed`: of all impacts, chatter included. `flight`: time since the last impact (with `_mesh1`, "
-    "`_mesh2`: since the last one at that mesh). `energy`: lost at an impact, ½(1 − ε²) w y², w = 1 at mesh 1 "
-    "and μ at mesh 2{mass}; "
-    "`energy_per_period`, and `power` per unit of time. `slow_share`: share of impacts slower than {slow}. "
-    "`contact_share`: share of the time in which a mesh is closed; `open_share`: in which its teeth are apart by "
-    "more than 1 % of the backlash. `sd_`, `rms_`, `skew_`, `q05_`: standard deviation, root of the mean square, "
-    "skewness, 5 % quantile. `autocorrelation`: in impacts. `se_batches`: standard error from batch means. "
-    "`effective_paths`: how many paths the standard error rests on."
-)
 MASS = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
-
-
 BY_MESH = {
     "power": "energy lost per {}",
     "rate_above": "impacts per {}",
@@ -80,41 +55,26 @@ def stationary_page(found: Stationary, record: dict[str, Any], drawn: Collection
     """Build the page of a long run."""
     units, gears = _units(found), found.scene.gears
 
-    def figure(name: str) -> tuple[Block, ...]:
-        return (Figure(f"{name}.svg", FIGURES[name], FIGURES[name]),) if name in drawn else ()
+    def quantities(units: str, summary: str = "") -> tuple[Table]:
+        return (table_of(found.table_in(units).reset_index(), ("quantity", "unit"), summary),)
 
-    def quantities(units: str, summary: str = "") -> Table:
-        return table_of(found.table_in(units).reset_index(), ("quantity", "unit"), summary)
-
-    own = found.table_in(units)
-    meshes = range(1, found.scene.stages + 1)
+    own, meshes = found.table_in(units), range(1, found.scene.stages + 1)
     rows = [
-        {
-            "words": words.format("second" if gears else "unit of time"),
-            **{f"mesh{m}": _by_mesh(own, name, m, found.scene.stages) for m in meshes},
-        }
+        {"words": words.format("second" if gears else "unit of time")}
+        | {f"mesh{m}": _by_mesh(own, name, m, found.scene.stages) for m in meshes}
         for name, words in BY_MESH.items()
     ]
     columns: list[tuple[str, Form]] = [("", "{words}"), *((f"mesh {m}", f"{{mesh{m}}}") for m in meshes)]
-    by_mesh = format_table(pd.DataFrame(rows), columns, ("", *(f"mesh {m}" for m in meshes)))
-    meaning = MEANING.format(slow=speed_text(found.slow, gears, units), mass="" if gears else MASS)
-    opening = (
-        by_mesh,
-        *figure("distribution"),
-        quantities(units),
-        Text(meaning, note=True),
-        glossary(*WORDS, gears=gears),
-    )
-    sections: list[tuple[str, tuple[Block, ...]]] = []
+    parts: dict[str, Any] = {"quantities": quantities(units), "words": (glossary(*WORDS, gears=gears),)}
+    parts["by_mesh"] = (format_table(pd.DataFrame(rows), columns, [head for head, _ in columns]),)
     if gears:
-        sections.append(("Dimensionless", (quantities("dimensionless", "All quantities"),)))
+        parts["dimensionless"] = quantities("dimensionless", "All quantities")
     if len(found.verdicts):
-        verdicts = (_verdicts(found.verdicts_in(units)), Text(TOLERANCES, note=True))
-        sections.append(("The closures", (*figure("closures"), *verdicts)))
-    sections += [("The section", figure("section")), (f"Over {record['field']}", figure("bifurcation"))]
-    sections += [("Autocorrelation", figure("memory"))]
-    parts = tuple(PageSection(title, blocks) for title, blocks in sections if blocks)
-    return Page(f"The long run of {record['name']}", tuple(answer(found)), source_of(record), opening, parts)
+        parts["verdicts"] = _verdicts(found.verdicts_in(units))
+    values = {"slow": speed_text(found.slow, gears, units), "mass": "" if gears else MASS, "field": record["field"]}
+    values |= {"tolerances": TOLERANCES, "every": "Every quantity" if len(parts.get("verdicts", ())) > 12 else ""}
+    laid_out = lay_out("stationary", parts, drawn, **values)
+    return Page(f"The long run of {record['name']}", tuple(answer(found)), source_of(record), *laid_out)
 
 
 def _by_mesh(table: pd.DataFrame, name: str, mesh: int, stages: int) -> str:
@@ -123,18 +83,14 @@ def _by_mesh(table: pd.DataFrame, name: str, mesh: int, stages: int) -> str:
     return _show(table, own) if own in table["value"].dropna().index else "–"
 
 
-def _verdicts(verdicts: pd.DataFrame) -> Table:
-    """The main quantities of each closure, and why it has none."""
+def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
+    """The quantities of each closure that are judged, and why it has none."""
     missing = verdicts["reason"] != ""
     alone = missing & ~verdicts["closure"].duplicated()
     nothing = {"quantity": "all", "unit": "", "simulated": np.nan, "low": np.nan, "high": np.nan}
     rows = verdicts.assign(**{name: verdicts[name].mask(alone, value) for name, value in nothing.items()})
     rows = rows[alone | (rows["verdict"] != "not predicted") & ~missing]
-    columns: list[tuple[str, Form]] = [(n, f"{{{n}}}") for n in ("closure", "quantity", "unit")]
-    columns += [(n, itemgetter(n)) for n in ("predicted", "simulated", "low", "high")]
-    columns += [("verdict", lambda r: TableCell(r["verdict"], MARK.get(r["verdict"], ""))), ("why not", "{reason}")]
-    texts = ("closure", "quantity", "unit", "verdict", "why not")
-    return format_table(rows, columns, texts, "Every quantity" if len(rows) > 12 else "")
+    return rows.assign(mark=rows["verdict"].map(MARK).fillna(""))
 
 
 def write_stationary(

@@ -11,6 +11,7 @@ from rattle.scene.parts import SINE_ALONE, Start
 from rattle.scene.scene import FREE, SWEPT, Scene
 
 CHANGE = 0.01  # the change of a parameter that effects are stated for
+PERCENT = f"{100.0 * CHANGE:g} %"
 STEPS = (0.02, 0.04)  # relative changes of a parameter at which the motion is simulated, up and down
 SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")  # not of a single stage
 NOT_REAL = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
@@ -85,7 +86,7 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     }
 
 
-def find_parameter(scene: Scene, name: str) -> Parameter:
+def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
     """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``, ``drive.2.phase``.
 
     Examples
@@ -99,7 +100,7 @@ def find_parameter(scene: Scene, name: str) -> Parameter:
         return known[name]
     if not ORDER.fullmatch(name):
         missing = (*known, *NOT_REAL, *(SECOND if scene.stages == 1 else ()))
-        choice("over", name, [*known, *(other for other in FIELDS if other not in missing)])
+        choice(asked, name, [*known, *(other for other in FIELDS if other not in missing)])
     phases = {f"drive.{one.order}.phase": one.phase for one in scene.drive}
     own: Any = scene
     for field in name.split("."):

@@ -141,7 +141,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         differ = apart(main, late) if quarter * 2 % PARTS == 0 and quarter and not paths.own_walls else None
         if burn_in is not None or (moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS):
             return BurnIn(paths.periods, moved, differ)
-        if impacts == 0.0 and until >= 4 * FIRST and paths.at_rest():
+        if impacts == 0.0 and paths.at_rest():
             why = "comes to rest for good: a mesh stays closed and nothing moves it"
             raise AtRest("scene", paths.scene.sigma, why)
         if until >= MOST or paths.limit.remaining < 2.0 * (clock() - began) or paths.is_refused(until):

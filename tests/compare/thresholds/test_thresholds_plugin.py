@@ -183,7 +183,7 @@ PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.
 pytestmark = pytest.mark.rattle(scene=PAIR, impacts=1)
 
 def test_right(rattle):
-    rattle.check("saltation", quantities=["rate", "energy"])
+    rattle.check("saltation", quantities=["rate", "energy", "power", "rms_speed_above", "q95_speed_above"])
 
 def test_wrong(rattle):
     rattle.check(lambda scene, names: {name: 1.0 for name in names}, quantities=["rate"])
@@ -198,7 +198,7 @@ def test_checks_of_the_long_run_have_their_lines(run, tmp_path):
         result = run(LONG, cache=tmp_path)
         result.assert_outcomes(passed=1, failed=1)
         result.stdout.fnmatch_lines([
-            "long run   3 rows in 2 tests: 2 passed, 1 failed, 0 undecided", "intervals  * standard errors, *", line,
+            "long run   6 rows in 2 tests: 2 passed, 1 failed, 0 undecided", "intervals  * standard errors, *", line,
         ])  # fmt: skip
 
 

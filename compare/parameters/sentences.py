@@ -1,18 +1,65 @@
-"""The sentences and the figures of a boundary and of a crossing."""
+"""What boundaries, maps and sensitivities say, in sentences."""
 
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
-from rattle.compare.boundary.search import ACCURATE, UNDECIDED, WRONG, Edge
-from rattle.compare.report.style import legend_above, new_figure
+from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge
+from rattle.compare.study.parameters import PERCENT, Parameter, find_parameters
+from rattle.scene.scene import Scene
 
-COLOURS = {ACCURATE: "#009E73", WRONG: "#D55E00", UNDECIDED: "#999999", "below": "#009E73", "above": "#D55E00"}
+WORDS = {
+    "rate_above": "the number of impacts per second{}",
+    "rate": "the number of all impacts per second{}",
+    "power": "the energy lost per second{}",
+    "speed_above": "the mean speed of impacts{}",
+    "rms_speed_above": "the rms speed of impacts{}",
+    "q95_speed_above": "the 95 % quantile of impact speeds{}",
+    "contact_share": "the share of time in contact{}",
+    "open_share": "the share of time with open teeth{}",
+}
+
+
+def quantity_words(quantity: str) -> str:
+    """A quantity in words."""
+    kind, _, mesh = quantity.partition("_mesh")
+    return WORDS.get(kind, f"`{kind}`{{}}").format(f" at mesh {mesh}" if mesh else "")
+
+
+def lever_sentences(scene: Scene, table: pd.DataFrame, values: pd.DataFrame) -> list[str]:
+    """The strongest lever of each quantity, a sentence each, with what both are now."""
+    known = find_parameters(scene)
+    said = []
+    for quantity, rows in table.groupby("quantity", sort=False):
+        rows = rows[rows["effect"].notna()]
+        if rows.empty:
+            continue
+        row = rows.to_dict("records")[int(rows["effect"].abs().argmax())]
+        certain = row["low"] > 0.0 or row["high"] < 0.0
+        if not certain:
+            said.append(f"For {quantity_words(str(quantity))} no effect is larger than its error.")
+            continue
+        lever = _effect_words(known[row["parameter"]], row)
+        now = value_text(values["value"][str(quantity)], values["unit"][str(quantity)])
+        said.append(f"The strongest lever on {quantity_words(str(quantity))} (now {now}) is the {lever}.")
+    return said or ["Nothing that was changed has an effect that can be stated."]
+
+
+def _effect_words(parameter: Parameter, row: Mapping[Any, Any]) -> str:
+    half = 50.0 * (row["high"] - row["low"])
+    does = "takes {} % off it" if row["effect"] < 0.0 else "adds {} %"
+    digits = int(np.clip(1 - np.floor(np.log10(max(half, 1e-3))), 1, 3))
+    amount = f"{abs(100.0 * row['effect']):.{digits}f} ± {half:.{digits}f}"
+    bent = "" if row["linear"] else " (not linear here)"
+    now = value_text(parameter.value, parameter.unit)
+    return f"{parameter.words} (now {now}): {PERCENT} more {does.format(amount)}{bent}"
+
+
+def value_text(value: Any, unit: Any) -> str:
+    """A value with its unit."""
+    return f"{float(f'{value:.3g}'):,g} {unit}".rstrip()
 
 
 def boundary_sentences(
@@ -96,72 +143,3 @@ def map_sentences(
 
 def _list(values: Any) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
-
-
-def boundary_figure(over: str, unit: str, edges: Sequence[Edge], points: pd.DataFrame) -> Figure:
-    """Draw the error of the worst row over its tolerance at every value, and the edges."""
-    figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
-    table = points[points["error"].notna()]
-    least = 0.5 * min(float(table["error"].min()), 0.1)
-    for verdict, rows in table.groupby("verdict"):
-        error = rows["error"].to_numpy()
-        ends = np.abs(np.array([rows["low"].clip(lower=least), rows["high"]]) - error)
-        colour = COLOURS[str(verdict)]
-        ax.errorbar(rows["value"], error, yerr=ends, fmt="o", ms=4, capsize=2, color=colour, label=str(verdict))
-    for edge in edges:
-        ax.axvspan(edge.accurate, edge.wrong, color="0.5", alpha=0.3, lw=0, label="where it stops holding")
-    ax.axhline(1.0, color="0.2", lw=0.8, ls="--", label="tolerance")
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_ylim(bottom=least)
-    ax.set_xlabel(f"{over} ({unit})" if unit else over)
-    ax.set_ylabel("worst error / tolerance")
-    legend_above(figure, [ax], 5)
-    return figure
-
-
-def crossing_figure(level: float, edges: Sequence[Any], points: pd.DataFrame, labels: tuple[str, str]) -> Figure:
-    """Draw a quantity with its interval at every value, and the level."""
-    figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
-    table = points[points["estimate"].notna()]
-    for verdict, rows in table.groupby("verdict"):
-        ends = np.array([rows["estimate"] - rows["low"], rows["high"] - rows["estimate"]])
-        style: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2, "color": COLOURS[str(verdict)]}
-        ax.errorbar(rows["value"], rows["estimate"], yerr=ends, label=str(verdict), **style)
-    for edge in edges:
-        ax.axvspan(*sorted(edge), color="0.5", alpha=0.3, lw=0, label="where it crosses")
-    ax.axhline(level, color="0.2", lw=0.8, ls="--", label="level")
-    ax.set_xscale("log")
-    ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
-    ax.set_xlabel(labels[0])
-    ax.set_ylabel(labels[1])
-    legend_above(figure, [ax], 5)
-    return figure
-
-
-def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) -> Figure:
-    """Draw a bar at each value of the second parameter: accurate, wrong, or in between; markers at the edges."""
-    figure, (ax,) = new_figure(7.4, 4.2, 1, 1)
-    places = sorted(curve["along"].unique())
-    at = np.log(places)
-    middle = 0.5 * (at[1:] + at[:-1])
-    ends = np.exp([2.0 * at[0] - middle[0], *middle, 2.0 * at[-1] - middle[-1]])
-    shown: dict[str, str] = {ACCURATE: ACCURATE, WRONG: WRONG, UNDECIDED: "not decided between"}
-    for _, of in points.sort_values("value").groupby("along"):
-        i = places.index(of["along"].iloc[0])
-        for low, high in pairwise(of.to_dict("records")):
-            same = low["verdict"] if low["verdict"] == high["verdict"] else UNDECIDED
-            size = (ends[i + 1] - ends[i], high["value"] - low["value"])
-            corner, label = (ends[i], low["value"]), shown.pop(same, None)
-            ax.add_patch(Rectangle(corner, *size, color=COLOURS[same], alpha=0.45, lw=0, label=label))
-    edges = curve[curve["accurate"].notna() & curve["wrong"].notna()]
-    for name, marker in (("accurate", "^"), ("wrong", "v")):
-        ax.plot(edges["along"], edges[name], marker, ms=5, color=COLOURS[name], label=f"edge: {name} here")
-    ax.set_xscale("log" if ends[-1] > 4.0 * ends[0] else "linear")
-    ax.set_yscale("log")
-    ax.set_xlim(ends[0], ends[-1])
-    ax.set_ylim(points["value"].min(), points["value"].max())
-    ax.set_xlabel(across)
-    ax.set_ylabel(up)
-    legend_above(figure, [ax], 3)
-    return figure

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_boundary import page_of
 
 from rattle import DAT21, InputError, Order, Scene, Tolerance, sensitivity
-from rattle.compare.sensitivity.figures import lever_sentences, tornado
-from rattle.compare.sensitivity.page import sensitivity_page
-from rattle.compare.sensitivity.sensitivity import _effect
+from rattle.compare.parameters.figures import tornado
+from rattle.compare.parameters.sensitivity import _effect
+from rattle.compare.parameters.sentences import lever_sentences
 from rattle.compare.study.parameters import STEPS, find_parameter, find_parameters
 
 # Noise alone drives this stage: in the long run all that it supplies, sigma^2 (1 + beta1^2) / 4, is lost in impacts.
@@ -33,7 +34,7 @@ def test_the_energy_lost_follows_the_balance(balance):
 
 
 def test_the_result_shows_itself(balance):
-    assert "noise intensity (now 1): 1% more adds 1.997" in repr(balance)
+    assert "noise intensity (now 1): 1 % more adds 1.997" in repr(balance)
     assert "<table" in balance._repr_html_()
     assert balance.plot().axes[0].get_xlabel().startswith("change (%)")
     assert balance.to_dict()["groups"] == balance.groups
@@ -105,13 +106,12 @@ def test_any_number_of_a_scene_can_be_another(name):
     assert found.scene_at(0.32) != changed
 
 
-def test_a_parameter_that_cannot_be_changed_has_a_remark():
+def test_a_parameter_that_cannot_be_changed_has_a_remark(tmp_path):
     scene = replace(NOISE_ALONE, epsilon=0.97)
     found = sensitivity(scene, quantities=["power", "rate"], parameters=["epsilon", "sigma"], accuracy=0.1)
     assert found.table.query("parameter == 'epsilon'")["remark"].str.contains("cannot be changed by 4%").all()
     assert found.table.query("parameter == 'sigma'")["effect"].notna().all()
-    record = {"name": "x", "scene": scene.to_dict(), "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
-    assert "cannot be changed" in str(sensitivity_page(found, record))
+    assert "cannot be changed" in page_of(found, tmp_path)
     assert len(tornado(found.table, ["power", "rate"]).axes) == 2
     assert len(lever_sentences(scene, found.table, found.values)) == 2
 

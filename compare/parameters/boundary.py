@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
-from rattle.compare.boundary.search import UNDECIDED, Edge, Point, critical, judge_value, search
+from rattle.compare.parameters.search import UNDECIDED, Edge, Point, critical, judge_value, search
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
@@ -80,7 +80,7 @@ class Boundary:
     @property
     def answer(self) -> list[str]:
         """The edges in words, and what is not known."""
-        from rattle.compare.boundary.figures import boundary_sentences
+        from rattle.compare.parameters.sentences import boundary_sentences
 
         return boundary_sentences(self.closure, self.over, self.unit, self.edges, self.points, self.path_steps)
 
@@ -92,7 +92,7 @@ class Boundary:
         Figure
             Of matplotlib; a notebook shows it, ``savefig`` writes it.
         """
-        from rattle.compare.boundary.figures import boundary_figure
+        from rattle.compare.parameters.figures import boundary_figure
 
         return boundary_figure(self.over, self.unit, self.edges, self.points)
 

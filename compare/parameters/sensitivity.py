@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
-from rattle.compare.study.parameters import CHANGE, STEPS, Parameter, find_parameters
+from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene.errors import InputError, choice, positive
 from rattle.scene.scene import Scene
@@ -82,17 +82,17 @@ class Sensitivity:
 
     def __repr__(self) -> str:
         """The strongest levers, on a few lines."""
-        return "\n".join([f"Sensitivity: {self.said}", *(f"  {line}" for line in self.answer)])
+        return "\n".join(["Sensitivity", *(f"  {line}" for line in self.answer)])
 
     def _repr_html_(self) -> str:
-        return as_html(repr(self).split("\n")[0], self.table.to_html(max_rows=40))
+        return as_html(self.said, self.table.to_html(max_rows=40))
 
     @property
     def answer(self) -> list[str]:
-        """The strongest lever of each quantity, a sentence each."""
-        from rattle.compare.sensitivity.figures import lever_sentences
+        """The strongest lever of each quantity, a sentence each, and what was simulated."""
+        from rattle.compare.parameters.sentences import lever_sentences
 
-        return lever_sentences(self.scene, self.table, self.values)
+        return [*lever_sentences(self.scene, self.table, self.values), self.said]
 
     def of(self, quantity: str) -> pd.DataFrame:
         """The effects on one quantity, the strongest first.
@@ -124,7 +124,7 @@ class Sensitivity:
         Figure
             Of matplotlib; a notebook shows it, ``savefig`` writes it.
         """
-        from rattle.compare.sensitivity.figures import tornado
+        from rattle.compare.parameters.figures import tornado
 
         return tornado(self.table, list(self.values.index))
 
@@ -246,7 +246,7 @@ def sensitivity(
                 break
     said = (
         f"{len(runs)} groups of {len(jobs)} long runs, {PATHS} paths of {PERIODS} periods each; widest interval "
-        f"± {half.max():.2g} for {CHANGE:.0%} of a parameter" + ("" if reached else f", NOT the {accuracy:g} asked for")
+        f"± {half.max():.2g} for {PERCENT} of a parameter" + ("" if reached else f", NOT the {accuracy:g} asked for")
     )
     return Sensitivity(scene, table, _values(scene, asked, runs), len(runs), reached, f"{said}.")
 

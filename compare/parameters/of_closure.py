@@ -1,6 +1,7 @@
 """What a closure says 1 % more of each parameter does to its section moments, beside a simulation, with verdicts."""
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -13,12 +14,12 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
-from rattle.compare.sensitivity.sensitivity import CONFIDENCE, factors_of, find_slopes
-from rattle.compare.study.parameters import CHANGE, find_parameters
+from rattle.compare.parameters.sensitivity import CONFIDENCE, factors_of, find_slopes
+from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
-from rattle.scene.errors import InputError, choice, count
+from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.text import as_html
@@ -26,7 +27,7 @@ from rattle.scene.types import Floats
 
 __all__ = ["ClosureSensitivity", "closure_sensitivity"]
 
-GROUPS = 16  # independent groups of paths; random numbers are shared within each
+GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
 STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
 CLOSE = 1e-3  # the same of the closure, which has no noise
 MOMENTS = ("mean", "sd")
@@ -83,11 +84,12 @@ class ClosureSensitivity:
         worst = rows.to_dict("records")[int((rows["error"].abs() / rows["tolerance"]).argmax())]
         low, high = (worst["simulated"] + sign * 0.5 * (worst["high"] - worst["low"]) for sign in (-1.0, 1.0))
         return [
-            f"What {CHANGE:.0%} more of a parameter does to a section mean or sd: of {len(rows)} changes that "
+            f"What {PERCENT} more of a parameter does to a section mean or sd: of {len(rows)} changes that "
             f"`{self.closure}` predicts {counts}.",
             f"The worst is the {worst['moment']} of {worst['quantity']} at impact {worst['impact']} for "
             f"`{worst['parameter']}`: {worst['predicted']:+.3g} predicted, {low:+.3g} to {high:+.3g} simulated, in "
             "standard deviations of the quantity.",
+            f"{self.paths:,} paths of each scene.",
             *([f"{bent} more are not judged: not linear over ± {STEPS[1]:.0%}."] if bent else []),
         ]
 
@@ -105,6 +107,7 @@ def closure_sensitivity(
     impacts: int = 4,
     paths: int = 16_384,
     tolerances: Tolerances | None = None,
+    budget: float | None = None,
     rng: int = 0,
     workers: int = 1,
     progress: str | None = None,
@@ -131,6 +134,8 @@ def closure_sensitivity(
         Paths of each scene, 1,024 or more.
     tolerances : Tolerances, optional
         In place of 5 and 10 %.
+    budget : float, optional
+        Seconds of processor time after which no more paths are begun; a fourth of them are in any case.
     rng : int
         Seed.  The result is the same for any number of workers.
     workers : int
@@ -160,6 +165,7 @@ def closure_sensitivity(
     if scene.sigma == 0.0:
         raise InputError("sigma", 0.0, "without noise there are no standard deviations; give one above 0")
     count("impacts", impacts)
+    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
     scene, method = scene.phase_reduced, find_closure("closure", closure)
     method.check(scene)
@@ -182,11 +188,12 @@ def closure_sensitivity(
         bar.update()
         return _moments(found.section, job[0], impacts)
 
-    jobs = [(one, group) for one in every for group in range(GROUPS)]
-    bar = tqdm(desc=progress, total=len(jobs), unit="run", disable=None if progress else True)
+    bar = tqdm(desc=progress, total=GROUPS * len(every), unit="run", disable=None if progress else True)
+    done: list[list[Floats]] = []
     with ThreadPoolExecutor(workers) as pool, bar:
-        values = np.array(list(pool.map(run, jobs)))  # (runs, moments, quantities, impacts)
-    values = values.reshape(len(every), GROUPS, *values.shape[1:])
+        while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):
+            done.append(list(pool.map(run, [(one, len(done)) for one in every])))
+    values = np.array(done).swapaxes(0, 1)  # (scenes, groups, moments, quantities, impacts)
     mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=rng).section["mesh"].to_numpy()
     unit, rows = values[0, :, 1].mean(axis=0), []
     unit[np.array([[at_wall(quantity, struck) for struck in mesh] for quantity in SECTION])] = math.nan
@@ -199,8 +206,8 @@ def closure_sensitivity(
             place = {"parameter": name, "impact": i + 1, "quantity": SECTION[q], "moment": MOMENTS[m]}
             checks = slope.size * len(scenes)
             rows.append(place | _change(predicted, own[:, :, m, q, i], unit[q, i], checks, allowed[m]))
-    table = judge(pd.DataFrame(rows).assign(paths=float(GROUPS * each)))
-    return ClosureSensitivity(scene, method.name, table[COLUMNS], GROUPS * each)
+    table = judge(pd.DataFrame(rows).assign(paths=float(len(done) * each)))
+    return ClosureSensitivity(scene, method.name, table[COLUMNS], len(done) * each)
 
 
 def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from rattle.compare.boundary.boundary import find_range, own_seed
-from rattle.compare.boundary.search import MOST, UNDECIDED, find_changes
+from rattle.compare.parameters.boundary import find_range, own_seed
+from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.compare.study.engine import Runner
@@ -138,7 +138,7 @@ class Crossing:
         Figure
             Of matplotlib; a notebook shows it, ``savefig`` writes it.
         """
-        from rattle.compare.boundary.figures import crossing_figure
+        from rattle.compare.parameters.figures import crossing_figure
 
         axes = ((self.over, self.unit), (self.quantity, self.quantity_unit))
         across, up = (f"{name} ({unit})" if unit else name for name, unit in axes)
@@ -287,9 +287,9 @@ def judge_level(value: float, quantity: str, level: float, run: Callable[[int], 
         estimate, low, high = find_interval(result, quantity)
         found = Level(value, UNDECIDED, periods, estimate, low, high, "too near the level to decide")
         if high < level:
-            return found._replace(verdict=BELOW)
+            return found._replace(verdict=BELOW, remark="")
         if low > level:
-            return found._replace(verdict=ABOVE)
+            return found._replace(verdict=ABOVE, remark="")
         if math.isnan(estimate):
             found = found._replace(remark="there are no such impacts")
         elif estimate > 0.0 and periods * (0.5 * (high - low)) ** 2 > LOOKS[-1] * (estimate - level) ** 2:

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure.mean_map import find_closure
-from rattle.compare.boundary.boundary import boundary, find_range
-from rattle.compare.boundary.search import ACCURATE, WRONG, Edge
+from rattle.compare.parameters.boundary import boundary, find_range
+from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
 from rattle.compare.study.cluster import Cluster
 from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.parameters import find_parameter
@@ -44,7 +44,7 @@ class Found(NamedTuple):
 class Search(Cell):
     """The search at one value of the second parameter."""
 
-    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo", "compare/boundary", "compare/validation")
+    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo", "compare/parameters", "compare/validation")
     group: ClassVar[str] = "searches"
 
     scene: Scene
@@ -120,7 +120,7 @@ class BoundaryMap:
     @property
     def answer(self) -> list[str]:
         """The curve in words, and what is not known."""
-        from rattle.compare.boundary.figures import map_sentences
+        from rattle.compare.parameters.sentences import map_sentences
 
         names = self.closure, self.over, self.along, self.units
         return map_sentences(names, self.curve, self.points, self.path_steps)
@@ -133,7 +133,7 @@ class BoundaryMap:
         Figure
             Of matplotlib; a notebook shows it, ``savefig`` writes it.
         """
-        from rattle.compare.boundary.figures import map_figure
+        from rattle.compare.parameters.figures import map_figure
 
         names = ((self.along, self.units[1]), (self.over, self.units[0]))
         across, up = (f"{name} ({unit})" if unit else name for name, unit in names)
@@ -219,7 +219,8 @@ def boundary_map(
     check_keys("boundary_map", settings, SETTINGS)
     if along == over:
         raise InputError("along", along, "is the first parameter too; give another one")
-    method, second, first = find_closure("closure", closure), find_parameter(scene, along), find_parameter(scene, over)
+    method, first = find_closure("closure", closure), find_parameter(scene, over)
+    second = find_parameter(scene, along, "along")
     low, high = find_range(second, reach, "reach", 2.0)
     at = [float(f"{value:.6g}") for value in np.geomspace(low, high, count("values", values, least=2))]
     scenes = [second.scene_at(value) for value in at]

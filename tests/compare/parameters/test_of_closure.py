@@ -1,13 +1,12 @@
 """What closures say of parameters: `saltation` is right at small noise, a planted error and `corrected` are not."""
 
 import pytest
+from test_boundary import page_of
 
 from rattle import DAT21, InputError, Scene, closure_sensitivity, mean_map
-from rattle.compare.sensitivity.page import closure_sensitivity_page
 
 SMALL = Scene.from_gears(DAT21, sigma=0.01)
 CHANGED = ["amplitude", "epsilon", "sigma"]
-RECORD = {"name": "x", "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0, "scene": SMALL.to_dict()}
 
 
 def too_large(scene, impacts):
@@ -39,7 +38,7 @@ def test_twice_the_noise_is_twice_the_sd_at_small_noise(found):
     assert rows["simulated"].to_numpy() == pytest.approx(0.00995, abs=3e-4)
 
 
-def test_a_planted_error_is_shown():
+def test_a_planted_error_is_shown(tmp_path):
     planted = closure_sensitivity(SMALL, closure=too_large, parameters=["epsilon"], impacts=1, paths=4096)
     wrong = planted.table[planted.table["verdict"] == "inaccurate"]
     assert wrong[["quantity", "moment"]].to_numpy().tolist() == [["y1", "sd"]]
@@ -47,7 +46,7 @@ def test_a_planted_error_is_shown():
     assert repr(planted).startswith("Sensitivity of too_large")
     assert "<table" in planted._repr_html_()
     assert planted.to_dict()["paths"] == planted.paths == 4096
-    assert "too_large" in closure_sensitivity_page(planted, RECORD).title
+    assert "too_large" in page_of(planted, tmp_path)
 
 
 def test_where_another_mesh_is_struck_a_change_is_not_linear():

@@ -3,12 +3,11 @@
 import math
 
 import pytest
-from test_boundary import DRIVEN, verdicts
+from test_boundary import DRIVEN, page_of, verdicts
 
 from rattle import InputError, RattleError, Scene, boundary, boundary_map
-from rattle.compare.boundary.map import Found, curve_rows, expect
-from rattle.compare.boundary.page import map_page
-from rattle.compare.boundary.search import ACCURATE, Edge, critical, search
+from rattle.compare.parameters.map import Found, curve_rows, expect
+from rattle.compare.parameters.search import ACCURATE, Edge, critical, search
 
 SETTINGS = {"along": "alpha", "reach": (0.4, 1.5), "values": 3, "impacts": 2, "points": 4, "width": 0.3, "rng": 3}
 
@@ -69,12 +68,11 @@ def test_a_map_continues_where_it_ended(found, folder):
     assert stored == {path.name: path.stat().st_mtime_ns for path in (folder / "cells").glob("*.parquet")}
 
 
-def test_the_result_shows_itself(found):
+def test_the_result_shows_itself(found, tmp_path):
     assert found.answer[0].startswith("`saltation` is accurate up to sigma = ")
     assert "<table" in found._repr_html_()
     assert found.plot().axes[0].get_xlabel() == "alpha"
-    facts = {"scene": DRIVEN.to_dict(), "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
-    assert "over sigma and alpha" in map_page(found, {"name": "DAT21", **facts}).title
+    assert "over sigma and alpha" in page_of(found, tmp_path)
     assert found.to_dict()["curve"][0]["along"] == 0.4
 
 

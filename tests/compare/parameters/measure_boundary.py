@@ -1,6 +1,6 @@
 """Whether searches find the boundary of `saltation` on DAT21, and at what cost: docs/results/boundary_seeds.csv.
 
-``python tests/compare/boundary/measure_boundary.py`` takes about five minutes on one core and continues an interrupted
+``python tests/compare/parameters/measure_boundary.py`` takes ten minutes on one core and continues an interrupted
 run.  40 searches, each with its own seed; the true value is where the error of the worst row of 8 million paths at each
 of two values is its tolerance; and the path-steps of the study over the noise intensity, counted with fewer paths.
 """

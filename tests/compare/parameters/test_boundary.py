@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 
 from rattle import DAT21, InputError, Scene, Tolerances, boundary, mean_map
-from rattle.compare.boundary.figures import _side
-from rattle.compare.boundary.page import boundary_page
-from rattle.compare.boundary.search import (
+from rattle.compare.parameters.page import write_report
+from rattle.compare.parameters.search import (
     ACCURATE,
     LOOKS,
     MOST,
@@ -22,9 +21,17 @@ from rattle.compare.boundary.search import (
     judge_value,
     search,
 )
+from rattle.compare.parameters.sentences import _side
 from rattle.compare.validation.verdict import widest
 
 DRIVEN = Scene.from_gears(DAT21)
+
+
+def page_of(found, folder):
+    """The page of a result as Markdown, from the folder that is written."""
+    facts = {"name": "DAT21", "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
+    write_report(folder / "report", found, facts | {"scene": found.scene.to_dict()}, False)
+    return next((folder / "report").glob("*.md")).read_text(encoding="utf-8")
 
 
 def verdicts(*changes, doubt=1.0):
@@ -77,12 +84,11 @@ def test_the_boundary_of_saltation(found):
     assert looser.accurate > edge.wrong  # a planted error: another tolerance is noticed
 
 
-def test_the_result_shows_itself(found):
+def test_the_result_shows_itself(found, tmp_path):
     assert "`saltation` is accurate up to sigma = " in repr(found)
     assert "<table" in found._repr_html_()
     assert found.plot().axes[0].get_xlabel() == "sigma"
-    facts = {"scene": DRIVEN.to_dict(), "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
-    assert "stops holding" in boundary_page(found, {"name": "DAT21", **facts}).title
+    assert "stops holding" in page_of(found, tmp_path)
     assert found.to_dict()["edges"][0]["accurate"] == found.edges[0].accurate
 
 
@@ -135,7 +141,7 @@ def test_a_branch_that_hardly_matters_does_not_end_the_looks(could_change, looks
         narrow = {"verdict": "accurate", "high": 0.9} if paths > LOOKS[0] else {"verdict": "undecided"}
         return pd.DataFrame([row | narrow])
 
-    monkeypatch.setattr("rattle.compare.boundary.search.section_errors", errors)
+    monkeypatch.setattr("rattle.compare.parameters.search.section_errors", errors)
     seen = []
     found = judge_value(0.1, None, None, lambda scene, paths: seen.append(paths) or paths, 4.0, Tolerances())
     assert len(seen) == looks

@@ -1,1 +1,0 @@
-"""Where exactly a closure stops holding, along a parameter of the scene."""

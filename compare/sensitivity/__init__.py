@@ -1,1 +1,0 @@
-"""Which parameter of the gears changes the rattle, and by how much."""
