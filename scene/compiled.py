@@ -17,13 +17,11 @@ import pickle
 import platform
 import re
 import shutil
-import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
-from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -54,7 +52,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _folder: Path | None = None  # the cache folder; None where there is none
-_warnings: list[str] = []  # about the cache folder and the processor; printed when the first function is compiled
+_warnings: list[str] = []  # printed when the first function is compiled
 _compiled = 0  # functions that this process has compiled
 
 
@@ -92,28 +90,20 @@ def keep_by_source() -> None:
     global _folder
     root = Path(__file__).resolve().parent.parent
     mine = f"rattle-{os.geteuid()}-{hashlib.sha256(os.fsencode(root)).hexdigest()[:8]}-"
-    name, places = mine + source_digest(root), [*_places(root)]
-    _folder = next((place / name for place in places if _is_private(place / name)), None)
+    shared, own = Path(tempfile.gettempdir()), Path(os.environ.get("HOME") or tempfile.gettempdir()) / ".cache"
+    places = [root / "scene" / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME") or own), shared]
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        places.insert(0, Path(os.environ["NUMBA_CACHE_DIR"]))
+    folders = [place.absolute() / (mine + source_digest(root)) for place in places]
+    _folder = next(filter(_is_private, folders), None)
     if _folder is None:
-        _warnings.append(f"{places[0]} cannot be written: machine code is not kept")
-        _warn()
+        print(f"rattle: {folders[0].parent} cannot be written: machine code is not kept", file=sys.stderr)
         return
-    if _folder.parent != places[0]:
-        _warnings.append(f"{places[0]} cannot be written: machine code is kept in {_folder}")
+    if _folder != folders[0]:
+        _warnings.append(f"{folders[0].parent} cannot be written: machine code is kept in {_folder}")
     for other in _folder.parent.glob(mine + "*"):
         if other != _folder:
             shutil.rmtree(other, ignore_errors=True)
-
-
-def _places(root: Path) -> Iterator[Path]:
-    """Parents of the cache folder, in order of preference."""
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        yield Path(os.environ["NUMBA_CACHE_DIR"]).absolute()
-    yield root / "scene" / "__pycache__"
-    with suppress(RuntimeError):  # a user without a home
-        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache").absolute()
-    with suppress(FileNotFoundError):  # a system without one
-        yield Path(tempfile.gettempdir())
 
 
 def _is_private(folder: Path) -> bool:
@@ -122,15 +112,13 @@ def _is_private(folder: Path) -> bool:
     Links are refused.  A folder of ours that was open to others is emptied: they may have put something into it.
     """
     with suppress(OSError):
-        for _ in range(2):
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            found = folder.lstat()
-            if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
-                return False
-            if not found.st_mode & 0o077:
-                tempfile.TemporaryFile(dir=folder).close()
-                return True
-            shutil.rmtree(folder)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if folder.lstat().st_uid == os.geteuid() and folder.lstat().st_mode & 0o077:
+            shutil.rmtree(folder)  # refuses a link
+            folder.mkdir(mode=0o700)
+        found = folder.lstat()
+        closed = found.st_uid == os.geteuid() and not found.st_mode & 0o077
+        return closed and folder.is_dir() and os.access(folder, os.W_OK)
     return False
 
 
@@ -145,20 +133,6 @@ def has_fma() -> bool:
     return {"+avx2", "+fma"} <= set(features.split(","))
 
 
-@cache
-def _check_processor() -> None:
-    """Warn of a slow processor, once."""
-    if not has_fma():
-        _warnings.append("this processor has no AVX2 or no FMA: simulations take several times as long as they might")
-
-
-def _warn() -> None:
-    """Print the warnings about the cache folder and the processor to standard error, once."""
-    _check_processor()
-    while _warnings:
-        print(f"rattle: {_warnings.pop()}", file=sys.stderr)
-
-
 def folder() -> Path | None:
     """Folder that machine code is kept in."""
     return _folder
@@ -170,12 +144,17 @@ def count_compiled() -> int:
 
 
 def _count() -> None:
-    """Count a function that has to be compiled; with the first one, say on a terminal that this takes a while."""
+    """Count a function that has to be compiled; with the first one, print the warnings."""
     global _compiled
     _compiled += 1
-    _warn()
-    if _compiled == 1 and sys.stderr.isatty() and multiprocessing.parent_process() is None:
-        print("rattle: compiling for this processor, about a minute, once (rattle warm-up: for all)", file=sys.stderr)
+    if _compiled > 1:
+        return
+    if not has_fma():
+        _warnings.append("this processor has no AVX2 or no FMA: simulations take several times as long as they might")
+    if sys.stderr.isatty() and multiprocessing.parent_process() is None:
+        _warnings.append("compiling for this processor, about a minute, once (rattle warm-up: for all)")
+    for warning in _warnings:
+        print(f"rattle: {warning}", file=sys.stderr)
 
 
 class BySource(NUMBAS_PLACE):  # type: ignore[misc]
@@ -184,13 +163,7 @@ class BySource(NUMBAS_PLACE):  # type: ignore[misc]
     def __init__(self, function: Any, file: str) -> None:
         self._py_file, self._cache_path = file, os.path.join(str(_folder), self.get_suitable_cache_subpath(file))
 
-    def get_source_stamp(self) -> str:
-        """What numba compares."""
-        return ""
-
-    def get_disambiguator(self) -> str:
-        """What tells functions of one name in one file apart: numba's index has a digest of their bytecode."""
-        return ""
+    get_source_stamp = get_disambiguator = lambda self: ""  # numba's index has a digest of the bytecode
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> Any:
@@ -239,7 +212,7 @@ class OnDisk(NUMBAS_CACHE):  # type: ignore[misc]
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Write machine code to the cache, where that is possible: otherwise it is compiled again next time."""
-        if _folder is not None and _is_private(_folder):
+        if _is_private(cast(Path, _folder)):
             with suppress(OSError):
                 super().save_overload(signature, compiled)
 
@@ -316,15 +289,8 @@ def splice(function: Callable[P, R]) -> Callable[P, R]:
     return cast(Callable[P, R], numba.njit(inline="always")(function))
 
 
-HALVES = 2.0**27 + 1.0  # Veltkamp's factor: splits the 53 bits of a float into two parts of at most 26
-PLAIN = 1e-250, 1e250  # sizes of a product, and of its factors, between which the splitting is exact
-
-
 def emulate_fma(a: float, b: float, c: float) -> float:
-    """``a * b + c`` rounded once, in ordinary floating-point arithmetic.
-
-    The product is split into two floats whose sum it is (Dekker 1971), and the three are added with one rounding;
-    where a part could underflow or overflow, in fractions.
+    """``a * b + c`` rounded once, in fractions.
 
     Examples
     --------
@@ -332,19 +298,11 @@ def emulate_fma(a: float, b: float, c: float) -> float:
     True
     """
     a, b, c = float(a), float(b), float(c)
-    product = a * b
-    if not all(map(math.isfinite, (a, b, c))):
-        return product + c
-    if not all(PLAIN[0] < abs(size) < PLAIN[1] for size in (a, b, product)):
-        exact = Fraction(a) * Fraction(b) + Fraction(c)
-        try:
-            return float(exact)
-        except OverflowError:
-            return math.inf if exact > 0 else -math.inf
-    high_a, high_b = HALVES * a - (HALVES * a - a), HALVES * b - (HALVES * b - b)
-    low_a, low_b = a - high_a, b - high_b
-    error = low_a * low_b - (((product - high_a * high_b) - low_a * high_b) - high_a * low_b)
-    return math.fsum((product, error, c))
+    exact = Fraction(a) * Fraction(b) + Fraction(c) if all(map(math.isfinite, (a, b, c))) else 0
+    try:
+        return float(exact) if exact else a * b + c  # which has the sign of a zero
+    except OverflowError:
+        return math.inf if exact > 0 else -math.inf
 
 
 @intrinsic

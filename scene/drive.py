@@ -14,6 +14,23 @@ from rattle.scene.damping import Pair
 QUARTER_HIGH, QUARTER_MIDDLE = 1.57079632673412561417, 6.07710050630396597660e-11
 QUARTER_LOW = 2.02226624879595063154e-21
 QUARTERS = 0.63661977236758134308  # 2 / pi
+# polynomials in x^2 of sin x / x^3 and cos x / x^4 (FDLIBM), highest power first
+SINES = (
+    1.58969099521155010221e-10,
+    -2.50507602534068634195e-8,
+    2.75573137070700676789e-6,
+    -1.98412698298579493134e-4,
+    8.33333333332248946124e-3,
+    -1.66666666666666324348e-1,
+)
+COSINES = (
+    -1.13596475577881948265e-11,
+    2.08757232129817482790e-9,
+    -2.75573143513906633035e-7,
+    2.48015872894767294178e-5,
+    -1.38888888888741095749e-3,
+    4.16666666666666019037e-2,
+)
 
 
 @lean
@@ -29,37 +46,10 @@ def sine_cosine(tau: float) -> tuple[float, float]:
     """
     turns = math.floor(QUARTERS * tau + 0.5)
     x = tau - turns * QUARTER_HIGH - turns * QUARTER_MIDDLE - turns * QUARTER_LOW
-    z = x * x
-    sine = x + x * z * (
-        -1.66666666666666324348e-1
-        + z
-        * (
-            8.33333333332248946124e-3
-            + z
-            * (
-                -1.98412698298579493134e-4
-                + z * (2.75573137070700676789e-6 + z * (-2.50507602534068634195e-8 + z * 1.58969099521155010221e-10))
-            )
-        )
-    )
-    cosine = 1.0 - (
-        0.5 * z
-        - z
-        * z
-        * (
-            4.16666666666666019037e-2
-            + z
-            * (
-                -1.38888888888741095749e-3
-                + z
-                * (
-                    2.48015872894767294178e-5
-                    + z
-                    * (-2.75573143513906633035e-7 + z * (2.08757232129817482790e-9 - z * 1.13596475577881948265e-11))
-                )
-            )
-        )
-    )
+    z, sine, cosine = x * x, SINES[0], COSINES[0]
+    for i in range(1, len(SINES)):
+        sine, cosine = SINES[i] + z * sine, COSINES[i] + z * cosine
+    sine, cosine = x + x * z * sine, 1.0 - (0.5 * z - z * z * cosine)
     quadrant = turns & 3
     if quadrant == 0:
         return sine, cosine

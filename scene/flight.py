@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit, shared
+from rattle.scene.compiled import internal, jit, shared, splice
 from rattle.scene.constants import Constants
 from rattle.scene.damping import Pair, pair
 from rattle.scene.drive import acceleration, excite, highest_order, jerk, velocity, velocity_acceleration
@@ -35,7 +35,7 @@ def wheel_speeds(c: Constants, tau: float, y1: float, y2: float) -> tuple[float,
     return u1, u1 + y2
 
 
-@jit
+@shared
 def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> State:
     """Increments of ``x_1`` and ``x_2`` over a flight of time `t` from `tau`, and the velocities at its end (Eq. 3).
 
@@ -117,7 +117,7 @@ def system_matrix(c: Constants) -> Floats:
     return a
 
 
-@jit
+@shared
 def jacobian(c: Constants, t: float) -> Floats:
     """``exp(A t)``, the derivative of `flow` with respect to ``(x1, y1, x2, y2)``.
 
@@ -137,7 +137,7 @@ def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
     return second + c.beta1 * first, (c.beta1 - c.beta2) * first
 
 
-@internal
+@splice
 def _relative_coordinates(c: Constants, t: float) -> bool:
     """Whether noise is integrated in ``(x1, y1, x2 - x1, y2 - y1)``, which decouples the two wheels.
 
@@ -165,7 +165,7 @@ def _responses(c: Constants, p: Pair, sine: float, cosine: float, relative: bool
     return p.e1 * m1, p.d1 * m1, -cosine * p.d12 - sine * p.e12, cosine * faster - sine * p.d12
 
 
-@internal
+@splice
 def _harmonics(c: Constants, h: float, relative: bool) -> Floats:
     """Covariance of unit noise over a time h: the terms in ``sin^2``, ``sin cos`` and ``cos^2`` of the initial phase.
 
@@ -198,7 +198,7 @@ def _forward(c: Constants, t: float, relative: bool) -> Floats:
     return j
 
 
-@internal
+@splice
 def _double(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
     """`_harmonics` of twice the time: first half propagated through the second, plus the second, its phase shifted."""
     j, s, k = _forward(c, h, relative), math.sin(h), math.cos(h)

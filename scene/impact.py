@@ -1,6 +1,7 @@
 """Impacts at both meshes: restitution maps, and the next outward crossing of a wall (docs/model.md section 3)."""
 
 import math
+from typing import TypeVar
 
 import numpy as np
 
@@ -9,6 +10,8 @@ from rattle.scene.constants import Constants
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.types import Floats
+
+Number = TypeVar("Number", float, Floats)
 
 # Codes that `next_impact` returns in place of a mesh.
 NONE = 0  # no impact within the horizon
@@ -41,9 +44,9 @@ def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]
     return y1 - (1.0 + c.epsilon) * c.mu * y2, -c.epsilon * y2  # Eq. 4
 
 
-@jit
-def energy_loss(c: Constants, mesh: int, y1: float, y2: float) -> float:
-    """Kinetic energy lost in an impact, in units of ``I1 / R1^2 (nu1 omega)^2``, with the mass of wheel 1 at its rim.
+@shared
+def energy_loss(c: Constants, mesh: int, y1: Number, y2: Number) -> Number:
+    """Kinetic energy lost in impacts at a mesh, in units of ``I1 / R1^2 (nu1 omega)^2``, I1 / R1^2 the mass of wheel 1.
 
     ``(1 - eps^2) y^2 / 2`` times the reduced mass: 1 at mesh 1, whose driver is prescribed, and mu at mesh 2.
 
@@ -57,7 +60,7 @@ def energy_loss(c: Constants, mesh: int, y1: float, y2: float) -> float:
     return share * y1 * y1 if mesh == 1 else share * c.mu * y2 * y2
 
 
-@jit
+@shared
 def safe_time(distance: float, speed: float, acceleration: float, most: float, jerk: float) -> float:
     """A time within which a wall `distance` ahead cannot be reached.
 
@@ -81,7 +84,7 @@ def safe_time(distance: float, speed: float, acceleration: float, most: float, j
     return step
 
 
-@internal
+@shared
 def _within(distance: float, speed: float, most: float) -> float:
     """`safe_time` for an acceleration of at most `most`, without a bound on its rate."""
     root = math.sqrt(speed * speed + 2.0 * most * distance)

@@ -47,6 +47,17 @@ def beyond(centre: Floats, step: float, direction: Floats) -> Floats:
 
 
 @internal
+def add_outer(to: Floats, factor: float, v: Floats, w: Floats) -> None:
+    """Add ``f v w'`` to a matrix.
+
+    Shapes: `to` (m, n); `v` (m,); `w` (n,).
+    """
+    for i in range(v.size):
+        for j in range(w.size):
+            to[i, j] += factor * (v[i] * w[j])
+
+
+@internal
 def dot(v: Floats, w: Floats) -> float:
     """``v' w``, summed in order of the components.
 
@@ -64,10 +75,7 @@ def norm(v: Floats) -> float:
 
     Shapes: `v` (n,).
     """
-    total = 0.0
-    for i in range(v.size):
-        total += v[i] * v[i]
-    return math.sqrt(total)
+    return math.sqrt(dot(v, v))
 
 
 @internal
@@ -106,6 +114,18 @@ def apply(matrix: Floats, v: Floats) -> Floats:
     return out
 
 
+@lean
+def add_product(a: Floats, b: Floats, out: Floats) -> None:
+    """Add ``A B`` to a matrix.
+
+    Shapes: `a`, `b` (m, k) and (k, n); `out` (m, n).
+    """
+    for i in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            for j in range(b.shape[1]):
+                out[i, j] += a[i, k] * b[k, j]
+
+
 @internal
 def times(a: Floats, b: Floats) -> Floats:
     """``A B``.
@@ -113,10 +133,7 @@ def times(a: Floats, b: Floats) -> Floats:
     Shapes: `a`, `b` (m, k) and (k, n); result (m, n).
     """
     out = np.zeros((a.shape[0], b.shape[1]))
-    for i in range(a.shape[0]):
-        for k in range(a.shape[1]):
-            for j in range(b.shape[1]):
-                out[i, j] += a[i, k] * b[k, j]
+    add_product(a, b, out)
     return out
 
 
@@ -245,18 +262,6 @@ def eigen(symmetric: Floats) -> tuple[Floats, Floats]:
         for i in range(n):
             vectors[i, k] = turned[i, at]
     return values, vectors
-
-
-@lean
-def add_product(a: Floats, b: Floats, out: Floats) -> None:
-    """Add ``A B`` to a matrix.
-
-    Shapes: `a`, `b` (m, k) and (k, n); `out` (m, n).
-    """
-    for i in range(a.shape[0]):
-        for k in range(a.shape[1]):
-            for j in range(b.shape[1]):
-                out[i, j] += a[i, k] * b[k, j]
 
 
 def product(a: Floats, b: Floats) -> Floats:

@@ -103,16 +103,13 @@ def covariance(c: Constants, tau: float, t: float) -> tuple[Floats, Floats]:
     return out, slope
 
 
-@jit
 def matrix(c: Constants, tau: float) -> Floats:
     """``A(tau)``.
 
     Shapes: result (5, 5).
     """
-    a, flight = np.zeros((5, 5)), system_matrix(c)
-    for i in range(4):
-        for j in range(4):
-            a[i, j] = flight[i, j]
+    a = np.zeros((5, 5))
+    a[:4, :4] = system_matrix(c)
     m1, m2 = noise_rate(c, tau)
     a[1, 4], a[3, 4] = c.sigma * m1, (c.sigma * m2 if c.stages == 2 else 0.0)
     a[4, 4] = -1.0 / c.memory

@@ -14,6 +14,7 @@ from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
 from rattle.scene.flight import field
 from rattle.scene.impact import contact_matrix, struck
+from rattle.scene.linear_algebra import apply, dot, norm, put_scaled
 from rattle.scene.types import Floats, Ints
 
 SLOWEST = 1e-150
@@ -72,67 +73,63 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
 
 @internal
 def carry_frame(c: Constants, t: float, frame: Floats) -> None:
-    """Propagate all columns of a tangent frame through a flight, in place.
+    """Propagate a tangent frame through a flight, in place.
 
-    Shapes: `frame` (4, 4).
+    Shapes: `frame` (4, 4), a vector in each row.
     """
     p = pair(c.beta1, c.beta2, t)
     for k in range(4):
-        v1, v2 = frame[1, k], frame[3, k]
-        frame[0, k] += p.e1 * v1
-        frame[1, k] = p.d1 * v1
+        v1, v2 = frame[k, 1], frame[k, 3]
+        frame[k, 0] += p.e1 * v1
+        frame[k, 1] = p.d1 * v1
         if c.stages == 2:
-            frame[2, k] += p.e12 * v1 + p.e2 * v2
-            frame[3, k] = p.d12 * v1 + p.d2 * v2
+            frame[k, 2] += p.e12 * v1 + p.e2 * v2
+            frame[k, 3] = p.d12 * v1 + p.d2 * v2
 
 
 @internal
 def _across(frame: Floats, size: int, k: int) -> float:
-    """Gram-Schmidt step, applied twice: remove the earlier columns from column k; returns the length that is left."""
+    """Gram-Schmidt step, applied twice: remove the earlier vectors from vector k; returns the length that is left."""
+    v = frame[k, :size]
     for _ in range(2):
         for j in range(k):
-            dot = 0.0
+            along = dot(frame[j, :size], v)
             for i in range(size):
-                dot += frame[i, j] * frame[i, k]
-            for i in range(size):
-                frame[i, k] -= dot * frame[i, j]
-    length, largest = 0.0, 0.0
-    for i in range(size):
-        length += frame[i, k] * frame[i, k]
-        largest = max(largest, abs(frame[i, k]))
+                v[i] -= along * frame[j, i]
+    length = norm(v)
     if length < np.inf:
-        return float(np.sqrt(length))
-    length = 0.0  # the sum of squares has overflowed: scale first
+        return length
+    largest, part = 0.0, np.empty(size)  # the sum of squares has overflowed: scale first
     for i in range(size):
-        length += (frame[i, k] / largest) ** 2
-    return float(largest * np.sqrt(length))
+        largest = max(largest, abs(v[i]))
+    put_scaled(part, v, largest)
+    return largest * norm(part)
 
 
 @internal
 def _replace(frame: Floats, size: int, k: int) -> float:
-    """Replace column k by the coordinate axis furthest from the span of the earlier columns; returns its length."""
+    """Replace vector k by the coordinate axis furthest from the span of the earlier vectors; returns its length."""
     best, axis = -1.0, 0
     for a in range(size):
         across = 1.0
         for j in range(k):
-            across -= frame[a, j] * frame[a, j]
+            across -= frame[j, a] * frame[j, a]
         if across > best:
             best, axis = across, a
     for i in range(size):
-        frame[i, k] = 1.0 if i == axis else 0.0
+        frame[k, i] = 1.0 if i == axis else 0.0
     return _across(frame, size, k)
 
 
 @internal
 def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
-    """Gram-Schmidt on the first `size` rows and columns, in place; adds the logarithms of the lengths to `growth`."""
+    """Gram-Schmidt on the first `size` vectors, in place; adds the logarithms of the lengths to `growth`."""
     for k in range(size):
         length = _across(frame, size, k)
         growth[k] += np.log(length)
         if not length > 0.0:  # epsilon = 0, or damped to zero: this direction has collapsed
             length = _replace(frame, size, k)
-        for i in range(size):
-            frame[i, k] /= length
+        put_scaled(frame[k, :size], frame[k, :size], length)
 
 
 @jit
@@ -146,12 +143,8 @@ def strike_frame(c: Constants, mesh: int, tau: float, y1: float, y2: float, fram
     size = 2 * c.stages
     _orthonormalise(frame, size, growth)
     xi = saltation_matrix(c, mesh, tau, y1, y2)
-    moved = np.zeros(4)
     for k in range(size):
+        moved = apply(xi, frame[k])
         for i in range(size):
-            moved[i] = 0.0
-            for j in range(size):
-                moved[i] += xi[i, j] * frame[j, k]
-        for i in range(size):
-            frame[i, k] = moved[i]
+            frame[k, i] = moved[i]
     _orthonormalise(frame, size, growth)
