@@ -292,44 +292,19 @@ def read_table(
         raise InputError(f"index of {whose}", given.index.tolist(), why)
     picked = given.loc[rows, [name for name in given.columns if name in (*known, "mesh", "side")]]
     for name in picked:
-        if np.iscomplexobj(picked[name].to_numpy()) or any(isinstance(value, complex) for value in picked[name]):
-            why = "holds complex numbers; return real ones, or NaN where there is none"
-            raise InputError(f"{name} of {whose}", picked[name].tolist(), why)
         try:
+            if picked[name].map(np.iscomplexobj).any():
+                raise TypeError
             picked[name] = picked[name].astype(float)
         except (TypeError, ValueError):
-            raise InputError(f"{name} of {whose}", picked[name].tolist(), "must hold numbers") from None
+            why = "must hold real numbers, or NaN where there is none"
+            raise InputError(f"{name} of {whose}", picked[name].tolist(), why) from None
     return pd.DataFrame(picked.where(np.isfinite(picked)))
-
-
-def read_closure(field: str, given: object, built_in: Mapping[str, Closure]) -> Closure:
-    """The closure of a name, of ``package.module:function``, or of a function."""
-    if isinstance(given, Closure):
-        return given
-    if isinstance(given, str):
-        return import_closure(field, given) if ":" in given else built_in[choice(field, given, built_in)]
-    if callable(given):
-        return Closure(name_of(given), given)
-    why = "give the name of a closure, package.module:function, or a function (scene, impacts)"
-    raise InputError(field, given, why)
 
 
 def name_of(function: object) -> str:
     """Name of a function, on one line."""
     return line(str(getattr(function, "__name__", type(function).__name__))).replace(":", " ") or "unnamed"
-
-
-def read_closures(field: str, given: object, built_in: Mapping[str, Closure]) -> tuple[Closure, ...]:
-    """Several closures, each once, whose names differ."""
-    if not isinstance(given, list | tuple) or not given:
-        raise InputError(field, given, f"give a list of {', '.join(built_in)}, or functions of your own")
-    found: dict[str, Closure] = {}
-    for each in given:
-        closure = read_closure(field, each, built_in)
-        if found.setdefault(closure.name, closure) != closure:
-            why = f"is the name of two closures; give one another, as in Closure('{closure.name}2', function)"
-            raise InputError(field, closure.name, why)
-    return tuple(found.values())
 
 
 def import_closure(field: str, text: str) -> Closure:
@@ -349,7 +324,7 @@ def import_closure(field: str, text: str) -> Closure:
         found = getattr(found, name)
     if not callable(found) and not isinstance(found, Closure):
         raise InputError(field, text, f"is a {type(found).__name__}; name a function (scene, impacts), or a Closure")
-    closure = copy(read_closure(field, found, {}))
+    closure = copy(found) if isinstance(found, Closure) else Closure(name_of(found), found)
     object.__setattr__(closure, "origin", text)
     return closure
 

@@ -13,7 +13,6 @@ import numpy as np
 from rattle.closure.edgeworth import coefficients, has_series, window_means
 from rattle.closure.moments import Trace, stage_raw_moments
 from rattle.closure.orbit import Orbit, follow
-from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
@@ -23,7 +22,6 @@ from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
 
 
-@internal
 def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
     """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for walls at ``+-half_window``.
 
@@ -36,7 +34,6 @@ def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, floa
     return window_means(coefficients(raw, sd_x, sd_y), sd_x, sd_y, -half_window - x, half_window - x)
 
 
-@jit
 def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stages: int) -> Floats:
     """Shift of the four means, from the raw moments (2, order + 1, order + 1) of the stages."""
     shift = np.zeros(4)

@@ -183,19 +183,9 @@ def mixture_density(values: Floats, weights: Floats, means: Floats, variances: F
     centre = (weights * means).sum()
     sd = np.sqrt((weights * (variances + (means - centre) ** 2)).sum())
     width = np.maximum(np.sqrt(variances), 0.01 * sd)
-    given = np.asarray(values, dtype=float)
-    out = np.zeros(given.shape)
-    _add_normals(given.ravel(), weights, means, width, out.ravel())
-    return out
-
-
-@jit
-def _add_normals(values: Floats, weights: Floats, means: Floats, sds: Floats, out: Floats) -> None:
-    """Add a mixture's density at `values`, shape (n,), to `out`."""
-    for i, value in enumerate(values):
-        for k, w in enumerate(weights):
-            z = (value - means[k]) / sds[k]
-            out[i] += w * exp(-0.5 * z * z) / (sqrt(2.0 * pi) * sds[k])
+    z = (np.asarray(values, dtype=float)[..., None] - means) / width
+    terms = weights * exponentials(-0.5 * z * z) / (sqrt(2.0 * pi) * width)
+    return np.asarray(np.add.accumulate(terms, axis=-1)[..., -1])
 
 
 @dataclass(frozen=True)

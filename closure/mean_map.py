@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 from rattle.closure import branching, corrected, published, saltation
 from rattle.closure.branching import LEVELS
-from rattle.closure.closure import NOTE, Closure, describe_error, read_closure, read_closures
+from rattle.closure.closure import NOTE, Closure, describe_error, import_closure, name_of
 from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
 from rattle.closure.result import MeanMap
-from rattle.scene.errors import InputError, count, positive
+from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.scene import Scene
 
 __all__ = ["CLOSURES", "Closure", "closures_for", "mean_map", "refusals"]
@@ -166,12 +166,27 @@ def built_in(name: str) -> Closure:
 
 def find_closure(field: str, given: object) -> Closure:
     """The closure of a name, of ``package.module:function``, or of a function of one's own."""
-    return read_closure(field, given, CLOSURES)
+    if isinstance(given, Closure):
+        return given
+    if isinstance(given, str):
+        return import_closure(field, given) if ":" in given else CLOSURES[choice(field, given, CLOSURES)]
+    if callable(given):
+        return Closure(name_of(given), given)
+    why = "give the name of a closure, package.module:function, or a function (scene, impacts)"
+    raise InputError(field, given, why)
 
 
 def find_closures(field: str, given: object) -> tuple[Closure, ...]:
     """Several closures, each once, whose names differ."""
-    return read_closures(field, given, CLOSURES)
+    if not isinstance(given, list | tuple) or not given:
+        raise InputError(field, given, f"give a list of {', '.join(CLOSURES)}, or functions of your own")
+    found: dict[str, Closure] = {}
+    for each in given:
+        closure = find_closure(field, each)
+        if found.setdefault(closure.name, closure) != closure:
+            why = f"is the name of two closures; give one another, as in Closure('{closure.name}2', function)"
+            raise InputError(field, closure.name, why)
+    return tuple(found.values())
 
 
 def refusals(scene: Scene) -> dict[str, str]:

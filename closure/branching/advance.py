@@ -29,7 +29,19 @@ from rattle.closure.section_map import PLAIN, column, forget, hit_matrix, redraw
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
-from rattle.scene.linear_algebra import apply, beyond, block, congruence, dot, largest, norm, put, put_row, put_scaled
+from rattle.scene.linear_algebra import (
+    add_outer,
+    apply,
+    beyond,
+    block,
+    congruence,
+    dot,
+    largest,
+    norm,
+    put,
+    put_row,
+    put_scaled,
+)
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
 
@@ -84,10 +96,8 @@ def _bend_error(weight: float, bend: float, flat: float) -> float:
 @internal
 def _narrow(axes: Floats, n: Floats, narrow: float) -> Floats:
     """The axes, scaled by the factor `narrow` along the unit vector n."""
-    along, out = apply(axes, n), np.empty((axes.shape[0], axes.shape[1]))
-    for i in range(out.shape[0]):
-        for j in range(n.size):
-            out[i, j] = axes[i, j] + (narrow - 1.0) * (along[i] * n[j])
+    out = axes.copy()
+    add_outer(out, narrow - 1.0, apply(axes, n), n)
     return out
 
 
@@ -171,10 +181,9 @@ def _cut(b: Buffers, i: int, count: int) -> int:
             share = THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * THIRD_WEIGHT
             place, variance = (0.0 if k == 0 else (2 * k - 3) * THIRD_CENTRE), THIRD_WIDTH**2
         parts.weight[at] = w * share
-        for m in range(v.size):
-            parts.mean[at, m] = centre[m] + place * v[m]
-            for n in range(v.size):
-                parts.covariance[at, m, n] = sigma[m, n] - (1.0 - variance) * (v[m] * v[n])
+        put_row(parts.mean[at], beyond(centre, place, v))
+        put(parts.covariance[at], sigma)
+        add_outer(parts.covariance[at], variance - 1.0, v, v)
         parts.label[at], b.ignored[at], b.parent[at] = parts.label[i], b.ignored[i], b.parent[i]
     if pieces == 2:
         b.ignored[count] |= 1 << (code + 2)

@@ -16,6 +16,7 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import next_impact
 from rattle.scene.linear_algebra import (
+    add_outer,
     apply,
     beyond,
     block,
@@ -125,8 +126,7 @@ def cut_plane(
     nearest, other = np.inf, code
     u, trial = np.zeros(rank), np.zeros(rank)
     for ray in range(2 * rank):
-        for i in range(rank):
-            trial[i] = 0.0
+        trial[:] = 0.0
         trial[ray // 2] = 1.0 if ray % 2 == 0 else -1.0
         distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
         if distance < nearest:
@@ -248,17 +248,10 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     to.section.label[at] = code
     d, rank = axes.shape
     mean, spread, flight = to.section.mean[at], to.section.covariance[at], to.flight[at]
-    mean[0] = centre[0] + t
-    for k in range(4):
-        mean[1 + k] = before[k]
-    for k in range(PLAIN, d):
-        mean[k] = centre[k]
-    for j in range(d):
-        for k in range(d):
-            spread[j, k] = 0.0
-    flight[0], flight[1] = t, 0.0
-    for j in range(d):
-        to.crossing[at, j] = 0.0
+    put_row(mean, centre)
+    put_row(mean[1:PLAIN], before)
+    mean[0] += t
+    spread[:], to.crossing[at], flight[0], flight[1] = 0.0, 0.0, t, 0.0
     if code == 0 or rank == 0:
         return 0.0, np.zeros(rank)
     linear, curve = _derivatives(c, code, centre, axes, t, before)
@@ -266,9 +259,7 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     straight = bend < STRAIGHT**2
     own, image = np.empty(rank), apply(linear, u)  # own: derivative of the flight time
     if not straight:  # treat the most curved direction by two sigma points, at one sd to either side
-        for j in range(d):
-            for k in range(rank):
-                linear[j, k] -= image[j] * u[k]
+        add_outer(linear, -1.0, image, u)
     tilt, v = dot(axes[0], u), apply(axes, u)
     for k in range(rank):
         own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
@@ -286,20 +277,18 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     ends, times, met = np.empty((2, d)), np.empty(2), 0
     for k in range(2):
         end = ends[k]
-        for j in range(d):
-            end[j] = centre[j] + (v[j] if k == 0 else -v[j])
+        put_row(end, beyond(centre, 1.0 - 2.0 * k, v))
         times[k], there = event(c, end, before)
         met += there == code
         end[0] += times[k]
-        for j in range(4):
-            end[1 + j] = before[j]
+        put_row(end[1:PLAIN], before)
     if met == 2:
         for j in range(d):
             mean[j] = 0.5 * (ends[0, j] + ends[1, j])
-            for k in range(d):
-                spread[j, k] += 0.25 * ((ends[0, j] - ends[1, j]) * (ends[0, k] - ends[1, k]))
+        apart = beyond(ends[0], -1.0, ends[1])
+        add_outer(spread, 0.25, apart, apart)
         flight[0] = 0.5 * (times[0] + times[1])
         flight[1] += 0.25 * (times[0] - times[1]) ** 2
         for j in range(d):
-            to.crossing[at, j] += 0.5 * (ends[0, 0] - ends[1, 0]) * v[j]
+            to.crossing[at, j] += 0.5 * apart[0] * v[j]
     return bend, u
