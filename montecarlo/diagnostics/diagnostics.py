@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.diagnostics.accuracy import HasColumns, error_bound
-from rattle.montecarlo.diagnostics.reach import Reach
-from rattle.montecarlo.kernel.block import Plan
+from rattle.montecarlo.diagnostics.accuracy import error_bound
 from rattle.montecarlo.schemes.step_size import trusted_step, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
@@ -19,10 +17,6 @@ from rattle.montecarlo.settings.plan import STEPS, is_random, noise_free_path
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 UNSEEN = 0.1
 """Largest error from branches that were not sampled, in sds, that is not diagnosed."""
@@ -35,23 +29,6 @@ SMALLEST = 0.01  # an error unit is at least this share of the scale of the moti
 FINER = 4  # dt over the step of the comparison; for order 1, dt against dt / 4 shows 3/4 of the bias: times 4/3
 COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
 """Restitution below which white noise makes impacts accumulate: inelastic collapse (Cornell, Swift, Bray 1998)."""
-
-
-class _Run(HasColumns, Protocol):
-    """What is diagnosed: an `rattle.montecarlo.Ensemble`."""
-
-    @property
-    def plan(self) -> Plan: ...
-    @property
-    def paths(self) -> int: ...
-    @property
-    def reach(self) -> Reach | None: ...
-    @property
-    def unfinished(self) -> int: ...
-    @property
-    def sticking_steps(self) -> int: ...
-    @property
-    def step_bias(self) -> pd.DataFrame: ...
 
 
 def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str, Floats]:
@@ -76,7 +53,7 @@ def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str,
     return {q: np.fmax(columns["sd_" + q], SMALLEST * scale[q]) for q in SECTION}
 
 
-def orbit_shift(run: _Run) -> tuple[float, str]:
+def orbit_shift(run: Any) -> tuple[float, str]:
     """How far the step shifts the noise-free path, in `motion_units` of the run, and where most.
 
     The noise-free path is followed at dt and at dt / 4, as long as at least half of the paths share its itinerary.  A
@@ -117,7 +94,7 @@ def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
     return share
 
 
-def diagnose(run: _Run) -> tuple[str, ...]:
+def diagnose(run: Any) -> tuple[str, ...]:
     """What may be wrong with the numbers of a run.
 
     Examples
@@ -135,16 +112,16 @@ def diagnose(run: _Run) -> tuple[str, ...]:
     return tuple(line for line in found if line)
 
 
-def list_counted(run: _Run) -> tuple[str, ...]:
+def list_counted(run: Any) -> tuple[str, ...]:
     """Those diagnostics that take no computation: what the run itself has counted."""
     return tuple(line for line in (_of_accuracy(run), *_of_impacts(run)) if line)
 
 
-def _of_accuracy(run: _Run) -> str:
+def _of_accuracy(run: Any) -> str:
     return "" if run.reach is None or run.reach.reached else run.reach.sentence
 
 
-def diagnose_rare_branch(run: _Run) -> str:
+def diagnose_rare_branch(run: Any) -> str:
     """The diagnostic of a rare branch that may be missing from the sample.
 
     Returns: Empty if no such branch matters, and where an accuracy was asked for, which counts them.
@@ -167,7 +144,7 @@ def diagnose_rare_branch(run: _Run) -> str:
     return f"{bound.remark[0].upper()}{bound.remark[1:]} ({bound.rare})."
 
 
-def diagnose_short_step(run: _Run) -> str:
+def diagnose_short_step(run: Any) -> str:
     """The diagnostic of a step that is shorter than the scheme's default because the scene requires it.
 
     Examples
@@ -184,7 +161,7 @@ def diagnose_short_step(run: _Run) -> str:
     return f"dt = {allowed:.3g} in place of the scheme's {usual:.3g}: {why}."
 
 
-def _of_step(run: _Run) -> tuple[str, ...]:
+def _of_step(run: Any) -> tuple[str, ...]:
     scene, scheme, dt, kind = run.scene, run.plan.scheme, run.plan.dt, SCHEMES[run.plan.scheme]
     if not kind.has_step_bias:
         return ()
@@ -199,7 +176,7 @@ def _of_step(run: _Run) -> tuple[str, ...]:
     return noisy, moved if shift > TOLERANCE else ""
 
 
-def _of_measured_bias(run: _Run) -> str:
+def _of_measured_bias(run: Any) -> str:
     """The largest measured step bias, where it is more than `TOLERANCE` and its own error."""
     unit, steps = motion_units(run.columns, run.scene), run.step_bias
     scale = np.array([unit[q][k - 1] for k, q in zip(steps["impact"], steps["quantity"], strict=True)])
@@ -215,7 +192,7 @@ def _of_measured_bias(run: _Run) -> str:
     )
 
 
-def _of_impacts(run: _Run) -> tuple[str, ...]:
+def _of_impacts(run: Any) -> tuple[str, ...]:
     scene, plan = run.scene, run.plan
     collapsing = (
         f"Noise at a restitution below {COLLAPSE:.3f} lets impacts accumulate without end: the later an impact, the "

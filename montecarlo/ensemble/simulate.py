@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import replace
-from typing import NoReturn
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -21,6 +23,7 @@ from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene.errors import InputError, choice, moved
 from rattle.scene.scene import Scene
 from rattle.scene.text import line
+from rattle.scene.types import Floats
 
 __all__ = ["extend", "simulate"]
 
@@ -98,43 +101,51 @@ def simulate(
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
     plan = plan_of(scene, paths, impacts, dt, scheme, rng, workers, record, sampling)
-    started = time.perf_counter()
-    merged: BlockResult | None = None
-    histograms: Histograms | None = None
-    kept = []
-    batched = Batches.empty(impacts) if record.batches else None
     size, results = BLOCK, (sampling.blocks or in_threads(workers))(plan, 0)
     if sampling.device == "cuda":
         from rattle.montecarlo.cuda import launch as gpu  # nothing of it is loaded before a GPU is asked for
 
         size = gpu.launch_size(plan)
         results = gpu.launches(plan, size)
-    with _bar(plan.paths, progress) as bar:
-        for part, (result, rows) in enumerate(results):
+    return _gather(plan, paths, results, record, progress, size)
+
+
+def _gather(
+    plan: Plan,
+    paths: int,
+    results: Iterator[tuple[BlockResult, Floats | None]],
+    record: Record,
+    progress: str | None,
+    size: int = BLOCK,
+    begun: Ensemble | None = None,
+) -> Ensemble:
+    """Merge the results of blocks of `size` paths, in order, with those of a run that was begun."""
+    started, done = time.perf_counter(), 0 if begun is None else begun.plan.blocks
+    merged = begun.result if begun is not None and done else None
+    batched = (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts)) if record.batches else None
+    histograms: Histograms | None = None
+    kept = []
+    label: dict[str, Any] = {"desc": progress and line(progress), "disable": None if progress else True}
+    with tqdm(total=plan.paths - done * size, unit="path", unit_scale=True, **label) as bar:
+        for result, rows in results:
             merged = result if merged is None else merged.merge(result)
             if batched is not None:
-                batched.add(part, result.sums)
+                batched.add(done, result.sums)
             if record.histogram and rows is not None:
                 histograms = histograms or Histograms.for_sample(rows[:BLOCK, :, :6])
                 histograms.add(rows[:, :, :6])
             if record.raw and rows is not None:
                 kept.append(rows)
-            bar.update(min(size, plan.paths - part * size))
+            bar.update(min(size, plan.paths - done * size))
+            done += 1
     assert merged is not None
-    plan, paths = _cut_plan(plan, paths, (part + 1) * size)
+    if done * size < plan.paths:  # the blocks ended early
+        plan, paths = plan._replace(paths=done * size), done * size
     whole = np.concatenate(kept) if kept else None
     if whole is not None and plan.paths < paths:
         whole = np.broadcast_to(whole, (paths, *whole.shape[1:]))
-    return Ensemble(plan, paths, merged, histograms, whole, time.perf_counter() - started, batched)
-
-
-def _cut_plan(plan: Plan, paths: int, most: int) -> tuple[Plan, int]:
-    """Plan and number of paths of a run whose blocks ended after at `most` this many paths."""
-    return (plan, paths) if most >= plan.paths else (plan._replace(paths=most), most)
-
-
-def _bar(paths: int, label: str | None) -> tqdm[NoReturn]:
-    return tqdm(total=paths, unit="path", unit_scale=True, desc=label and line(label), disable=None if label else True)
+    seconds = time.perf_counter() - started + (begun.wall_seconds if begun else 0.0)
+    return Ensemble(plan, paths, merged, histograms, whole, seconds, batched)
 
 
 def extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:
@@ -151,17 +162,6 @@ def extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = Non
     >>> more.section[["paths", "agreement"]].loc[1].tolist()
     [2048.0, 1.0]
     """
-    started = time.perf_counter()
-    plan, done = run.plan._replace(paths=count_followed(run.scene, paths)), run.plan.blocks
-    merged = run.result if done else None
-    batched = run.batches.copy() if run.batches is not None else None
-    with _bar(paths - run.paths, progress) as bar:
-        for result, _ in blocks(plan, done):
-            merged = result if merged is None else merged.merge(result)
-            if batched is not None:
-                batched.add(done, result.sums)
-            done += 1
-            bar.update(BLOCK)
-    assert merged is not None
-    plan, paths = _cut_plan(plan, paths, done * BLOCK)
-    return Ensemble(plan, paths, merged, None, None, run.wall_seconds + time.perf_counter() - started, batched)
+    plan = run.plan._replace(paths=count_followed(run.scene, paths))
+    record = Record(batches=run.batches is not None)
+    return _gather(plan, paths, blocks(plan, run.plan.blocks), record, progress, begun=run)

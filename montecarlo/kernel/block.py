@@ -19,7 +19,7 @@ from rattle.montecarlo.rare.mixture import BranchMixture
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.central_sums import PAIR, VARIANCE, CentralSums, Orders
 from rattle.montecarlo.statistics.fixed_order import columns_of
-from rattle.scene.compiled import jit, lean
+from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
 from rattle.scene.impact import energy_loss, struck
 from rattle.scene.moments import SECTION
@@ -202,6 +202,20 @@ def _pairs(
     return CentralSums.of_columns(values, values if other is None else other, cells, orders, (groups, len(pairs)))
 
 
+JOINT = ("section", "section_pairs", "fine_coarse", "coarse_coarser")
+"""Names of the sums over the section quantities."""
+OWN = [(i, i) for i in range(len(SECTION))]
+
+
+def _section_sums(impacts: int, levels: list[Floats]) -> dict[str, Any]:
+    """Sums over the section quantities, shape (impacts * COLUMNS, paths) at each step size."""
+    found = list(CentralSums.of_groups(levels[0], impacts, len(SECTION), SECTION_PAIRS))
+    if len(levels) > 1:
+        found.append(_pairs(impacts, levels[0], OWN, PAIR, levels[1]))
+        found.append(_pairs(impacts, levels[1], OWN, ((0, 2),), levels[2]))
+    return dict(zip(JOINT, found, strict=False))
+
+
 def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     """Run a block and reduce it.
 
@@ -211,19 +225,14 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     section, times = partial(_pairs, plan.impacts), partial(_pairs, plan.fixed_steps.size)
     rows = [columns_of(level) for level in raw.rows]
     fixed = [columns_of(level) for level in raw.fixed] if plan.fixed_steps.size else []
-    own = [(i, i) for i in range(len(SECTION))]
-    single, covariances = CentralSums.of_groups(rows[0], plan.impacts, len(SECTION), SECTION_PAIRS)
-    sums = {"section": single, "section_pairs": covariances}
+    sums = _section_sums(plan.impacts, rows)
     if plan.energy:
         sums["energy"] = section(columns_of(energy_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
     if plan.control.at_step.size:
-        sums["control"] = section(rows[0], own, PAIR, columns_of(raw.controls))
+        sums["control"] = section(rows[0], OWN, PAIR, columns_of(raw.controls))
     if plan.fixed_steps.size:
         sums["fixed"] = times(fixed[0], CROSS, PAIR)
-    if plan.levels > 1:
-        sums["fine_coarse"] = section(rows[0], own, PAIR, rows[1])
-        sums["coarse_coarser"] = section(rows[1], own, ((0, 2),), rows[2])
-        if plan.fixed_steps.size:
+        if plan.levels > 1:
             sums["coarse_fixed"] = times(fixed[1], ((0, 1), (2, 3)), PAIR)
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
     codes, agreeing = np.zeros((plan.impacts, len(CODES))), np.zeros((len(listed), plan.impacts))
@@ -244,34 +253,20 @@ def _followers(
     left, stays = np.zeros((3, plan.impacts, len(CODES))), np.zeros(raw.shape[:2])
     for level in range(len(levels)):
         count_followed(raw[level], ones, codes, stays[level], left if level == 0 else np.zeros_like(left))
-    names = ("section", "section_pairs", "fine_coarse", "coarse_coarser")
     if (stays == plan.impacts).all():
-        return Followers({name: every[name] for name in names if name in every}, left)
+        return Followers({name: every[name] for name in JOINT if name in every}, left)
     kept = []
     for columns, stay in zip(levels, stays, strict=True):
         cells = columns.copy().reshape(plan.impacts, -1, columns.shape[1])
         cells[:, :, : stay.size].swapaxes(1, 2)[np.arange(plan.impacts)[:, None] >= stay] = np.nan
         kept.append(cells.reshape(columns.shape))
-    sums = dict(zip(names, CentralSums.of_groups(kept[0], plan.impacts, len(SECTION), SECTION_PAIRS), strict=False))
-    if len(kept) > 1:
-        own = [(i, i) for i in range(len(SECTION))]
-        sums["fine_coarse"] = _pairs(plan.impacts, kept[0], own, PAIR, kept[1])
-        sums["coarse_coarser"] = _pairs(plan.impacts, kept[1], own, ((0, 2),), kept[2])
-    return Followers(sums, left)
+    return Followers(_section_sums(plan.impacts, kept), left)
 
 
-@jit
 def energy_losses(c: Constants, rows: Floats) -> Floats:
     """Energy loss of each impact of each path, shape (paths, impacts, 1); NaN where there was none."""
-    paths, impacts = rows.shape[:2]
-    lost = np.full((paths, impacts, 1), np.nan)
-    for p in range(paths):
-        for k in range(impacts):
-            code = rows[p, k, 6]
-            if np.isfinite(code):
-                mesh = 1 if abs(code) == 1.0 else 2
-                lost[p, k, 0] = energy_loss(c, mesh, rows[p, k, 3], rows[p, k, 5])
-    return lost
+    y1, y2, first = rows[..., 3:4], rows[..., 5:6], np.abs(rows[..., 6:]) == 1.0
+    return np.where(first, energy_loss(c, 1, y1, y2), energy_loss(c, 2, y1, y2))
 
 
 @lean

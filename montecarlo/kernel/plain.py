@@ -6,6 +6,7 @@ chunk of steps before the next does.
 """
 
 import math
+from typing import NamedTuple
 
 from numpy.typing import NDArray
 
@@ -162,26 +163,36 @@ def _rebound(c: Constants, few: Floats, lanes: int) -> None:
         few[_of(Y1, j)], few[_of(Y2, j)] = rebound(c, abs(few[_of(CODE, j)]), few[_of(Y1, j)], few[_of(Y2, j)])
 
 
+class Tile(NamedTuple):
+    """Lanes of a level that are taken through some steps together."""
+
+    job: Job
+    level: int
+    first: int  # first, live: the first lane, and how many there are
+    live: int
+    lanes: Lanes  # of the level
+    room: Room
+    out: Output
+
+
 @splice
-def _have_more_impacts(
-    job: Job, level: int, tau: float, tile: int, found: int, lanes: Lanes, room: Room, out: Output
-) -> int:
+def _have_more_impacts(t: Tile, tau: float, found: int) -> int:
     """Further impacts at the end of a step, in the first `found` of the picked lanes ``room.struck``.
 
     Returns in how many an impact is still due after `MOST_IN_A_STEP`.
     """
-    c, few, struck = job.c, room.few, room.struck
+    c, few, struck = t.job.c, t.room.few, t.room.struck
     for met in range(1, MOST_IN_A_STEP + 1):
         more = 0
         for i in range(found):
             j = struck[i]
-            p = tile + room.hits[j]
+            p = t.first + t.room.hits[j]
             x1, y1, x2, y2 = few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)]
-            walls = walls_of(lanes, p)
+            walls = walls_of(t.lanes, p)
             code = impact_due(c, x1, y1, x2, y2, walls)
             if code != 0 and met < MOST_IN_A_STEP:
                 x1, x2 = put_on_wall(code, x1, x2, walls)
-                record(job, level, p, code, tau, (x1, y1, x2, y2), lanes, room, out)
+                record(t.job, t.level, p, code, tau, (x1, y1, x2, y2), t.lanes, t.room, t.out)
                 y1, y2 = rebound(c, abs(code), y1, y2)
                 few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)] = x1, y1, x2, y2
             struck[more] = j
@@ -193,93 +204,62 @@ def _have_more_impacts(
 
 
 @splice
-def _have_impacts(
-    job: Job, level: int, tau: float, tile: int, found: int, wide: int, lanes: Lanes, room: Room, out: Output
-) -> int:
+def _have_impacts(t: Tile, tau: float, found: int, wide: int) -> int:
     """Impacts at the end of a step, in the first `found` of the picked lanes ``room.struck``, one at a time in each.
 
     Returns in how many lanes an impact is still due after `MOST_IN_A_STEP`.
     """
-    few, struck, more, late = room.few, room.struck, 0, 0
+    few, struck, more = t.room.few, t.room.struck, 0
     for i in range(found):
         j = struck[i]
-        p, code = tile + room.hits[j], int(few[_of(CODE, j)])
+        p, code = t.first + t.room.hits[j], int(few[_of(CODE, j)])
         state = few[_of(X1, j)], few[_of(Y1, j)], few[_of(X2, j)], few[_of(Y2, j)]
-        record(job, level, p, code, tau, state, lanes, room, out)
+        record(t.job, t.level, p, code, tau, state, t.lanes, t.room, t.out)
         struck[more] = j
-        more += room.crowded[j]
-    _rebound(job.c, few, wide)
-    if more > 0:
-        late = _have_more_impacts(job, level, tau, tile, more, lanes, room, out)
-    return late
+        more += t.room.crowded[j]
+    _rebound(t.job.c, few, wide)
+    return _have_more_impacts(t, tau, more)
 
 
 @splice
-def _walk(
-    job: Job,
-    level: int,
-    n: int,
-    forcing: Floats,
-    z: Floats,
-    tile: int,
-    steps: int,
-    found: int,
-    before: Floats,
-    lanes: Lanes,
-    room: Room,
-    out: Output,
-) -> int:
+def _walk(t: Tile, n: int, forcing: Floats, z: Floats, steps: int, found: int, before: Floats) -> int:
     """The first `found` lanes of ``room.hits`` from the states `before` through some steps one at a time, with impacts.
 
     Returns in how many steps of them an impact is still due after `MOST_IN_A_STEP`.
     """
-    late, multiple, hits, few = 0, 1 << level, room.hits, room.few
-    h, wide = job.dt * multiple, (found + 7) // 8 * 8
-    _pick_states(before, z[:steps], tile, hits, found, few, room.few_noise)
-    if job.backlash.random:
-        _pick_walls(lanes.walls, tile, hits, found, few)
+    late, multiple, room, walls = 0, 1 << t.level, t.room, t.lanes.walls
+    h, wide = t.job.dt * multiple, (found + 7) // 8 * 8
+    _pick_states(before, z[:steps], t.first, room.hits, found, room.few, room.few_noise)
+    if t.job.backlash.random:
+        _pick_walls(walls, t.first, room.hits, found, room.few)
     for i in range(steps):
-        _step_few(job.c, forcing[i], h, few, room.few_noise[i], room.marks, room.crowded, wide)
+        _step_few(t.job.c, forcing[i], h, room.few, room.few_noise[i], room.marks, room.crowded, wide)
         struck = 0
         for j in range(found):  # without a branch, as in `list_marked`
             room.struck[struck] = j
             struck += room.marks[j]
         if struck > 0:
-            tau = job.tau + (n + i * multiple) * job.dt + h
-            late += _have_impacts(job, level, tau, tile, struck, wide, lanes, room, out)
-            if job.backlash.redrawn:
-                _pick_walls(lanes.walls, tile, hits, found, few)
-    _put_back(few, tile, hits, found, lanes.state)
+            late += _have_impacts(t, t.job.tau + (n + i * multiple) * t.job.dt + h, struck, wide)
+            if t.job.backlash.redrawn:
+                _pick_walls(walls, t.first, room.hits, found, room.few)
+    _put_back(room.few, t.first, room.hits, found, t.lanes.state)
     return late
 
 
 @splice
-def _take_steps(
-    job: Job,
-    level: int,
-    n: int,
-    forcing: Floats,
-    tile: int,
-    steps: int,
-    live: int,
-    every: Lanes,
-    room: Room,
-    out: Output,
-) -> int:
-    """At most four steps of a level, from finest step n on, of the `live` lanes from lane `tile` on."""
-    lanes, z, h = of_level(every, level, every.w[level], every.area[level]), room.z[n % QUAD :], job.dt * (1 << level)
+def _take_steps(t: Tile, n: int, forcing: Floats, steps: int) -> int:
+    """At most four steps of a level, from finest step n on."""
+    lanes, room, z, found, before = t.lanes, t.room, t.room.z[n % QUAD :], t.live, t.lanes.state
     if steps == QUAD:
-        wide, toleranced, walls = (live + 7) // 8 * 8, job.backlash.random, lanes.walls
-        four_euler_steps(job.c, forcing, h, toleranced, walls, tile, lanes.state, lanes.before, z, room.marks, wide)
-        found, before = list_marked(room.marks, live, room.groups, room.hits), lanes.before
+        h, wide, toleranced, marks = t.job.dt * (1 << t.level), (t.live + 7) // 8 * 8, t.job.backlash.random, room.marks
+        four_euler_steps(
+            t.job.c, forcing, h, toleranced, lanes.walls, t.first, lanes.state, lanes.before, z, marks, wide
+        )
+        found, before = list_marked(marks, t.live, room.groups, room.hits), lanes.before
     else:
-        for j in range(live):
+        for j in range(found):
             room.hits[j] = j
-        found, before = live, lanes.state
-    late = 0
-    if found > 0:
-        late = _walk(job, level, n, forcing, z, tile, steps, found, before, lanes, room, out)
-    return late
+    return _walk(t, n, forcing, z, steps, found, before) if found > 0 else 0
 
 
 @splice
@@ -301,8 +281,9 @@ def _take_chunk(
             if level > 0:
                 _join(steps, wide, room.z)
             if steps > 0:
-                forcing = room.forcing[level, (s - n) >> level :]
-                late += _take_steps(job, level, s, forcing, tile, steps, live, every, room, out)
+                lanes = of_level(every, level, every.w[level], every.area[level])
+                own = Tile(job, level, tile, live, lanes, room, out)
+                late += _take_steps(own, s, room.forcing[level, (s - n) >> level :], steps)
         s = end
         if ticks < fixed_steps.size and fixed_steps[ticks] == s:
             for level in range(levels):

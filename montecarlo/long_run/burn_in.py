@@ -45,45 +45,35 @@ class AtRest(InputError):
     """There is no stationary motion: every path comes to rest for good."""
 
 
-class Drift(NamedTuple):
-    """The largest difference between two parts of a run."""
+class Contrast(NamedTuple):
+    """The largest difference between two parts of a run, or between its paths."""
 
     quantity: str  # where it is largest
-    z: float  # z, allowed: difference in standard errors, and the largest that is put down to chance
-    allowed: float
-    share: float  # difference over the mean
+    size: float  # in standard errors; or the variance between paths over that expected from the parts of each
+    allowed: float  # the largest that is put down to chance
+    share: float = math.nan  # difference between the parts over the mean
 
     @property
     def reached(self) -> bool:
-        """Whether the parts agree."""
-        return abs(self.z) <= self.allowed
-
-
-class Apart(NamedTuple):
-    """How much more paths differ from each other than the parts of a path do."""
-
-    quantity: str  # where the ratio is largest
-    ratio: float  # variance between paths over that expected from the parts
-
-    @property
-    def reached(self) -> bool:
-        """Whether the paths visit the same motions."""
-        return self.ratio <= TOO_FAR
+        """Whether the parts, or the paths, agree."""
+        return abs(self.size) <= self.allowed
 
 
 class BurnIn(NamedTuple):
     """The burn-in of a run."""
 
     periods: int  # periods of the excitation that were left out
-    drift: Drift  # of the test that it passed
-    apart: Apart | None  # of the other test; None where paths differ for good, because each has a backlash of its own
+    drift: Contrast  # of the test that it passed
+    apart: (
+        Contrast | None
+    )  # of the other test; None where paths differ for good, because each has a backlash of its own
 
     @property
     def sentence(self) -> str:
         """What was left out, and why it suffices, as text."""
         return (
             f"Burn-in: {self.periods} periods; its second quarter and its second half agree within "
-            f"{abs(self.drift.z):.1f} standard errors (allowed {self.drift.allowed:.1f})."
+            f"{abs(self.drift.size):.1f} standard errors (allowed {self.drift.allowed:.1f})."
         )
 
 
@@ -92,7 +82,7 @@ def _names() -> list[str]:
     return [what + where for where in wheres[:GROUPS] for what in COMPARED] + ["contact at mesh 1", "contact at mesh 2"]
 
 
-def drift(main: Floats, early: slice, late: slice) -> Drift:
+def drift(main: Floats, early: slice, late: slice) -> Contrast:
     """Compare two parts of a run.
 
     Shapes: `main` (paths, batches, MAIN).
@@ -105,10 +95,10 @@ def drift(main: Floats, early: slice, late: slice) -> Drift:
         share = mean / np.abs(b.mean(axis=0))
     k = int(np.argmax(np.abs(z)))
     allowed = float(stdtrit(n - 1, 1.0 - 0.5 * FALSE_ALARM / z.size))
-    return Drift(_names()[k], float(z[k]), allowed, float(share[k]))
+    return Contrast(_names()[k], float(z[k]), allowed, float(share[k]))
 
 
-def apart(main: Floats, late: slice) -> Apart:
+def apart(main: Floats, late: slice) -> Contrast:
     """Compare the variance between paths with that within them.
 
     Shapes: `main` (paths, batches, MAIN).
@@ -120,14 +110,14 @@ def apart(main: Floats, late: slice) -> Apart:
         ratio = np.where(between > 1e-24, between / within, 0.0)
     ratio = np.where(np.isnan(ratio), 0.0, ratio)
     k = int(np.argmax(ratio))
-    return Apart(_names()[k], float(ratio[k]))
+    return Contrast(_names()[k], float(ratio[k]), TOO_FAR)
 
 
 def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
     """Follow the paths until two tests say that they have forgotten their start, or for a given time."""
     until = FIRST if burn_in is None else burn_in
     paths.begin()
-    before: Drift | None = None
+    before: Contrast | None = None
     while True:
         began = clock()
         paths.follow(until)
@@ -137,7 +127,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         quarter = main.shape[1] // 4
         late = slice(main.shape[1] - 2 * quarter, main.shape[1])
         impacts = float(main[:, late, NUMBER].sum()) / len(main)
-        moved = drift(main, slice(quarter, 2 * quarter), late) if quarter else Drift("", 0.0, math.inf, 0.0)
+        moved = drift(main, slice(quarter, 2 * quarter), late) if quarter else Contrast("", 0.0, math.inf, 0.0)
         differ = apart(main, late) if quarter * 2 % PARTS == 0 and quarter and not paths.own_walls else None
         if burn_in is not None or (moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS):
             return BurnIn(paths.periods, moved, differ)
@@ -150,24 +140,28 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
 
 
 def refusal(
-    done: int, moved: Drift, differ: Apart | None = None, before: Drift | None = None, impacts: float = math.inf
+    done: int,
+    moved: Contrast,
+    differ: Contrast | None = None,
+    before: Contrast | None = None,
+    impacts: float = math.inf,
 ) -> BurnInError:
     """The error for a burn-in that was not reached in `done` periods."""
     must = 4 * done
     if before is not None and abs(moved.share) < 0.9 * abs(before.share) and moved.share * before.share > 0.0:
         fall = math.log(abs(before.share / moved.share))  # of an exponential decay, over half of the run
-        must = min(max(math.ceil(done + 0.5 * done * math.log(abs(moved.z)) / fall), 2 * done), 64 * done)
+        must = min(max(math.ceil(done + 0.5 * done * math.log(abs(moved.size)) / fall), 2 * done), 64 * done)
     if impacts < LEAST_IMPACTS:
         why = f"a path had {impacts:.3g} impacts in the last half, and {LEAST_IMPACTS:g} are the least"
     elif not moved.reached:
         why = (
-            f"{moved.quantity} still changes by {moved.share:+.2%}, {abs(moved.z):.1f} standard errors, over the "
+            f"{moved.quantity} still changes by {moved.share:+.2%}, {abs(moved.size):.1f} standard errors, over the "
             f"second half ({moved.allowed:.1f} are put down to chance)"
         )
     else:
         assert differ is not None
         why = (
-            f"{differ.quantity} differs {differ.ratio:.3g} times more between paths (in variance) than within "
+            f"{differ.quantity} differs {differ.size:.3g} times more between paths (in variance) than within "
             "them: there are several attractors that the noise does not connect in this time"
         )
     return BurnInError("burn_in", done, f"periods are not enough: {why}; give at least {must:,}, and the budget for it")

@@ -226,13 +226,22 @@ class _Maker:
         n = float(m[0])
         unit_powers = np.array([sd**k for k in range(POWERS)])
         central = _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(POWERS, math.nan)
-        influence = {  # polynomial in the standardised value, its unit, and unit and origin of the estimate
-            "": (np.array([0.0, 1.0]), scale * sd, scale, float(centre)),
-            "sd_": (np.array([-0.5, 0.0, 0.5]), scale * sd, scale, 0.0),
-            "skew_": (np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0, 1.0, 0.0),
+        along = scale * mean + float(centre)  # the mean
+
+        def root(s: Floats) -> Floats:
+            one, spread_of, _ = standardise(s)
+            return np.asarray(np.hypot(scale * one + centre, scale * spread_of))
+
+        influence = {  # function, polynomial in the standardised value, its unit, and unit and origin of the estimate
+            "": (lambda s: standardise(s)[0], np.array([0.0, 1.0]), scale * sd, scale, float(centre)),
+            "sd_": (lambda s: standardise(s)[1], np.array([-0.5, 0.0, 0.5]), scale * sd, scale, 0.0),
+            "skew_": (lambda s: standardise(s)[2], np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0, 1.0, 0.0),
         }
-        for k, (prefix, (polynomial, unit, factor, origin)) in enumerate(influence.items()):
-            found = _jackknife(power, lambda s, k=k: standardise(s)[k])  # type: ignore[misc]
+        if i != FLIGHT:
+            slope = np.array([-sd * scale, 2.0 * along, sd * scale]) / (2.0 * float(root(m[None])[0]))
+            influence["rms_"] = root, slope, scale * sd, 1.0, 0.0
+        for prefix, (function, polynomial, unit, factor, origin) in influence.items():
+            found = _jackknife(power, function)
             square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
             naive = unit * _root(square, n) if sd > 0.0 else math.nan
             batches = math.nan
@@ -240,18 +249,6 @@ class _Maker:
                 batches = self._batch_se(self.c.main[:, :, 4 * g + SPEED], 4 * g + NUMBER)
             found = found._replace(value=found.value * factor + origin, se=found.se * factor)
             yield prefix, self._make(found, naive, batches)
-        if i == FLIGHT:
-            return
-        along = scale * mean + float(centre)  # the mean
-
-        def root(s: Floats) -> Floats:
-            one, spread_of, _ = standardise(s)
-            return np.asarray(np.hypot(scale * one + centre, scale * spread_of))
-
-        found = _jackknife(power, root)
-        polynomial = np.array([-sd * scale, 2.0 * along, sd * scale]) / (2.0 * found.value)
-        square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
-        yield "rms_", self._make(found, scale * sd * _root(square, n) if sd > 0.0 else math.nan)
 
     def quantiles(self, g: int, i: int) -> Iterator[tuple[str, StationaryEstimate]]:
         """Quantiles, with intervals by Woodruff's method: those of the probability, read off the distribution."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.montecarlo.long_run.burn_in import BurnIn, Drift
+from rattle.montecarlo.long_run.burn_in import BurnIn, Contrast
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.sums import ENERGY, NOISE, NUMBER, PERIOD, PHASES, VELOCITIES, WORK, Collected
 from rattle.scene.drive import mean_square
@@ -78,7 +78,7 @@ class LongRun:
     sums: Collected  # the sums of all paths
     burn_in: BurnIn
     reach: LongReach | None  # none where a number of periods was given
-    late: Drift  # first quarter against last half of the stationary motion
+    late: Contrast  # first quarter against last half of the stationary motion
     slow: float  # speed below which an impact is slow
     wall_seconds: float
 

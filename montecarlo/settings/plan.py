@@ -1,7 +1,7 @@
 """Input validation of the sampler: settings in, a plan of the work out, or a clear refusal before any work starts."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from importlib.util import find_spec
 
 import numpy as np
@@ -196,12 +196,10 @@ def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float
 
 
 def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horizon: float) -> Ints:
-    try:
-        listed = list(times)
-    except TypeError:
-        raise InputError("record.times", times, "give a sequence of times") from None
+    if not isinstance(times, Iterable):
+        raise InputError("record.times", times, "give a sequence of times")
     steps = []
-    for t in listed:
+    for t in times:
         since = finite("record.times", t) - scene.start.tau
         if not dt <= since <= horizon:
             raise InputError("record.times", t, f"must lie between {dt:g} and {horizon:g} after the start")
@@ -213,11 +211,7 @@ def _check_itinerary(name: str, itinerary: Sequence[int], impacts: int) -> tuple
     field = f"record.itineraries[{name!r}]"
     if name == NOISE_FREE:
         raise InputError("record.itineraries", name, "this name is taken by the noise-free path")
-    try:
-        itinerary = list(itinerary)
-    except TypeError:
-        raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts") from None
-    if len(itinerary) != impacts:
+    if not isinstance(itinerary, Sized) or len(itinerary) != impacts:
         raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts")
     return tuple(count(field, code, least=-2, most=2) for code in itinerary)
 
@@ -228,13 +222,6 @@ def check_gpu() -> None:
         raise InputError("sampling.device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
     from numba import cuda  # not loaded before a GPU is asked for
 
-    if cuda.is_available():
-        return
-    try:
-        gpus = len(cuda.gpus)
-    except cuda.CudaSupportError as error:
-        reason = " ".join(str(error).split()).strip(" :")
-        raise InputError("sampling.device", "cuda", f"needs an NVIDIA driver and a GPU; {reason}") from None
-    if gpus == 0:
-        raise InputError("sampling.device", "cuda", "needs a GPU; the driver finds none")
-    raise InputError("sampling.device", "cuda", "needs CUDA's compiler libraries; run: pip install 'rattle[gpu]'")
+    if not cuda.is_available():
+        why = "needs an NVIDIA GPU with its driver, and CUDA's compiler libraries; run: pip install 'rattle[gpu]'"
+        raise InputError("sampling.device", "cuda", why)

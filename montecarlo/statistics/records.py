@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene.moments import SECTION
 from rattle.scene.types import Floats, Ints
 
@@ -34,14 +33,11 @@ class Batches:
         """Batches without paths."""
         return cls(*np.zeros((4, BATCHES, impacts, 6)))
 
-    def copy(self) -> Batches:
-        """A copy that can be added to without changing the original."""
-        return Batches(self.n.copy(), self.mean.copy(), self.squares.copy(), self.control.copy())
-
     def add(self, block: int, sums: dict[str, Any]) -> None:
         """Add a block's sums, by the pairwise update of Chan, Golub and LeVeque (1979)."""
         b = block % BATCHES
-        own, mean, squares = sums["weighted"].batch() if "weighted" in sums else _batch(sums["section"])
+        s = sums.get("section")
+        own, mean, squares = (s.n, s.mean[0], s.sums[0]) if s else sums["weighted"].batch()
         n = self.n[b] + own
         share = np.divide(own, n, out=np.zeros_like(n), where=n > 0.0)
         away = mean - self.mean[b]
@@ -56,11 +52,6 @@ class Batches:
         """Standard deviation in each batch, shape (BATCHES, impacts, 6); NaN where no path had the impact."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.sqrt(self.squares / self.n))
-
-
-def _batch(s: CentralSums) -> tuple[Floats, Floats, Floats]:
-    """Number, mean and sum of squares of the paths of a block."""
-    return s.n, s.mean[0], s.sums[0]
 
 
 BINS, REACH = 240, 6.0  # equal bins over +- REACH sds of the first block
