@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
-from rattle.montecarlo.kernel.kernel import COLUMNS, PLAIN, Job, Output, block_kernel
+from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
 from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
-from rattle.montecarlo.kernel.plain import plain_block
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
@@ -134,8 +133,7 @@ def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
     linear = paths if plan.control.at_step.size else 0
     controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
     out = Output(first, rows, plan.fixed_steps, fixed, controls)
-    kernel = plain_block if job.scheme == PLAIN else block_kernel(job.scheme)
-    work, sticking = kernel(job, plan.control, every, room, out)
+    work, sticking = block_kernel(job.scheme)(job, plan.control, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
 

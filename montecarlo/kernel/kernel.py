@@ -8,12 +8,21 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from rattle.montecarlo.kernel.control_variate import LinearPath, carry_along
-from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, join_halves, list_marked, of_level, retire
+from rattle.montecarlo.kernel.lanes import (
+    CHUNK,
+    Lanes,
+    Room,
+    join_halves,
+    join_increments,
+    list_marked,
+    of_level,
+    retire,
+)
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
-from rattle.montecarlo.schemes.euler import at_end, step_forcing
+from rattle.montecarlo.schemes.euler import at_end, plain_lanes, step_forcing
 from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, step_located_lanes
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
 from rattle.montecarlo.schemes.short_flight import Phase, State, no_phase, phase_at
@@ -153,7 +162,8 @@ def finish_inside(
         if sides[0] == 0 and sides[1] == 0:
             at, phase = next_event(scheme, job.c, job.key, path, step, level, met, at, phase, whole, walls, ahead)
         if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
-            at = stick_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
+            if scheme != PLAIN:
+                at = stick_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
             sticking = True
             break
         if at.code != 0:
@@ -168,7 +178,10 @@ def finish_inside(
 def step_lanes(scheme: int, job: Job, tau: float, h: float, lanes: Lanes, marks: Bools, live: int) -> None:
     """One step of all lanes; marks those that may have an impact."""
     c, state, before = job.c, lanes.state, lanes.before
-    if scheme == LOCATED:
+    if scheme == PLAIN:
+        forcing, toleranced = step_forcing(c, tau, h), job.backlash.random
+        plain_lanes(c, forcing, h, toleranced, lanes.walls, state, lanes.w, marks[:live])
+    elif scheme == LOCATED:
         for i in range(2 * c.stages):
             for p in range(live):
                 before[i, p] = state[i, p]
@@ -226,7 +239,10 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     if level > 0:
                         if n % (multiple // 2) != 0:
                             break
-                        join_halves(w, area, every.w[level], every.area[level], n % multiple == 0, wide)
+                        if scheme == PLAIN:
+                            join_increments(w, every.w[level], n % multiple == 0, wide)
+                        else:
+                            join_halves(w, area, every.w[level], every.area[level], n % multiple == 0, wide)
                         w, area = every.w[level], every.area[level]
                         if n % multiple != 0:
                             break
@@ -235,11 +251,12 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                     step_lanes(scheme, job, begin, h, lanes, marks, wide)
                     found = list_marked(marks, live, room.groups, hits)
                     phase = phase_at(job.c.drive, begin) if scheme == EXACT else no_phase(job.c.drive)
-                    enough = impacts if next_fixed == fixed_steps.size else ENDLESS
-                    for i in range(found):
-                        p, s = hits[i], lanes.before
+                    enough = impacts if next_fixed == fixed_steps.size and scheme != PLAIN else ENDLESS
+                    for i in range(found):  # from the start of the step, or the impacts at its end
+                        p, s = hits[i], lanes.state if scheme == PLAIN else lanes.before
                         noise = Noise(lanes.w[p] * math.sqrt(h), lanes.area[p] * math.sqrt(h / 12.0))
-                        at = Progress(0, begin, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
+                        now = begin + h if scheme == PLAIN else begin
+                        at = Progress(0, now, h, noise, s[0, p], s[1, p], s[2, p], s[3, p])
                         sticking += finish_inside(
                             scheme, job, n - multiple, level, p, at, phase, lanes, room, out, enough
                         )

@@ -7,16 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.euler import FORCING
 from rattle.montecarlo.schemes.exact_flight import PARTS
 from rattle.scene.compiled import lean, splice, widest_vectors
 from rattle.scene.types import Bools, Floats, Ints
 
 CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
-TILE = 256  # lanes that are taken through a chunk together: their states and noise stay in the first cache
-
-ROW = TILE + 8  # apart in the cache.  At a known distance from each other, rows of one array cannot overlap
-X1, Y1, X2, Y2, HIGH1, LOW1, HIGH2, LOW2, CODE = range(0, 9 * ROW, ROW)
+ROOT_HALF = math.sqrt(0.5)
+APART = 256  # lanes beyond those in use, so that rows do not share lines of the cache
 
 
 class Lanes(NamedTuple):
@@ -49,13 +46,6 @@ class Room(NamedTuple):
     groups: Ints  # groups, hits: scratch and output of `list_marked`
     hits: Ints
     ahead: Floats  # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (PARTS, 3)
-    forcing: Floats  # forcing of the Euler-Maruyama steps of a chunk; (levels, CHUNK, FORCING)
-    # states, flanks and ``mesh * side`` of the impact at the end of a step (0 for none), of the lanes that are walked
-    # through steps one at a time; a row begins at each of ``X1 ... CODE``; (9 * ROW,)
-    few: Floats
-    few_noise: Floats  # their noise; (4, TILE)
-    crowded: Bools  # those of them that are beyond walls of both meshes; (lanes,)
-    struck: Ints  # those of them that have an impact
 
 
 def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) -> tuple[Lanes, Room]:
@@ -64,19 +54,15 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     Shapes: `start` (4, paths); `walls` (4, paths).
     """
     paths = start.shape[1]
-    # whole vectors; results of lanes without a path are ignored.  The rest keeps rows from sharing lines of the cache
-    lanes = (paths + 7) // 8 * 8 + TILE
+    lanes = (paths + 7) // 8 * 8 + APART  # whole vectors; results of lanes without a path are ignored
     state, wall = np.zeros((levels, 4, lanes)), np.ones((levels, 4, lanes))
     state[:, :, :paths], wall[:, :, :paths] = start, walls
     (w, area), impacts = np.zeros((2, levels, lanes)), np.zeros((levels, lanes), np.int64)
     every = Lanes(state, state.copy(), wall, w, area, np.full((levels, lanes), tau), impacts)
     path, bits = np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64)
-    eta, (z, xi), (marks, crowded) = np.zeros(lanes), np.zeros((2, 5, lanes)), np.zeros((2, lanes), np.bool_)
-    groups, (hits, struck) = np.empty(lanes // 8 + 1, np.int64), np.empty((2, lanes + 1), np.int64)
-    ahead, forcing = np.empty((PARTS, 3)), np.empty((levels, CHUNK, FORCING))
-    few, few_noise = np.zeros(CODE + ROW), np.zeros((4, TILE))
-    few[HIGH1:CODE] = np.repeat(walls[:, 0], ROW)  # stays so where all paths have the same
-    return every, Room(path, bits, eta, z, xi, marks, groups, hits, ahead, forcing, few, few_noise, crowded, struck)
+    eta, (z, xi), marks = np.zeros(lanes), np.zeros((2, 5, lanes)), np.zeros(lanes, np.bool_)
+    groups, hits, ahead = np.empty(lanes // 8 + 1, np.int64), np.empty(lanes + 1, np.int64), np.empty((PARTS, 3))
+    return every, Room(path, bits, eta, z, xi, marks, groups, hits, ahead)
 
 
 @splice
@@ -128,6 +114,14 @@ def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, seco
             area[p] = (root3 * (w2 - w1) + area[p] + fine_area[p]) / (2.0 * root2)
         else:
             w[p], area[p] = w2, fine_area[p]
+
+
+@lean
+def join_increments(fine: Floats, w: Floats, second: bool, live: int) -> None:
+    """As `join_halves`, without areas."""
+    widest_vectors()
+    for p in range(live):
+        w[p] = (w[p] + fine[p]) * ROOT_HALF if second else fine[p]
 
 
 @lean

@@ -13,9 +13,6 @@ from rattle.scene.constants import Constants
 from rattle.scene.flight import noise_rate
 from rattle.scene.types import Bools, Floats
 
-QUAD = 4  # steps that are taken in registers, between one reading and one writing of the states
-FORCING = 4  # numbers of a `StepForcing`
-
 
 class StepForcing(NamedTuple):
     """The part of a step that is the same for every path: ``y_i += push_i + kick_i z``, z standard normal."""
@@ -48,92 +45,29 @@ def euler_step(
     )
 
 
-@inline
-def _forcing_of(row: Floats) -> StepForcing:
-    return StepForcing(row[0], row[1], row[2], row[3])
-
-
-@inline
-def _farther(far: float, x: float) -> float:
-    """The larger of two numbers; a single instruction."""
-    return x if x > far else far
-
-
-@inline
-def _quad(
-    c: Constants,
-    f: tuple[StepForcing, StepForcing, StepForcing, StepForcing],
-    h: float,
-    s: tuple[float, float, float, float],
-    z: tuple[float, float, float, float],
-) -> tuple[tuple[float, float, float, float], float, float, float, float]:
-    """State after four steps without walls, and how far x1 and x2 went upward and downward at their ends."""
-    s = euler_step(c, f[0], h, s[0], s[1], s[2], s[3], z[0])
-    up1, down1, up2, down2 = s[0], -s[0], s[2], -s[2]
-    s = euler_step(c, f[1], h, s[0], s[1], s[2], s[3], z[1])
-    up1, down1, up2, down2 = _farther(up1, s[0]), _farther(down1, -s[0]), _farther(up2, s[2]), _farther(down2, -s[2])
-    s = euler_step(c, f[2], h, s[0], s[1], s[2], s[3], z[2])
-    up1, down1, up2, down2 = _farther(up1, s[0]), _farther(down1, -s[0]), _farther(up2, s[2]), _farther(down2, -s[2])
-    s = euler_step(c, f[3], h, s[0], s[1], s[2], s[3], z[3])
-    up1, down1, up2, down2 = _farther(up1, s[0]), _farther(down1, -s[0]), _farther(up2, s[2]), _farther(down2, -s[2])
-    return s, up1, down1, up2, down2
-
-
 @lean
-def four_euler_steps(
-    c: Constants,
-    forcing: Floats,
-    h: float,
-    toleranced: bool,
-    walls: Floats,
-    begin: int,
-    state: Floats,
-    before: Floats,
-    z: Floats,
-    beyond: Bools,
-    lanes: int,
+def plain_lanes(
+    c: Constants, f: StepForcing, h: float, toleranced: bool, walls: Floats, state: Floats, z: Floats, beyond: Bools
 ) -> None:
-    """Four steps of some lanes, in registers; marks those that are beyond a wall at the end of any step.  Vectorises.
+    """One step of as many lanes as `beyond` has, in place; marks those that are beyond a wall at its end.  Vectorises.
 
-    `walls`, `state`, `before`: Flanks and states of the paths, and the states before these steps (output);
-    `walls` is read only if they are toleranced. Shapes: `forcing` (4, FORCING); `walls`, `state`, `before` (4,
-    begin + lanes or more); `z` (4 or more, lanes or more); `beyond` (lanes or more,).
+    `walls` is read only if they are toleranced. Shapes: `walls`, `state` (4, lanes or more); `z` (lanes or more,).
     """
     widest_vectors()
-    end = begin + lanes
-    x1, y1, x2, y2 = state[0][begin:end], state[1][begin:end], state[2][begin:end], state[3][begin:end]
-    a1, b1, a2, b2 = before[0][begin:end], before[1][begin:end], before[2][begin:end], before[3][begin:end]
-    high1, low1, high2, low2 = walls[0][begin:end], walls[1][begin:end], walls[2][begin:end], walls[3][begin:end]
-    z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
-    f = _forcing_of(forcing[0]), _forcing_of(forcing[1]), _forcing_of(forcing[2]), _forcing_of(forcing[3])
-    if c.stages == 2 and toleranced:
-        for p in range(lanes):
-            old = x1[p], y1[p], x2[p], y2[p]
-            new, up1, down1, up2, down2 = _quad(c, f, h, old, (z0[p], z1[p], z2[p], z3[p]))
-            beyond[p] = (up1 > high1[p]) | (down1 > low1[p]) | (up2 > high2[p]) | (down2 > low2[p])
-            a1[p], b1[p], a2[p], b2[p] = old
-            x1[p], y1[p], x2[p], y2[p] = new
-    elif c.stages == 2:
-        for p in range(lanes):
-            old = x1[p], y1[p], x2[p], y2[p]
-            new, up1, down1, up2, down2 = _quad(c, f, h, old, (z0[p], z1[p], z2[p], z3[p]))
-            beyond[p] = (up1 > c.wall1) | (down1 > c.wall1) | (up2 > c.wall2) | (down2 > c.wall2)
-            a1[p], b1[p], a2[p], b2[p] = old
-            x1[p], y1[p], x2[p], y2[p] = new
-    elif toleranced:
-        for p in range(lanes):
-            old = x1[p], y1[p], 0.0, 0.0
-            new, up1, down1, _, _ = _quad(c, f, h, old, (z0[p], z1[p], z2[p], z3[p]))
-            beyond[p] = (up1 > high1[p]) | (down1 > low1[p])
-            a1[p], b1[p], _, _ = old
-            x1[p], y1[p], _, _ = new
-    else:
-        for p in range(lanes):
-            old = x1[p], y1[p], 0.0, 0.0
-            new, up1, down1, _, _ = _quad(c, f, h, old, (z0[p], z1[p], z2[p], z3[p]))
-            beyond[p] = (up1 > c.wall1) | (down1 > c.wall1)
-            a1[p], b1[p], _, _ = old
-            x1[p], y1[p], _, _ = new
+    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
+    high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
+    if c.stages == 1:
+        for p in range(beyond.size):
+            x1[p], y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
+            high, low = (high1[p], low1[p]) if toleranced else (c.wall1, c.wall1)
+            beyond[p] = (x1[p] > high) | (-x1[p] > low)
+        return
+    for p in range(beyond.size):
+        new = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
+        x1[p], y1[p], x2[p], y2[p] = new
+        high, low = (high1[p], low1[p]) if toleranced else (c.wall1, c.wall1)
+        other, under = (high2[p], low2[p]) if toleranced else (c.wall2, c.wall2)
+        beyond[p] = (new[0] > high) | (-new[0] > low) | (new[2] > other) | (-new[2] > under)
 
 
 @splice
@@ -157,4 +91,5 @@ def at_end(c: Constants, at: Progress, walls: Walls) -> Progress:
     """The path with the impact that is due at the end of its step."""
     code = due(c, at.x1, at.y1, at.x2, at.y2, walls)
     x1, x2 = put_on_wall(code, at.x1, at.x2, walls)
-    return Progress(code, at.tau, 0.0, Noise(0.0, 0.0), x1, at.y1, x2, at.y2)
+    left = at.left if code != 0 else 0.0  # another impact may be due after this one
+    return Progress(code, at.tau, left, Noise(0.0, 0.0), x1, at.y1, x2, at.y2)
