@@ -251,7 +251,7 @@ def result_lines(results: Sequence[Result], *, all_checks: bool = False) -> list
         out += _details(result, all_checks)
     checks = [check for result in results for check in result.checks]
     rejections = [rejected for result in results for rejected in result.rejections.values()]
-    bounds = {result.allowed for result in results for check in result.checks if check.se > 0.0}
+    bounds = {r.allowed for r in results if r.controls and any(check.se > 0.0 for check in r.checks)}
     each = f", each allowed {bounds.pop():.2f} standard errors (false alarm {FALSE_ALARM:g} over all)" if bounds else ""
     summary = (
         f"{sum(result.holds for result in results)} of {len(results)} results hold; {len(checks)} checks, "
