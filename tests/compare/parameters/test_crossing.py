@@ -9,7 +9,7 @@ import pytest
 from test_boundary import page_of
 
 from rattle import DAT21, InputError, Scene, crossing, stationary
-from rattle.compare.parameters.crossing import ABOVE, BELOW, LOOKS, PATHS, judge_level
+from rattle.compare.parameters.crossing import ABOVE, BELOW, LOOKS, PATHS, Crossing, Level, judge_level
 from rattle.compare.parameters.search import UNDECIDED
 from rattle.compare.stationary.study import LongResult
 
@@ -120,3 +120,13 @@ def test_drag_ends_the_rattle():
 def test_bad_input_is_refused(changed, message):
     with pytest.raises(InputError, match=message):
         crossing(DRIVEN, **SETTINGS | changed)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "level", "place"), [(ABOVE, 0.2, "above 320 N mm"), (BELOW, 0.99, "below 20 N mm")]
+)
+def test_where_a_level_that_is_not_crossed_may_be_is_said(verdict, level, place):
+    points = pd.DataFrame([(20.0, verdict, 64, 0.9, 0.89, 0.91, ""), (320.0, verdict, 64, 0.5, 0.49, 0.51, "")])
+    points.columns = Level._fields
+    found = Crossing(DRIVEN, "open_share_mesh1", level, "torque1", (), points, "N mm")
+    assert found.answer[1] == f"If it does, it is {place}."
