@@ -123,10 +123,10 @@ class Crossing:
         sides = set(table["verdict"])
         if not self.edges and len(sides - {UNDECIDED}) == 1 and UNDECIDED not in sides:
             said.append(f"`{self.quantity}` is {sides.pop()} {level} {span}: it does not cross it there.")
-            first, last = table.iloc[[0, -1]].to_dict("records")
-            if first["low"] > last["high"] or last["low"] > first["high"]:  # towards the end that is nearer the level
-                up = abs(last["estimate"] - self.level) < abs(first["estimate"] - self.level)
-                end = f"above {last['value']:.4g}" if up else f"below {first['value']:.4g}"
+            one, other = table.iloc[[0, -1]].to_dict("records")
+            if one["low"] > other["high"] or other["low"] > one["high"]:  # towards the end that is nearer the level
+                up = abs(other["estimate"] - self.level) < abs(one["estimate"] - self.level)
+                end = f"above {other['value']:.4g}" if up else f"below {one['value']:.4g}"
                 said.append(f"If it does, it is {end}{unit}.")
         elif not self.edges:
             said.append(f"No crossing of {level} by `{self.quantity}` was decided {span}.")
