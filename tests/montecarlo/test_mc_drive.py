@@ -108,7 +108,9 @@ def test_moments_are_those_of_an_independent_sampler_and_a_planted_error_is_foun
     assert farthest(replace(scene, **wrong), sampled) > 5.0
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(
+    "scheme", [pytest.param(name, marks=pytest.mark.slow) if SCHEMES[name].has_step_bias else name for name in SCHEMES]
+)
 @pytest.mark.parametrize("theta", [0.05, 1.0])
 def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta):
     start, wide = Start(0.0, 0.0, 1.0, 0.0, 1.0), {"gap1": 1e5, "gap2": 1e5}
@@ -202,6 +204,7 @@ def test_closed_teeth_stay_closed_while_noise_with_a_memory_presses_them():
     assert not np.isnan(white).any()
 
 
+@pytest.mark.slow
 def test_a_long_run_of_one_order_written_as_several_is_the_same():
     base = Scene.from_gears(DAT21, sigma=0.3)
     nearly = replace(base, drive=(Order(1), Order(2, 1e-12)))

@@ -87,6 +87,7 @@ def test_unfinished_paths_were_among_them(simulated):
     assert 0 < simulated["plain, some unfinished"]["work"][1][2] < 10
 
 
+@pytest.mark.slow
 @needs_package
 def test_another_key_would_be_seen():
     found = on_simulator("control")["negative control: another key"]

@@ -26,6 +26,7 @@ def test_the_bound_of_all_rows_lies_among_their_own(run):
     assert len(missed_rows(run, 1e-9, SHARE)) > len(rows)
 
 
+@pytest.mark.slow
 def test_own_bounds_hold_together():
     """In 60 runs against one with 60 times the paths: at most the stated share has a row beyond its own bound."""
     reference = simulate(NOISY, paths=2_000_000, rng=1, impacts=3)

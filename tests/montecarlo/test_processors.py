@@ -50,8 +50,8 @@ def here():
 
 @pytest.mark.parametrize("processor", PROCESSORS)
 def test_code_for_another_processor_gives_the_same_bits(processor, here, tmp_path):
-    if not has(PROCESSORS[processor][0]):
-        pytest.skip(f"this processor cannot execute code for {processor}")
+    if processor == llvmlite.binding.get_host_cpu_name() or not has(PROCESSORS[processor][0]):
+        pytest.skip(f"this processor is {processor}, or cannot execute code for it")
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)} | as_on(processor)
     command = [sys.executable, str(Path(__file__).with_name("sampled.py"))]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)

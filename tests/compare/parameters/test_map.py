@@ -42,6 +42,7 @@ def found(folder):
     return boundary_map(DRIVEN, **SETTINGS, folder=folder)
 
 
+@pytest.mark.slow
 def test_each_value_has_its_own_boundary(found):
     """Searches with other random numbers agree with every column, and not all of them with that of another."""
     curve = found.curve.set_index("along")

@@ -13,6 +13,7 @@ from rattle.compare.cli.main import main
 from rattle.compare.cli.validate import EXIT_NOT_REPEATED, EXIT_ROUNDED
 from rattle.compare.report import manifest, provenance
 from rattle.compare.report.manifest import EXACT, ROUNDING, difference
+from rattle.compare.validation import validate as work
 
 SWEPT = [
     "--paths", "600", "--impacts", "2", "--dt", "0.01", "--validity", "0.1:1:2", "--validity-paths", "600",
@@ -24,6 +25,23 @@ def validate(*words, code=0):
     result = CliRunner().invoke(main, ["validate", *map(str, words)])
     assert result.exit_code == code, result.output
     return result
+
+
+@pytest.fixture(scope="module", autouse=True)
+def once():
+    """The same work is done once here: that a repeat does repeat it is tested in ``tests/compare/cli``."""
+    done = {}
+    with pytest.MonkeyPatch.context() as patch:
+        for function in (work.validate, work.sweep):
+
+            def remember(*given, function=function, **settings):
+                key = repr((function.__name__, given, settings))
+                if key not in done:
+                    done[key] = function(*given, **settings)
+                return done[key]
+
+            patch.setattr(work, function.__name__, remember)
+        yield
 
 
 @pytest.fixture(scope="module")

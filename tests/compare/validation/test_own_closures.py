@@ -86,6 +86,7 @@ def test_a_table_that_cannot_be_read_is_refused_before_anything_is_simulated(mon
         validate(SCENE, impacts=3, closures=[Closure("few", lambda scene, impacts: copy(scene, impacts)[:-1])])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_failed(tmp_path, monkeypatch):
     (tmp_path / "own.py").write_text(
         '"""Closures."""\nfrom tests.compare.validation.test_own_closures import copy, strong\n\n'
@@ -93,7 +94,7 @@ def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_faile
     )
     monkeypatch.chdir(tmp_path)
     words = ["validate", "--closure", "saltation", "--closure", "own:mine", "--closure", "own:strong", "--sigma", 0.01]
-    words += ["--sigma", 0.1, "--impacts", 2, "--paths", 2000, "--validity", "0.01:0.1:2", "--validity-paths", 1000]
+    words += ["--sigma", 0.1, "--impacts", 2, "--paths", 2000, "--no-validity"]
     done = CliRunner().invoke(main, [str(word) for word in (*words, "--out", "report")])
     assert done.exit_code == 1
     assert "closure strong raised ValueError: the noise is too strong" in done.stderr
