@@ -137,7 +137,7 @@ def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
     return second + c.beta1 * first, (c.beta1 - c.beta2) * first
 
 
-@splice
+@shared
 def _relative_coordinates(c: Constants, t: float) -> bool:
     """Whether noise is integrated in ``(x1, y1, x2 - x1, y2 - y1)``, which decouples the two wheels.
 
@@ -218,7 +218,7 @@ def _double(c: Constants, q: Floats, h: float, relative: bool) -> Floats:
     return out
 
 
-@internal
+@jit
 def _covariance(drive: Any, c: Constants, tau: float, t: float, relative: bool) -> Floats:
     """`noise_covariance` in the coordinates of `_responses`."""
     fastest, square = max(c.beta1, c.beta2), c.sigma * c.sigma
@@ -284,7 +284,7 @@ def _over_orders(c: Constants, tau: float, t: float, panel: float, relative: boo
     return out + _over_panels(c, tau, rest, panel, relative)
 
 
-@jit
+@shared
 def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     """Covariance of ``(x1, y1, x2, y2)`` that the noise adds in a flight of time `t` from `tau`.
 
