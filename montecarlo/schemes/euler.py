@@ -71,25 +71,15 @@ def plain_lanes(
 
 
 @splice
-def due(c: Constants, x1: float, y1: float, x2: float, y2: float, walls: Walls) -> int:
-    """The impact due at the end of a step: beyond a wall and moving outward, mesh 1 before mesh 2.  Branch-free."""
-    first = int((x1 > walls.high1) & (y1 > 0.0)) - int((x1 < -walls.low1) & (y1 < 0.0))
-    second = int((x2 > walls.high2) & (y2 > 0.0)) - int((x2 < -walls.low2) & (y2 < 0.0))
-    return first if first != 0 else (2 * second if c.stages == 2 else 0)
-
-
-@splice
-def put_on_wall(code: int, x1: float, x2: float, walls: Walls) -> tuple[float, float]:
-    """Displacements with that of the struck mesh put back on its wall."""
-    x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else x1)
-    x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else x2)
-    return x1, x2
-
-
-@splice
 def at_end(c: Constants, at: Progress, walls: Walls) -> Progress:
-    """The path with the impact that is due at the end of its step."""
-    code = due(c, at.x1, at.y1, at.x2, at.y2, walls)
-    x1, x2 = put_on_wall(code, at.x1, at.x2, walls)
+    """The path with the impact that is due at the end of its step: put back on the wall that it is beyond, outward.
+
+    Mesh 1 before mesh 2.  Branch-free.
+    """
+    first = int((at.x1 > walls.high1) & (at.y1 > 0.0)) - int((at.x1 < -walls.low1) & (at.y1 < 0.0))
+    second = int((at.x2 > walls.high2) & (at.y2 > 0.0)) - int((at.x2 < -walls.low2) & (at.y2 < 0.0))
+    code = first if first != 0 else (2 * second if c.stages == 2 else 0)
+    x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else at.x1)
+    x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else at.x2)
     left = at.left if code != 0 else 0.0  # another impact may be due after this one
     return Progress(code, at.tau, left, Noise(0.0, 0.0), x1, at.y1, x2, at.y2)
