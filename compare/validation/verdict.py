@@ -106,7 +106,8 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
         needed, whatever = (out["paths"] * (out["noise"] / m.where(m > 0.0)) ** 2 for m in (margin, beside))
     undecided = out["verdict"] == "undecided"
     seen = ((low >= -tolerance) & (high <= tolerance)) | (low > tolerance) | (high < -tolerance)
-    needed = np.fmin(whatever, needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"]))
+    needed = needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"])
+    needed = needed.where(~(whatever < needed), whatever)
     out["paths_needed"] = np.where(undecided & (margin > 0.0) & np.isfinite(needed), np.ceil(needed), np.nan)
     return out
 

@@ -35,6 +35,7 @@ TURN = 2.0  # time within which a grazing path turns
 SAMPLE = 2000  # Gaussian paths around the design point of a missed impact
 LONGEST = 100.0  # flight; a longer one ends the search
 RAREST = math.log(1e-9)  # logarithm of a probability below which a branch is not looked for
+FAINT = -20.0  # logarithm of the flux, over that of its peak, from which on it is neglected
 ROUNDS = 12  # of fourfold narrowing, at most, in which a peak of the flux is found
 LATEST = 1.0  # time after the orbit's own impact up to which another may still come before that of a path
 STRATA = np.array([0.6, 0.35, 0.05])  # of the depth by which a missed impact is missed; each has one representative
@@ -205,6 +206,7 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
     times = np.linspace(0.0, end, GRID + 1)[1:]
     flux = _log_flux(flight, times, mesh, side)
     peaks = np.flatnonzero((flux[1:-1] >= flux[:-2]) & (flux[1:-1] > flux[2:])) + 1
+    valley = np.append(True, np.append((flux[1:-1] <= flux[:-2]) & (flux[1:-1] < flux[2:]), True))
     found = []
     if same and side == flight.side:  # the last peak may be the orbit's own impact
         i = 2 * (mesh - 1)
@@ -225,7 +227,10 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
             continue
         bend = 2.0 * log[1] - log[0] - log[2]
         width = 6.0 * (at[1] - at[0]) / math.sqrt(bend) if bend > 0.0 else end
-        around = np.linspace(max(at[1] - width, times[0]), min(at[1] + width, end), 65)
+        faint = np.flatnonzero(valley | (flux < log[1] + FAINT))  # the peak may be far from symmetric
+        low, high = times[faint[faint < peak].max(initial=0)], times[faint[faint > peak].min(initial=GRID - 1)]
+        near = np.linspace(max(at[1] - width, low), min(at[1] + width, high), 65)
+        around = np.unique(np.concatenate([near, np.linspace(low, high, 65)]))
         density = np.exp(_log_flux(flight, around, mesh, side))
         mass = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(around))])
         probability = min(float(mass[-1]), 1.0)

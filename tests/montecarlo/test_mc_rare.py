@@ -16,6 +16,7 @@ from rattle.montecarlo.rare.weighted_sums import ORDERS, WeightedSums, add
 from rattle.montecarlo.settings.plan import NOISE_FREE, plan_of
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.scene import DAT21, Scene, Tolerance
+from tests.montecarlo.measure_rare import PAIR
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
 IMPACTS, PATHS = 4, 32 * BLOCK
@@ -148,6 +149,7 @@ def test_an_accuracy_that_waits_for_a_branch_samples_it():
 
 SCENES = {
     "two stages": (NOISY, 1, -2, 3),
+    "a window far from symmetric": (PAIR, 1, -1, 2),
 }
 
 
@@ -169,5 +171,5 @@ def test_probability_of_a_branch_near_its_design_point_is_that_of_plain_paths(na
     plain = raw[(1, -1, 2, -2).index(code)] / raw.sum()
     error = math.hypot(one.std() / math.sqrt(one.size), math.sqrt(plain / raw.sum()))
     assert abs(one.mean() - plain) < 4.0 * error
-    assert 0.3 < branch.probability / one.mean() < 3.0
+    assert branch.probability == pytest.approx(one.mean(), rel=0.1)
     assert tail(branch.beta) == pytest.approx(branch.probability)
