@@ -42,7 +42,8 @@ def find_leaving(run: Run, followers: Mapping[str, Followers]) -> pd.DataFrame:
     rows = []
     for k, i in zip(*np.nonzero(plain[0] + near[0]), strict=True):
         found, other, code = plain[:, k, i], near[:, k, i], CODES[i]
-        seen = bool(found[0] ** 2 >= KNOWN * found[1] > 0.0 or interval(*other)[1] < interval(*found)[0])
+        known = found[0] ** 2 >= KNOWN * found[1] > 0.0 or other[0] == 0.0
+        seen = bool(known or interval(*other)[1] < interval(*found)[0])
         found = found if seen else other
         if found[0] >= SMALLEST:
             bounds, paths = interval(*found), found[0] ** 2 / found[1]
@@ -82,8 +83,9 @@ def search_for(run: Run) -> RareEvents | None:
 def _sample_near(run: Run) -> Floats:
     """What `Followers.left` has, in probabilities, from paths drawn near the rare branches of the orbit."""
     left, found, shifts = np.zeros((3, run.plan.impacts, len(CODES))), search_for(run), list[Floats]()
+    likely = min(LIKELY, 2.0 * KNOWN / run.paths)  # the run's own paths know the others
     for branch in sorted(found.branches if found else (), key=lambda b: -b.probability):
-        rare = branch.probability < LIKELY and branch.shift.any()
+        rare = branch.probability < likely and branch.shift.any()
         if rare and len(shifts) < MOST and all(cosine(branch.shift, other) < ALIKE for other in shifts):
             shifts.append(branch.shift)
     if not shifts:
