@@ -3,7 +3,7 @@
 A cell knows every input that determines its result.  Their digest is its key in the store.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,6 +12,7 @@ import pandas as pd
 from rattle.closure import CLOSURES, Closure
 from rattle.closure.mean_map import predict
 from rattle.compare.study.store import Cell, Content
+from rattle.compare.validation.errors import followers_of
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import sampling_error, small_noise
 from rattle.montecarlo.kernel.blocks import Blocks
@@ -23,6 +24,7 @@ from rattle.scene.types import Floats
 
 FACTS = ("paths", "path_steps", "sticking_steps", "unfinished")
 """What is stored of an ensemble besides its table."""
+FOLLOWERS = "followers_"  # before the columns of the paths on an itinerary
 BATCH = "batch_{}_{}"  # column of batch statistics: mean, sd or control, and a section quantity
 
 
@@ -37,6 +39,7 @@ class Sampled:
     # `rattle.montecarlo.statistics.records`
     batches: pd.DataFrame
     facts: dict[str, Any]  # `FACTS` and ``seconds``
+    followers: "Sampled | None" = None  # the same of the paths on the noise-free itinerary, where asked for
 
     @property
     def columns(self) -> dict[str, Floats]:
@@ -78,6 +81,7 @@ class Sample(Cell):
     paths: int | None = None
     accuracy: float | None = None
     dt: float | None = None
+    on_itinerary: bool = False
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -89,16 +93,20 @@ class Sample(Cell):
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Simulate the ensemble: what is stored of it, a row for each impact."""
+        record: dict[str, Any] = {"batches": True, "energy": True, "on_itinerary": self.on_itinerary}
         if self.accuracy is not None:
             common: dict[str, Any] = {"impacts": self.impacts, "rng": self.seed, "scheme": self.scheme}
-            common |= {"record": Record(batches=True, energy=True), "sampling": Sampling(blocks=blocks)}
+            common |= {"record": Record(**record), "sampling": Sampling(blocks=blocks)}
             run = simulate_to(self.scene.phase_reduced, self.accuracy, **common)
             if run.reach is not None and not run.reach.reached:  # where it stopped depends on wall time: not repeatable
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
         else:
             assert self.paths is not None
-            run = self.simulate(self.paths, blocks, batches=True, energy=True)
-        return _sections(run), {name: getattr(run, name) for name in FACTS}
+            run = self.simulate(self.paths, blocks, **record)
+        parts = [_sections(run)]
+        if self.on_itinerary:
+            parts.append(_sections(followers_of(run)).add_prefix(FOLLOWERS))
+        return pd.concat(parts, axis=1), {name: getattr(run, name) for name in FACTS}
 
     def simulate(self, paths: int, blocks: Blocks | None = None, **record: Any) -> Ensemble:
         """Simulate a number of paths of it, with the step bias where the scheme has one."""
@@ -115,16 +123,21 @@ class Sample(Cell):
 
     def restore(self, content: Content) -> Sampled:
         """Turn a stored result back into section moments."""
-        wide = content.table
-        first, last = wide.columns.get_loc("bias_tau"), wide.columns.get_loc(BATCH.format("mean", "tau"))
-        section, batches = wide.iloc[:, :first], wide.iloc[:, last:]
+        every, apart = split_followers(content.table)
+        found = self._sampled(every, content.facts)
+        return found if apart.empty else replace(found, followers=self._sampled(apart, content.facts))
+
+    def _sampled(self, wide: pd.DataFrame, facts: dict[str, Any]) -> Sampled:
+        """What `_sections` has made a table of."""
+        batches = wide.filter(regex="^batch_")
+        section = wide.iloc[:, : wide.columns.get_loc("bias_tau")]
         rows = [
             wide[[f"{c}_{name}" for c in BIAS]].set_axis(list(BIAS), axis=1).reset_index().assign(quantity=q, moment=m)
             for m, prefix in (("mean", ""), ("sd", "sd_"))
             for q in SECTION
             if f"bias_{(name := prefix + q)}" in wide
         ]
-        return Sampled(self.scene, section, pd.concat(rows, ignore_index=True), batches, content.facts)
+        return Sampled(self.scene, section, pd.concat(rows, ignore_index=True), batches, facts)
 
 
 def check_sample(sample: Sample) -> Sample:
@@ -155,8 +168,8 @@ def _sections(run: Ensemble) -> pd.DataFrame:
     for (moment, quantity), rows in run.step_bias.groupby(["moment", "quantity"], sort=False):
         name = quantity if moment == "mean" else f"sd_{quantity}"
         parts.append(rows.set_index("impact")[list(BIAS)].add_suffix(f"_{name}"))
-    batches = run.batches
-    assert batches is not None
+    if (batches := run.batches) is None:
+        return pd.concat(parts, axis=1)
     filled = batches.n[:, 0, 0] > 0  # batches that contain paths
     columns: dict[str, Any] = {}
     for what, values in (("mean", batches.mean), ("sd", batches.sd), ("control", batches.control)):
@@ -166,6 +179,12 @@ def _sections(run: Ensemble) -> pd.DataFrame:
     return pd.concat(parts, axis=1)
 
 
+def split_followers(wide: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """What is stored of all paths, and of those on the noise-free itinerary."""
+    own = wide.columns.str.startswith(FOLLOWERS)
+    return wide.loc[:, ~own], wide.loc[:, own].rename(columns=lambda name: name.removeprefix(FOLLOWERS))
+
+
 @dataclass(frozen=True)
 class Predicted:
     """Section moments that a closure predicts, as read from the store."""
@@ -173,6 +192,7 @@ class Predicted:
     closure: str  # name in `rattle.closure.CLOSURES`
     section: pd.DataFrame  # as `closure.MeanMap.section`, times counted from the phase of the start
     facts: dict[str, Any]  # ``found`` (impacts), ``seconds``
+    followers: "Predicted | None" = None  # the same of the paths on its itinerary, where asked for
 
 
 @dataclass(frozen=True)
@@ -194,6 +214,7 @@ class Prediction(Cell):
     closure: str
     order: int = 4
     own: Closure | None = None  # one's own, of that name
+    on_itinerary: bool = False
 
     @property
     def method(self) -> Closure:
@@ -204,7 +225,8 @@ class Prediction(Cell):
     def settings(self) -> dict[str, Any]:
         """Everything that determines the result besides the scene."""
         source = {} if self.own is None else {"source": self.own.digest}
-        return {"kind": "prediction", "impacts": self.impacts, "closure": self.closure, "order": self.order, **source}
+        settings = {name: getattr(self, name) for name in ("impacts", "closure", "order", "on_itinerary")}
+        return {"kind": "prediction", **settings, **source}
 
     @property
     def group(self) -> str:
@@ -221,8 +243,13 @@ class Prediction(Cell):
         found = predict(self.scene.phase_reduced, self.method, self.impacts, self.order)
         if found.trace.raised:
             raise InputError("closure", self.closure, found.stopped)
-        return found.section, {"found": found.trace.found}
+        parts = [found.section]
+        if self.on_itinerary:
+            parts.append(found.on_itinerary().section.add_prefix(FOLLOWERS))
+        return pd.concat(parts, axis=1), {"found": found.trace.found}
 
     def restore(self, content: Content) -> Predicted:
         """Turn a stored result back into section moments."""
-        return Predicted(self.closure, content.table, content.facts)
+        every, apart = split_followers(content.table)
+        on = None if apart.empty else Predicted(self.closure, apart, content.facts)
+        return Predicted(self.closure, every, content.facts, on)

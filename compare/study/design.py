@@ -176,6 +176,8 @@ class Study:
     common_noise : bool
         Whether all points use common random numbers, which makes the errors of differences along an axis small;
         otherwise every point has a seed of its own.
+    on_itinerary : bool
+        Whether the paths on the noise-free itinerary are judged apart too, in rows of kind ``itinerary``.
     within : Tolerances
         Errors up to which a mean or an sd counts as accurate.
     title : str
@@ -214,6 +216,7 @@ class Study:
     settings: dict[str, Any]
     common_noise: bool
     within: Tolerances
+    on_itinerary: bool = False
     title: str = "study"
     text: str = ""
     gears: Gears | None = None

@@ -126,7 +126,7 @@ def validity(r: Any, rows: pd.DataFrame) -> Figure:
         ax.plot(impact, not_wrong, color=style["color"], ls=":", lw=1.5)
         ax.fill_between(impact, accurate.fillna(min(values)), not_wrong, color=style["color"], alpha=BAND, lw=0)
     ax.plot([], [], color="0.3", ls=":", lw=1.5, label=NOT_WRONG)
-    ax.fill_between([], [], color="0.3", alpha=BAND, lw=0, label=want(r.errors))
+    ax.fill_between([], [], color="0.3", alpha=BAND, lw=0, label=want(r.of_all_paths))
     if (scale := scale_of(values))["value"] != "linear":
         ax.set_yscale(**scale)
         ax.yaxis.set_major_formatter("{x:g}")
@@ -244,7 +244,7 @@ class TablePlot(NamedTuple):
 
 FIGURES = {
     "validity": TablePlot("validity", "Range of validity, for all means and sds of the first impacts", validity),
-    "errors": TablePlot("errors", "Largest error of each closure, with its interval", errors),
+    "errors": TablePlot("of_all_paths", "Largest error of each closure, with its interval", errors),
     "agreement": TablePlot("sections", "Itinerary agreement", _agreement, (6.2, 3.8)),
     "sections": TablePlot(
         "sections", "Section sds, skewness, impact rate and impact energy", _sections, (11.0, 5.8), (2, 3)

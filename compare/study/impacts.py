@@ -13,7 +13,7 @@ from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDERS, find_closures
 from rattle.compare.study.cells import BATCH, FACTS, Predicted, Prediction, Sample, Sampled, check_sample
 from rattle.compare.study.design import SETTINGS, Kind, Point, Study, list_reasons, with_coordinates
-from rattle.compare.validation.errors import section_errors, to_absolute_time
+from rattle.compare.validation.errors import ON_ITINERARY, judge_followers, section_errors, to_absolute_time
 from rattle.compare.validation.verdict import Tolerances, is_accurate, is_wrong, judge, unbroken, widest
 from rattle.scene.errors import InputError, check_keys, choice, count, positive
 from rattle.scene.moments import SECTION, STATE
@@ -61,6 +61,11 @@ class Tables:
     reasons: pd.DataFrame
 
     @property
+    def of_all_paths(self) -> pd.DataFrame:
+        """The rows of ``errors`` that are about all paths."""
+        return self.errors[self.errors["kind"] != ON_ITINERARY]
+
+    @property
     def empty(self) -> bool:
         """Whether there is nothing to compare."""
         return self.errors.empty
@@ -79,7 +84,7 @@ class Tables:
         ``closure``; ``["quantity"].attrs`` holds the unit of each quantity.
         """
         index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
-        errors = self.errors.set_index([*index, "closure"])
+        errors = self.of_all_paths.set_index([*index, "closure"])
         predictions = errors[["predicted", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
         sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
         return with_units(predictions.merge(sections.rename(value="simulated"), join="outer"))
@@ -161,7 +166,7 @@ def combine(study: Study, found: Mapping[str, Any]) -> Tables:
         errors=errors,
         sections=sections,
         correlation=_correlation(study, points),
-        validity=find_validity(study, errors),
+        validity=find_validity(study, errors[errors["kind"] != ON_ITINERARY]),
         paired=_pair_neighbours(study, points),
         cost=_cost(study, found),
         reasons=list_reasons(study),
@@ -180,9 +185,12 @@ def _errors(study: Study, points: list[Triple], z: float) -> pd.DataFrame:
     parts = []
     for point, run, predictions in points:
         for prediction in predictions:
-            table = section_errors(prediction, run, z, study.within)
-            parts.append(with_coordinates(point.coordinates, to_absolute_time(table, run.scene)))
-    none = pd.DataFrame({"closure": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
+            tables = [section_errors(prediction, run, z, study.within)]
+            if prediction.followers and run.followers:
+                codes = [np.nan_to_num(s["mesh"] * s["side"]) for s in (prediction.section, run.followers.section)]
+                tables.append(judge_followers(prediction.followers, run.followers, z, study.within, *codes))
+            parts += [with_coordinates(point.coordinates, to_absolute_time(table, run.scene)) for table in tables]
+    none = pd.DataFrame({"closure": [], "kind": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
     return pd.concat(parts, ignore_index=True) if parts else none
 
 
@@ -322,6 +330,7 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
         "order": count("study.order", given.get("order", 4), *ORDERS),
         "settings": settings,
         "common_noise": _flag("study.common_noise", given.get("common_noise", True)),
+        "on_itinerary": _flag("study.on_itinerary", given.get("on_itinerary", False)),
         "within": _within(given.get("within", {})),
     }
 
@@ -337,7 +346,7 @@ def cells(
     reasons: dict[str, str] = {}
     sample, predictions = None, []
     try:
-        sample = check_sample(Sample(scene, study.impacts, seed, **settings))
+        sample = check_sample(Sample(scene, study.impacts, seed, on_itinerary=study.on_itinerary, **settings))
         if not study.common_noise:
             own = hashlib.sha256(f"{sample.key} {seed}".encode()).digest()
             sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
@@ -347,7 +356,7 @@ def cells(
         try:
             method.check(scene)
             users = method if method.own else None
-            predictions.append(Prediction(scene, study.impacts, method.name, study.order, users))
+            predictions.append(Prediction(scene, study.impacts, method.name, study.order, users, study.on_itinerary))
         except InputError as error:
             reasons[method.name] = str(error)
     return sample, tuple(predictions), reasons
@@ -386,7 +395,7 @@ def _within(given: Any) -> Tolerances:
 
 KIND = Kind(
     title="study",
-    keys=("impacts", "closures", "order", *SETTINGS, "common_noise", "within"),
+    keys=("impacts", "closures", "order", *SETTINGS, "common_noise", "on_itinerary", "within"),
     tables=TABLES,
     small=("correlation", "validity", "cost", "reasons"),
     read=read,

@@ -11,7 +11,8 @@ from rattle.compare.report.texts import lay_out
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import FIGURES, panels
 from rattle.compare.study.folder import Drawing
-from rattle.compare.study.impacts import Tables
+from rattle.compare.study.impacts import Tables, find_validity
+from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import RULE, VERDICTS, in_words, join_words, span, want
 
 SYMBOLS = ("exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement")
@@ -33,8 +34,11 @@ def answer(r: Tables) -> list[str]:
         sentences = [
             _advice(last, impacts, name, values.max()),
             f"Every section mean and sd of {impacts} impacts, {name} = {span(values, '.4g')}:",
-            *(f"`{closure}`: {_range_in_words(r, rows)}." for closure, rows in last.groupby("closure", sort=False)),
+            *_ranges(r, r.of_all_paths, last),
         ]
+        if not (apart := r.errors[r.errors["kind"] == ON_ITINERARY]).empty:
+            last = find_validity(r.study, apart).query("impact == @impacts")
+            sentences += ["Of the paths on the noise-free itinerary alone:", *_ranges(r, apart, last)]
     reached = r.sections[(r.sections["quantity"] == "tau") & (r.sections["moment"] == "mean")]
     shares = reached[reached["impact"] == impacts]["agreement"]
     if len(shares):
@@ -68,11 +72,17 @@ def _everywhere(last: pd.DataFrame, column: str) -> pd.Series:
     return last.groupby("closure", sort=False)[column].agg(lambda limits: limits.min(skipna=False)).dropna()
 
 
-def _range_in_words(r: Tables, rows: pd.DataFrame) -> str:
+def _ranges(r: Tables, errors: pd.DataFrame, last: pd.DataFrame) -> list[str]:
+    """A sentence for each closure."""
+    every = last.groupby("closure", sort=False)
+    return [f"`{closure}`: {_range_in_words(r, errors, rows)}." for closure, rows in every]
+
+
+def _range_in_words(r: Tables, errors: pd.DataFrame, rows: pd.DataFrame) -> str:
     """A closure's range of validity at each value of the other fields; of many, only the smallest and the largest."""
     found: dict[str, list[str]] = {}  # values of the other fields, by the sentence that holds there
     for row in rows.sort_values(["accurate", "not_inaccurate"], na_position="first").to_dict("records"):
-        own = r.errors[(r.errors["closure"] == row["closure"]) & r.errors["judged"]]
+        own = errors[(errors["closure"] == row["closure"]) & errors["judged"]]
         for name in r.study.others:
             own = own[own[name] == row[name]]
         values = sorted(own[r.study.along].unique())
@@ -103,7 +113,7 @@ def blocks(
     r: Tables, record: Mapping[str, Any], seconds: Mapping[str, float]
 ) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
     """Counts of verdicts and the words above the sections of the page; the cost as its last section."""
-    groups = r.errors.groupby(["closure", "moment"], sort=False)["verdict"] if len(r.errors) else ()
+    groups = r.of_all_paths.groupby(["closure", "moment"], sort=False)["verdict"]
     counts = [
         {"closure": c, "moments": f"{m}s"} | {v: int((said == v).sum()) for v in VERDICTS} for (c, m), said in groups
     ]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rattle.compare.study.cells import Sample, check_sample
+from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo.settings.plan import MOST_PATHS
 from rattle.scene.errors import FileError, InputError, check_keys, choice, count, finite, positive
@@ -82,8 +83,9 @@ def _parse(field: str, text: str, kind: type = int) -> Any:
 
 
 MOMENTS = ("mean", "sd")
+KINDS = ("section", ON_ITINERARY)
 OPTIONS = (
-    *("scene", "impacts", "quantities", "moments", "within", "absolute"),  # what is claimed
+    *("scene", "impacts", "kind", "quantities", "moments", "within", "absolute"),  # what is claimed
     *("paths", "budget", "accuracy", "scheme", "undecided"),  # how it is decided
 )
 RIVALS = ({"within", "absolute"}, {"paths", "accuracy"}, {"budget", "accuracy"})
@@ -128,6 +130,7 @@ class Claim:
     scheme: str = "exact-flight"  # scheme of the simulation
     # outcome of the test if its budget does not decide it, ``fail`` or ``skip``; None for the session's
     undecided: str | None = None
+    kind: str = KINDS[0]  # about all paths, or those alone that have followed the closure's itinerary
 
     @cached_property
     def rows(self) -> tuple[Row, ...]:
@@ -168,7 +171,7 @@ def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     """Read a claim from the options of a marker.
 
-    `options`: ``scene`` (a Scene, or a TOML file), ``impacts`` (their number, or a list), ``quantities``,
+    `options`: ``scene`` (a Scene, or a TOML file), ``impacts`` (their number, or a list), ``kind``, ``quantities``,
     ``moments``, ``within`` (admissible error in sds of the quantity) or ``absolute``, each a number or one for
     each moment, ``paths`` and ``budget`` or ``accuracy``, ``scheme``, and ``undecided``. `folder`: Folder of the
     test, to which the path of a scene file is relative.
@@ -197,10 +200,10 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
         count("budget", budget, most=MOST_PATHS)
     if (undecided := options.get("undecided")) is not None:
         choice("undecided", undecided, UNDECIDED)
-    scheme = options.get("scheme", "exact-flight")
+    scheme, kind = options.get("scheme", "exact-flight"), choice("kind", options.get("kind", KINDS[0]), KINDS)
     check_sample(Sample(scene, impacts[-1], 0, scheme, paths, accuracy))
     allowed = _read_tolerances(options, moments)
-    return Claim(scene, impacts, quantities, allowed, paths, budget, accuracy, scheme, undecided)
+    return Claim(scene, impacts, quantities, allowed, paths, budget, accuracy, scheme, undecided, kind)
 
 
 def _scene(given: object, folder: Path) -> Scene:

@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 from scipy.special import ndtr
 
-from rattle.closure import Closure, mean_map
+from rattle.closure import Closure, follow, mean_map
 from rattle.closure.closure import name_of
 from rattle.closure.mean_map import find_closure
 from rattle.closure.stationary import Law
@@ -26,12 +26,21 @@ from rattle.compare.stationary.study import LongCell
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, tolerance_of, values_of
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.store import Cell, Content, Store, print_on_stderr
-from rattle.compare.thresholds.claim import Claim, Settings
-from rattle.compare.validation.errors import Claimed, Simulated, remarks, section_errors
+from rattle.compare.thresholds.claim import KINDS, Claim, Settings
+from rattle.compare.validation.errors import (
+    ON_ITINERARY,
+    TOO_FEW_FOLLOW,
+    Claimed,
+    Simulated,
+    judge_followers,
+    remarks,
+    section_errors,
+)
 from rattle.compare.validation.verdict import RULE, Tolerances, judge, widest
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.run import PATHS
+from rattle.montecarlo.settings.plan import begins
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.errors import InputError, choice
 from rattle.scene.scene import Scene
@@ -67,6 +76,11 @@ def predict(model: Model, claim: Claim) -> ModelPrediction:
     if method.own:
         method = replace(method, predicts=claim.columns)
     found = mean_map(claim.scene, impacts=claim.impacts[-1], closure=method)
+    if claim.kind == ON_ITINERARY:
+        orbit, found = follow(claim.scene, claim.impacts[-1]), found.on_itinerary()
+        if not begins(found.itinerary, (orbit.mesh * orbit.side)[1:].tolist()):
+            why = f"{found.closure} follows another itinerary than the noise-free path; claim kind={KINDS[0]!r}"
+            raise InputError("kind", claim.kind, why)
     name, why = found.closure, f" ({found.stopped})" if found.stopped else ""
     values = found.section.loc[list(claim.impacts), list(claim.columns)]
     bad = np.argwhere(~np.isfinite(values.to_numpy()))
@@ -157,7 +171,14 @@ def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame
     sd of the quantity (1 if it does not vary), ``noise`` one standard error.  Without rows that are not judged
     (`rattle.compare.validation.verdict.RULE`).
     """
-    table = section_errors(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0))
+    if claim.kind == ON_ITINERARY:
+        same = np.ones(claim.impacts[-1])
+        table = judge_followers(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0), same, same)
+        if (few := table["remark"] == TOO_FEW_FOLLOW).any():
+            why = f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or kind={KINDS[0]!r}"
+            raise InputError("kind", claim.kind, why)
+    else:
+        table = section_errors(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0))
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
     rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(drop=True)
     rows = rows[rows["judged"]].reset_index(drop=True)
@@ -242,16 +263,18 @@ def look_until_decided(
 
 def decide(prediction: ModelPrediction, claim: Claim, session: Thresholds) -> Decision:
     """Compare a prediction with the simulation, with more paths while the claim is undecided."""
-    settings = session.settings
+    settings, apart = session.settings, claim.kind == ON_ITINERARY
     # an accuracy determines the number of paths itself
     sizes = settings.sizes(claim.paths, claim.budget) if claim.accuracy is None else (None,)
     z = widest(len(claim.rows) * len(sizes), settings.false_alarm)
 
     def look(paths: int | None) -> tuple[pd.DataFrame, TimedRun]:
         run = session.simulate(
-            Sample(claim.scene, claim.impacts[-1], settings.seed, claim.scheme, paths, claim.accuracy)
+            Sample(
+                claim.scene, claim.impacts[-1], settings.seed, claim.scheme, paths, claim.accuracy, on_itinerary=apart
+            )
         )
-        return judge_errors(errors_of(prediction, run.run, claim), z), run
+        return judge_errors(errors_of(prediction, run.run.followers if apart else run.run, claim), z), run
 
     return Decision(*look_until_decided(sizes, look), z)
 

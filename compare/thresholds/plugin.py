@@ -21,9 +21,10 @@ CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
 REFUSED: pytest.StashKey[Exception] = pytest.StashKey()
 
 MARKER = (
-    "rattle(scene, impacts=4, quantities=('tau', 'y1', 'y2'), moments=('mean', 'sd'), within={'mean': 0.05, 'sd': 0.1}"
-    ", absolute=None, paths=None, budget=None, accuracy=None, scheme='exact-flight', undecided=None): section moments "
-    "of a closure, and their admissible error, in sds of the quantity (within) or absolute."
+    "rattle(scene, impacts=4, kind='section', quantities=('tau', 'y1', 'y2'), moments=('mean', 'sd'), within={'mean': "
+    "0.05, 'sd': 0.1}, absolute=None, paths=None, budget=None, accuracy=None, scheme='exact-flight', undecided=None): "
+    "section moments of a closure, of all paths or (kind='itinerary') of those on its itinerary alone, and their "
+    "admissible error, in sds of the quantity (within) or absolute."
 )
 
 

@@ -19,7 +19,7 @@ from rattle.montecarlo.diagnostics.accuracy import LEAST, skewness_gain, smalles
 from rattle.montecarlo.diagnostics.unseen import Unseen, find_unseen, unseen, unseen_columns, unseen_text
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.plan import is_random
+from rattle.montecarlo.settings.plan import NOISE_FREE, is_random
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.elementary import each
 from rattle.scene.moments import SECTION, realizability
@@ -48,6 +48,9 @@ TOO_FEW_FOLLOW = "fewer than half of the paths follow this itinerary up to here:
 
 NO_ITINERARY = "the closure's itinerary ends before this impact: judged over all paths only"
 """Remark where there is none any more, as of an orbit at rest."""
+
+OTHER_ITINERARY = "the closure follows another itinerary than the noise-free path: judged over all paths only"
+"""Remark where the paths apart are those of the noise-free itinerary, and the closure has left it."""
 
 ABSOLUTE = 1e-6
 """Tolerance, relative to size, where nothing varies (`rattle.montecarlo.diagnostics.accuracy.smallest_sd`)."""
@@ -170,13 +173,31 @@ def itinerary_errors(prediction: MeanMap, run: Ensemble, z: float, tolerances: T
     Returns: Rows as of `section_errors`, of kind ``itinerary``.  They are not judged where fewer than `HALF` of the
     paths follow it, and their remark says so.
     """
-    on, itinerary = run.on_itinerary(prediction.closure), run.plan.itineraries[prediction.closure]
+    name = prediction.closure
+    on, own = followers_of(run, name), np.array(run.plan.itineraries[name])
+    return judge_followers(prediction.on_itinerary(), on, z, tolerances, own, own)
+
+
+def followers_of(run: Ensemble, name: str = NOISE_FREE) -> Ensemble:
+    """`Ensemble.on_itinerary`, with what it cannot have seen."""
+    on, itinerary = run.on_itinerary(name), run.plan.itineraries[name]
     hidden = find_unseen(run.scene, on.columns, run.paths, run.plan.mixture, run.dt, itinerary)
-    on = replace(on, unseen=unseen_columns(hidden))
-    table = section_errors(prediction.on_itinerary(), on, z, tolerances).assign(kind=ON_ITINERARY)
-    few, ended = table["agreement"] < HALF, np.array(itinerary)[table["impact"] - 1] == 0
-    table.loc[few & table["predicted"].notna(), ["verdict", "paths_needed"]] = NOT_JUDGED, np.nan
-    table.loc[few, "remark"] = np.where(ended, NO_ITINERARY, TOO_FEW_FOLLOW)[few]
+    return replace(on, unseen=unseen_columns(hidden))
+
+
+def judge_followers(
+    prediction: Claimed, on: Simulated, z: float, tolerances: Tolerances, own: Floats, followed: Floats
+) -> pd.DataFrame:
+    """`itinerary_errors` of moments on an itinerary.
+
+    `own`, `followed`: ``mesh * side`` of the closure and of the paths apart, 0 where it has ended; (impacts,).
+    """
+    table = section_errors(prediction, on, z, tolerances).assign(kind=ON_ITINERARY)
+    at, other = table["impact"] - 1, np.logical_or.accumulate((own != followed) & (own != 0))
+    few = (table["agreement"] < HALF) | other[at]
+    table.loc[few & table["predicted"].notna(), ["verdict", "paths_needed", "judged"]] = NOT_JUDGED, np.nan, False
+    why = np.select([own[at] == 0, other[at]], [NO_ITINERARY, OTHER_ITINERARY], TOO_FEW_FOLLOW)
+    table.loc[few, "remark"] = why[few]
     return table
 
 

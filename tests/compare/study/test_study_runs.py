@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 from click.testing import CliRunner
 from study_files import study_text, tables_of
 
+from rattle.closure import mean_map
 from rattle.compare.cli.main import main
 from rattle.compare.study.design import Study
 from rattle.compare.study.engine import Runner, run
@@ -19,7 +21,7 @@ from rattle.compare.study.figures import validity
 from rattle.compare.study.folder import CELLS, load_study
 from rattle.compare.study.impacts_page import answer
 from rattle.compare.study.store import Store
-from rattle.compare.validation.verdict import Tolerances
+from rattle.compare.validation.verdict import JUDGED, Tolerances
 from rattle.scene.errors import InputError
 
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
@@ -289,3 +291,26 @@ def test_a_folder_that_cannot_be_made_is_refused(small, tmp_path):
     found = rattle(tmp_path / "absent.toml")
     assert found.exit_code == 2
     assert "cannot be read" in found.output
+
+
+def off(scene, impacts):
+    """`saltation` with an sd that is a third too large."""
+    return mean_map(scene, impacts=impacts).section.assign(sd_y2=lambda s: 1.33 * s["sd_y2"])
+
+
+def test_paths_on_the_itinerary_are_judged_apart_where_asked_for(tmp_path):
+    found = []
+    for more in ("", "on_itinerary = true\n"):
+        text = study_text(sigmas=(0.02, 0.1), paths=32_768).replace("paths =", f"{more}paths =", 1)
+        study = replace(Study.from_toml(text), closures=("saltation", "branching", off))
+        store = Store(tmp_path / CELLS)
+        run(study.cells, store, Runner(1))
+        found.append(tables_of(study, store))
+    without, apart = found
+    pd.testing.assert_frame_equal(apart.of_all_paths.reset_index(drop=True), without.errors)
+    pd.testing.assert_frame_equal(apart.validity, without.validity)
+    rows = apart.errors[(apart.errors["kind"] == "itinerary") & apart.errors["verdict"].isin(JUDGED)]
+    wrong = rows[(rows["closure"] == "off") & (rows["quantity"] == "y2") & (rows["moment"] == "sd")]
+    assert set(wrong["verdict"]) == {"inaccurate"}
+    assert "inaccurate" not in set(rows[rows["closure"] == "branching"]["verdict"])
+    assert "Of the paths on the noise-free itinerary alone:" in answer(apart)

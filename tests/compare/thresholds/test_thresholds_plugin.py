@@ -217,3 +217,43 @@ def test_a_closure_of_ones_own_is_the_same_by_its_function_its_object_and_its_mo
         "import pytest\nfrom rattle.scene import DAT21, Scene\nimport sys; sys.path.insert(0, '.')\nimport own_model\n"
     )
     run(imports + "".join(tests)).assert_outcomes(passed=4)
+
+
+ON_ITINERARY = """
+import pytest
+from rattle.closure import mean_map
+from rattle.scene import DAT21, Scene
+
+def off(scene, impacts):
+    return mean_map(scene, impacts=impacts).section.assign(sd_y2=lambda s: 1.3 * s["sd_y2"])
+
+def of_all(scene, impacts):
+    return mean_map(scene, impacts=impacts, closure="branching").section
+
+pytestmark = pytest.mark.rattle(
+    scene=Scene.from_gears(DAT21, sigma=0.1), kind="itinerary", quantities="y2", moments="sd"
+)
+
+@pytest.mark.rattle(impacts=[3])
+@pytest.mark.parametrize("model", ["branching", off, of_all])
+def test_apart(rattle, model):
+    rattle.check(model)
+
+@pytest.mark.rattle(impacts=12)
+def test_another(rattle):
+    rattle.check("published")
+
+@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=1.0), impacts=12)
+def test_few(rattle):
+    rattle.check("saltation")
+"""
+
+
+def test_a_claim_about_the_paths_on_the_itinerary(run):
+    result = run(ON_ITINERARY, "-rA")
+    result.assert_outcomes(passed=1, failed=4)
+    text = result.stdout.str()
+    assert "off exceeds the allowed error in 1 of 1 rows" in text
+    assert "of_all exceeds the allowed error in 1 of 1 rows" in text, "a rare branch has a third of the variance"
+    assert "published follows another itinerary than the noise-free path" in text
+    assert "fewer than half of the paths follow this itinerary up to here" in text
