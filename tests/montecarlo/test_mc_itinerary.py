@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from rattle.montecarlo import Record, simulate
+from rattle.montecarlo.branches import leaving
 from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings.plan import NOISE_FREE
@@ -84,3 +86,25 @@ def test_without_noise_nothing_leaves_and_a_resting_orbit_has_no_follower():
     assert run.plan.itineraries[NOISE_FREE] == (0, 0)
     assert run.on_itinerary().section["paths"].tolist() == [0, 0]
     assert run.leaving.empty
+
+
+@pytest.mark.slow
+def test_intervals_of_leaving_hold_as_often_as_they_say():
+    """Over 100 seeds, around the median of all; a truth that is off by a fifth is not held."""
+    quiet, low, high, found = Scene.from_gears(DAT21, sigma=0.09), [], [], []
+    for seed in range(100):
+        row = simulate(quiet, paths=1024, impacts=1, rng=seed, record=APART).leaving.iloc[0]
+        found, low, high = [*found, row["probability"]], [*low, row["low"]], [*high, row["high"]]
+    for truth, held in ((np.median(found), True), (1.2 * np.median(found), False)):
+        within = int(((np.array(low) < truth) & (truth < np.array(high))).sum())
+        assert (binomtest(within, 100, 0.95, "less").pvalue > 1e-4) == held
+
+
+def test_branches_that_the_paths_of_a_run_know_are_not_sampled_again(monkeypatch):
+    drawn, one = [], leaving.sample_mixture
+    monkeypatch.setattr(leaving, "sample_mixture", lambda *given: drawn.append(given) or one(*given))
+    for paths, near in ((40_000, True), (400_000, False)):
+        drawn.clear()
+        row = simulate(NOISY, paths=paths, impacts=1, rng=4, record=APART).leaving.iloc[0]
+        assert bool(drawn) == bool(row["near"]) == near
+        assert row["low"] < 5.2e-4 < row["high"]
