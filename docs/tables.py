@@ -22,6 +22,7 @@ import pandas as pd
 import source_tree
 from docutils import nodes
 from docutils.parsers.rst import directives
+from scipy.stats import binomtest
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -290,14 +291,24 @@ def unseen(reports: Path) -> Table:
             f"{r['paths']:,}",
             f"{r['inaccurate']} of {r['seeds']}",
             f"{r['inaccurate_without']} of {r['seeds']}",
+            _share(r["wrong_again"], r["seeds"]),
             f"{r['decided']:.1%}",
             f"{r['decided_without']:.1%}",
+            f"{r['decided_again']:.1%}" if r["decided_again"] > 0.0 else "",
             f"{r['held']:.0f} of {r['reached']:.0f}" if r["reached"] > 0.0 else "",
         ]
         for r in found.to_dict("records")
     ]
-    head = ["scene", "largest kurtosis", "paths", "called inaccurate", "without", "rows decided"]
-    return [*head, "decided without", "0.03 sd reached, and true"], rows
+    head = ["scene", "largest kurtosis", "paths", "called inaccurate", "without", "any row, judged again"]
+    return [*head, "rows decided", "decided without", "decided, judged again", "0.03 sd reached, and true"], rows
+
+
+def _share(hits: float, of: int) -> str:
+    """A count with the 95 % interval of its share (Clopper and Pearson 1934); nothing where none was measured."""
+    if not hits >= 0.0:
+        return ""
+    low, high = binomtest(int(hits), of).proportion_ci()
+    return f"{hits:.0f} of {of} ({low:.2%} to {high:.2%})"
 
 
 @table
