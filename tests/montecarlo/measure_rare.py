@@ -38,6 +38,7 @@ SCENES = {
     "DAT21, 0.08": (Scene.from_gears(DAT21, sigma=0.08), 3),
     "DAT21, 0.1": (Scene.from_gears(DAT21, sigma=0.1), 3),
     "DAT21, 0.09": (Scene.from_gears(DAT21, sigma=0.09), 3),
+    "DAT21, 0.2": (Scene.from_gears(DAT21, sigma=0.2), 3),
     "pair A": (PAIR, 2),
     "pair B": (OTHER, 2),
 }
