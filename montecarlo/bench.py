@@ -50,9 +50,9 @@ def _normals(key: Any, paths: Any, z: Any, loops: int) -> None:
 
 
 @lean
-def _steps(c: Constants, forcing: Any, state: Any, z: Any, beyond: Any, loops: int) -> None:
+def _steps(c: Constants, forcing: Any, walls: Any, state: Any, z: Any, beyond: Any, loops: int) -> None:
     for _ in range(loops):  # so short that no path moves noticeably
-        plain_lanes(c, forcing, 1e-12, False, state, state, z, beyond)
+        plain_lanes(c, forcing, 1e-12, False, walls, state, z, beyond)
 
 
 @jit
@@ -111,14 +111,14 @@ def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
     """A normal and the arithmetic of a step as they are here, and the loop and the generator that others take."""
     c = scene.constants
     key, paths, generator = key_of(np.random.SeedSequence(1)), np.arange(LANES, dtype=np.uint64), _generator()
-    (z, state), beyond = np.zeros((2, 4, LANES + 8)), np.zeros(LANES, np.bool_)
+    (z, walls, state), beyond = np.zeros((3, 4, LANES + 8)), np.zeros(LANES, np.bool_)
     still, steps = np.zeros(LANES), [step_forcing(c, i * STEP, STEP) for i in range(LOOP_STEPS)]
     forcing = np.array(steps)
     return {
         SKILLED: (lambda: _skill_loop(c, generator, LOOP_PATHS, forcing, STEP), float(LOOP_PATHS * LOOP_STEPS)),
         SCALAR: (lambda: _scalar_normals(generator, 100_000), 1e5),
         NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * LANES * LOOPS),
-        ARITHMETIC: (lambda: _steps(c, steps[0], state, still, beyond, LOOPS), float(LANES * LOOPS)),
+        ARITHMETIC: (lambda: _steps(c, steps[0], walls, state, still, beyond, LOOPS), float(LANES * LOOPS)),
     }
 
 
