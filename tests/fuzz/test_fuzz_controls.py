@@ -1,5 +1,6 @@
 """Negative controls of the watched process and of the checks: hangs, deaths and one wrong number each are detected."""
 
+import copy
 import dataclasses
 import json
 import math
@@ -145,7 +146,7 @@ def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
     counts = run.histograms.counts.copy()
     counts[0, 0, 5] += 1
     histograms = Histograms(run.histograms.low, run.histograms.width, counts)
-    batches = run.batches.copy()
+    batches = copy.deepcopy(run.batches)
     batches.n[0, 0, 0] += 1.0
     for wrong in ({"histograms": histograms}, {"batches": batches}, {"paths": 9}):
         with pytest.raises(AssertionError):

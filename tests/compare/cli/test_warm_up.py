@@ -36,6 +36,7 @@ def test_after_warming_up_nothing_is_compiled():
 @pytest.mark.parametrize("terminal", [True, False])
 def test_compiling_is_announced_once_and_only_on_a_terminal(terminal, monkeypatch, capsys):
     monkeypatch.setattr(compiled, "_compiled", 0)
+    monkeypatch.setattr(compiled, "_warnings", [])
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
     compiled._count()
     compiled._count()
