@@ -36,6 +36,7 @@ SAMPLE = 2000  # Gaussian paths around the design point of a missed impact
 LONGEST = 100.0  # flight; a longer one ends the search
 RAREST = math.log(1e-9)  # logarithm of a probability below which a branch is not looked for
 FAINT = -20.0  # logarithm of the flux, over that of its peak, from which on it is neglected
+NEVER = -1e300  # logarithm of no flux; differences of it are finite
 ROUNDS = 12  # of fourfold narrowing, at most, in which a peak of the flux is found
 LATEST = 1.0  # time after the orbit's own impact up to which another may still come before that of a path
 STRATA = np.array([0.6, 0.35, 0.05])  # of the depth by which a missed impact is missed; each has one representative
@@ -196,7 +197,7 @@ def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Fl
             rest = np.sqrt(np.maximum(spread[:, own, own] - cross * spread[:, own, i], 1e-300))
             left = _wall(flight.c, flight.mesh) - flight.side * (means[:, own] + cross * side * gap)
             found += log_ndtr(left / rest)
-    return np.asarray(np.nan_to_num(found, nan=-np.inf, posinf=-np.inf))
+    return np.maximum(np.nan_to_num(found, nan=-np.inf, posinf=-np.inf), NEVER)
 
 
 def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:

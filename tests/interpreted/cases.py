@@ -27,6 +27,7 @@ from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.rare.block import run_mixture
 from rattle.montecarlo.rare.mixture import mixture_of
+from rattle.montecarlo.schemes.euler import step_forcing
 from rattle.montecarlo.settings.plan import plan_of
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import CentralSums
@@ -154,8 +155,9 @@ def sums():
     _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)
     yield z.copy()
     states = np.ones((2, 4, 8))
-    _steps(PAIR.constants, np.ones((4, 4)), *states, z, np.zeros(8, np.bool_), 2)
-    yield states
+    walls, state = np.ones((2, 4, 8))
+    _steps(PAIR.constants, step_forcing(PAIR.constants, 0.1, 0.01), walls, state, z[0], np.zeros(8, np.bool_), 2)
+    yield state
     rng = np.random.Generator(np.random.SFC64(1))
     yield [_scalar_normals(rng, 20), _skill_loop(PAIR.constants, rng, 3, np.ones((20, 4)), 0.1)]
 

@@ -80,7 +80,7 @@ def test_a_killed_worker_costs_time_only(cluster, study, local, tmp_path):
 
 def test_a_worker_of_another_version_is_refused(cluster, study, tmp_path, monkeypatch):
     monkeypatch.setattr(module, "numerical_version", _another)
-    with pytest.raises(InputError, match=r"numerical version .*, here it is"):
+    with pytest.raises(Lost, match=r"has numerical version .*, here it is version of .*: install the same there"):
         run(study.cells, Store(tmp_path / CELLS), Cluster(cluster.scheduler_address))
 
 
