@@ -154,7 +154,6 @@ def sums():
     z, paths = np.zeros((4, 8)), np.arange(8, dtype=np.uint64)
     _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)
     yield z.copy()
-    states = np.ones((2, 4, 8))
     walls, state = np.ones((2, 4, 8))
     _steps(PAIR.constants, step_forcing(PAIR.constants, 0.1, 0.01), walls, state, z[0], np.zeros(8, np.bool_), 2)
     yield state
