@@ -40,13 +40,13 @@ class _Report(NamedTuple):
     values: dict[str, Any]  # of what stands between braces in the layout
 
 
-def _marked(table: pd.DataFrame) -> pd.DataFrame:
+def _mark(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(mark=table["verdict"].map(MARKS).fillna(""))
 
 
 def _boundary(found: Boundary) -> _Report:
     title = f"Where {found.closure} stops holding: {{}}, over {found.over}"
-    parts, tables = {"points": _marked(found.points)}, {"boundary": found.points}
+    parts, tables = {"points": _mark(found.points)}, {"boundary": found.points}
     return _Report("boundary", title, parts, {"boundary": found.plot()}, tables, {"over": found.over, "search": METHOD})
 
 
@@ -62,7 +62,7 @@ def _crossing(found: crossing.Crossing) -> _Report:
     unit = f" ({found.quantity_unit})" if found.quantity_unit else ""
     values = {"over": found.over, "level": f"{found.level:g}", "quantity": found.quantity + unit}
     values |= {"paths": str(crossing.PATHS), "looks": ", ".join(f"{n:,}" for n in crossing.LOOKS)}
-    parts, tables = {"points": _marked(found.points)}, {"boundary": found.points}
+    parts, tables = {"points": _mark(found.points)}, {"boundary": found.points}
     figures = {"boundary": found.plot()}
     return _Report("crossing", title, parts, figures, tables, values | {"most": str(search.MOST)})
 
@@ -84,7 +84,7 @@ def _sensitivity(found: Sensitivity) -> _Report:
 def _of_closure(found: of_closure.ClosureSensitivity) -> _Report:
     rows = found.table[found.table["verdict"].isin(JUDGED)]
     order = (rows["error"].abs() / rows["tolerance"]).sort_values(ascending=False, kind="stable").index
-    parts = {"changes": _marked(rows.loc[order])}
+    parts = {"changes": _mark(rows.loc[order])}
     title, tables = f"What {found.closure} says of the parameters of {{}}", {"sensitivity": found.table}
     return _Report("of_closure", title, parts, {}, tables, _steps(of_closure.STEPS))
 

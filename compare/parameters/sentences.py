@@ -119,24 +119,30 @@ def map_sentences(
     said = []
     if len(edges):
         up = edges["accurate"] < edges["wrong"]
-        way = "up to" if up.all() else "down to" if not up.any() else "up or down to"
+        way = "up to" if up.all() else "down to"
         ordered = edges.sort_values("accurate").to_dict("records")
-        low, high = ordered[0], ordered[-1]
-        said.append(f"`{closure}` is accurate {way} {over} = {low['accurate']:.4g}{first}")
-        if low["accurate"] < high["accurate"]:
-            said[0] += (
-                f" at {along} = {low['along']:.4g}{second} and {way} {high['accurate']:.4g} at {high['along']:.4g}"
+        low, high = (f"{row['accurate']:.4g}{first}" for row in (ordered[0], ordered[-1]))
+        least, most = (f"{row['along']:.4g}{second}" for row in (ordered[0], ordered[-1]))
+        if low == high:
+            said.append(f"`{closure}` is accurate {way} {over} = {low} at every value of {along} with an edge.")
+        elif up.all() or not up.any():
+            said.append(
+                f"`{closure}` is accurate {way} {over} = {low} at {along} = {least}, which is the least, and {way} "
+                f"{high} at {most}, the most."
             )
-        same = low["accurate"] == high["accurate"]
-        said[0] += f" at every value of {along} with an edge." if same else "; all other edges lie between."
+        else:
+            said.append(
+                f"The edges of where `{closure}` is accurate lie between {over} = {low} (at {along} = {least}) and "
+                f"{high} (at {most})."
+            )
     several = edges["along"][edges["along"].duplicated()].unique()
     if len(several):
         said.append(f"Its range of validity is not one interval at {along} = {_list(several)}{second}.")
     for why, rows in curve.drop(edges.index).groupby("why", sort=False):
         said.append(f"At {along} = {_list(rows['along'])}{second}: {why}.")
     said.append(
-        f"{len(points)} values were judged at {curve['along'].nunique()} of {along}, with {path_steps:.3g} path-steps; "
-        "all that is said holds together with 95 % probability."
+        f"{len(points)} values of {over} were judged at {curve['along'].nunique()} values of {along}, with "
+        f"{path_steps:.3g} path-steps; all that is said holds together with 95 % probability."
     )
     return said
 

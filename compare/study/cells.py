@@ -124,10 +124,10 @@ class Sample(Cell):
     def restore(self, content: Content) -> Sampled:
         """Turn a stored result back into section moments."""
         every, apart = split_followers(content.table)
-        found = self._sampled(every, content.facts)
-        return found if apart.empty else replace(found, followers=self._sampled(apart, content.facts))
+        found = self._read_sample(every, content.facts)
+        return found if apart.empty else replace(found, followers=self._read_sample(apart, content.facts))
 
-    def _sampled(self, wide: pd.DataFrame, facts: dict[str, Any]) -> Sampled:
+    def _read_sample(self, wide: pd.DataFrame, facts: dict[str, Any]) -> Sampled:
         """What `_sections` has made a table of."""
         batches = wide.filter(regex="^batch_")
         section = wide.iloc[:, : wide.columns.get_loc("bias_tau")]

@@ -64,9 +64,8 @@ class BurnIn(NamedTuple):
 
     periods: int  # periods of the excitation that were left out
     drift: Contrast  # of the test that it passed
-    apart: (
-        Contrast | None
-    )  # of the other test; None where paths differ for good, because each has a backlash of its own
+    # of the other test; None where paths differ for good, because each has a backlash of its own
+    apart: Contrast | None
 
     @property
     def sentence(self) -> str:
