@@ -62,6 +62,20 @@ def _pushed(c: Constants, alpha: float) -> Constants:
 
 
 @lean
+def stop_at_wall(x: float, y: float, before: float, t: float, high: float, low: float) -> tuple[float, float]:
+    """A stage that went beyond a wall in a time t: put on it, with the speed that it had there, until the next step.
+
+    `before`: Velocity at the start of that time.  The acceleration is taken as constant: what is gained beyond the wall
+    must not go into the next impact.
+    """
+    side, beyond = (1.0, x - high) if x > 0.0 else (-1.0, -low - x)
+    if beyond <= 0.0:
+        return x, y
+    gained = 2.0 * beyond * side * (y - before) / t
+    return (high if side > 0.0 else -low), side * math.sqrt(max(y * y - gained, 0.0))
+
+
+@lean
 def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
     """The path at the end of its step, with some meshes closed until then."""
     first, second = sides
@@ -72,6 +86,7 @@ def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Prog
         x2, y2 = walls.high2 if second > 0 else -walls.low2, 0.0
     elif second != 0:
         x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 2, walls.high2 if second > 0 else -walls.low2)
+    before1, before2 = y1, y2
     x1, y1, x2, y2 = stick_on(c, at.tau, x1, y1, x2, y2, sides, at.left)
     if c.stages == 2 and (first == 0 or second == 0):
         moved, pushed, _, _ = kick(open_stage(c, sides), at.tau, at.left, at.noise.increment, at.noise.area)
@@ -79,6 +94,6 @@ def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Prog
             x2, y2 = x2 - moved, y2 - pushed
         else:
             x1, y1 = x1 + moved, y1 + pushed
-    # a stage that has reached its wall has its impact in the next step
-    x1, x2 = min(max(x1, -walls.low1), walls.high1), min(max(x2, -walls.low2), walls.high2)
+    x1, y1 = stop_at_wall(x1, y1, before1, at.left, walls.high1, walls.low1)
+    x2, y2 = stop_at_wall(x2, y2, before2, at.left, walls.high2, walls.low2)
     return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0), x1, y1, x2, y2)

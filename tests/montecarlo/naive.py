@@ -133,6 +133,7 @@ class Path:
         parts, i, j = 50, 2 * m - 1, 2 * (3 - m) - 1
         self.state[j] -= per_impulse[2 - m] / per_impulse[m - 1] * self.state[i]
         self.state[i] = 0.0
+        before = self.state[j]
         for k in range(parts):
             h = left / parts
             start, at = list(self.state), tau + k * h
@@ -141,8 +142,12 @@ class Path:
                 speed = self.state[j]
                 self.state[j] = start[j] + change[2 - m] - per_impulse[2 - m] / per_impulse[m - 1] * change[m - 1]
                 self.state[j - 1] = start[j - 1] + h * share * speed
-        for mesh in self._meshes():
-            self.state[2 * mesh - 2] = min(max(self.state[2 * mesh - 2], -self.walls[-mesh]), self.walls[mesh])
+        for s in self._sides():
+            wall = self.walls[s * (3 - m)]
+            beyond = s * self.state[j - 1] - wall
+            if beyond > 0.0:  # the speed that it had at the wall, by a constant acceleration
+                gained = 2.0 * beyond * s * (self.state[j] - before) / left
+                self.state[j - 1], self.state[j] = s * wall, s * math.sqrt(max(self.state[j] ** 2 - gained, 0.0))
 
     def _step_located(self, tau: float, dw: float, bridge: Callable[[int], float]) -> None:
         left = self.dt

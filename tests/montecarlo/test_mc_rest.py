@@ -5,6 +5,8 @@ import pytest
 
 from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
+from rattle.montecarlo.long_run.burn_in import AtRest
+from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start
 
@@ -88,3 +90,11 @@ def test_a_path_that_has_had_its_impacts_is_not_followed_through_the_chatter_aft
     )
     assert np.array_equal(short.raw, whole.raw, equal_nan=True)
     assert short.sticking_steps == 0 < whole.sticking_steps
+
+
+@pytest.mark.parametrize("drag", [5.0, 20.0])
+def test_wheels_that_press_each_other_come_to_rest_with_noise(drag):
+    """A stage that falls onto its wall beside a closed mesh gains nothing beyond it: it kept them moving for good."""
+    scene = Scene(alpha=1.5, epsilon=0.9, beta1=0.0, gamma1=drag, gamma2=0.5 * drag, mu=0.6, sigma=0.01)
+    with pytest.raises(AtRest):
+        long_run(scene, periods=64, paths=16, rng=1)
