@@ -268,7 +268,8 @@ def _run(job: _Job, scene: Scene, asked: list[str], slow: float, rng: np.random.
         return np.full(len(asked), np.nan), str(error)
     if found.kind == "rest":
         if not job.name:
-            raise InputError("scene", "at rest", f"{found.said} Give a larger drive or less drag")
+            why = found.said.removeprefix("At rest: ")
+            raise InputError("scene", "at rest", f"{why} Give a larger drive or less drag")
         return np.full(len(asked), np.nan), f"comes to rest at {job.factor - 1.0:+.0%}"
     units = "dimensionless" if gears is None else "physical"
     factors = np.array([unit_of(name, gears, units)[1] for name in asked])
