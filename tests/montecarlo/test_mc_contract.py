@@ -168,8 +168,8 @@ class TestScheme:
     # --- impacts that pile up
 
     def test_accumulating_impacts_return_and_are_counted(self, scheme):
-        """Both meshes stick: impacts accumulate within a step, if they are located."""
-        run = self.run(scheme, PRESSED, paths=20, impacts=500)
+        """Both meshes stick until the drive lifts them: impacts accumulate within a step, if they are located."""
+        run = self.run(scheme, replace(PRESSED, alpha=4.0), paths=20, impacts=500)
         assert run.unfinished == 0
         assert (run.sticking_steps > 0) == LOCATES[scheme]
         assert np.isfinite(run.raw).all()
