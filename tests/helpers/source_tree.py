@@ -1,6 +1,6 @@
 """Counts of the source, and its import graph: ``python tests/helpers/source_tree.py`` prints them.
 
-Lines of code are those that are neither blank nor comments nor docstrings.  An import counts wherever it stands: at the
+Lines of code are those that are neither blank nor comments nor docstrings (of fields and constants too).  An import counts wherever it stands: at the
 top of a module, under ``TYPE_CHECKING``, or within a function.
 """
 
@@ -10,7 +10,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("scene", "closure", "montecarlo", "compare")
-DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef
 IRREGULAR = (  # participles that do not end in -ed
     "begun done drawn felt flown found given gone grown held hidden kept known left lost made met seen shown taken "
     "thrown told worn written"
@@ -34,11 +33,13 @@ def functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
 
 
 def docstring_lines(tree: ast.Module) -> set[int]:
-    """Numbers of the lines that docstrings stand on."""
-    documented = [
-        node for node in ast.walk(tree) if isinstance(node, DOCUMENTED) and ast.get_docstring(node) is not None
-    ]
-    return {line for node in documented for line in range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1)}
+    """Numbers of the lines that docstrings stand on: every string that is a statement."""
+    return {
+        line
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        for line in range(node.lineno, (node.end_lineno or 0) + 1)
+    }
 
 
 def is_participle(name: str) -> bool:
