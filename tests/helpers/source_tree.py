@@ -1,7 +1,7 @@
 """Counts of the source, and its import graph: ``python tests/helpers/source_tree.py`` prints them.
 
-Lines of code are those that are neither blank nor comments nor docstrings (of fields and constants too).  An import counts
-wherever it stands: at the top of a module, under ``TYPE_CHECKING``, or within a function.
+Lines of code are those that are neither blank nor comments nor docstrings (of fields and constants too).  An import
+counts wherever it stands: at the top of a module, under ``TYPE_CHECKING``, or within a function.
 """
 
 import ast
