@@ -129,9 +129,7 @@ def _exponents(of: str, scene: Scene, b: Floats, regime: Regime) -> Exponents:
         exact_sum = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
         sum_error = float(b[:, :size].sum() / time - exact_sum)
         if not abs(sum_error) < LOST:
-            regime.gave_up = regime.sticking_steps > 0
-            if not regime.gave_up:
-                regime.unfollowed = "brings neighbours together faster than double precision resolves"
+            regime.give_up()
     if not abs(sum_error) < LOST:
         nothing = np.full(size, np.nan)
         return Exponents(of, nothing, nothing, np.nan, np.nan, impacts, time, 0.0, regime)

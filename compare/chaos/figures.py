@@ -32,7 +32,6 @@ STICKS = "orbit sticks often or for good"
 STICKING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
 SHADES, DEEP = "viridis", 1e-4  # colour map of densities, and its lower end relative to the highest density
 NAMES: dict[str, str] = read_texts("chaos")["fields"]
-FLIGHT = r"time since the last impact $\Delta\tau$ (1/$\omega$)"
 IMAGE: Any = {"rasterized": True}
 HIGHEST = 6.5  # highest frequency drawn, in units of the excitation frequency
 
@@ -63,7 +62,7 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
         if stage == 0:
             ax.set_title(f"{s.side}\n{s.points:,} points", loc="left", color=SIDE[s.side]["color"], fontweight="bold")
         if stage == stages - 1:
-            ax.set_xlabel(FLIGHT)
+            ax.set_xlabel(r"time since the last impact $\Delta\tau$ (1/$\omega$)")
         if side == 0:
             ax.set_ylabel(_velocity(stage + 1))
     figure.colorbar(image, ax=axes, label=r"density ($1/\nu_1$)", pad=0.01, aspect=40)
@@ -110,8 +109,6 @@ def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
     """Draw the largest exponents with their intervals, and mark where the orbit sticks."""
     for of in (ORBIT, DRIFT):
         rows = table[table["of"] == of].sort_values(field)
-        if not len(rows):
-            continue
         colour = SIDE[of]["color"]
         x = rows[field].to_numpy()
         ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import pandas as pd
 
 from rattle.compare.chaos.exponents import Exponents, SqrtLaw, drift_exponents, finite_size, lyapunov, sqrt_law
-from rattle.compare.chaos.record import NoRecord, leave_out
+from rattle.compare.chaos.record import leave_out
 from rattle.compare.chaos.section import Bifurcation, Section, bifurcation, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
 from rattle.compare.chaos.sweep import mean_maps, sweep
@@ -36,12 +36,6 @@ class ChaosStudy:
     missing: dict[str, str]  # what was left out, with the reason
 
 
-def require_record(drift: Exponents) -> None:
-    """Raise NoRecord if noisy paths stick: two of them are one from then on, and a rest has impacts without end."""
-    if not drift.regime.has_record:
-        raise NoRecord(f"the noisy path {drift.regime.brief}")
-
-
 def study(
     scene: Scene,
     *,
@@ -63,7 +57,7 @@ def study(
     of the interval of each largest exponent; wider ones are reported as they are.
     """
     missing: dict[str, str] = {}
-    law, sizes, swept, view = None, None, None, None
+    law = sizes = swept = view = None
     progress("exponents")
     orbit = lyapunov(scene, width=width)
     drift = drift_exponents(scene, width=width, seed=seed)
@@ -73,12 +67,13 @@ def study(
     progress("spectra")
     power = spectra(scene, impacts=impacts, seed=seed, workers=workers, missing=missing)
     progress("two paths on the same noise")
-    with leave_out(missing, "the square-root law"):
-        require_record(drift)
-        law = sqrt_law(scene, impacts=events, seed=seed)
-    with leave_out(missing, "the finite-size exponents"):
-        require_record(drift)
+    if drift.regime.has_record:
+        with leave_out(missing, "the square-root law"):
+            law = sqrt_law(scene, impacts=events, seed=seed)
         sizes = finite_size(scene, events=events, seed=seed, workers=workers)
+    else:  # two paths that stick are one from then on, and a rest has impacts without end
+        apart = ("the square-root law", "the finite-size exponents")
+        missing |= dict.fromkeys(apart, f"the noisy path {drift.regime.brief}")
     if scenes:
         progress(f"exponents at {len(scenes)} values of {field}")
         swept = sweep(scenes, field, width=width, seed=seed, workers=workers)

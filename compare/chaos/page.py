@@ -21,9 +21,10 @@ from rattle.compare.validation.verdict import join_words
 
 FIGURES: dict[str, str] = read_texts("chaos")["figures"]
 """Captions of the figures, by name."""
-TABLES = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "sqrt_law", "sweep", "crossings")
+SHOWN = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "crossings")
+"""Tables that ``page.md`` lays out."""
 LARGE = ("sections", "spectra", "bifurcation")
-CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=TABLES, large=LARGE)
+CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=(*SHOWN, "sqrt_law", "sweep"), large=LARGE)
 """Files of such a folder; a folder with any other file is not overwritten."""
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
@@ -65,15 +66,9 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
         shown[f"no_{part}"] = [
             Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what
         ]
-    shown |= {name: tables[name] for name in ("exponents", "mean_maps")}
+    shown |= {name: tables[name] for name in SHOWN if name in tables}
     if found.sweep is not None:
-        shown["crossings"] = table_of(tables["crossings"], ("of",))
-        shown["sweep"] = table_of(tables["sweep"], ("of", "regime", "reason"), f"All values of {found.field}")
-    if found.spectra:
-        shown["spectra_summary"] = table_of(tables["spectra_summary"], ("side", "kind", "velocity"))
-        shown["lines"] = tables["lines"]
-    if found.finite_size is not None:
-        shown["fsle"] = table_of(found.finite_size, summary="All distances")
+        shown["sweep"] = table_of(found.sweep, ("of", "regime", "reason"), f"All values of {found.field}")
     files: dict[str, Any] = {"figures": figures, "tables": tables, "digits": "%.10g", "values": {"field": found.field}}
     title, said = f"Chaos of {record['name']}", answer(found, tables)
     return save_report(out, "chaos", title, said, record, shown, allowed=CONTENTS, overwrite=overwrite, **files)

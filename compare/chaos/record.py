@@ -33,7 +33,6 @@ WORTH = 0.25  # smallest share of the computed impacts that must have been recor
 
 RUNS, STICKS_AT_TIMES, STICKS_OFTEN = "runs", "sticks at times", "sticks often"
 STICKS_FOR_GOOD, SILENT, NOT_FOLLOWED = "sticks for good", "silent", "not followed"
-KINDS = (RUNS, STICKS_AT_TIMES, STICKS_OFTEN, STICKS_FOR_GOOD, SILENT, NOT_FOLLOWED)
 """Kinds of motion: impacts go on; so they do between rare sticking phases; between phases so frequent that there is no
 record of the motion between; a mesh stays closed; there is no further impact; this method cannot follow it."""
 
@@ -66,30 +65,27 @@ class Regime:
     computed: int = 0  # all impacts that were computed
     starts: int = 0  # starts, stuck: number of starts, and of those that ended in sticking
     stuck: int = 0
-    silent: bool = False  # whether the motion ended without a further impact
     steps: int = 0  # steps, sticking_steps: steps of a noisy path, and those that it spent sticking
     sticking_steps: int = 0
-    gave_up: bool = False  # whether the record was given up because too few impacts could be recorded
-    for_good: bool = False  # of an orbit that was given up: whether a mesh sticks for good
+    end: str = ""  # the kind of motion of which there is no record; empty if there is one
     closed: float = 0.0  # of an orbit that was given up: share of the time in which a mesh is closed
     transient: int = 0  # impacts that were removed later as a transient
     unfollowed: str = ""  # why this method cannot follow the motion; empty if it can
 
+    def give_up(self) -> None:
+        """Leave out a record in whose growth rates rounding shows."""
+        self.end = STICKS_OFTEN if self.sticking_steps > 0 else NOT_FOLLOWED
+        self.unfollowed = "brings neighbours together faster than double precision resolves"
+
     @property
     def kind(self) -> str:
-        """One of `KINDS`."""
-        if self.unfollowed:
-            return NOT_FOLLOWED
-        if self.silent:
-            return SILENT
-        if self.gave_up:
-            return STICKS_FOR_GOOD if self.for_good else STICKS_OFTEN
-        return STICKS_AT_TIMES if self.stuck or self.sticking_steps else RUNS
+        """The kind of motion, from `RUNS` to `NOT_FOLLOWED`."""
+        return self.end or (STICKS_AT_TIMES if self.stuck or self.sticking_steps else RUNS)
 
     @property
     def has_record(self) -> bool:
         """Whether enough was recorded: impacts go on, and sticking phases are far apart or absent."""
-        return self.kind in (RUNS, STICKS_AT_TIMES)
+        return not self.end
 
     @property
     def reason(self) -> str:
@@ -99,7 +95,7 @@ class Regime:
         if self.steps and self.sticking_steps and self.has_record:
             part = f"sticks in {self.sticking_steps:,} of {self.steps:,} time steps"
             return f"ran through all {self.computed:,} impacts{transient}; it {part}"
-        if self.steps and self.gave_up:
+        if self.steps and self.end == STICKS_OFTEN:
             stuck = f"sticks {100.0 * self.sticking_steps / self.steps:.2g} % of the time"
             return f"completes chatter and {stuck}, too often to follow the motion in between"
         return {
@@ -116,7 +112,7 @@ class Regime:
     @property
     def brief(self) -> str:
         """The reason in few words where sticking is one."""
-        return self.reason if self.silent or self.unfollowed else self.kind
+        return self.reason if self.end in (SILENT, NOT_FOLLOWED) else self.kind
 
 
 def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = True) -> Iterator[Stretch]:
@@ -135,22 +131,21 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
                 yield s
         regime.stuck += orbit.ended < 0
         if orbit.ended == NONE:
-            regime.silent = True
+            regime.end = SILENT
             return
         if regime.computed >= TRIAL and regime.impacts < WORTH * regime.computed:
-            regime.gave_up = True
-            regime.closed, regime.for_good = _measure_sticking(scene)
+            regime.closed, regime.end = _measure_sticking(scene)
             return
 
 
-def _measure_sticking(scene: Scene) -> tuple[float, bool]:
-    """Largest share of the time in which a mesh is closed along the orbit, and whether one stays closed for good."""
+def _measure_sticking(scene: Scene) -> tuple[float, str]:
+    """Largest share of the time in which a mesh is closed along the orbit, and whether it sticks often or for good."""
     orbit = follow(scene, TRIAL)
     if orbit.stopped:
-        return math.nan, True
+        return math.nan, STICKS_FOR_GOOD
     end = float(orbit.tau[-1])
     closed = [sum(min(s.opened, end) - s.closed for s in orbit.sticking if s.mesh == mesh) for mesh in (1, 2)]
-    return max(closed) / (end - float(orbit.tau[0])), False
+    return max(closed) / (end - float(orbit.tau[0])), STICKS_OFTEN
 
 
 def _accumulating(s: Stretch) -> int:
@@ -172,10 +167,10 @@ def noisy_record(
     (`rattle.montecarlo.coupling.dyadic`). Shapes: `velocities` (steps, 2).
     """
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
-        regime.unfollowed = "has random gaps; long paths need fixed ones"
+        regime.end, regime.unfollowed = NOT_FOLLOWED, "has random gaps; long paths need fixed ones"
         return
     if scene.correlation_time:
-        regime.unfollowed = "has noise with memory; long paths need white noise"
+        regime.end, regime.unfollowed = NOT_FOLLOWED, "has noise with memory; long paths need white noise"
         return
     walker = LongPath(scene, seed, path)
     walker.stretch(math.ceil(SETTLE / walker.step), tangent, velocities=False)
@@ -190,6 +185,6 @@ def noisy_record(
         regime.impacts += s.flight.size
         regime.steps, regime.sticking_steps = done, walker.sticking_steps - settled
         if s.flight.size == 0:
-            regime.silent = True
+            regime.end = SILENT
             return
         yield s, velocity

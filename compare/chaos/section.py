@@ -15,21 +15,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import mean_map
-from rattle.compare.chaos.record import (
-    SILENT,
-    STICKS_FOR_GOOD,
-    STICKS_OFTEN,
-    NoRecord,
-    Regime,
-    in_threads,
-    leave_out,
-    noisy_record,
-    orbit_record,
-)
+from rattle.compare.chaos.record import NoRecord, Regime, in_threads, leave_out, noisy_record, orbit_record
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.scene.errors import InputError
 from rattle.scene.scene import Scene
-from rattle.scene.tangent import Stretch
 from rattle.scene.types import Floats, Ints
 
 ORBIT, MAP, NOISY = "orbit", "mean map (corrected)", "noisy system"
@@ -73,13 +62,10 @@ def _section(side: str, stages: int, edges: tuple[Floats, Floats], found: Iterab
     return Section(side, *edges, counts, points)
 
 
-def _points(stretches: Iterable[Stretch]) -> Iterator[tuple[Floats, Floats]]:
-    return ((s.flight, s.before) for s in stretches)
-
-
 def _orbit_points(scene: Scene, points: int) -> Iterator[tuple[Floats, Floats]]:
     regime = Regime()
-    yield from _points(orbit_record(scene, points, regime, tangent=False))
+    for s in orbit_record(scene, points, regime, tangent=False):
+        yield s.flight, s.before
     if regime.impacts == 0 or not regime.has_record:
         raise NoRecord(f"the orbit {regime.brief}")
 
@@ -87,23 +73,23 @@ def _orbit_points(scene: Scene, points: int) -> Iterator[tuple[Floats, Floats]]:
 def _noisy_points(scene: Scene, points: int, seed: int, path: int) -> Iterator[tuple[Floats, Floats]]:
     regime = Regime()
     for s, _ in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
-        yield from _points([s.first(points)])
+        yield s.flight[:points], s.before[:points]
         points -= s.flight.size
         if points <= 0:
             return
     raise NoRecord(f"the noisy path {regime.brief}")
 
 
-def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Floats]:
+def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
     """Choose the edges of bins that cover the orbit and the noisy system, by a pilot run of each that has a section.
 
     Shapes: result (bins + 1,).
     """
     found: list[tuple[Floats, Floats]] = []
     with suppress(NoRecord):
-        found += _orbit_points(scene, points)
+        found += _orbit_points(scene, PILOT)
     try:
-        found += _noisy_points(scene, points, seed, PARTS)
+        found += _noisy_points(scene, PILOT, seed, PARTS)
     except NoRecord:
         if not found:
             raise
@@ -115,44 +101,31 @@ def frame(scene: Scene, seed: int = 0, points: int = PILOT) -> tuple[Floats, Flo
     return np.linspace(0.0, longest, BINS + 1), np.linspace(low - room, high + room, BINS + 1)
 
 
-def orbit_section(scene: Scene, points: int, edges: tuple[Floats, Floats]) -> Section:
-    """Compute the section of the noise-free orbit."""
-    return _section(ORBIT, scene.stages, edges, _orbit_points(scene, points))
-
-
-def _noisy_section(scene: Scene, points: int, edges: tuple[Floats, Floats], seed: int, workers: int) -> Section:
-    def part(p: int) -> Section:
-        share = points // PARTS + (p < points % PARTS)
-        return _section(NOISY, scene.stages, edges, _noisy_points(scene, share, seed, p))
-
-    parts = in_threads(workers, part, range(PARTS))
-    return Section(NOISY, *edges, np.sum([s.counts for s in parts], axis=0), points)
-
-
-def _map_section(scene: Scene, edges: tuple[Floats, Floats]) -> Section:
-    """The section of the corrected mean map, followed from the start of the orbit."""
-    t = mean_map(scene, impacts=MAPPED, closure="corrected").trace
-    found = np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1]
-    return _section(MAP, scene.stages, edges, [found])
-
-
 def sections(
     scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: int = 2, missing: dict[str, str] | None = None
 ) -> dict[str, Section]:
     """Compute the sections of the orbit, of the corrected mean map and of the noisy system, on the same axes.
 
-    Returns: By side; without the orbit and the mean map if the orbit has no section (see `orbit_section`), and
-    without the noisy system if its path has none.
+    Returns: By side; without the orbit and the mean map if the orbit has no section, and without the noisy system if
+    its path has none.
     """
+
+    def part(p: int) -> Section:
+        share = points // PARTS + (p < points % PARTS)
+        return _section(NOISY, scene.stages, edges, _noisy_points(scene, share, seed, p))
+
     found: dict[str, Section] = {}
     with leave_out(missing, "the Poincaré sections"):
         edges = frame(scene, seed)
         with leave_out(missing, "the Poincaré section of the orbit"):
-            found[ORBIT] = orbit_section(scene, points, edges)
+            found[ORBIT] = _section(ORBIT, scene.stages, edges, _orbit_points(scene, points))
             if scene.sigma > 0.0:
-                found[MAP] = _map_section(scene, edges)
+                t = mean_map(scene, impacts=MAPPED, closure="corrected").trace
+                mapped = np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1]
+                found[MAP] = _section(MAP, scene.stages, edges, [mapped])
         with leave_out(missing, "the Poincaré section of the noisy system"):
-            found[NOISY] = _noisy_section(scene, points, edges, seed, workers)
+            counts = np.sum([s.counts for s in in_threads(workers, part, range(PARTS))], axis=0)
+            found[NOISY] = Section(NOISY, *edges, counts, points)
     return found
 
 
@@ -205,8 +178,7 @@ def bifurcation(
     low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
     edges = np.linspace(low, high, BINS + 1)
     cells = {side: np.array([np.histogram(v, edges)[0] for v, _ in own]) for side, own in found.items()}
-    named = (STICKS_OFTEN, STICKS_FOR_GOOD, SILENT)
-    reasons = {side: [r.kind if r.kind in named else "" for _, r in own] for side, own in found.items()}
+    reasons = {side: ["" if r.unfollowed else r.end for _, r in own] for side, own in found.items()}
     return Bifurcation(field, np.array(list(scenes)), edges, cells, reasons, ("y1", "count"))
 
 

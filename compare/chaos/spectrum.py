@@ -106,15 +106,14 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
     Shapes: `pieces` (samples,).
     """
     found = list(pieces)
-    if not any(piece.size >= segment for piece in found):
+    whole = [piece for piece in found if piece.size >= segment]
+    if not whole:
         longest = max((piece.size for piece in found), default=0)
         raise NoRecord(f"its longest stretch has {longest:,} samples, and a spectrum needs {segment:,}")
     total, dof, segments = np.zeros(segment // 2 + 1), 0.0, 0
     window = np.asarray(signal.get_window("hann", segment), dtype=float)
     beside = float((window[segment // 2 :] * window[: segment // 2]).sum() / (window**2).sum()) ** 2
-    for piece in found:
-        if piece.size < segment:
-            continue
+    for piece in whole:
         k = 2 * (piece.size // (segment // 2)) // 2 - 1
         frequency, power = signal.welch(piece, fs=rate, window="hann", nperseg=segment, noverlap=segment // 2)
         total += k * power

@@ -48,14 +48,6 @@ def values(name: str, text: str) -> tuple[float, ...]:
     return tuple(float(v) for v in np.linspace(low, high, points))
 
 
-def with_field(scene: Scene, name: str, value: float) -> Scene:
-    """Return the same scene with another value of a field; a default start is adapted to new gaps."""
-    choice("field", name, SWEPT)
-    usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
-    changes: dict[str, Any] = {name: value} | ({"start": None} if usual else {})
-    return replace(scene, **changes)
-
-
 def paper_noise(scene: Scene) -> Scene:
     """Return the scene with the paper's noise intensity, ``sigma = sqrt(alpha)``."""
     return scene.with_sigma(math.sqrt(scene.alpha))
@@ -64,7 +56,7 @@ def paper_noise(scene: Scene) -> Scene:
 def vary(
     scene: Scene, field: str, at: Iterable[float], noise: Callable[[Scene], Scene] = lambda scene: scene
 ) -> dict[float, Scene]:
-    """The same scene at each value of a field.
+    """The same scene at each value of a field; a default start is adapted to new gaps.
 
     `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
 
@@ -74,7 +66,10 @@ def vary(
     >>> [s.alpha for s in vary(Scene.from_gears(DAT21), "alpha", (0.5, 1.0)).values()]
     [0.5, 1.0]
     """
-    return {value: noise(with_field(scene, field, value)) for value in at}
+    choice("field", field, SWEPT)
+    usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
+    fresh: dict[str, Any] = {"start": None} if usual else {}
+    return {value: noise(replace(scene, **(fresh | {field: value}))) for value in at}
 
 
 def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
