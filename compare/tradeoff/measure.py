@@ -27,14 +27,14 @@ from rattle.montecarlo.accuracy.pilots import pilot
 from rattle.montecarlo.accuracy.step_error import step_error
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, share_of_look, units
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.scene.errors import InputError, positive
+from rattle.scene.errors import positive
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
 
 T = TypeVar("T")
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
-REPEATS = 3  # timings of a pilot run, of which the least counts
+REPEATS = 3  # timings of a pilot run and of a closure, of which the least counts
 
 
 class CostPoint(NamedTuple):
@@ -122,10 +122,9 @@ class CostModel:
         paths = math.ceil(wanted / BLOCK) * BLOCK
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
         seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
-        sampling = sampling_error(run)[0] * math.sqrt(run.paths / paths)
-        work, step = self.work(self.first, paths, dt), self.bias * dt
-        point = CostPoint(self.scheme, "scheme", accuracy, dt, paths, seconds, sampling, step, accuracy, False)
-        return point._replace(work=work)
+        errors = sampling_error(run)[0] * math.sqrt(run.paths / paths), self.bias * dt
+        work = self.work(self.first, paths, dt)
+        return CostPoint(self.scheme, "scheme", accuracy, dt, paths, seconds, *errors, accuracy, False, work=work)
 
     def work(self, run: Ensemble, paths: int, dt: float) -> float:
         """Nominal core-seconds of the pilot run and of paths like those of a run."""
@@ -148,14 +147,12 @@ def time_run(call: Callable[[], T]) -> tuple[T, float]:
     return run, time.process_time() - began
 
 
-def _least(call: Callable[[], Ensemble]) -> tuple[Ensemble, float]:
-    """A run and the shortest of several timings, after a first call that compiles."""
-    run = call()
-    return run, min(time_run(call)[1] for _ in range(REPEATS))
+def _least(call: Callable[[], T]) -> tuple[T, float]:
+    """The result of a call and the shortest of several timings, after a first call that compiles."""
+    return call(), min(time_run(call)[1] for _ in range(REPEATS))
 
 
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-CALLS = 3  # timings of a closure, of which the least counts
 BUSY = 10.0  # wall time allowed for a point over its processor time, as other processes may occupy the cores
 HAND_TUNED_NS = 10.7
 """Nanoseconds of a path-step of plain Euler-Maruyama in hand-tuned numba code, on the machine of the README."""
@@ -173,8 +170,6 @@ class Tradeoff:
 
 def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
     """Validate accuracies and sort them."""
-    if not accuracies:
-        raise InputError("accuracy", accuracies, "give at least one")
     return tuple(sorted({positive("accuracy", a) for a in accuracies}, reverse=True))
 
 
@@ -227,15 +222,13 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Cost
     half = z * np.array([reference.section["se_" + name] / unit[q] for name, q in columns])
     points = []
     for closure in closures:
-        call = partial(mean_map, scene, impacts=impacts, closure=closure)
-        found = call()
+        found, seconds = _least(partial(mean_map, scene, impacts=impacts, closure=closure))
         error = np.abs(_differences(found.section, reference))
         seen = np.isfinite(error)
         error, noise = error[seen], half[seen]
         worst = int(error.argmax())
         resolved = bool(error[worst] > noise[worst])
         bound = float(error[worst] if resolved else (error + noise).max())
-        seconds = min(time_run(call)[1] for _ in range(CALLS))
         point = CostPoint(closure, "closure", math.nan, math.nan, 0, seconds, float(noise[worst]), 0.0, bound, True)
         more: dict[str, Any] = {"median_error": float(np.median(error)), "resolved": resolved, "rows": error.size}
         points.append(point._replace(work=closure_seconds(found), **more))
@@ -318,11 +311,11 @@ def measure(
     levels = {
         scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers) for scheme in exact_first[1:]
     }
-    rows = len(_section_rows(scene)) * impacts
     points = []
     for scheme in SCHEMES:
         for point, run in found[scheme]:
-            points += _compare(point._replace(rows=rows), run, models[scheme], reference)
+            point = point._replace(rows=len(_section_rows(scene)) * impacts)
+            points += _compare(point, run, models[scheme], reference)
     points += multilevel_points(levels, accuracies, scene, impacts) + closure_points(scene, impacts, reference)
     models = {scheme: models[scheme] for scheme in SCHEMES}
     return Tradeoff(pd.DataFrame(points, columns=list(CostPoint._fields)), models, levels, reference)

@@ -222,7 +222,6 @@ def _consistency(a: CentralSums, b: CentralSums) -> float:
 
 
 SIGMAS = (1e-3, 1e-2, 0.05, 0.1, 0.3, 1.5**0.5)
-PATHS = 16_384
 REPEATS = 3
 
 

@@ -9,7 +9,7 @@ where the local slopes at the finest steps agree, and no change turns its sign.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
@@ -34,8 +34,8 @@ SETTLED = 0.3
 AGREE = 0.05  # difference of two local slopes that does not matter
 
 
-def slope_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float, float]:
-    """Slope of log(change) over log(step) with its jackknife interval, and the last change.
+def slope_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, float, float]:
+    """Slope of log(change) over log(step) with its jackknife interval.
 
     The change at a step is the root mean square over the rows of the replicates' mean, corrected for the variance of
     its measurement; NaN where that exceeds it.
@@ -43,10 +43,8 @@ def slope_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float,
     `bias`, `se`: Change between a step and its half in each row (moment), and its standard error. Shapes: `bias`,
     `se` (replicates, steps, rows).
     """
-    n = len(bias)
-    slope = _slope(bias, se, steps, np.ones(n))
-    half = float(_half(np.array([_slope(bias, se, steps, 1.0 - np.eye(n)[r]) for r in range(n)])))
-    return slope, slope - half, slope + half, float(_sizes(bias, se, np.ones(n))[-1])
+    slope, half = _jackknife(partial(_slope, bias, se, steps), len(bias))
+    return slope, slope - half, slope + half
 
 
 def _slope(bias: Floats, se: Floats, steps: Sequence[float], chosen: Floats) -> float:
@@ -67,17 +65,21 @@ def find_settled(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[floa
     turning = (mean[1:] * mean[:-1] < 0.0) & seen[1:] & seen[:-1]
     turns = int(turning.any(axis=0).sum())
 
-    def pair(i: int) -> slice:
-        return slice(len(steps) + i, len(steps) + i + 2)
-
     def change(chosen: Floats) -> float:
-        first, second = (_slope(bias[:, pair(i)], se[:, pair(i)], steps[pair(i)], chosen) for i in (-3, -2))
+        pairs = slice(-3, -1), slice(-2, None)
+        first, second = (_slope(bias[:, pair], se[:, pair], steps[pair], chosen) for pair in pairs)
         return second - first
 
-    half = float(_half(np.array([change(1.0 - np.eye(n)[r]) for r in range(n)])))
-    if turning[-2:].any() or not (abs(change(np.ones(n))) <= max(half, AGREE) and half <= SETTLED):
+    bent, half = _jackknife(change, n)
+    if turning[-2:].any() or not (abs(bent) <= max(half, AGREE) and half <= SETTLED):
         return math.nan, math.nan, math.nan, turns
-    return *slope_from(bias[:, -3:], se[:, -3:], steps[-3:])[:3], turns
+    return *slope_from(bias[:, -3:], se[:, -3:], steps[-3:]), turns
+
+
+def _slopes(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float, ...]:
+    """Slopes over all steps and at the finest two, the rows that turn, and the order; each slope with its interval."""
+    *order, turns = find_settled(bias, se, steps) if len(steps) > 2 else (math.nan, math.nan, math.nan, 0)
+    return *slope_from(bias, se, steps), *slope_from(bias[:, -2:], se[:, -2:], steps[-2:]), turns, *order
 
 
 def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
@@ -85,9 +87,8 @@ def changes_from(bias: Floats, se: Floats) -> tuple[Floats, Floats, Floats]:
 
     Shapes: `bias`, `se` (replicates, steps, rows); result (steps,).
     """
-    n = len(bias)
-    change = _sizes(bias, se, np.ones(n))
-    half = _half(np.log([_sizes(bias, se, 1.0 - np.eye(n)[r]) for r in range(n)]))
+    change = _sizes(bias, se, np.ones(len(bias)))
+    _, half = _jackknife(lambda chosen: np.log(_sizes(bias, se, chosen)), len(bias))
     return change, change * np.exp(-half), change * np.exp(half)
 
 
@@ -99,10 +100,10 @@ def _sizes(bias: Floats, se: Floats, chosen: Floats) -> Floats:
     return np.sqrt(np.where(square > 0.0, square, np.nan))
 
 
-def _half(without: Floats) -> Floats:
-    """Half width of the jackknife interval, from the values without each replicate, shape (replicates, ...)."""
-    n = len(without)
-    return np.asarray(float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * np.sqrt((n - 1) * without.var(axis=0)))
+def _jackknife(value: Callable[[Floats], Any], n: int) -> tuple[Any, Any]:
+    """A value that depends on how n replicates are weighted, and the half width of its interval."""
+    without = np.array([value(weights) for weights in 1.0 - np.eye(n)])
+    return value(np.ones(n)), float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * np.sqrt((n - 1) * without.var(axis=0))
 
 
 STEPS = (0.016, 0.008, 0.004, 0.002)
@@ -152,8 +153,7 @@ def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
     bias = run.step_bias
     bias = bias[bias["moment"] == moment]
     scale = np.array([unit.at[k, q] for k, q in zip(bias["impact"], bias["quantity"], strict=True)])
-    shares = bias[["bias", "se_bias"]].div(scale, axis=0)
-    return bias.assign(bias=shares["bias"], se_bias=shares["se_bias"])
+    return bias[["bias", "se_bias"]].div(scale, axis=0).assign(quantity=bias["quantity"])
 
 
 def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, Bools]:
@@ -189,7 +189,6 @@ def weak_orders(
     seeds = np.random.SeedSequence(rng).spawn(replicates + 1)
     sample = partial(simulate, scene.phase_reduced, impacts=impacts, workers=workers)
     exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])
-    kept = float(exact.agreement["noise-free"].iloc[-1])
     found, changes = [], []
     schemes = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
     with tqdm(total=len(schemes) * replicates * len(STEPS), desc="weak order", unit="run", disable=None) as bar:
@@ -199,14 +198,10 @@ def weak_orders(
             for seed in seeds[:-1]:
                 runs.append([sample(dt=0.5 * step, rng=seed, **common) for step in STEPS])
                 bar.update(len(STEPS))
-            for moment in ("mean", "sd"):
-                slopes, points = _by_quantity(scheme, moment, runs, exact)
+            moments = [_by_quantity(scheme, moment, runs, exact) for moment in ("mean", "sd")]
+            for slopes, points in (*moments, _by_itinerary(scheme, runs, exact)):
                 found += slopes
                 changes += points
-            shares = np.array([[float(run.agreement["noise-free"].iloc[-1]) for run in row] for row in runs])
-            found.append(_itinerary_slope(scheme, scene.sigma, shares, kept, paths * replicates))
-            errors = _itinerary_errors(shares, kept, paths * replicates)
-            changes += _points((scheme, scene.sigma, "itinerary", ""), *errors)
     columns = ["scheme", "sigma", "moment", "quantity", "dt", "change", "low", "high"]
     return Orders(pd.DataFrame(found, columns=COLUMNS), pd.DataFrame(changes, columns=columns))
 
@@ -223,12 +218,11 @@ def _by_quantity(scheme: str, moment: str, runs: list[list[Ensemble]], exact: En
     for quantity in dict.fromkeys(names):
         own = names == quantity
         b, s = bias[:, :, own], se[:, :, own]
-        whole, local = slope_from(b, s, STEPS), slope_from(b[:, -2:], s[:, -2:], STEPS[-2:])
-        settled = find_settled(b, s, STEPS)
+        change, low, high = changes_from(b, s)
         z = max((float(z[own & varies].max()) for z, varies in limits if (own & varies).any()), default=math.nan)
         of = (scheme, sigma, moment, str(quantity), STEPS[0], 0.5 * STEPS[-1])
-        slopes.append((*of, *whole[:3], *local[:3], settled[3], *settled[:3], whole[3], z, allowed))
-        points += _points((scheme, sigma, moment, quantity), *changes_from(b, s))
+        slopes.append((*of, *_slopes(b, s, STEPS), float(change[-1]), z, allowed))
+        points += _points((scheme, sigma, moment, quantity), change, low, high)
     return slopes, points
 
 
@@ -237,34 +231,31 @@ def _points(of: tuple[str, float, str, str], change: Floats, low: Floats, high: 
     return [(*of, *row) for row in zip(steps, change, low, high, strict=True)]
 
 
-def _itinerary_errors(shares: Floats, kept: float, paths: int) -> tuple[Floats, Floats, Floats]:
-    """Distance of the itinerary's probability from that of exact flights at each step, and its interval."""
-    distance = np.abs(shares.mean(axis=0) - kept)
-    spread = shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
-    half = widest(1, 1.0 - CONFIDENCE) * np.hypot(spread, math.sqrt(kept * (1.0 - kept) / paths))
-    return np.where(distance > half, distance, np.nan), np.maximum(distance - half, 0.0), distance + half
-
-
-def _itinerary_slope(scheme: str, sigma: float, shares: Floats, kept: float, paths: int) -> Row:
-    """Slope of the itinerary's probability, whose bias is taken against exact flights; NaN where noise hides it."""
-    means, spread = shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
-    floor = math.sqrt(max(kept * (1.0 - kept), 1e-300) / paths)
-    bias = means - kept
-    seen = np.abs(bias) > 3.0 * np.hypot(spread, floor)
+def _by_itinerary(scheme: str, runs: list[list[Ensemble]], exact: Ensemble) -> tuple[list[Row], list[Row]]:
+    """The same of the noise-free itinerary's probability, whose bias is taken against exact flights."""
+    shares = np.array([[_followers(run) for run in row] for row in runs])
+    kept, means, spread = _followers(exact), shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
+    floor, away, widening = (
+        math.sqrt(kept * (1.0 - kept) / exact.paths),
+        np.abs(means - kept),
+        widest(1, 1.0 - CONFIDENCE),
+    )
+    half = widening * np.hypot(spread, floor)
+    errors = np.where(away > half, away, np.nan), np.maximum(away - half, 0.0), away + half
+    floor = max(floor, 1e-150)
+    seen = away > 3.0 * np.hypot(spread, floor)
     steps = 0.5 * np.array(STEPS)
-    none = (math.nan, math.nan, math.nan)
-    whole, local, settled, turns = none, none, none, 0
+    slopes: tuple[float, ...] = (*[math.nan] * 6, 0, *[math.nan] * 3)  # noise hides them
     if seen.sum() >= 2:
-        distance, nothing = (shares - kept)[:, seen, None], np.zeros((len(shares), int(seen.sum()), 1))
-        whole = slope_from(distance, nothing, tuple(steps[seen]))[:3]
-        local = slope_from(distance[:, -2:], nothing[:, -2:], tuple(steps[seen][-2:]))[:3]
-        if seen.sum() >= 3:
-            *three, turns = find_settled(distance, nothing, tuple(steps[seen]))
-            settled = (three[0], three[1], three[2])
+        distance = (shares - kept)[:, seen, None]
+        slopes = _slopes(distance, np.zeros_like(distance), tuple(steps[seen]))
     last = 2.0 * means[-1] - means[-2]  # Richardson extrapolation from the two smallest steps
     error = math.hypot(math.hypot(2.0 * spread[-1], spread[-2]), floor)
-    away = abs(float(last) - kept) / max(error, 1e-300)
-    allowed = widest(1, 1.0 - CONFIDENCE)
-    ends = (float(steps[seen][0]), float(steps[seen][-1])) if seen.any() else (float(steps[0]), float(steps[-1]))
-    of = (scheme, sigma, "itinerary", "", *ends)
-    return *of, *whole, *local, turns, *settled, abs(float(bias[-1])), away, allowed
+    of, ends = (scheme, exact.scene.sigma, "itinerary", ""), (steps[seen] if seen.any() else steps)[[0, -1]].tolist()
+    limit = abs(float(last) - kept) / error, widening
+    return [(*of, *ends, *slopes, float(away[-1]), *limit)], _points(of, *errors)
+
+
+def _followers(run: Ensemble) -> float:
+    """Share of the paths that keep to the noise-free itinerary."""
+    return float(run.agreement["noise-free"].iloc[-1])
