@@ -63,8 +63,8 @@ class Result(NamedTuple):
     --------
     >>> checks = [Check("mean", 1.02, 1.0, 0.01)]
     >>> result = Result("a result", "", "", checks, {"5 % more": [Check("mean", 1.02, 1.05, 0.01)]}, allowed=2.5)
-    >>> result.checks_hold, result.rejects, result.holds
-    (True, True, True)
+    >>> result.rejections, result.holds
+    ({'5 % more': True}, True)
     """
 
     name: str
@@ -84,24 +84,14 @@ class Result(NamedTuple):
         return max(self.checks, key=lambda check: (not check.holds(self.allowed), check.z))
 
     @property
-    def checks_hold(self) -> bool:
-        """Whether all checks hold."""
-        return all(check.holds(self.allowed) for check in self.checks)
-
-    @property
     def rejections(self) -> dict[str, bool]:
         """Whether each negative control is rejected, by its error."""
         return {error: not all(c.holds(self.allowed) for c in checks) for error, checks in self.controls.items()}
 
     @property
-    def rejects(self) -> bool:
-        """Whether every negative control is rejected."""
-        return all(self.rejections.values())
-
-    @property
     def holds(self) -> bool:
         """Whether all checks hold and every negative control is rejected."""
-        return self.checks_hold and self.rejects
+        return self.worst.holds(self.allowed) and all(self.rejections.values())
 
     def to_dict(self) -> dict[str, Any]:
         """The worst check and the verdict as plain data, with lists of all ``checks`` and ``controls``."""

@@ -68,7 +68,8 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     """
     from rattle.compare.chaos.sweep import values
     from rattle.compare.checks.claims.evidence import gather
-    from rattle.compare.checks.claims.page import CONTENTS, judge, write_claims
+    from rattle.compare.checks.claims.judges import judge
+    from rattle.compare.checks.claims.page import CONTENTS, write_claims
     from rattle.scene import DAT21, Scene
     from rattle.scene.errors import positive
 

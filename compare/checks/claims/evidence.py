@@ -1,4 +1,4 @@
-"""The evidence for all claims, every simulation and measurement made once; and what a judged claim holds."""
+"""The evidence for all claims, every simulation and measurement made once."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, ratio_mean
 from rattle.compare.chaos.measure import ChaosStudy, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise, vary
-from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import widest
@@ -21,51 +19,6 @@ from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.parts import Start
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
-
-REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
-HOLDS_ONLY = "holds only for {}"
-PART = "holds in part"
-KINDS = (NOT_REPRODUCED, UNDECIDED, PART, REPRODUCED)
-"""Kinds of verdicts, from the worst to the best for the claim."""
-
-
-class PaperClaim(NamedTuple):
-    """A claim of the paper with its test, evidence and verdict."""
-
-    name: str  # short title
-    where: str  # place in the paper
-    says: str  # the claim itself, in the paper's own words; ``…`` stands for words left out
-    test: str  # what is measured, and the result for which the claim counts as reproduced
-    evidence: str  # the measured numbers, with their intervals
-    verdict: str  # ``reproduced``, ``not reproduced``, ``holds only for ...`` or ``undecided``
-
-    @property
-    def kind(self) -> str:
-        """The kind of its verdict, one of `KINDS`."""
-        return PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
-
-
-TEXTS = read_texts("checks.claims")
-"""What is said of each claim, by the name of the function that judges it, in the order of the paper."""
-
-
-def claim(judged: str, evidence: str, verdict: str, **numbers: float) -> PaperClaim:
-    """A judged claim; `numbers` are those in its texts."""
-    name, where, says, test = (TEXTS[judged][part].format(**numbers) for part in PaperClaim._fields[:4])
-    return PaperClaim(name, where, says, test, evidence, verdict)
-
-
-def judge_parts(found: list[str], sought: int, otherwise: str = NOT_REPRODUCED) -> str:
-    """The verdict on a claim that is shown to hold for some of the parts that it is on; `otherwise` if for none."""
-    if len(found) == sought:
-        return REPRODUCED
-    return HOLDS_ONLY.format("; ".join(found)) if found else otherwise
-
-
-def table(claims: list[PaperClaim]) -> pd.DataFrame:
-    """Convert claims to a table."""
-    return pd.DataFrame(claims, index=pd.RangeIndex(1, len(claims) + 1, name="claim"))
-
 
 FLIGHTS = np.array([0.5, 1.5, 3.0])  # times after the start at which a flight without walls is compared
 STEP = 2e-3  # its time step
@@ -133,7 +86,6 @@ def gather(
     settings: dict[str, Any] = {"impacts": impacts, "paths": paths, "rng": seed, "workers": workers}
     progress(f"closures compared with {paths:,} paths at {len(levels)} noise intensities")
     validations = [validate(scene.with_sigma(s), scheme="exact-flight", **settings) for s in levels]
-    exponents: dict[str, Any] = {"width": 0.02}
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
     open_space = replace(scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5))
     sampling, record = Sampling(horizon=FLIGHTS[-1] + 1.0), Record(step_bias=True, times=open_space.start.tau + FLIGHTS)
@@ -142,7 +94,7 @@ def gather(
     asked: dict[str, Any] = {"points": points, "impacts": spectrum_impacts, "events": events, "progress": progress}
     chaos = study(scene, scenes=vary(scene, "alpha", at, paper_noise), seed=seed, workers=workers, **asked)
     progress("a single stage, repeated flanks, the mean motion")
-    alone = {"orbit": lyapunov(single, **exponents), "noisy": drift_exponents(single, **exponents, seed=seed)}
+    alone = {"orbit": lyapunov(single, width=0.02), "noisy": drift_exponents(single, width=0.02, seed=seed)}
     noisy = (s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False))
     records = {"orbit": orbit_record(scene, REPEATS, Regime(), tangent=False), "noisy": noisy}
     repeats = {of: _repeats(record, scene.stages) for of, record in records.items()}

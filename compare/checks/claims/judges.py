@@ -16,19 +16,11 @@ from rattle.closure.published import after_flight, plain_covariance
 from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
 from rattle.compare.chaos.measure import CLAIMED
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
-from rattle.compare.chaos.section import NOISY, Section
+from rattle.compare.chaos.section import NOISY
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
 from rattle.compare.chaos.sweep import say_crossings
-from rattle.compare.checks.claims.evidence import (
-    HOLDS_ONLY,
-    NOT_REPRODUCED,
-    REPRODUCED,
-    UNDECIDED,
-    Evidence,
-    PaperClaim,
-    claim,
-    judge_parts,
-)
+from rattle.compare.checks.claims.evidence import Evidence
+from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import Comparison, rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.compare.validation.verdict import join_words, widest
@@ -36,6 +28,46 @@ from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import correlation, realizability
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
+
+REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
+HOLDS_ONLY = "holds only for {}"
+PART = "holds in part"
+KINDS = (NOT_REPRODUCED, UNDECIDED, PART, REPRODUCED)
+"""Kinds of verdicts, from the worst to the best for the claim."""
+
+
+class PaperClaim(NamedTuple):
+    """A claim of the paper with its test, evidence and verdict."""
+
+    name: str  # short title
+    where: str  # place in the paper
+    says: str  # the claim itself, in the paper's own words; ``…`` stands for words left out
+    test: str  # what is measured, and the result for which the claim counts as reproduced
+    evidence: str  # the measured numbers, with their intervals
+    verdict: str  # ``reproduced``, ``not reproduced``, ``holds only for ...`` or ``undecided``
+
+    @property
+    def kind(self) -> str:
+        """The kind of its verdict, one of `KINDS`."""
+        return PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
+
+
+TEXTS = read_texts("checks.claims")
+"""What is said of each claim, by the name of the function that judges it, in the order of the paper."""
+
+
+def claim(judged: str, evidence: str, verdict: str, **numbers: float) -> PaperClaim:
+    """A judged claim; `numbers` are those in its texts."""
+    name, where, says, test = (TEXTS[judged][part].format(**numbers) for part in PaperClaim._fields[:4])
+    return PaperClaim(name, where, says, test, evidence, verdict)
+
+
+def judge_parts(found: list[str], sought: int, otherwise: str = NOT_REPRODUCED) -> str:
+    """The verdict on a claim that is shown to hold for some of the parts that it is on; `otherwise` if for none."""
+    if len(found) == sought:
+        return REPRODUCED
+    return HOLDS_ONLY.format("; ".join(found)) if found else otherwise
+
 
 PUBLISHED, MEND_15, MEND_17, MEND_BOTH = "as published", "Eq. 15 mended", "Eq. 17 mended", "both mended"
 FOLLOWED = 12  # impacts
@@ -64,14 +96,6 @@ def _struck(scene: Scene, stage1: Floats, stage2: Floats, rule: str) -> tuple[Fl
     return one, two
 
 
-def _failure(stage: int, moments: list[Floats]) -> Failure:
-    for impact, raw in enumerate(moments, start=1):
-        found = realizability(np.array([[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]))
-        if not found.realizable:
-            return Failure(stage, impact, found.reason)
-    return Failure(stage, 0, "")
-
-
 def failures(scene: Scene) -> dict[str, list[Failure]]:
     """Follow the second moments of both stages by the published rules and with one of them, or both, mended.
 
@@ -84,16 +108,23 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
     for rule in (PUBLISHED, MEND_15, MEND_17, MEND_BOTH):
         one, two = np.zeros((3, 3)), np.zeros((3, 3))
         one[0, 0] = two[0, 0] = 1.0
-        before: tuple[list[Floats], list[Floats]] = ([], [])
-        for start, t in zip(tau, np.diff(tau), strict=False):
+        first: dict[int, Failure] = {}
+        for impact, (start, t) in enumerate(zip(tau, np.diff(tau), strict=False), start=1):
             one = after_flight(one, c.beta1, t, noise_covariance(c, start, t))
             two = after_flight(two, c.beta2, t, plain_covariance(c.beta2, c.sigma, t))
-            before[0].append(one)
-            before[1].append(two)
+            for stage, raw in ((1, one), (2, two)):
+                moments = realizability(np.array([[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]))
+                if not moments.realizable:
+                    first.setdefault(stage, Failure(stage, impact, moments.reason))
             one, two = _struck(scene, one, two, rule)
-        both = [_failure(stage, before[stage - 1]) for stage in (1, 2)]
+        both = [first.get(stage, Failure(stage, 0, "")) for stage in (1, 2)]
         found[rule] = sorted(both, key=lambda f: f.impact or FOLLOWED + 1)
     return found
+
+
+def judge(evidence: Evidence) -> list[PaperClaim]:
+    """Judge all claims, in the order of the paper."""
+    return [globals()[name](evidence) for name in TEXTS]
 
 
 def _at(v: Comparison) -> str:
@@ -123,15 +154,13 @@ def solvable(e: Evidence) -> PaperClaim:
 
 def beyond_one(e: Evidence) -> PaperClaim:
     """Judge section 3: the correlation exceeds 1, so the distribution is not Gaussian."""
-    found = []
+    shown, only_published = [], True
     for v in e.validations:
-        simulated = float(v.correlation[v.correlation["closure"] == SIMULATED]["rho"].abs().max())
-        corrected = float(v.correlation[v.correlation["closure"] == "corrected"]["rho"].abs().max())
+        most = v.correlation["rho"].abs().groupby(v.correlation["closure"]).max()
         failed = first_failure(v.correlation, "published")
         published = f"published fails at impact {failed[0]} ({failed[2]})" if failed else "published does not fail"
-        text = f"{_at(v)}: {published}, corrected ≤ {corrected:.4f}, simulation ≤ {simulated:.4f}"
-        found.append((simulated, corrected, text))
-    only_published = all(s <= 1.0 and m <= 1.0 for s, m, _ in found)
+        shown.append(f"{_at(v)}: {published}, corrected ≤ {most['corrected']:.4f}, simulation ≤ {most[SIMULATED]:.4f}")
+        only_published &= bool((most[["corrected", SIMULATED]] <= 1.0).all())
     by_rule = failures(e.validations[-1].scene)
     rules = "; ".join(f"{rule}: {join_words([_describe_failure(f) for f in at])}" for rule, at in by_rule.items())
     guilty = [
@@ -142,7 +171,7 @@ def beyond_one(e: Evidence) -> PaperClaim:
     ]
     return claim(
         "beyond_one",
-        "; ".join(text for *_, text in found) + f". By which rule, {_at(e.validations[-1])}: {rules}.",
+        "; ".join(shown) + f". By which rule, {_at(e.validations[-1])}: {rules}.",
         HOLDS_ONLY.format(f"the published rules at impacts: {join_words(guilty)}") if only_published else REPRODUCED,
     )
 
@@ -155,8 +184,7 @@ def not_gaussian(e: Evidence) -> PaperClaim:
     """Judge section 3: the perturbation's distribution is not Gaussian (at the impacts)."""
     shown: list[str] = []
     beyond = 0
-    rows = [(v, k) for v in e.validations for k in v.run.section.index]
-    z = widest(len(rows))
+    z = widest(sum(len(v.run.section) for v in e.validations))
     for v in e.validations:
         s = v.run.section
         skew, se = s["skew_tau"].to_numpy(float), s["se_skew_tau"].to_numpy(float)
@@ -186,7 +214,10 @@ def stages_apart(e: Evidence) -> PaperClaim:
 
 def describes(e: Evidence) -> PaperClaim:
     """Judge section 5: the mean map describes the noisy system."""
-    shares = {r: [_accurate(v, r) for v in e.validations] for r in e.validations[0].predictions}
+    shares = {
+        r: [float((rows_to_judge(v, r)["verdict"] == "accurate").mean()) for v in e.validations]
+        for r in e.validations[0].predictions
+    }
     sigmas = [v.scene.sigma for v in e.validations]
     text = "; ".join(
         f"{closure} " + ", ".join(f"{s:.0%} at σ = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
@@ -203,11 +234,6 @@ def describes(e: Evidence) -> PaperClaim:
         names = ", ".join(accurate)
         verdict = HOLDS_ONLY.format(f"closures right to first order ({names}), at {_at(e.validations[0])}")
     return claim("describes", text + ".", verdict)
-
-
-def _accurate(v: Comparison, closure: str) -> float:
-    rows = rows_to_judge(v, closure)
-    return float((rows["verdict"] == "accurate").mean())
 
 
 def counter_meshes(e: Evidence) -> PaperClaim:
@@ -227,7 +253,7 @@ def fuzzy(e: Evidence) -> PaperClaim:
     filled = {side: int((s.counts[0] > 0).sum()) for side, s in sections.items()}
     noisy = filled["noisy system"]
     published = e.chaos.maps.set_index("closure").loc["published"]
-    text = ", ".join(f"{side} {n:,} of {_bins(sections[side]):,} bins" for side, n in filled.items())
+    text = ", ".join(f"{side} {n:,} of {sections[side].counts[0].size:,} bins" for side, n in filled.items())
     orbit = filled.get("orbit", 0)
     return claim(
         "fuzzy",
@@ -239,10 +265,6 @@ def fuzzy(e: Evidence) -> PaperClaim:
         finite=FINITE,
         fuzzy=FUZZY,
     )
-
-
-def _bins(s: Section) -> int:
-    return int(s.counts[0].size)
 
 
 def chaotic_range(e: Evidence) -> PaperClaim:
@@ -285,15 +307,9 @@ def both_models(e: Evidence) -> PaperClaim:
         "two stages, orbit": e.chaos.orbit,
         "two stages, along noisy paths": e.chaos.drift,
     }
-    signs = {name: _sign(x) for name, x in found.items()}
     text = "; ".join(f"{name}: {_exponent(x)}" for name, x in found.items())
-    chaotic = [name for name, s in signs.items() if s > 0]
+    chaotic = [name for name, x in found.items() if x.largest[1] > 0.0]
     return claim("both_models", text + ".", judge_parts(chaotic, len(found)))
-
-
-def _sign(x: Exponents) -> int:
-    value, low, high = x.largest
-    return 0 if not np.isfinite(value) else (1 if low > 0.0 else (-1 if high < 0.0 else 0))
 
 
 def _exponent(x: Exponents) -> str:

@@ -1,42 +1,23 @@
 """All claims in the order of the paper; the page and the folder of ``rattle claims``."""
 
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
-from rattle.compare.checks.claims import judges
-from rattle.compare.checks.claims.evidence import (
-    KINDS,
-    NOT_REPRODUCED,
-    PART,
-    REPRODUCED,
-    TEXTS,
-    UNDECIDED,
-    Evidence,
-    PaperClaim,
-    table,
-)
+from rattle.compare.checks.claims.judges import KINDS, NOT_REPRODUCED, PART, REPRODUCED, TEXTS, UNDECIDED, PaperClaim
 from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text
 from rattle.compare.report.glossary import glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.report.style import new_figure
 from rattle.compare.validation.verdict import join_words
-
-CLAIMS: list[Callable[[Evidence], PaperClaim]] = [vars(judges)[name] for name in TEXTS]
-
-
-def judge(evidence: Evidence) -> list[PaperClaim]:
-    """Judge all claims."""
-    return [claim(evidence) for claim in CLAIMS]
-
 
 SHOWN = [text.get("figure", "") for text in TEXTS.values()]
 """Figure of the study of chaos that shows the evidence of each claim, if there is one."""
@@ -109,7 +90,7 @@ def write_claims(
     page = Page(
         "The paper's claims, judged", tuple(said), source_of(record), (opening, overview, words), tuple(sections)
     )
-    tables = {"claims": table(claims).reset_index()}
+    tables = {"claims": pd.DataFrame({"claim": range(1, len(claims) + 1)}).join(pd.DataFrame(claims))}
     drawn[KEY] = verdict_figure(claims)
     save(out, "claims", page, record, allowed=CONTENTS, figures=drawn, tables=tables, overwrite=overwrite)
     return said

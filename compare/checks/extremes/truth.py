@@ -6,15 +6,14 @@ and beta = 0 can be replaced by 1e-30.  No function of `rattle.scene.flight` is 
 
 from collections import defaultdict
 from collections.abc import Callable
-from functools import cache, wraps
-from typing import Any, ParamSpec, TypeVar
+from functools import cache
+from typing import Any, TypeVar
 
 import mpmath as mp
 
 from rattle.scene.constants import Constants
 
-P = ParamSpec("P")
-R = TypeVar("R")
+F = TypeVar("F", bound=Callable[..., Any])
 Sum = dict[tuple[int, int, int], Any]
 """``sum c exp((-n beta_1 - m beta_2 + i k) t)`` by ``(n, m, k)``."""
 
@@ -22,14 +21,9 @@ DIGITS = 400
 NIL = "1e-30"
 
 
-def in_digits(function: Callable[P, R]) -> Callable[P, R]:
+def in_digits(function: F) -> F:
     """Decorate a function so that it computes with `DIGITS` decimal digits."""
-
-    @wraps(function)
-    def precise(*args: P.args, **kwargs: P.kwargs) -> R:
-        with mp.workdps(DIGITS):
-            return function(*args, **kwargs)
-
+    precise: F = mp.workdps(DIGITS)(function)
     return precise
 
 

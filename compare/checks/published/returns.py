@@ -128,16 +128,16 @@ def return_moments(seed: int = 0, workers: int = 2) -> Found:
     return checks(), {"moments 1 % larger": checks(wrong=1.01), "orders 0.02 larger": checks(shifted=0.02)}
 
 
-def _drift(epsilon: float, seed: int) -> tuple[float, float]:
+def mean_drift(epsilon: float, paths: int, bounces: int, seed: int) -> tuple[float, float]:
     """Mean change of ln speed per bounce, and its standard error."""
-    whole = log_speeds(epsilon, PATHS, BOUNCES, seed)[:, -1] / BOUNCES
-    return float(whole.mean()), float(whole.std()) / math.sqrt(PATHS)
+    whole = log_speeds(epsilon, paths, bounces, seed)[:, -1] / bounces
+    return float(whole.mean()), float(whole.std()) / math.sqrt(paths)
 
 
 @self_test
 def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
     """Check the drift of ln speed per bounce below and above the critical restitution, and where it is zero."""
-    (d0, s0), (d1, s1) = _drift(BELOW, seed), _drift(ABOVE, seed + 1)
+    (d0, s0), (d1, s1) = (mean_drift(eps, PATHS, BOUNCES, seed + i) for i, eps in enumerate((BELOW, ABOVE)))
     span = math.log(ABOVE / BELOW)
     share = -d0 / (d1 - d0)  # linear interpolation in ln epsilon to zero drift
     zero = BELOW * math.exp(span * share)

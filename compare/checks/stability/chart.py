@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.validation.verdict import Tolerances, at_wall, widest
 from rattle.montecarlo import Ensemble, Record, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE, diagnose_rare_branch, diagnose_short_step, motion_units
@@ -24,7 +25,6 @@ from rattle.montecarlo.settings.plan import is_random, plan_of
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.flight import noise_covariance
-from rattle.scene.impact import next_impact, struck
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.types import Floats
 
@@ -117,21 +117,11 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     return Reference(columns, unit, late)
 
 
-def _orbit(scene: Scene) -> dict[str, Floats]:
+def _orbit(scene: Scene) -> dict[str, NDArray[Any]]:
     """The noise-free path by root finding, in the columns of an ensemble."""
-    c, tau = scene.constants, scene.start.tau
-    x1, y1, x2, y2 = scene.start_state
-    if scene.start.mesh:
-        y1, y2 = struck(c, scene.start.mesh, y1, y2)
-    rows = np.full((IMPACTS, len(SECTION) + 1), np.nan)
-    for k in range(IMPACTS):
-        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, horizon_of(scene))
-        if mesh <= 0:
-            break
-        tau += t
-        rows[k] = tau, t, x1, y1, x2, y2, mesh
-        y1, y2 = struck(c, mesh, y1, y2)
-    columns = {q: rows[:, i] for i, q in enumerate(SECTION)} | {"mesh": rows[:, -1]}
+    s = LongOrbit(scene).stretch(IMPACTS, tangent=False)
+    columns = {"tau": np.cumsum([scene.start.tau, *s.flight])[1:], "flight": s.flight, "mesh": np.abs(s.code)}
+    columns |= dict(zip(STATE, s.before.T, strict=True))
     nothing = np.zeros(IMPACTS)
     return columns | {prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")}
 
@@ -324,10 +314,9 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
             exact = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
             found = np.array([table[f"cov_{q}_{q}"] for q in STATE])
             se = np.array([table[f"se_cov_{q}_{q}"] for q in STATE])
-            varies = exact > 1e-12 * exact.max()
-            error = np.where(varies, np.sqrt(found / np.where(varies, exact, 1.0)) - 1.0, 0.0)
-            half = np.where(varies, z * se / np.where(varies, 2.0 * exact, 1.0), 0.0)
-            k = int((np.abs(error) + half).argmax())
-            holds = bool((np.abs(error) + half <= TOLERANCE).all())
-            rows.append((beta, run.dt, share, STATE[k], float(error[k]), float(half[k]), holds))
+            exact = np.where(exact > 1e-12 * exact.max(), exact, np.nan)  # what does not vary has no relative error
+            error, half = np.nan_to_num([np.sqrt(found / exact) - 1.0, z * se / (2.0 * exact)])
+            within = np.abs(error) + half
+            k = int(within.argmax())
+            rows.append((beta, run.dt, share, STATE[k], float(error[k]), float(half[k]), bool(within[k] <= TOLERANCE)))
     return pd.DataFrame(rows, columns=["beta", "dt", "share", "quantity", "error", "half", "holds"])
