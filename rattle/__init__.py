@@ -13,117 +13,62 @@ Examples
 
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # read by type checkers alone; at run time names are found by `_MODULES`
     from typing import Any
 
-    from rattle.closure import (
-        CLOSURES,
-        Breakdown,
-        Closure,
-        Edgeworth,
-        MeanMap,
-        Orbit,
-        closures_for,
-        follow,
-        mean_map,
-        refusals,
-    )
-    from rattle.compare.parameters.boundary import Boundary, boundary
-    from rattle.compare.parameters.crossing import Crossing, crossing
-    from rattle.compare.parameters.map import BoundaryMap, boundary_map
-    from rattle.compare.parameters.of_closure import ClosureSensitivity, closure_sensitivity
-    from rattle.compare.parameters.sensitivity import Sensitivity, sensitivity
-    from rattle.compare.stationary.measure import stationary
-    from rattle.compare.stationary.result import Stationary
-    from rattle.compare.study.design import Study
-    from rattle.compare.study.folder import load_study
-    from rattle.compare.study.impacts import Tables
-    from rattle.compare.validation.result import Validation
-    from rattle.compare.validation.validate import validate
-    from rattle.compare.validation.verdict import Tolerances
-    from rattle.montecarlo import (
-        SCHEMES,
-        AccuracyWarning,
-        Ensemble,
-        Record,
-        Sampling,
-        default_step,
-        largest_step,
-        simulate,
-        simulate_rare,
-        simulate_to,
-    )
-    from rattle.montecarlo.diagnostics.reach import Reach
-    from rattle.scene import (
-        DAT21,
-        FileError,
-        Gears,
-        InputError,
-        Order,
-        OutputError,
-        RattleError,
-        Scene,
-        Start,
-        Tolerance,
-    )
-    from rattle.scene.measured_drive import MeasuredDrive, measure_drive
-    from rattle.scene.threshold import RattleThreshold, rattle_threshold
-
-__all__ = [
-    "CLOSURES",
-    "DAT21",
-    "SCHEMES",
-    "AccuracyWarning",
-    "Boundary",
-    "BoundaryMap",
-    "Breakdown",
-    "Closure",
-    "ClosureSensitivity",
-    "Crossing",
-    "Edgeworth",
-    "Ensemble",
-    "FileError",
-    "Gears",
-    "InputError",
-    "MeanMap",
-    "MeasuredDrive",
-    "Orbit",
-    "Order",
-    "OutputError",
-    "RattleError",
-    "RattleThreshold",
-    "Reach",
-    "Record",
-    "Sampling",
-    "Scene",
-    "Sensitivity",
-    "Start",
-    "Stationary",
-    "Study",
-    "Tables",
-    "Tolerance",
-    "Tolerances",
-    "Validation",
-    "boundary",
-    "boundary_map",
-    "closure_sensitivity",
-    "closures_for",
-    "crossing",
-    "default_step",
-    "follow",
-    "largest_step",
-    "load_study",
-    "mean_map",
-    "measure_drive",
-    "rattle_threshold",
-    "refusals",
-    "sensitivity",
-    "simulate",
-    "simulate_rare",
-    "simulate_to",
-    "stationary",
-    "validate",
-]
+    from rattle.closure import CLOSURES as CLOSURES
+    from rattle.closure import Breakdown as Breakdown
+    from rattle.closure import Closure as Closure
+    from rattle.closure import Edgeworth as Edgeworth
+    from rattle.closure import MeanMap as MeanMap
+    from rattle.closure import Orbit as Orbit
+    from rattle.closure import closures_for as closures_for
+    from rattle.closure import follow as follow
+    from rattle.closure import mean_map as mean_map
+    from rattle.closure import refusals as refusals
+    from rattle.compare.parameters.boundary import Boundary as Boundary
+    from rattle.compare.parameters.boundary import boundary as boundary
+    from rattle.compare.parameters.crossing import Crossing as Crossing
+    from rattle.compare.parameters.crossing import crossing as crossing
+    from rattle.compare.parameters.map import BoundaryMap as BoundaryMap
+    from rattle.compare.parameters.map import boundary_map as boundary_map
+    from rattle.compare.parameters.of_closure import ClosureSensitivity as ClosureSensitivity
+    from rattle.compare.parameters.of_closure import closure_sensitivity as closure_sensitivity
+    from rattle.compare.parameters.sensitivity import Sensitivity as Sensitivity
+    from rattle.compare.parameters.sensitivity import sensitivity as sensitivity
+    from rattle.compare.stationary.measure import stationary as stationary
+    from rattle.compare.stationary.result import Stationary as Stationary
+    from rattle.compare.study.design import Study as Study
+    from rattle.compare.study.folder import load_study as load_study
+    from rattle.compare.study.impacts import Tables as Tables
+    from rattle.compare.validation.result import Validation as Validation
+    from rattle.compare.validation.validate import validate as validate
+    from rattle.compare.validation.verdict import Tolerances as Tolerances
+    from rattle.montecarlo import SCHEMES as SCHEMES
+    from rattle.montecarlo import AccuracyWarning as AccuracyWarning
+    from rattle.montecarlo import Ensemble as Ensemble
+    from rattle.montecarlo import Record as Record
+    from rattle.montecarlo import Sampling as Sampling
+    from rattle.montecarlo import default_step as default_step
+    from rattle.montecarlo import largest_step as largest_step
+    from rattle.montecarlo import simulate as simulate
+    from rattle.montecarlo import simulate_rare as simulate_rare
+    from rattle.montecarlo import simulate_to as simulate_to
+    from rattle.montecarlo.diagnostics.reach import Reach as Reach
+    from rattle.scene import DAT21 as DAT21
+    from rattle.scene import FileError as FileError
+    from rattle.scene import Gears as Gears
+    from rattle.scene import InputError as InputError
+    from rattle.scene import Order as Order
+    from rattle.scene import OutputError as OutputError
+    from rattle.scene import RattleError as RattleError
+    from rattle.scene import Scene as Scene
+    from rattle.scene import Start as Start
+    from rattle.scene import Tolerance as Tolerance
+    from rattle.scene.measured_drive import MeasuredDrive as MeasuredDrive
+    from rattle.scene.measured_drive import measure_drive as measure_drive
+    from rattle.scene.threshold import RattleThreshold as RattleThreshold
+    from rattle.scene.threshold import rattle_threshold as rattle_threshold
 
 _MODULES = {
     "scene": (
@@ -180,6 +125,7 @@ _MODULES = {
     "compare.study.impacts": ("Tables",),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+__all__ = sorted(_MODULE_OF)
 
 
 def __getattr__(name: str) -> "Any":

@@ -22,9 +22,11 @@ def blocks(page):
     return re.findall(r"^```(?:python|\{code-cell\})\n(.*?)^```", page.read_text(), flags=re.M | re.S)
 
 
-def test_all_is_sorted_and_complete():
-    assert sorted(dir(rattle)) == sorted([*rattle.__all__, "__version__"])
-    assert rattle.__all__ == sorted(rattle.__all__, key=lambda name: (not name.isupper(), name[0].islower(), name))
+def test_type_checkers_find_each_name_where_python_does():
+    nodes = ast.walk(ast.parse(Path(rattle.__file__).read_text()))
+    imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module.startswith("rattle.")]
+    typed = {(alias.asname, node.module) for node in imports for alias in node.names}
+    assert typed == {(name, f"rattle.{module}") for name, module in rattle._MODULE_OF.items()}
 
 
 def test_the_reference_has_the_same_names():
