@@ -4,7 +4,7 @@ from typing import Any
 
 from sphinx_gallery.scrapers import figure_rst
 
-from rattle.scene.shown_figure import ShownFigure
+from rattle.scene.plot import ShownFigure
 
 __all__ = ["scrape"]
 

@@ -25,7 +25,7 @@ from rattle.scene.parts import Order
 from rattle.scene.types import Floats
 
 if TYPE_CHECKING:
-    from rattle.scene.shown_figure import ShownFigure
+    from rattle.scene.plot import ShownFigure
 
 __all__ = ["MeasuredDrive", "measure_drive"]
 
@@ -128,7 +128,7 @@ class MeasuredDrive:
         Figure
             Of matplotlib; a notebook shows it, ``savefig`` writes it.
         """
-        from rattle.scene.drive_figure import plot_drive
+        from rattle.scene.plot import plot_drive
 
         what = f"{self.quantity} in {self.unit}"
         return plot_drive(self.cycle, self.spread, self.sum_of_orders, self.table, what)

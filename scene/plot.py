@@ -1,32 +1,32 @@
-"""Figures of section moments, predicted or sampled, and of an orbit between its walls."""
+"""Figures of section moments, predicted or sampled, of an orbit between its walls, and of a measured drive."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from io import BytesIO
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rattle.scene.constants import Constants
-from rattle.scene.errors import choice
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.shown_figure import ShownFigure
 from rattle.scene.types import Floats, Ints
-from rattle.scene.units import units_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
-def plot_section(
-    columns: "Mapping[str, Any] | pd.DataFrame", scene: Scene, quantity: str, units: str, title: str
-) -> ShownFigure:
+class ShownFigure(Figure):
+    """A figure of matplotlib that a notebook shows, once, as the value of a cell."""
+
+    def _repr_png_(self) -> bytes:
+        """The picture that a notebook asks for."""
+        picture = BytesIO()
+        self.savefig(picture, format="png")
+        return picture.getvalue()
+
+
+def plot_section(columns: Any, quantity: str, unit: str, factor: float, title: str) -> ShownFigure:
     """Draw mean and sd of a quantity just before each impact, with the standard error of the mean where there is one.
 
-    `columns` are dimensionless, of shape (impacts,), by their names in a section table.
+    `columns` are dimensionless, of shape (impacts,), by their names in a section table; `factor` takes them to `unit`.
     """
-    choice("quantity", quantity, SECTION[: 2 + 2 * scene.stages])
-    unit, factor = units_of(units, scene.gears)[quantity]
     mean, sd = factor * columns[quantity], factor * columns["sd_" + quantity]
     impact = range(1, len(mean) + 1)
     figure = ShownFigure(figsize=(6.4, 3.6), layout="constrained")
@@ -40,7 +40,7 @@ def plot_section(
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("impact")
     axes.set_ylabel(f"{quantity} before the impact in {unit}")
-    axes.set_title(f"{title}, sigma = {scene.sigma:.4g}", loc="left")
+    axes.set_title(title, loc="left")
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
     return figure
 
@@ -74,4 +74,34 @@ def plot_orbit(
         ax.set_ylabel(f"$x_{i + 1}$ in backlash1")
         ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
     panels[-1].set_xlabel(r"time $\tau = \omega t$")
+    return figure
+
+
+def plot_drive(
+    cycle: Floats, spread: Floats, sum_of_orders: Floats, table: Mapping[str, Sequence[Any]], what: str
+) -> ShownFigure:
+    """Draw a mean period beside the sum of its orders, with what is left out, and the size of each order.
+
+    `what`: Name and unit of the quantity.
+    """
+    figure = ShownFigure(figsize=(7.4, 5.4), layout="constrained")
+    above, below = figure.subplots(2, 1, height_ratios=(2.0, 1.0))
+    at = np.arange(len(cycle)) / len(cycle)
+    low, high = cycle - spread, cycle + spread
+    above.fill_between(at, low, high, color="0.8", lw=0.0, label="scatter of the periods (±1 sd)")
+    above.plot(at, cycle, color="0.3", lw=2.0, label="mean period")
+    above.plot(at, sum_of_orders, color="#0072B2", lw=1.2, ls="--", label="sum of the orders")
+    above.plot(at, cycle - sum_of_orders, color="#D55E00", lw=1.0, label="left out")
+    above.set_xlabel("share of a period")
+    above.set_ylabel(f"{what}, less its mean")
+    orders, amplitude, se = (np.array(table[name]) for name in ("order", "amplitude_mm", "se_mm"))
+    pull = orders**2  # acceleration over displacement
+    colours = ["#0072B2" if kept else "0.7" for kept in table["kept"]]
+    largest = float((pull * amplitude).max())
+    errors = {"ecolor": "0.3", "capsize": 2}
+    below.bar(orders, pull * amplitude / largest, yerr=pull * se / largest, color=colours, error_kw=errors)
+    below.set_xlabel("order (grey: left out)")
+    below.set_ylabel("acceleration\nover the largest")
+    below.xaxis.set_major_locator(MaxNLocator(integer=True))
+    figure.legend(loc="outside upper center", ncols=4, frameon=False)
     return figure

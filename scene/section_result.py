@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rattle.scene.errors import choice
+from rattle.scene.moments import SECTION
 from rattle.scene.text import as_html
-from rattle.scene.units import as_dataset, in_units
+from rattle.scene.units import as_dataset, in_units, units_of
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
@@ -65,7 +67,7 @@ class SectionResult:
         import pandas as pd
 
         columns = {str(name): values for name, values in self.section.items()}
-        return pd.DataFrame(in_units(columns, self.scene.gears, units), index=self.section.index)
+        return pd.DataFrame(in_units(columns, self.scene.gears, units))
 
     def plot(self, quantity: str = "y1", units: str = "dimensionless") -> Figure:
         """Draw mean and standard deviation of a quantity just before each impact.
@@ -96,7 +98,10 @@ class SectionResult:
         """
         from rattle.scene.plot import plot_section
 
-        return plot_section(self.section, self.scene, quantity, units, self._title)
+        scene = self.scene
+        choice("quantity", quantity, SECTION[: 2 + 2 * scene.stages])
+        unit, factor = units_of(units, scene.gears)[quantity]
+        return plot_section(self.section, quantity, unit, factor, f"{self._title}, sigma = {scene.sigma:.4g}")
 
     def to_xarray(self, units: str = "dimensionless") -> xr.Dataset:
         """Convert `section` to a dataset; needs the optional dependency ``xarray``.

@@ -124,8 +124,5 @@ def at_times_in(table: "pd.DataFrame", gears: Any, units: str) -> "pd.DataFrame"
     """A table of moments at fixed times in a system of units."""
     if check_units(units, gears) == "dimensionless":
         return table
-    columns = gears.units.columns_of
-    names = {name: columns[name][0] for name in table.columns if name in columns}
-    factors = [columns[name][1] if name in columns else 1.0 for name in table.columns]
-    converted = table.mul(factors, axis="columns").rename(columns=names)
+    converted = type(table)(gears.units.convert(table))
     return converted.set_axis((table.index * gears.units.time).rename("time_ms"))

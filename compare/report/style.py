@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rattle.closure import CLOSURES
-from rattle.scene.shown_figure import ShownFigure
+from rattle.scene.plot import ShownFigure
 
 OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")
 OWN_MARKERS = "P*Xhp8"
