@@ -187,7 +187,7 @@ def test_its_digest_changes_with_the_values_that_it_is_made_with_and_with_nothin
     assert Closure("a", make(1.0)).digest != Closure("a", make(2.0)).digest
     assert Closure("a", make(1.0)).digest == Closure("a", make(1.0)).digest
     assert Closure("a", functools.partial(scaled, factor=2.0)).digest != Closure("a", scaled).digest
-    assert all(closure.digest == "" for closure in CLOSURES.values())
+    assert all(closure.digest == closure.reference == "" for closure in CLOSURES.values())
 
 
 def test_it_is_found_again_by_its_reference_and_when_pickled():
