@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from rattle.closure.edgeworth import coefficients, has_series, window_means
+from rattle.closure.edgeworth import window_shift
 from rattle.closure.moments import Trace, stage_raw_moments
 from rattle.closure.orbit import Orbit, follow
 from rattle.scene.constants import Constants
@@ -19,27 +19,14 @@ from rattle.scene.impact import contact_matrix
 from rattle.scene.linear_algebra import product, transform
 from rattle.scene.moments import semidefinite
 from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
-
-
-def window_shift(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
-    """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for walls at ``+-half_window``.
-
-    Zero where a variance is not positive: no window mean can be formed there.
-    """
-    vx, vy = raw[2, 0], raw[0, 2]
-    if not has_series(vx, vy, len(raw) - 1):
-        return 0.0, 0.0
-    sd_x, sd_y = np.sqrt(vx), np.sqrt(vy)
-    return window_means(coefficients(raw, sd_x, sd_y), sd_x, sd_y, -half_window - x, half_window - x)
+from rattle.scene.types import Floats
 
 
 def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stages: int) -> Floats:
     """Shift of the four means, from the raw moments (2, order + 1, order + 1) of the stages."""
     shift = np.zeros(4)
     for i in range(stages):
-        j = 2 * i
-        shift[j], shift[j + 1] = window_shift(raw[i], state[j], windows[i])
+        shift[2 * i : 2 * i + 2] = window_shift(raw[i], state[2 * i], windows[i], False)
     return shift
 
 
@@ -50,19 +37,13 @@ def _fly(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> t
     return transform(j, covariance) + noise, np.add.accumulate(terms, axis=1)[:, -1]
 
 
-def _propagate(c: Constants, tau: Floats, mesh: Ints, found: int) -> tuple[Floats, Floats]:
-    """Covariance just before each impact, shape (impacts + 1, 4, 4), and the sds of its terms, for rounding."""
-    covariance, scale = np.zeros((tau.size, 4, 4)), np.zeros((tau.size, 4))
-    for k in range(1, found + 1):
-        covariance[k], scale[k] = _fly(c, mesh[k - 1], covariance[k - 1], tau[k - 1], tau[k] - tau[k - 1])
-    return covariance, scale
-
-
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the corrected closure."""
     c, orbit = scene.constants, follow(scene, impacts).until_sticking
-    windows = scene.windows
-    computed, scale = _propagate(c, orbit.tau, orbit.mesh, orbit.found)
+    tau, windows = orbit.tau, scene.windows
+    computed, scale = np.zeros((impacts + 1, 4, 4)), np.zeros((impacts + 1, 4))  # just before each impact
+    for k in range(1, orbit.found + 1):
+        computed[k], scale[k] = _fly(c, orbit.mesh[k - 1], computed[k - 1], tau[k - 1], tau[k] - tau[k - 1])
     computed[orbit.found + 1 :] = np.nan
     covariance = np.array([semidefinite(p, s) for p, s in zip(computed, scale, strict=True)])
     raw = stage_raw_moments(covariance, order)

@@ -6,13 +6,13 @@ from math import erf, erfc, exp, factorial, pi, sqrt
 import numpy as np
 from numpy.polynomial import hermite_e
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import jit, shared
 from rattle.scene.elementary import exponentials
 from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST
 from rattle.scene.types import Floats
 
-__all__ = ["Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_means"]
+__all__ = ["Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_shift"]
 
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
@@ -153,6 +153,27 @@ def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -
         if i < order:
             mean_y += a[i, 1] * mass[i]
     return sd_x * mean_x, sd_y * mean_y
+
+
+@shared
+def window_shift(raw: Floats, x: float, half_window: float, published: bool) -> tuple[float, float]:
+    """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for walls at ``+-half_window``.
+
+    A or C and B or D, times their standard deviations.  Zero where a variance is not positive: no window mean can be
+    formed there.  `published`: With ``+psi_0`` in the fourth-order term of A and C, as the paper has it.
+
+    Shapes: `raw` (order + 1, order + 1).
+    """
+    vx, vy = raw[2, 0], raw[0, 2]
+    if not has_series(vx, vy, len(raw) - 1):
+        return 0.0, 0.0
+    sd_x, sd_y = np.sqrt(vx), np.sqrt(vy)
+    a = coefficients(raw, sd_x, sd_y)
+    low, high = -half_window - x, half_window - x
+    shift_x, shift_y = window_means(a, sd_x, sd_y, low, high)
+    if published and len(raw) > 4:  # A and C in the paper have psi_4 - 2 psi_2 + psi_0; the integral has - psi_0
+        shift_x += 2.0 * sd_x * a[4, 0] * (normal_density(low / sd_x) - normal_density(high / sd_x))
+    return shift_x, shift_y
 
 
 def section_density(values: Floats, mean: float, sd: float, skew: float) -> Floats:

@@ -11,11 +11,10 @@ whose variance is not positive is left out, and the map goes on.
 
 from functools import partial
 from math import comb
-from typing import NamedTuple
 
 import numpy as np
 
-from rattle.closure.edgeworth import coefficients, has_series, normal_density, window_means
+from rattle.closure.edgeworth import window_shift
 from rattle.closure.moments import Trace, check_white
 from rattle.scene.compiled import jit
 from rattle.scene.constants import Constants
@@ -27,27 +26,12 @@ from rattle.scene.linear_algebra import beyond, put
 from rattle.scene.moments import gaussian_raw_moments
 from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
+from rattle.scene.types import Floats
 
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
 LONGEST = 20.0  # longest flight; the map ends if there is no counter mesh in it
 BINOMIAL = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=float)
 Windows = tuple[float, float]
-
-
-@jit
-def _shift_as_published(raw: Floats, x: float, half_window: float) -> tuple[float, float]:
-    """Eqs. 20 and 21: A or C and B or D, times their standard deviations."""
-    vx, vy = raw[2, 0], raw[0, 2]
-    if not has_series(vx, vy, len(raw) - 1):
-        return 0.0, 0.0
-    sd_x, sd_y = np.sqrt(vx), np.sqrt(vy)
-    a = coefficients(raw, sd_x, sd_y)
-    low, high = -half_window - x, half_window - x
-    shift_x, shift_y = window_means(a, sd_x, sd_y, low, high)
-    if raw.shape[0] > 4:  # A and C in the paper have psi_4 - 2 psi_2 + psi_0; the integral has - psi_0
-        shift_x += 2.0 * sd_x * a[4, 0] * (normal_density(low / sd_x) - normal_density(high / sd_x))
-    return shift_x, shift_y
 
 
 @jit
@@ -60,12 +44,12 @@ def _in_flight(
     raw_t = np.zeros(raw.shape)
     put(raw_t[0], after_flight(raw[0], c.beta1, t, noise_covariance(c, tau, t)))  # Eq. 16
     mean_t, shift_t = np.zeros(4), np.zeros(4)
-    shift_t[0], shift_t[1] = _shift_as_published(raw_t[0], x1, windows[0])
+    shift_t[0], shift_t[1] = window_shift(raw_t[0], x1, windows[0], True)
     mean_t[0], mean_t[1] = x1 + shift_t[0], y1 + shift_t[1]
     if c.stages == 2:
         # Eq. 14; its term with E[zeta_1] stays zero, for every first moment starts at zero
         put(raw_t[1], after_flight(raw[1], c.beta2, t, plain_covariance(c.beta2, c.sigma, t)))
-        shift_t[2], shift_t[3] = _shift_as_published(raw_t[1], x2, windows[1])
+        shift_t[2], shift_t[3] = window_shift(raw_t[1], x2, windows[1], True)
         d1, d2 = decay(c.beta1, t), decay(c.beta2, t)
         driver = c.alpha * np.cos(tau)
         mean_t[2] = x2 + shift_t[2]
@@ -127,42 +111,6 @@ def _counter_mesh(
     return LONGEST, 0
 
 
-class Map(NamedTuple):
-    """What the map gives at each impact: time, mesh, mean, its shift, and raw moments before and after."""
-
-    tau: Floats
-    mesh: Ints
-    mean: Floats
-    shift: Floats
-    before: Floats
-    after: Floats
-
-
-def _iterate(c: Constants, windows: Windows, m: Map) -> int:
-    """Iterate the map from its first row, and write the others; returns how many impacts were found."""
-    for k in range(1, m.tau.size):
-        last = k - 1
-        t, stage = _counter_mesh(c, m.tau[last], m.mean[last], m.shift[last], m.after[last], windows)
-        if stage == 0:
-            return last
-        at = m.tau[last], m.mean[last], m.shift[last], m.after[last], t, windows
-        m.mean[k], m.shift[k], m.before[k] = _in_flight(c, *at)
-        m.after[k] = _after_impact(c, m.before[k])
-        m.tau[k], m.mesh[k] = m.tau[last] + t, stage
-    return m.tau.size - 1
-
-
-def _first(scene: Scene, impacts: int, order: int) -> Map:
-    """The map at its start, an impact at mesh 1; NaN where it is to be filled."""
-    tau, mesh = np.full(impacts + 1, np.nan), np.zeros(impacts + 1, np.int64)
-    raw = np.full((2, impacts + 1, 2, order + 1, order + 1), np.nan)
-    m = Map(tau, mesh, *np.full((2, impacts + 1, 4), np.nan), *raw)
-    m.tau[0], m.mesh[0], m.mean[0], m.shift[0] = scene.phase, 1, scene.start_state, 0.0
-    for moments in (m.before[0], m.after[0]):
-        moments[:], moments[:, 0, 0] = 0.0, 1.0
-    return m
-
-
 def _covariance(raw: Floats) -> Floats:
     """Second moments of both stages as a 4 x 4 matrix; NaN across the stages, where this closure has none."""
     out = np.full((*raw.shape[:-3], 4, 4), np.nan)
@@ -185,27 +133,41 @@ def check(scene: Scene) -> None:
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the published mean map."""
     c, windows = scene.constants, scene.windows
-    m = _first(scene, impacts, order)
-    found = _iterate(c, windows, m)
-    covariance = _covariance(m.before)
+    tau, mesh = np.full(impacts + 1, np.nan), np.zeros(impacts + 1, np.int64)
+    mean, shift = np.full((2, impacts + 1, 4), np.nan)
+    before, after = raw = np.full((2, impacts + 1, 2, order + 1, order + 1), np.nan)
+    tau[0], mesh[0], mean[0], shift[0] = scene.phase, 1, scene.start_state, 0.0
+    raw[:, 0], raw[:, 0, :, 0, 0] = 0.0, 1.0
+    found = 0
+    while found < impacts:
+        last = tau[found], mean[found], shift[found], after[found]
+        t, stage = _counter_mesh(c, *last, windows)
+        if stage == 0:
+            break
+        found += 1
+        tau[found], mesh[found] = last[0] + t, stage
+        mean[found], shift[found], before[found] = _in_flight(c, *last, t, windows)
+        after[found] = _after_impact(c, before[found])
+    covariance = _covariance(before)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     sd = np.full((impacts + 1, 6), np.nan)
     sd[:, 2:] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
-    struck_x = np.where(m.mesh == 2, m.mean[:, 2], m.mean[:, 0])
-    side = np.where(m.mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
+    struck_x = np.where(mesh == 2, mean[:, 2], mean[:, 0])
+    side = np.where(mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
 
-    at = partial(_at, c, m, found, windows)
     ended = f"the other mesh is not struck within {LONGEST:g} time units after impact {found}"
     stopped = "" if found == impacts else ended
-    skew = np.full_like(sd, np.nan)
-    return Trace(m.tau, m.mesh, side, m.mean, sd, skew, covariance, m.before, at, found, stopped)
+    at = partial(_at, c, windows, tau[: found + 1], mean, shift, after)
+    return Trace(tau, mesh, side, mean, sd, np.full_like(sd, np.nan), covariance, before, at, found, stopped)
 
 
-def _at(c: Constants, m: Map, found: int, windows: Windows, time: float) -> tuple[Floats, Floats]:
+def _at(
+    c: Constants, windows: Windows, tau: Floats, mean: Floats, shift: Floats, after: Floats, time: float
+) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time."""
-    k = int(np.searchsorted(m.tau[: found + 1], time, side="right")) - 1
-    mean, _, raw = _in_flight(c, m.tau[k], m.mean[k], m.shift[k], m.after[k], time - m.tau[k], windows)
-    return mean, _covariance(raw)
+    k = int(np.searchsorted(tau, time, side="right")) - 1
+    mean_t, _, raw = _in_flight(c, tau[k], mean[k], shift[k], after[k], time - tau[k], windows)
+    return mean_t, _covariance(raw)
 
 
 @jit

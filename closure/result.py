@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rattle.closure.closure import Closure
+from rattle.closure.closure import AT_TIMES, Closure
 from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
 from rattle.closure.moments import Trace, advice, largest_error, within
 from rattle.scene.errors import InputError, choice, count
@@ -315,9 +315,8 @@ class MeanMap(SectionResult):
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
             mean, covariance = self.trace.at(self.scene.to_local_time(time))
             rows.append(row_of_moments(mean, covariance, self.scene.stages))
-        columns = list(row_of_moments(np.zeros(4), np.zeros((4, 4)), 2))
         index = pd.Index(np.asarray(times, dtype=float), name="time")
-        table = pd.DataFrame(rows, index=index, columns=columns, dtype=float)
+        table = pd.DataFrame(rows, index=index, columns=list(AT_TIMES), dtype=float)
         return at_times_in(table, self.scene.gears, units)
 
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:

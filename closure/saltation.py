@@ -29,7 +29,6 @@ SLOWEST = 1e-6
 
 PLACES = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
 STATES = np.arange(5)
-EYE = np.eye(4)
 BLOCK = 256  # impacts whose derivatives are computed at once
 
 
@@ -81,7 +80,7 @@ def propagate(
             third = map_cumulants(linear[n], third, made[n])
             moved[steps.bent] += bent[n]
             shift[k, PLACES], shift[k, 1], cubes[n] = moved[:5], moved[0] - last, third[STATES, STATES, STATES]
-            moved, third = image(hits[mesh[k]], moved), after_impact(hits[mesh[k]], third)
+            moved, third = image(hits[mesh[k]], moved), map_cumulants(hits[mesh[k]], third, np.zeros_like(third))
             if redrawn.size:
                 flank = column(mesh[k], -side[k])
                 moved[flank] = 0.0
@@ -106,7 +105,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     covariance = np.full((impacts + 1, 4, 4), np.nan)
     for k in range(found + 1):
         rate = field(c, orbit.tau[k], orbit.before[k, 1], orbit.before[k, 3]) if k else np.zeros(4)
-        covariance[k] = _at_one_time(rate, section[k, :5, :5], EYE)
+        covariance[k] = _at_one_time(rate, section[k, :5, :5], np.eye(4))
     raw = stage_raw_moments(covariance, order)
 
     at = partial(_in_flight, c, orbit, found, after)
@@ -194,8 +193,3 @@ def flight_cumulants(first: Floats, hessian: Floats, p: Floats, q: Floats, slope
 def _dot(v: Floats, w: Floats) -> Floats:
     """``v' w`` of each of several vectors, in order of the components."""
     return np.asarray(np.add.accumulate(v * w, axis=1)[:, -1])
-
-
-def after_impact(hit: Floats, third: Floats) -> Floats:
-    """Third cumulants after an impact with the restitution map `hit`; shapes (d, d) and (d, d, d)."""
-    return map_cumulants(hit, third, np.zeros(third.shape))

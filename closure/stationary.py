@@ -58,25 +58,18 @@ class Law(NamedTuple):
     se: float = 0.0  # relative standard error of averages over a mean map's orbit; 0 for a law that is not an average
 
 
-def _linear(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats]:
-    """Of each impact of a cycle: derivative of the section map, covariance of its noise, restitution map."""
+def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floats]:
+    """Map and noise of a whole cycle on the section state after an impact; section and restitution map of each one."""
     c, size = scene.constants, 1 + 2 * scene.stages
     first, _, _ = section_derivatives(c, Impacts.of(a), PLAIN)
     flights = zip(a.tau[:-1], np.diff(a.tau), strict=True)
     noise = transform(first[:, :size, PLAIN:], np.array([noise_covariance(c, tau, t) for tau, t in flights]))
-    hit = np.array([hit_matrix(c, mesh, PLAIN)[:size, :size] for mesh in a.mesh[1:]])
-    return first[:, :size, :size], noise, hit
-
-
-def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Map and noise of a whole cycle on the section state after an impact, and those of each impact."""
-    size = 1 + 2 * scene.stages
-    flown, noise, hit = _linear(scene, a)
+    flown, hit = first[:, :size, :size], np.array([hit_matrix(c, mesh, PLAIN)[:size, :size] for mesh in a.mesh[1:]])
     whole, added = np.eye(size), np.zeros((size, size))
     for f, q, h in zip(flown, noise, hit, strict=True):
         step = h @ f
         whole, added = step @ whole, step @ added @ step.T + h @ q @ h.T
-    return whole, added, flown, noise, hit
+    return whole, added, flown, hit
 
 
 def linear_law(scene: Scene, a: Attractor) -> Law:
@@ -101,7 +94,7 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     speeds = np.abs(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3]))[1:]
     if speeds.min() < SLOWEST * max(speeds.max(), scene.alpha):
         raise NotPredicted("the orbit grazes a wall: no derivative there")
-    whole, added, flown, _, hit = _cycle_map(scene, a)
+    whole, added, flown, hit = _cycle_map(scene, a)
     largest = float(np.abs(np.linalg.eigvals(whole)).max())
     if largest >= 1.0 - 1e-9:
         raise NotPredicted(f"the orbit is not stable (multiplier {largest:.6g})")

@@ -151,19 +151,6 @@ def times_transposed(a: Floats, b: Floats) -> Floats:
 
 
 @internal
-def block(matrix: Floats, rows: int, first: int, last: int) -> Floats:
-    """Copy of a block of a matrix.
-
-    Shapes: result (rows, last - first).
-    """
-    out = np.empty((rows, last - first))
-    for i in range(rows):
-        for j in range(first, last):
-            out[i, j - first] = matrix[i, j]
-    return out
-
-
-@internal
 def congruence(linear: Floats, form: Floats) -> Floats:
     """``T A T'``, the covariance A after a linear map T.
 

@@ -160,12 +160,10 @@ def open_stage(c: Constants, sides: Sides) -> Constants:
 
     Returns: A single stage for ``-x2`` if mesh 1 sticks, for ``x1`` if mesh 2 does.
     """
+    (beta, gamma), wall = _as_one(c), c.wall1
     if sides[0] != 0:
-        return Constants(
-            c.alpha, c.epsilon, c.beta2, 0.0, c.gamma2, 0.0, 0.0, c.wall2, c.wall2, c.sigma, 1, c.drive, c.memory
-        )
-    beta, gamma = _as_one(c)
-    return Constants(c.alpha, c.epsilon, beta, 0.0, gamma, 0.0, 0.0, c.wall1, c.wall1, c.sigma, 1, c.drive, c.memory)
+        beta, gamma, wall = c.beta2, c.gamma2, c.wall2
+    return Constants(c.alpha, c.epsilon, beta, 0.0, gamma, 0.0, 0.0, wall, wall, c.sigma, 1, c.drive, c.memory)
 
 
 @shared

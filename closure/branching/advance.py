@@ -33,7 +33,6 @@ from rattle.scene.linear_algebra import (
     add_outer,
     apply,
     beyond,
-    block,
     congruence,
     dot,
     largest,
@@ -88,20 +87,6 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
 
 
 @internal
-def _bend_error(weight: float, bend: float, flat: float) -> float:
-    """Estimated error of a component for the ratio `bend` of second-order to first-order variance."""
-    return weight * bend**POWER if bend > flat else 0.0
-
-
-@internal
-def _narrow(axes: Floats, n: Floats, narrow: float) -> Floats:
-    """The axes, scaled by the factor `narrow` along the unit vector n."""
-    out = axes.copy()
-    add_outer(out, narrow - 1.0, apply(axes, n), n)
-    return out
-
-
-@internal
 def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
     """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian describes the return."""
     m1, m2 = noise_rate(c, e[0] + t)
@@ -120,7 +105,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
     b.error[i], b.depth[i], b.halved[i] = 0.0, 0.0, 0.0
     rank, full = root(b.start.covariance[i])
-    axes = block(full, centre.size, 0, rank)
+    axes = full[:, :rank].copy()
     t, code = event(c, centre, before)
     b.slow[i] = _slow(c, centre, t, code, before)
     n, depth, pieces = np.zeros(rank), 0.0, 1
@@ -145,11 +130,12 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
         b.image.section.weight[2 * i + k] = w * share
         at, across = centre, axes
         if pieces == 2:
-            at, across = beyond(centre, rate, apply(axes, n)), _narrow(axes, n, narrow)
+            at, across = beyond(centre, rate, apply(axes, n)), axes.copy()
+            add_outer(across, narrow - 1.0, apply(axes, n), n)
         bend, u = propagate(c, at, across, b.image, 2 * i + k, before)
         if b.depth[i] > 0.0:
             return
-        error = _bend_error(w * share, bend, level.flat)
+        error = w * share * bend**POWER if bend > level.flat else 0.0
         b.error[i] += error
         if pieces == 1 or error > worst:
             worst = error

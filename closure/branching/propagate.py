@@ -19,7 +19,6 @@ from rattle.scene.linear_algebra import (
     add_outer,
     apply,
     beyond,
-    block,
     dot,
     eigen,
     inner,
@@ -203,10 +202,10 @@ def _derivatives(
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
     first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, regular, d)
-    linear = times(block(first, d, 0, d), axes)
+    linear = times(first[:, :d].copy(), axes)
     curve = np.zeros((PLAIN, axes.shape[1], axes.shape[1]))
     for j in range(PLAIN):
-        put(curve[j], quadratic(block(second[j], d, 0, d), axes))
+        put(curve[j], quadratic(second[j, :d, :d].copy(), axes))
     return linear, curve
 
 
@@ -227,15 +226,6 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
         for k in range(u.size):
             u[k] = vectors[k, most]
     return worst, u
-
-
-@internal
-def _trace(square: Floats) -> float:
-    """Trace of a square matrix."""
-    total = 0.0
-    for k in range(square.shape[0]):
-        total += square[k, k]
-    return total
 
 
 @internal
@@ -268,10 +258,10 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     flight[1] = dot(own, own)
     if straight:
         for j in range(PLAIN):
-            mean[j] += 0.5 * _trace(curve[j])
+            mean[j] += 0.5 * np.trace(curve[j])
             for k in range(PLAIN):
                 spread[j, k] += 0.5 * inner(curve[j], curve[k])
-        flight[0] += 0.5 * _trace(curve[0])
+        flight[0] += 0.5 * np.trace(curve[0])
         flight[1] += 0.5 * inner(curve[0], curve[0])
         return bend, u
     ends, times, met = np.empty((2, d)), np.empty(2), 0
