@@ -86,29 +86,3 @@ def test_sds_and_rho_between_impacts(name):
     # negative control: covariances 5 % too large, and the closure whose impact times do not vary
     assert (excess(table, mean_map(scene, impacts=12), scale=1.05) > LIMIT).any()
     assert (excess(table, mean_map(scene, impacts=12, closure="corrected")) > LIMIT).sum() > 0.2 * len(table)
-
-
-def test_what_remains_between_impacts_grows_as_sigma_squared():
-    """Differences of rho in the middle of flight 7 of a single stage: a constant and a multiple of sigma^2 fit.
-
-    The constant is the sampling error, which the same random numbers make the same at every small sigma.
-    """
-    sigmas, seeds = np.array([0.0005, 0.0025, 0.005]), range(6)
-    differences = np.empty((len(seeds), len(sigmas)))
-    for column, sigma in enumerate(sigmas):
-        scene = SCENES["single stage"](sigma)
-        orbit, prediction = follow(scene, 7), mean_map(scene, impacts=7)
-        for row, seed in enumerate(seeds):
-            middle = [0.5 * (orbit.tau[6] + orbit.tau[7])]
-            run = simulate(scene, paths=10_000, impacts=7, dt=4e-3, rng=seed, workers=2, record=Record(times=middle))
-            fixed = run.at_times()
-            differences[row, column] = (prediction.at_times(fixed.index)["rho1"] - fixed["rho1"]).item()
-
-    def departure(power):
-        """Standard errors by which the differences depart from a constant plus a multiple of this power."""
-        contrast = differences @ np.cross(np.ones(3), sigmas**power)
-        return abs(contrast.mean()) / (contrast.std(ddof=1) / np.sqrt(len(seeds)))
-
-    assert departure(2) < 5.9  # Student's t with 5 degrees of freedom at 0.2 %
-    assert departure(1) > 5.9
-    assert departure(3) > 5.9

@@ -1,7 +1,6 @@
 """Functions compiled here beside a user's own functions of numba."""
 
 import ast
-import math
 import os
 import subprocess
 import sys
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 import source_tree
 
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
 from rattle.scene.scene import Scene
 
@@ -64,12 +63,6 @@ def test_errors_pass_between_a_users_functions_and_ours(function):
         with pytest.raises(ValueError, match="below zero") as raised:
             function(-4)
         assert raised.value.args == ("below zero", -4)
-
-
-@COMPILED
-def test_an_internal_function_is_called_by_compiled_code():
-    root = internal(lambda x: math.sqrt(x))
-    assert jit(lambda x: 2.0 * root(x))(2.25) == 3.0
 
 
 CODE = (

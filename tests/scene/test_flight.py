@@ -58,14 +58,6 @@ def test_jacobian_is_the_exponential_of_the_drift(beta1, beta2):
     assert jacobian(c, 1.7) == pytest.approx(expm(1.7 * drift_matrix(c)), rel=0, abs=1e-13)
 
 
-@pytest.mark.parametrize(("beta1", "beta2"), [(0.0, 0.0), (0.08, 0.13), (1.0, 50.0)])
-def test_jacobian_is_what_flow_does_to_a_difference(beta1, beta2):
-    c = constants(beta1, beta2)
-    base = np.array(flow(c, 0.7, *STATE, 1.7))
-    moved = np.array([np.array(flow(c, 0.7, *(STATE + step), 1.7)) - base for step in np.eye(4)]).T
-    assert jacobian(c, 1.7) == pytest.approx(moved, rel=0, abs=1e-14)  # flow is affine: no step error
-
-
 def test_noise_rate_is_eq_5():
     c = constants(0.08, 0.13)
     assert noise_rate(c, 0.7) == pytest.approx(modulation(c, 0.7)[[1, 3]], rel=1e-15)
@@ -108,15 +100,6 @@ def test_a_single_stage_collects_no_noise_in_stage_2():
 
 beta = st.sampled_from(BETAS) | st.floats(0.0, 20.0)
 duration = st.floats(0.0, 6.0)
-
-
-@given(beta, beta, st.floats(0.0, 6.3), duration, duration)
-@settings(deadline=None, max_examples=50, derandomize=True)
-def test_flights_compose(beta1, beta2, tau, first, second):
-    c = constants(beta1, beta2)
-    stop = flow(c, tau, *STATE, first)
-    assert flow(c, tau + first, *stop, second) == pytest.approx(flow(c, tau, *STATE, first + second), abs=1e-13)
-    assert jacobian(c, second) @ jacobian(c, first) == pytest.approx(jacobian(c, first + second), abs=1e-13)
 
 
 @given(beta, beta, st.floats(0.0, 6.3), duration, duration)

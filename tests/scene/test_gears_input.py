@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tolerance
+from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.gears_input import check_plausible
 
 OTHERS = {name: value for name, value in asdict(DAT21).items() if name != "alpha"}
@@ -245,9 +245,3 @@ def test_a_byte_order_mark_is_no_content(tmp_path):
     path = tmp_path / "windows.toml"
     path.write_bytes(b"\xef\xbb\xbf" + (TEXT + "alpha = 1.5\n").replace("\n", "\r\n").encode())
     assert Scene.load(path).gears == DAT21
-
-
-def test_a_missing_file_is_named_once(tmp_path):
-    with pytest.raises(FileError) as caught:
-        Scene.load(tmp_path / "none.toml")
-    assert str(caught.value).count("none.toml") == 1

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference_dynamics import contact, first_crossing
+from reference_dynamics import first_crossing
 
 from rattle.closure.orbit import follow
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.flight import flow, jacobian
-from rattle.scene.impact import NONE, REST, contact_matrix, energy_loss, next_impact, struck
+from rattle.scene.impact import NONE, REST, energy_loss, next_impact, struck
 
 HORIZON = 50.0
 
@@ -107,14 +107,6 @@ def test_elastic_impacts_conserve_energy_over_thousands(still, stages, mu):
     assert energy == pytest.approx(energy[0], rel=5000 * 4e-16)  # a rounding or two for each impact
 
 
-@pytest.mark.parametrize("mesh", [0, 1, 2])
-def test_contact_matrix_is_the_restitution_map(dat21, mesh):
-    state = np.array([0.5, 1.3, 0.2, -0.6])
-    assert contact_matrix(dat21.constants, mesh) @ state == pytest.approx(
-        contact(dat21.constants, mesh, state), rel=1e-15
-    )
-
-
 # --- the next impact, against an integrator with events --------------------------------------------------------------
 
 SCENES = {
@@ -147,18 +139,6 @@ def test_next_impact_is_the_first_crossing_of_an_integrator(name):
 
 
 # --- crossings that a step could miss --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("duration", [1e-4, 1e-5, 1e-6, 1e-7, 1e-8])
-def test_a_short_excursion_beyond_the_lower_wall_is_met(still, duration):
-    drag = 1000.0  # deep enough to be there at all: the depth drag * duration^2 / 8 is 1e-14 at the shortest
-    c = still(gamma1=drag, gamma2=drag, gap2=5.0).constants
-    lowest = 0.02
-    x1, y1 = -0.5 + 0.5 * drag * (lowest**2 - 0.25 * duration**2), -drag * lowest
-    t, mesh, side, *_ = next_impact(c, 0.0, x1, y1, 0.0, 0.0, HORIZON)
-    assert (mesh, side) == (1, -1)
-    # x1 rounds to 6e-17, over the speed drag * duration / 2: at most a quarter of the excursion
-    assert abs(t - (lowest - 0.5 * duration)) < 0.25 * duration
 
 
 def turning_state(c, tau, x1, before):

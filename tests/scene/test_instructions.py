@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from rattle.scene.compiled import emulate_fma, float_of, fma, jit, widest_vectors, word_of
+from rattle.scene.compiled import emulate_fma, fma, jit, widest_vectors
 
 MOST, LEAST, NORMAL = 1.7976931348623157e308, 5e-324, 2.2250738585072014e-308
 
@@ -62,9 +62,3 @@ def test_at_the_ends_of_the_range(a, b, c):
 @pytest.mark.parametrize("abc", [(math.inf, 1.0, 2.0), (math.inf, 1.0, -math.inf), (math.nan, 1.0, 1.0)])
 def test_what_is_not_finite(abc):
     assert str(emulate_fma(*abc)) == str(fused(*abc))
-
-
-def test_bits_there_and_back():
-    for x in (1.0, -0.0, math.pi, LEAST, -math.inf):
-        assert float(float_of(np.uint64(word_of(x)))).hex() == x.hex()
-    assert int(word_of(-2.0)) == 0xC000000000000000

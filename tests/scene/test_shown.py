@@ -22,9 +22,10 @@ LOOSE = replace(DAT21, backlash2=0.25)
         Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5, sigma=-0.0),
     ],
 )
-def test_the_repr_of_a_scene_makes_it_again(scene):
-    again = eval(repr(scene), NAMES)
-    assert (again, again.gears, repr(again)) == (scene, scene.gears, repr(scene))
+def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
+    for again in (eval(repr(scene), NAMES), Scene.from_toml(scene.to_toml())):
+        assert (again, again.gears, repr(again)) == (scene, scene.gears, repr(scene))
+    assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(scene)  # one bit would be noticed
     assert len(repr(scene).splitlines()) <= 4
     assert max(map(len, repr(scene).splitlines())) <= 100
     assert "<pre>Scene" in scene._repr_html_()
