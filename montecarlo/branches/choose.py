@@ -7,16 +7,15 @@ its probability is off.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rattle.montecarlo.branches.mixture import SPLIT, BranchMixture, mixture_of, tail
 from rattle.montecarlo.branches.search import SMALLEST, Branch, search_of
+from rattle.montecarlo.branches.weighted_paths import sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK, Plan
-from rattle.montecarlo.rare.block import sample_mixture
-from rattle.montecarlo.rare.mixture import SPLIT, BranchMixture, mixture_of, tail
 from rattle.scene.moments import SECTION
 from rattle.scene.types import Floats
 
@@ -33,34 +32,14 @@ ALIKE = 0.9  # cosine from which two design points are one
 PROBE = 0x9170  # spawn key of the probes' random numbers
 
 
-class Run(Protocol):
-    """A run, as `rattle.montecarlo.Ensemble` is."""
-
-    @property
-    def plan(self) -> Plan:
-        """What was computed."""
-
-    @property
-    def paths(self) -> int:
-        """Number of paths."""
-
-    @property
-    def columns(self) -> Mapping[str, NDArray[Any]]:
-        """The columns of its section."""
-
-    @property
-    def phase_reduced(self) -> Run:
-        """The same in local time."""
-
-
-def steps_of(run: Run) -> int:
+def steps_of(run: Any) -> int:
     """Steps of a run until most of its paths have had all their impacts."""
     last = run.phase_reduced.columns
     end = np.nan_to_num(last["tau"] + 6.0 * last["sd_tau"]).max() - run.plan.scene.phase
     return int(min(max(end / run.plan.dt, 0.0) + 1.0, LONGEST))
 
 
-def choose_mixture(run: Run) -> BranchMixture | None:
+def choose_mixture(run: Any) -> BranchMixture | None:
     """The mixture from which the paths of a scene are better drawn than plainly; None where no branch is worth it.
 
     `run`: Of plain paths by exact flights.
@@ -73,13 +52,9 @@ def choose_mixture(run: Run) -> BranchMixture | None:
         sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly
     sd[:, 2 + 2 * plan.scene.stages :] = 0.0
     sd[~(sd > 1e-12 * (1.0 + np.abs(centre)))] = np.inf
-    shifts, added = list[Floats](), list[Floats]()
-    for branch, predicted in _by_influence(found.branches, sd):
-        if len(shifts) == PROBES:
-            break
-        if all(cosine(branch.shift, other) < ALIKE for other in shifts):
-            shifts.append(branch.shift)
-            added.append(_probe(plan, centre, sd, branch, predicted, len(shifts)))
+    probed = list_distinct(_by_influence(found.branches, sd), PROBES)
+    shifts = [branch.shift for branch in probed]
+    added = [_probe(plan, centre, sd, branch, number) for number, branch in enumerate(probed, 1)]
     kurtosis = np.column_stack([columns["kurt_" + q] for q in SECTION]).astype(float)
     kurtosis = 3.0 + np.where(np.isfinite(sd), np.nan_to_num(kurtosis), 0.0)
     shares = _share_out(kurtosis, added, np.array([tail(math.sqrt(float(s @ s))) for s in shifts]), run.paths)
@@ -118,14 +93,23 @@ def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int)
     return np.where(shares > 0.0, np.maximum(shares, LEAST_OF_ONE), 0.0) * (before > WORTH * best)
 
 
-def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[tuple[Branch, Floats]]:
-    """Rare branches with what they are expected to add to the kurtosis of a row, the most influential first."""
+def list_distinct(branches: Iterable[Branch], most: int) -> list[Branch]:
+    """The first branches whose design points are not those of earlier ones."""
+    found = list[Branch]()
+    for branch in branches:
+        if len(found) < most and all(_cosine(branch.shift, other.shift) < ALIKE for other in found):
+            found.append(branch)
+    return found
+
+
+def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
+    """Rare branches by what they are expected to add to the kurtosis of a row, the most influential first."""
     rare = [b for b in branches if b.probability < LIKELY and b.shift.any()]
-    added = [(b, np.abs(b.fourth) / sd**4) for b in rare]
-    return sorted([one for one in added if one[1].max() > 0.1 * LEAST], key=lambda one: -float(one[1].max()))
+    added = [(float((np.abs(b.fourth) / sd**4).max()), b) for b in rare]
+    return [b for most, b in sorted(added, key=lambda one: -one[0]) if most > 0.1 * LEAST]
 
 
-def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, predicted: Floats, number: int) -> Floats:
+def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, number: int) -> Floats:
     """What paths beyond a design point's thresholds add to the kurtosis of each row.
 
     Where none of them leaves the orbit as far as it was predicted, what so few paths may have missed.
@@ -135,11 +119,12 @@ def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, predicted: Fl
     rows, weights, _, _ = sample_mixture(plan._replace(seed=seed), mixture, 0)
     near = int(mixture.counts[:-1].sum())
     fourth = weights[:near, :, None] * ((rows[:near, :, :6] - centre) / sd) ** 4
+    predicted = np.abs(branch.fourth) / sd**4
     missed = 3.0 * tail(float(mixture.level[0, -1])) / (near * SPLIT[-1])
     return np.asarray(np.maximum(np.nansum(fourth, axis=0) / BLOCK, predicted * min(1.0, missed / branch.probability)))
 
 
-def cosine(a: Floats, b: Floats) -> float:
+def _cosine(a: Floats, b: Floats) -> float:
     """Of the angle between two points of the noise, the shorter filled up with zeros."""
     n = min(a.size, b.size)
     return float(a[:n] @ b[:n]) / math.sqrt(float(a @ a) * float(b @ b))

@@ -2,23 +2,24 @@
 
 An interval is that of a weighted sum of Poisson counts (Fay and Feuer 1997); with equal weights it is the exact one of
 Garwood (1936).  Weights are bounded and their sums unbiased, whichever branches the search has found
-(`rattle.montecarlo.rare.mixture`).  A branch that neither the search nor the run has found is in no row.
+(`rattle.montecarlo.branches.mixture`).  A branch that neither the search nor the run has found is in no row.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.special import chdtri
 
-from rattle.montecarlo.branches.choose import ALIKE, LIKELY, Run, cosine, steps_of
-from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
+from rattle.montecarlo.branches.choose import LIKELY, list_distinct, steps_of
+from rattle.montecarlo.branches.mixture import mixture_of
+from rattle.montecarlo.branches.search import SMALLEST, search_of
+from rattle.montecarlo.branches.weighted_paths import sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
-from rattle.montecarlo.rare.block import sample_mixture
-from rattle.montecarlo.rare.mixture import mixture_of
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings.plan import EXACT, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
@@ -32,7 +33,7 @@ LEFT = 0x1EA  # spawn key of the random numbers of these paths
 COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "near")
 
 
-def find_leaving(run: Run, followers: Mapping[str, Followers]) -> pd.DataFrame:
+def find_leaving(run: Any, followers: Mapping[str, Followers]) -> pd.DataFrame:
     """`Ensemble.leaving` of a run, from what it summed over the paths that follow an itinerary.
 
     Its own paths are counted where so many left, or more than are drawn near the branches that were found.
@@ -70,30 +71,25 @@ def interval(total: float, squares: float, largest: float) -> tuple[float, float
     return float(low), float(high)
 
 
-def search_for(run: Run) -> RareEvents | None:
-    """The branches of a run's orbit; None without noise, and for noise with a memory."""
-    scene = run.plan.scene
+def _sample_near(run: Any) -> Floats:
+    """What `Followers.left` has, in probabilities, from paths drawn near the rare branches of the orbit.
+
+    None are drawn without noise, nor where it has a memory.
+    """
+    scene, left = run.plan.scene, np.zeros((3, run.plan.impacts, len(CODES)))
     if scene.sigma == 0.0 or scene.correlation_time:
-        return None
+        return left
     dt = default_step(scene, EXACT)
     steps = math.ceil(steps_of(run) * run.plan.dt / dt)
-    return search_of(scene.phase_reduced, run.plan.impacts, steps, dt).until(1.0)
-
-
-def _sample_near(run: Run) -> Floats:
-    """What `Followers.left` has, in probabilities, from paths drawn near the rare branches of the orbit."""
-    left, found, shifts = np.zeros((3, run.plan.impacts, len(CODES))), search_for(run), list[Floats]()
+    found = search_of(scene.phase_reduced, run.plan.impacts, steps, dt).until(1.0)
     likely = min(LIKELY, 2.0 * KNOWN / run.paths)  # the run's own paths know the others
-    for branch in sorted(found.branches if found else (), key=lambda b: -b.probability):
-        rare = branch.probability < likely and branch.shift.any()
-        if rare and len(shifts) < MOST and all(cosine(branch.shift, other) < ALIKE for other in shifts):
-            shifts.append(branch.shift)
+    rare = [branch for branch in found.branches if branch.probability < likely and branch.shift.any()]
+    shifts = [branch.shift for branch in list_distinct(sorted(rare, key=lambda b: -b.probability), MOST)]
     if not shifts:
         return left
     mixture = mixture_of(shifts, [NEAR / len(shifts)] * len(shifts), np.zeros((run.plan.impacts, 6)), BLOCK)
-    dt = default_step(run.plan.scene, EXACT)
     plan = run.plan._replace(
-        scene=run.plan.scene.phase_reduced,
+        scene=scene.phase_reduced,
         scheme=EXACT,
         dt=dt,
         most_steps=math.ceil(run.plan.most_steps * run.plan.dt / dt),

@@ -155,13 +155,6 @@ def _wall(c: Constants, mesh: int) -> float:
     return c.wall1 if mesh == 1 else c.wall2
 
 
-def _distance(flight: SearchedFlight, means: Floats, spread: Floats, mesh: int, side: int) -> Floats:
-    """Distance from a wall in sds."""
-    i = 2 * (mesh - 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray((_wall(flight.c, mesh) - side * means[:, i]) / np.sqrt(np.maximum(spread[:, i, i], 0.0)))
-
-
 class Event(NamedTuple):
     """An event: its kind, its probability within the flight, and per stratum the state before the branch's impact."""
 
@@ -267,9 +260,11 @@ def _miss(flight: SearchedFlight) -> Event | None:
     which a small sample of Gaussian paths around the design point tells.
     """
     mesh, side, i = flight.mesh, flight.side, 2 * (flight.mesh - 1)
+    wall = _wall(flight.c, mesh)
     times = flight.time + np.linspace(0.0, TURN, 2 * GRID)
     means, spread = flight.at(times)
-    beta = -_distance(flight, means, spread, mesh, side)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        beta = (side * means[:, i] - wall) / np.sqrt(np.maximum(spread[:, i, i], 0.0))
     falls = np.flatnonzero(beta[1:] < beta[:-1])
     best = int(falls[0]) if falls.size else 0
     if best == 0 or not beta[best] < FURTHEST:
@@ -289,7 +284,7 @@ def _miss(flight: SearchedFlight) -> Event | None:
     root = (axes * np.sqrt(np.maximum(size, 0.0))) @ axes.T
     depths = -ndtri(ndtr(-nearest) * (1.0 - (np.arange(SAMPLE) + 0.5) / SAMPLE))
     paths = rng.standard_normal((SAMPLE, 13)) @ root.T - depths[:, None] * joint[6] / math.sqrt(joint[6, 6])
-    within = (paths + side * means[:, i] < _wall(flight.c, mesh)).all(axis=1)
+    within = (paths + side * means[:, i] < wall).all(axis=1)
     share = max(within.mean(), 1.0 / SAMPLE)
     sd, states, (state,) = math.sqrt(joint[6, 6]), [], flight.states(np.array([top]))
     for depth in np.quantile(depths[within] if within.any() else depths, MIDDLES):

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.branches.rare_events import Event, Gaussian, SearchedFlight, events, onward
+from rattle.montecarlo.schemes.short_flight import first_state
 from rattle.scene.constants import Constants
-from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
 
@@ -100,10 +100,7 @@ class BranchSearch:
     """
 
     def __init__(self, scene: Scene, impacts: int, steps: int = 0, dt: float = 1.0) -> None:
-        c, start = scene.constants, scene.start
-        state = np.array(scene.start_state)
-        if start.mesh:
-            state[1], state[3] = struck(c, start.mesh, state[1], state[3])
+        c, state = scene.constants, np.array(first_state(scene))
         self.constants, self.impacts, self.orbit = c, impacts, np.full((impacts, 6), np.nan)
         onward(c, scene.phase, state[0], state[1], state[2], state[3], 0, 0, self.orbit)
         self._slowest = GRAZE * max(c.alpha, c.gamma1, abs(state[1]), abs(state[3]))

@@ -8,11 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rattle.montecarlo.kernel.block import BlockResult, Plan, start_state
+from rattle.montecarlo.kernel.block import BlockResult, Plan, begin_block, start_state
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job
-from rattle.montecarlo.noise.backlash import backlash_of
-from rattle.montecarlo.noise.philox import key_of
-from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.scene.types import Floats, Ints
 
 THREADS = 128
@@ -68,14 +65,12 @@ def prepare(plan: Plan) -> _Resources:
 
     from rattle.montecarlo.cuda.paths import path_kernel
 
-    scene, scheme, backlash = plan.scene, SCHEMES[plan.scheme].code, backlash_of(plan.scene)
+    scene, (job, _, _) = plan.scene, begin_block(plan, 0, 1)
     noise = "none" if scene.sigma == 0.0 else "two-point" if plan.two_point else "gaussian"
-    key, steps = key_of(plan.seed), plan.most_steps
-    job = Job(scene.constants, backlash, key, scene.phase, plan.dt, scheme, plan.two_point, steps)
     sides = ((scene.start.x1, scene.gap1), (scene.start.x2, scene.gap2))
     gaps = np.repeat([[scene.gap1], [scene.gap2]], 2, axis=0)
     start, flanks = start_state(scene, gaps)[:, 0].tolist(), (int(np.sign(x)) * (abs(x) == gap) for x, gap in sides)
-    kernel = path_kernel(scheme, noise, backlash.random, backlash.redrawn)
+    kernel = path_kernel(job.scheme, noise, job.backlash.random, job.backlash.redrawn)
     return _Resources(plan, job, tuple(start), tuple(flanks), kernel, cuda.to_device(plan.fixed_steps))
 
 

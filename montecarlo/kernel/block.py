@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rattle.montecarlo.branches.mixture import BranchMixture
 from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
 from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
-from rattle.montecarlo.rare.mixture import BranchMixture
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.statistics.central_sums import PAIR, VARIANCE, CentralSums, Orders
 from rattle.montecarlo.statistics.fixed_order import columns_of
@@ -107,7 +107,7 @@ def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Float
     return array
 
 
-def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
+def begin_block(plan: Plan, first: int, paths: int, carried: int = 5) -> tuple[Job, Lanes, Room]:
     """Settings, paths side by side, at their start, and buffers of a block that begins with path `first`."""
     scene, c, key, backlash = plan.scene, plan.scene.constants, key_of(plan.seed), backlash_of(plan.scene)
     walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
@@ -117,7 +117,7 @@ def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
         c = c._replace(sigma=-c.sigma)
     code, memory = SCHEMES[plan.scheme].code, memory_of(scene.correlation_time, plan.dt)
     job = Job(c, backlash, key, scene.phase, plan.dt, code, plan.two_point, plan.most_steps, memory)
-    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase)
+    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase, carried)
     if scene.correlation_time:
         begin_memory(scene.correlation_time, key, first, room.eta)
     return job, every, room
@@ -232,14 +232,11 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         sums["fixed"] = times(fixed[0], CROSS, PAIR)
         if plan.levels > 1:
             sums["coarse_fixed"] = times(fixed[1], ((0, 1), (2, 3)), PAIR)
-    listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
-    codes, agreeing = np.zeros((plan.impacts, len(CODES))), np.zeros((len(listed), plan.impacts))
-    _tally(raw.rows[0], listed, codes, agreeing)
+    codes, followed = tally(plan, raw.rows[0], np.ones(raw.rows.shape[1:3]))
     followers = {name: _followers(plan, plan.itineraries[name], raw.rows, rows, sums) for name in plan.apart}
     kept = raw.rows[0].copy() if plan.keep else None
     if kept is not None and plan.scene.stages == 1:
         kept[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
-    followed = dict(zip(plan.itineraries, agreeing, strict=True))
     return BlockResult(sums, codes, followed, raw.path_steps, raw.sticking_steps, raw.unfinished, followers), kept
 
 
@@ -288,16 +285,26 @@ def count_followed(rows: Floats, weights: Floats, itinerary: Floats, stays: Floa
                     left[2, k, i] = max(left[2, k, i], w)
 
 
+def tally(plan: Plan, rows: Floats, weights: Floats) -> tuple[Floats, dict[str, Floats]]:
+    """Weight of each of `CODES` per impact, and of the paths that have followed each itinerary so far.
+
+    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); result (impacts, CODES), each (impacts,).
+    """
+    listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
+    codes, agreeing = np.zeros((plan.impacts, len(CODES))), np.zeros(listed.shape)
+    _tally(rows, weights, listed, codes, agreeing)
+    return codes, dict(zip(plan.itineraries, agreeing, strict=True))
+
+
 @lean
-def _tally(rows: Floats, itineraries: Floats, codes: Floats, agreeing: Floats) -> None:
-    """Count each of `CODES` per impact, and the paths that have followed each itinerary so far."""
+def _tally(rows: Floats, weights: Floats, itineraries: Floats, codes: Floats, agreeing: Floats) -> None:
     paths, impacts = rows.shape[:2]
     for p in range(paths):
         for k in range(impacts):
             for i, code in enumerate(CODES):
-                codes[k, i] += rows[p, k, 6] == code
+                codes[k, i] += weights[p, k] * (rows[p, k, 6] == code)
         for i in range(len(itineraries)):
             for k in range(impacts):
                 if rows[p, k, 6] != itineraries[i, k]:
                     break
-                agreeing[i, k] += 1.0
+                agreeing[i, k] += weights[p, k]

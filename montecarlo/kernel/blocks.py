@@ -5,8 +5,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
 from typing import Any
 
+from rattle.montecarlo.branches.weighted_paths import run_mixture
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
-from rattle.montecarlo.rare.block import run_mixture
 from rattle.scene.types import Floats
 
 Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]

@@ -213,7 +213,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
     def run_block(job: Job, control: LinearPath, every: Lanes, room: Room, out: Output) -> tuple[int, int]:
         widest_vectors()
         (levels, paths, impacts, _), fixed_steps = out.rows.shape, out.fixed_steps
-        path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.xi, room.marks, room.hits
+        path, bits, z, xi, marks, hits = room.path, room.bits, room.z, room.carried, room.marks, room.hits
         work, sticking, live, next_fixed, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
         while n < job.most_steps and live > 0:
             wide = (live + 7) // 8 * 8

@@ -41,17 +41,17 @@ class Room(NamedTuple):
     bits: NDArray[Word]  # random bits of two-point increments; (lanes,)
     eta: Floats  # noise with a memory, at the end of the last step; (lanes,)
     z: Floats  # four normals; the fifth row stays zero; (5, lanes)
-    xi: Floats  # perturbations of the linearised path; (5, lanes)
+    carried: Floats  # what else goes with a path: perturbations of the linearised path, as a rule; (5, lanes)
     marks: Bools  # lanes that may have an impact in this step; (lanes,)
     groups: Ints  # groups, hits: scratch and output of `list_marked`
     hits: Ints
     ahead: Floats  # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (PARTS, 3)
 
 
-def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) -> tuple[Lanes, Room]:
+def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float, carried: int) -> tuple[Lanes, Room]:
     """Lanes and buffers of a block; allocated outside compiled code, which takes longer to compile if it allocates.
 
-    Shapes: `start` (4, paths); `walls` (4, paths).
+    `carried`: Rows of `Room.carried`. Shapes: `start` (4, paths); `walls` (4, paths).
     """
     paths = start.shape[1]
     lanes = (paths + 7) // 8 * 8 + APART  # whole vectors; results of lanes without a path are ignored
@@ -60,9 +60,9 @@ def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float) 
     (w, area), impacts = np.zeros((2, levels, lanes)), np.zeros((levels, lanes), np.int64)
     every = Lanes(state, state.copy(), wall, w, area, np.full((levels, lanes), tau), impacts)
     path, bits = np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64)
-    eta, (z, xi), marks = np.zeros(lanes), np.zeros((2, 5, lanes)), np.zeros(lanes, np.bool_)
+    eta, z, own, marks = np.zeros(lanes), np.zeros((5, lanes)), np.zeros((carried, lanes)), np.zeros(lanes, np.bool_)
     groups, hits, ahead = np.empty(lanes // 8 + 1, np.int64), np.empty(lanes + 1, np.int64), np.empty((PARTS, 3))
-    return every, Room(path, bits, eta, z, xi, marks, groups, hits, ahead)
+    return every, Room(path, bits, eta, z, own, marks, groups, hits, ahead)
 
 
 @splice
@@ -130,7 +130,7 @@ def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
 
     `every`: Of all levels; a path is finished once it has had its impacts at all of them.
     """
-    path, bits, xi, marks, groups, hits = room.path, room.bits, room.xi, room.marks, room.groups, room.hits
+    path, bits, own, marks, groups, hits = room.path, room.bits, room.carried, room.marks, room.groups, room.hits
     widest_vectors()
     for p in range(live):
         marks[p] = every.impacts[0, p] >= impacts
@@ -144,8 +144,8 @@ def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
         path[p], path[live] = path[live], path[p]
         bits[p] = bits[live]
         room.eta[p] = room.eta[live]
-        for j in range(5):
-            xi[j, p] = xi[j, live]
+        for j in range(len(own)):
+            own[j, p] = own[j, live]
         for level in range(len(every.impacts)):
             for j in range(4):
                 every.state[level, j, p] = every.state[level, j, live]

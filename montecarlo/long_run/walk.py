@@ -11,15 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.montecarlo.kernel.block import start_state
-from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
+from rattle.montecarlo.kernel.block import Plan, begin_block
+from rattle.montecarlo.kernel.control_variate import LinearPath
 from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, Output, block_kernel
-from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
+from rattle.montecarlo.kernel.lanes import Lanes, Room
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
-from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
-from rattle.montecarlo.noise.memory import begin_memory, memory_of
-from rattle.montecarlo.noise.philox import Word, key_of
+from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.step_size import default_step, time_scales
 from rattle.scene.compiled import jit
 from rattle.scene.scene import Scene
@@ -140,47 +138,46 @@ def steps_per_period(scene: Scene) -> int:
     return SAMPLES * math.ceil(PERIOD / default_step(scene, "exact-flight") / SAMPLES - 1e-9)
 
 
-def _spread_starts(scene: Scene, walls: Floats, seed: np.random.SeedSequence, first: int) -> Floats:
-    """Initial states, shape (4, paths): the scene's own for path 0, all others anywhere between the walls.
+def _spread_starts(scene: Scene, state: Floats, walls: Floats, seed: np.random.SeedSequence, first: int) -> None:
+    """Put all paths but path 0, which has the scene's own start, anywhere between their walls.
 
     What all paths have in common at the end is then not what they had in common at the start.
+
+    Shapes: `state`, `walls` (4, paths).
     """
-    own = start_state(scene, walls)
-    c = scene.constants
+    c, others = scene.constants, slice(1 if first == 0 else 0, None)
     speed = min(c.wall1, c.wall2 if scene.stages == 2 else c.wall1) / time_scales(scene).crossing
     speed = speed if 0.0 < speed < math.inf else 1.0
     rng = np.random.default_rng(np.random.SeedSequence([*seed.generate_state(4), first]))
     u = rng.uniform(size=(4, walls.shape[1]))
-    out = own.copy()
     for stage in range(scene.stages):
         high, low = walls[2 * stage], walls[2 * stage + 1]
-        out[2 * stage] = -low + (0.01 + 0.98 * u[2 * stage]) * (high + low)
-        out[2 * stage + 1] = speed * (2.0 * u[2 * stage + 1] - 1.0)
-    if first == 0:
-        out[:, 0] = own[:, 0]
-    return out
+        state[2 * stage, others] = (-low + (0.01 + 0.98 * u[2 * stage]) * (high + low))[others]
+        state[2 * stage + 1, others] = (speed * (2.0 * u[2 * stage + 1] - 1.0))[others]
 
 
 class Walk:
     """A block of paths, followed as long as wanted; `steps`: in a period."""
 
     def __init__(self, scene: Scene, seed: np.random.SeedSequence, first: int, paths: int) -> None:
-        c = scene.constants
         self.paths, self.steps = paths, steps_per_period(scene)
-        backlash, key = backlash_of(scene), key_of(seed)
-        walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
-        if backlash.random:
-            draw_walls(backlash, key, first, walls)
-        dt = PERIOD / self.steps
-        job = Job(c, backlash, key, scene.phase, dt, EXACT, False, 0, memory_of(c.memory, dt))
-        starts = _spread_starts(scene, walls, seed, first)
-        every, room = lanes_of(1, first, starts, walls, scene.phase)
-        if c.memory:
-            begin_memory(c.memory, key, first, room.eta)
-        state, struck = starts.T.copy(), np.full((paths, 2), scene.phase)
-        samples, none, count = np.empty((1, paths, SAMPLES + 1, 4)), np.zeros((0, 1, COLUMNS)), np.zeros(4, np.int64)
+        plan = Plan(scene, paths, 0, PERIOD / self.steps, "exact-flight", seed, 0, np.empty(0, np.int64), {}, 1)
+        job, every, room = begin_block(plan, first, paths)
+        state = every.state[0, :, :paths]
+        _spread_starts(scene, state, every.walls[0, :, :paths], seed, first)
         self._block = Block(
-            job, no_control(), has_controls(c), first, self.steps, every, room, state, struck, samples, none, count
+            job,
+            plan.control,
+            has_controls(scene.constants),
+            first,
+            self.steps,
+            every,
+            room,
+            state=state.T.copy(),
+            struck=np.full((paths, 2), scene.phase),
+            samples=np.empty((1, paths, SAMPLES + 1, 4)),
+            none=np.zeros((0, 1, COLUMNS)),
+            counters=np.zeros(4, np.int64),
         )
         self._fixed, self._rows = self._instants(self.steps), np.empty((1, paths, ROOM, COLUMNS))
 

@@ -19,14 +19,14 @@ from rattle.closure.long_orbit import LongOrbit, velocities
 from rattle.closure.orbit import follow
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
+from rattle.montecarlo.branches.mixture import mixture_of
 from rattle.montecarlo.branches.search import BranchSearch
+from rattle.montecarlo.branches.weighted_paths import run_mixture
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact, growths
 from rattle.montecarlo.long_run.sums import new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
-from rattle.montecarlo.rare.block import run_mixture
-from rattle.montecarlo.rare.mixture import mixture_of
 from rattle.montecarlo.schemes.euler import step_forcing
 from rattle.montecarlo.settings.plan import plan_of
 from rattle.montecarlo.settings.sampling import Sampling
@@ -119,7 +119,7 @@ def rare_branches():
     scene = Scene.from_gears(DAT21, sigma=0.1)
     shift = BranchSearch(scene, 1, 24, math.pi / 96).until(1.0).branches[0].shift
     plan = plan_of(scene, paths=40, impacts=2, dt=math.pi / 96, scheme="exact-flight", rng=5)
-    with mock.patch("rattle.montecarlo.rare.block.BLOCK", 40):
+    with mock.patch("rattle.montecarlo.branches.weighted_paths.BLOCK", 40):
         result, _ = run_mixture(plan, mixture_of([shift], [0.3], np.zeros((2, 6)), 40), 0)
     yield from (shift, result.sums["weighted"].sums, result.sums["weighted"].products, result.codes)
 

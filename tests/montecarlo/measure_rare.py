@@ -15,10 +15,10 @@ import pandas as pd
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches.choose import choose_mixture, steps_of
+from rattle.montecarlo.branches.mixture import mixture_of
 from rattle.montecarlo.branches.search import SMALLEST, search_of
+from rattle.montecarlo.branches.weighted_paths import run_mixture, sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.rare.block import run_mixture, sample_mixture
-from rattle.montecarlo.rare.mixture import mixture_of
 from rattle.montecarlo.settings.plan import NOISE_FREE
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.moments import SECTION

@@ -9,13 +9,13 @@ import pytest
 
 from rattle.montecarlo import simulate, simulate_rare, simulate_to
 from rattle.montecarlo.branches.choose import _share_out, choose_mixture
+from rattle.montecarlo.branches.mixture import mixture_of, tail
 from rattle.montecarlo.branches.search import BranchSearch
+from rattle.montecarlo.branches.weighted_paths import sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK, run
-from rattle.montecarlo.rare.block import sample_mixture
-from rattle.montecarlo.rare.mixture import mixture_of, tail
-from rattle.montecarlo.rare.weighted_sums import ORDERS, WeightedSums, add
 from rattle.montecarlo.settings.plan import NOISE_FREE, plan_of
 from rattle.montecarlo.statistics.section_statistics import single_statistics
+from rattle.montecarlo.statistics.weighted_sums import ORDERS, WeightedSums, add
 from rattle.scene import DAT21, Scene, Tolerance
 from tests.montecarlo.measure_rare import PAIR, TABLE
 

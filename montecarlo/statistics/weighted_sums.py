@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 
 from rattle.scene.compiled import lean
-from rattle.scene.types import Floats
+from rattle.scene.types import Floats, Ints
 
 ONCE, TWICE, THRICE = 5, 9, 7  # powers of a deviation d, from 0 on, that are summed with w, with w^2 and with w^3
 ORDERS = ONCE + TWICE + THRICE
@@ -42,6 +42,21 @@ def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
                 for o in range(ONCE, THRICE):
                     s[ONCE + TWICE + o] += thrice
                     thrice *= d
+
+
+@lean
+def add_products(rows: Floats, weights: Floats, centre: Floats, pairs: Ints, products: Floats) -> None:
+    """Add the weighted products of the deviations of pairs of variables.
+
+    Shapes: as of `add`; `pairs` (pairs, 2); `products` (impacts, pairs).
+    """
+    for p in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            w = weights[p, k]
+            if w > 0.0:
+                for j in range(pairs.shape[0]):
+                    a, b = pairs[j]
+                    products[k, j] += w * (rows[p, k, a] - centre[k, a]) * (rows[p, k, b] - centre[k, b])
 
 
 @dataclass(frozen=True)
