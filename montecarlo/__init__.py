@@ -13,8 +13,7 @@ from rattle.montecarlo.ensemble.simulate import simulate
 from rattle.montecarlo.schemes.step_size import default_step, largest_step
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import check_settings
-from rattle.montecarlo.settings.record import Record
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Record, Sampling
 
 __all__ = [
     "SCHEMES",

@@ -19,8 +19,7 @@ from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
 from rattle.montecarlo.schemes.euler import plain_lanes, step_forcing
 from rattle.montecarlo.settings.plan import plan_of
-from rattle.montecarlo.settings.record import Record
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Record, Sampling
 from rattle.scene.compiled import jit, lean
 from rattle.scene.constants import Constants
 from rattle.scene.gears import DAT21

@@ -22,9 +22,8 @@ from rattle.closure.mean_map import closure_seconds
 from rattle.compare.tradeoff.multilevel import Levels, measure_levels
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, Record, simulate, simulate_to
-from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths
+from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths, step_error
 from rattle.montecarlo.accuracy.pilots import pilot
-from rattle.montecarlo.accuracy.step_error import step_error
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, share_of_look, units
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene.errors import positive

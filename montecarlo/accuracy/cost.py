@@ -2,39 +2,44 @@
 
 Work is counted - steps, impacts and sticking steps of paths - at the stated nanoseconds of each scheme.  No clock is
 asked, so that what a cost decides is the same on every machine and in every run.  Compiling is not counted.
+
+The step's bias is measured from dt, 2 dt and 4 dt on the same Brownian paths, or, where nothing is random, against the
+exact orbit; of exact flights it is the noise that a step leaves out.  Row by row there is the bound of each section
+mean and sd by itself, and the dearest of them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.special import ndtri
 
-from rattle.montecarlo.accuracy.step_error import step_error
 from rattle.montecarlo.diagnostics.accuracy import (
     LEAST,
+    MOMENTS,
     absolute_errors,
     count_paths,
+    errors_by_row,
+    explain_shift,
     find_exceedance,
+    name_row,
     share_of_look,
     smallest_sd,
     units_by_quantity,
     unseen_shifts,
 )
-from rattle.montecarlo.diagnostics.reach import Candidate
+from rattle.montecarlo.diagnostics.reach import Candidate, Row
 from rattle.montecarlo.diagnostics.unseen import Added, branches_between, find_unseen, share_of
+from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.schemes.step_size import neglected_noise
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.plan import count_followed
+from rattle.montecarlo.settings.plan import count_followed, exact_orbit, is_random
 from rattle.scene.moments import SECTION
+from rattle.scene.text import duration_text
 from rattle.scene.types import Floats
-
-if TYPE_CHECKING:
-    from rattle.montecarlo.ensemble.result import Ensemble
-
 
 STEP = 8.0  # largest ratio of two bounds that is followed at once
 TOUCH = 1.02  # ratio to which the number is found
@@ -42,6 +47,11 @@ MOST = 1e15  # paths from which on the number does not matter any longer
 LOOKS = 2  # after which a run to an accuracy ends as a rule
 VECTOR_GAIN = 32.0  # cost of a path-step of a single path over that in a full block of vector lanes
 STICKING_NS = 110.0  # measured time of a path-step in which a mesh sticks
+NO_SUCH_IMPACT = 1e3  # error of a path that has an impact more, or less, than it should
+MOST_OF = 0.5  # share of a bound from which on one cause is named for it
+SHARE = 0.9  # of the rows that are stated apart from the dearest
+MOST_ROOT = 1e100  # square root of the largest number of paths
+DEARER = 3.0  # times as many paths from which on the dearest row is named
 
 
 class ExpectedPaths(NamedTuple):
@@ -68,11 +78,20 @@ def expect_paths(run: Ensemble, accuracy: float, share: float) -> ExpectedPaths:
     least = find_exceedance(error / unit, 0.0 * error, share)
     plain = begun * min(least / max(accuracy, 5e-324), 1e100) ** 2
 
+    sd = np.nan_to_num([columns["sd_" + q] for q in SECTION])
+    varies = np.array(list(smallest_sd(columns).values()))
+
     def bound(paths: float) -> tuple[float, Added]:
         added = branches_between(run.scene, columns, begun, int(paths), *drawn)
-        errors, sizes = _foreseen(columns, unit, error, added, begun, paths)
+        wider = np.sqrt(sd**2 + added.square.T)
+        size = np.where(unit == sd, wider, unit)  # displacements at a struck wall, and what does not vary
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shrunk = np.nan_to_num(sd / wider, nan=1.0)
+            new = np.where(wider > varies, added.fourth.T / (4.0 * wider**2), 0.0)
+        mean = np.sqrt((error[0] ** 2 * begun + added.noise.T) / paths)
+        spread = np.sqrt(((error[1] * shrunk) ** 2 * begun + new) / paths)
         shift = unseen_shifts(find_unseen(run.scene, columns, int(paths), *drawn))
-        return find_exceedance(errors / sizes, shift / sizes, share), added
+        return find_exceedance(np.stack([mean, spread]) / size, shift / size, share), added
 
     fewer = paths = max(plain, 1.0)
     while (found := bound(paths))[0] > TOUCH * accuracy and paths < MOST:
@@ -89,22 +108,6 @@ def expect_paths(run: Ensemble, accuracy: float, share: float) -> ExpectedPaths:
     if not added.probabilities.size:
         return ExpectedPaths(paths, "branches that are not known")
     return ExpectedPaths(paths, f"a rare branch ({share_of(float(added.probabilities.min()))} paths)")
-
-
-def _foreseen(
-    columns: Mapping[str, NDArray[Any]], unit: Floats, error: Floats, added: Added, begun: int, paths: float
-) -> tuple[Floats, Floats]:
-    """Errors of `paths` paths, as `absolute_errors`, and the units in which they count."""
-    sd = np.nan_to_num([columns["sd_" + q] for q in SECTION])
-    wider = np.sqrt(sd**2 + added.square.T)
-    varies = np.array(list(smallest_sd(columns).values()))
-    size = np.where(unit == sd, wider, unit)  # displacements at a struck wall, and what does not vary
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shrunk = np.nan_to_num(sd / wider, nan=1.0)
-        new = np.where(wider > varies, added.fourth.T / (4.0 * wider**2), 0.0)
-    mean = np.sqrt((error[0] ** 2 * begun + added.noise.T) / paths)
-    spread = np.sqrt(((error[1] * shrunk) ** 2 * begun + new) / paths)
-    return np.stack([mean, spread]), size
 
 
 def cost_of(run: Ensemble, paths: int, dt: float | None = None) -> Candidate:
@@ -131,3 +134,83 @@ def cost_to(run: Ensemble, accuracy: float) -> Candidate:
     wanted = expect_paths(run, 0.5 * accuracy if bias else accuracy, share_of_look(LOOKS)).paths
     paths = max(LEAST // BLOCK, math.ceil(wanted / BLOCK)) * BLOCK
     return cost_of(run, count_followed(run.scene, paths), dt)
+
+
+def step_error(run: Ensemble) -> tuple[float, float]:
+    """Largest step bias of the section means and sds, in units of each quantity's sd, over the impacts that occurred.
+
+    Where nothing is random the exact orbit is known, and the bias is the difference from it: extrapolation cannot see
+    that a step strikes another mesh.
+    """
+    if not SCHEMES[run.scheme].has_step_bias:
+        return neglected_noise(run.scene, run.dt), 0.0
+    if not is_random(run.scene):
+        return _distance_from_orbit(run), 0.0
+    bias, error = _biases(run)
+    return float(bias.max()), float(error.flat[bias.argmax()])
+
+
+def _distance_from_orbit(run: Ensemble) -> float:
+    """Largest difference of a path without noise from the exact orbit; `NO_SUCH_IMPACT` where one of them has ended."""
+    exact, unit = exact_orbit(run.plan), units_by_quantity(run)
+    struck, columns = exact[:, 6] != 0.0, run.phase_reduced.columns
+    if not (struck == (columns["mesh"] != 0)).all():
+        return NO_SUCH_IMPACT
+    exact[:, 0] = run.scene.phase_reduced.to_absolute_time(exact[:, 0])
+    of = SECTION if run.scene.stages == 2 else SECTION[:4]
+    errors = [np.abs(columns[q] - exact[:, i])[struck] / unit[q][struck] for i, q in enumerate(of)]
+    return float(np.max(errors, initial=0.0))
+
+
+def missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row, ...]:
+    """The section means and sds whose own bound is above an accuracy, the worst first.
+
+    `share`: Probability of a wrong statement on all rows together; each has an equal part of it (Bonferroni).
+    """
+    if not is_random(run.scene):
+        return ()
+    (error, shift, hidden), (bias, _) = errors_by_row(run), _biases(run)
+    bound = shift + bias + _z(error, share) * error
+    found = []
+    for place in zip(*np.nonzero(bound > accuracy), strict=True):
+        why = "too few paths"
+        if shift[place] > MOST_OF * bound[place]:
+            why = explain_shift(hidden, shift, place)
+        elif bias[place] > MOST_OF * bound[place]:
+            why = "bias of the step"
+        moment, i, k = place
+        found.append(Row(MOMENTS[moment], SECTION[i], int(k) + 1, float(bound[place]), why))
+    return tuple(sorted(found, key=lambda row: -row.bound))
+
+
+def dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
+    """Which row takes most of the paths of an accuracy, and what the others take; empty where all are alike."""
+    if not is_random(run.scene):
+        return ""
+    error, shift, hidden = errors_by_row(run)
+    varies = error > 0.0
+    if not varies.any():
+        return ""
+    with np.errstate(over="ignore"):
+        paths = count_paths(run.columns) * np.minimum(_z(error, share) * error / accuracy, MOST_ROOT) ** 2
+    branch = np.broadcast_to(hidden.needed.T, error.shape)
+    paths = np.where(shift > MOST_OF * accuracy, np.maximum(paths, branch), paths)
+    dearest = np.unravel_index(np.argmax(np.where(varies, paths, 0.0)), paths.shape)
+    most = float(np.quantile(paths[varies], SHARE))
+    if not paths[dearest] > DEARER * most:
+        return ""
+    seconds = duration_text(cost_of(run, max(math.ceil(most), 1)).core_seconds)
+    return f"the dearest is the {name_row(dearest)}; nine in ten of the others would take {seconds}"
+
+
+def _z(error: Floats, share: float) -> float:
+    return float(-ndtri(0.5 * share / max(int((error > 0.0).sum()), 1)))
+
+
+def _biases(run: Ensemble) -> Floats:
+    """Bias of the step of all rows and its standard error, in their units, shape (2, 2, 6, impacts)."""
+    unit, quantities = np.array(list(units_by_quantity(run).values())), 2 + 2 * run.scene.stages
+    found = np.zeros((2, len(MOMENTS), len(SECTION), run.impacts))
+    steps = run.step_bias[["bias", "se_bias"]].to_numpy().T.reshape(2, len(MOMENTS), quantities, run.impacts)
+    found[:, :, :quantities] = np.nan_to_num(np.abs(steps)) / unit[:quantities]
+    return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,8 +24,7 @@ from rattle.montecarlo.schemes.step_size import LEFT_OUT, largest_step, resolve_
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.budget import Budget, clock
 from rattle.montecarlo.settings.plan import count_followed, default_horizon, is_random
-from rattle.montecarlo.settings.record import Record
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Record, Sampling
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
@@ -110,21 +109,19 @@ def sample_branches(plain: PilotRun, accuracy: float, blocks: Blocks, budget: Bu
 def _pilot_within(scene: Scene, scheme: str, accuracy: float, simulate: Simulate, budget: Budget) -> PilotRun:
     """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
     settings = _pilot_settings(scene, scheme, accuracy)
-
-    def until(horizon: float) -> Sampling:
-        return Sampling(control=settings["sampling"].control, horizon=horizon)
-
+    one_step = replace(settings["sampling"], horizon=settings["dt"])
     with budget.pause():
-        simulate(paths=1, **settings | {"impacts": 1, "sampling": until(settings["dt"])})  # compiles
+        simulate(paths=1, **settings | {"impacts": 1, "sampling": one_step})  # compiles
 
     def time_run(**changed: Any) -> tuple[Ensemble, float]:
         began = clock()
         return simulate(**settings | changed), clock() - began
 
     for _ in range(2):  # overhead of a run besides its paths; the second time its plan is cached
-        run, before = time_run(paths=1, sampling=until(settings["dt"]))
+        run, before = time_run(paths=1, sampling=one_step)
     horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1))
-    probe, _ = time_run(paths=count_followed(scene, PROBES[0]), sampling=until(PROBE_SPAN * horizon))
+    early = replace(one_step, horizon=PROBE_SPAN * horizon)
+    probe, _ = time_run(paths=count_followed(scene, PROBES[0]), sampling=early)
     slow = cost_of(probe, 1).core_seconds / PROBE_SPAN
     if probe.unfinished and slow * probe.paths > budget.remaining:
         return PilotRun(probe, slow, False)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.accuracy.cost import cost_of, expect_paths
+from rattle.montecarlo.accuracy.cost import cost_of, dearest_row, expect_paths, missed_rows, step_error
 from rattle.montecarlo.accuracy.pilots import (
     COARSEST,
     ROUGHEST,
@@ -27,8 +27,6 @@ from rattle.montecarlo.accuracy.pilots import (
     choose_scheme,
     sample_branches,
 )
-from rattle.montecarlo.accuracy.rows import dearest_row, missed_rows
-from rattle.montecarlo.accuracy.step_error import step_error
 from rattle.montecarlo.branches.simulate_rare import extend_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
@@ -39,8 +37,7 @@ from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.budget import HOUR, Budget, clock
 from rattle.montecarlo.settings.plan import MOST_STEPS, check_settings, count_followed, default_horizon, is_random
-from rattle.montecarlo.settings.record import Record
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Record, Sampling
 from rattle.scene.errors import InputError, moved, positive
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text
@@ -158,12 +155,10 @@ def simulate_to(
     ('exact-flight', True)
     """
     record = Record() if record is None else record
+    why = "cannot be recorded by simulate_to, which chooses its own runs; leave it out, or give paths to simulate"
     for name in ("times", "step_bias", "itineraries", "histogram", "raw"):
         value = getattr(record, name)
         if len(value) if name in ("times", "itineraries") else value:
-            why = (
-                "cannot be recorded by simulate_to, which chooses its own runs; leave it out, or give paths to simulate"
-            )
             raise InputError(f"record.{name}", value, why)
     sampling = Sampling() if sampling is None else sampling
     if not isinstance(sampling, Sampling) or sampling != Sampling(blocks=sampling.blocks):
@@ -172,28 +167,8 @@ def simulate_to(
     accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:
         budget = float(positive("budget", budget))
-    run = _simulate(scene, accuracy, impacts, scheme, rng, workers, budget, record, progress, sampling.blocks, refuse)
-    if run.reach is not None and not run.reach.reached:
-        warnings.warn(run.reach.sentence, AccuracyWarning, stacklevel=3)
-    return run
-
-
-def _simulate(
-    scene: Scene,
-    accuracy: float,
-    impacts: int,
-    scheme: str | None,
-    rng: int | np.random.SeedSequence,
-    workers: int,
-    budget: float | None,
-    record: Record,
-    progress: str | None,
-    blocks: Blocks | None,
-    refuse: bool,
-) -> Ensemble:
-    """Pilot runs, then the scheme that they choose until both errors are within the accuracy or the budget is spent."""
     left = Budget(HOUR if budget is None else budget)
-    blocks = left.limit(blocks or in_threads(workers))
+    blocks = left.limit(sampling.blocks or in_threads(workers))
 
     def again(**settings: Any) -> Ensemble:
         step_bias = settings.pop("record", record).step_bias
@@ -218,8 +193,7 @@ def _simulate(
     ESTIMATES.info("Accuracy %g sd: %s.", accuracy, said)
     if budget is None:
         left.ends = math.inf  # from here on no clock decides
-    follow = _cut_short if short else _follow_up
-    run, more, look = follow(pilot_run, again, record, blocks, accuracy, left, progress)
+    run, more, look = (_cut_short if short else _follow_up)(pilot_run, again, blocks, accuracy, left, progress)
     bound = error_bound(run, share_of_look(look))
     step = step_error(run)[0]
     worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
@@ -229,6 +203,7 @@ def _simulate(
     )
     if not reach.reached:
         reach = reach._replace(missed=missed_rows(run, accuracy, share_of_look(look)))
+        warnings.warn(reach.sentence, AccuracyWarning, stacklevel=3)
     return replace(run, reach=reach)
 
 
@@ -240,13 +215,7 @@ def _extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None) -> 
 
 
 def _cut_short(
-    pilot_run: PilotRun,
-    simulate: Simulate,
-    record: Record,
-    blocks: Blocks,
-    accuracy: float,
-    budget: Budget,
-    progress: str | None,
+    pilot_run: PilotRun, simulate: Simulate, blocks: Blocks, accuracy: float, budget: Budget, progress: str | None
 ) -> tuple[Ensemble, float, int]:
     """As `_follow_up`, but what `INSTEAD` core-seconds of counted work give."""
     run, more = pilot_run.run, _expect_seconds(pilot_run, accuracy)
@@ -254,7 +223,7 @@ def _cut_short(
         return run, more, 1
     if SCHEMES[run.scheme].has_step_bias:
         aim = min(pilot_run.within(INSTEAD, accuracy), ROUGHEST)
-        run, _, look = _follow_up(pilot_run, simulate, record, blocks, aim, budget, progress)
+        run, _, look = _follow_up(pilot_run, simulate, blocks, aim, budget, progress)
         return run, more, look
     grain = count_followed(run.scene, BLOCK)
     paths = int(INSTEAD / cost_of(run, 1).core_seconds) // grain * grain
@@ -262,29 +231,20 @@ def _cut_short(
 
 
 def _follow_up(
-    pilot_run: PilotRun,
-    simulate: Simulate,
-    record: Record,
-    blocks: Blocks,
-    accuracy: float,
-    budget: Budget,
-    progress: str | None,
+    pilot_run: PilotRun, simulate: Simulate, blocks: Blocks, accuracy: float, budget: Budget, progress: str | None
 ) -> tuple[Ensemble, float, int]:
     """The pilot's scheme until its errors are within the accuracy, or the budget is spent; seconds missing, looks."""
     run, scene, expected = pilot_run.run, pilot_run.run.scene, pilot_run.at(accuracy)
     if not pilot_run.whole or budget.remaining <= 0.0:
         missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths)
         return run, missing, 1
-    exact, fewest, grain = (
-        not SCHEMES[run.scheme].has_step_bias,
-        count_followed(scene, LEAST),
-        count_followed(scene, BLOCK),
-    )
+    exact = not SCHEMES[run.scheme].has_step_bias
+    fewest, grain = count_followed(scene, LEAST), count_followed(scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
     settings = {
         "scheme": run.scheme,
-        "record": replace(record, step_bias=not exact),
+        "record": Record(step_bias=not exact),
         "progress": progress,
         "sampling": Sampling(control=exact and small_noise(scene), horizon=horizon),
     }

@@ -83,14 +83,6 @@ def clockwork_of(steps: Sequence[FlightForcing], h: float, depth: int) -> Clockw
     return Clockwork(h, depth, table, np.array(f.carry))
 
 
-def first_state(scene: Scene) -> Floats:
-    """State in which the first flight of a scene begins: after the impact at the start if there is one."""
-    x1, y1, x2, y2 = scene.start_state
-    if scene.start.mesh != 0:
-        y1, y2 = struck(scene.constants, scene.start.mesh, y1, y2)
-    return np.array([x1, y1, x2, y2])
-
-
 class Tree(NamedTuple):
     """A scene on a shared Brownian tree, for compiled code."""
 

@@ -8,8 +8,9 @@ Its determinant obeys the orbit's formula: the damping between impacts, and ``ep
 
 import numpy as np
 
-from rattle.montecarlo.coupling.dyadic import HIT, Tree, first_state, new_room, tree_of, walk_step
+from rattle.montecarlo.coupling.dyadic import HIT, Tree, new_room, tree_of, walk_step
 from rattle.montecarlo.noise.philox import STEP, Word, normals
+from rattle.montecarlo.schemes.short_flight import first_state
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene.compiled import jit
 from rattle.scene.scene import Scene
@@ -77,7 +78,7 @@ class LongPath:
         self.tree, self.path, self.sticking_steps = tree_of(scene, seed, depth), Word(path), 0
         self.step = self.tree.clock.h
         self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
-        self.at, self.frame = np.append(first_state(scene), 0.0), np.eye(4)
+        self.at, self.frame = np.array([*first_state(scene), 0.0]), np.eye(4)
 
     def stretch(self, steps: int, tangent: bool = True, velocities: bool = True) -> tuple[Stretch, Floats]:
         """The impacts of the next steps.

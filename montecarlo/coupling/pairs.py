@@ -8,8 +8,9 @@ import math
 
 import numpy as np
 
-from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, first_state, new_room, tree_of, walk_step
+from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, new_room, tree_of, walk_step
 from rattle.montecarlo.noise.philox import STEP, Word, normals
+from rattle.montecarlo.schemes.short_flight import first_state
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
@@ -86,7 +87,7 @@ def after_impact(
     """
     tree = tree_of(scene, seed, DEEPEST)
     apart, place, steps = np.empty((impacts, deltas.size)), np.empty((impacts, 3)), settle + 2000 * impacts
-    n, missed = _after_impact(tree, steps, settle, first_state(scene), least, deltas, apart, place)
+    n, missed = _after_impact(tree, steps, settle, np.array(first_state(scene)), least, deltas, apart, place)
     return apart[:n], place[:n], missed
 
 
@@ -172,5 +173,5 @@ def growths(
     """
     tree = tree_of(scene, seed, DEEPEST)
     wait, found = max(2, int(patience / tree.clock.h)), np.empty((2, events))
-    n = _growths(tree, settle, wait, settle + wait * events, first_state(scene), delta, ratio, found)
+    n = _growths(tree, settle, wait, settle + wait * events, np.array(first_state(scene)), delta, ratio, found)
     return found[0, :n], found[1, :n]

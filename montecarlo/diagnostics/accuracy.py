@@ -14,7 +14,7 @@ from off-itinerary paths only.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,26 +35,10 @@ CONFIDENCE = 0.95
 LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be sampled
 SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
 Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
+MOMENTS = ("mean", "sd")
+Place = tuple[np.intp, ...]
+"""Indices of a moment in `MOMENTS`, of a quantity in `SECTION`, and of an impact."""
 ROUNDED = 2.0**-40  # sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
-
-
-class HasColumns(Protocol):
-    """An ensemble, or a stored result with the same columns."""
-
-    @property
-    def columns(self) -> Mapping[str, NDArray[Any]]:
-        """As `Ensemble.columns`."""
-        ...
-
-    @property
-    def scene(self) -> Scene:
-        """What was modelled."""
-        ...
-
-    @property
-    def section(self) -> pd.DataFrame:
-        """As `Ensemble.section`."""
-        ...
 
 
 def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
@@ -70,10 +54,10 @@ def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
     return found
 
 
-def units_by_quantity(run: HasColumns) -> dict[str, Floats]:
+def units_by_quantity(run: Any) -> dict[str, Floats]:
     """As `units`, without a table: one array for each section quantity.
 
-    Shapes: result (impacts,).
+    `run`: An ensemble, or a stored result with the same columns. Shapes: result (impacts,).
     """
     columns = run.columns
     least = smallest_sd(columns)
@@ -83,24 +67,21 @@ def units_by_quantity(run: HasColumns) -> dict[str, Floats]:
     return unit
 
 
-def units(run: HasColumns) -> pd.DataFrame:
+def units(run: Any) -> pd.DataFrame:
     """Unit of each quantity's errors: its sd, or 1 where the sd is no scale."""
     import pandas as pd
 
     return pd.DataFrame(units_by_quantity(run), index=run.section.index)
 
 
-def sampling_error(run: HasColumns) -> tuple[float, str]:
+def sampling_error(run: Any) -> tuple[float, str]:
     """Largest standard error of the section means and sds, in units of each quantity's sd."""
     unit, columns = units_by_quantity(run), run.columns
-    worst, where = 0.0, "nothing varies" if np.isfinite(columns["tau"]).any() else "no impact was seen"
-    for q in SECTION:
-        for name, prefix in (("mean", "se_"), ("sd", "se_sd_")):
-            errors = np.nan_to_num(columns[prefix + q] / unit[q])
-            k = int(errors.argmax())
-            if errors[k] > worst:
-                worst, where = float(errors[k]), f"{name} of {q} at impact {k + 1}"
-    return worst, where
+    errors = np.nan_to_num([[columns[prefix + q] / unit[q] for prefix in ("se_", "se_sd_")] for q in SECTION])
+    if not errors.any():
+        return 0.0, "nothing varies" if np.isfinite(columns["tau"]).any() else "no impact was seen"
+    i, moment, k = np.unravel_index(errors.argmax(), errors.shape)
+    return float(errors.max()), name_row((moment, i, k))
 
 
 class Bound(NamedTuple):
@@ -196,29 +177,37 @@ def count_paths(columns: Mapping[str, NDArray[Any]]) -> int:
     return int(np.nanmax(np.nan_to_num(columns["paths"]), initial=0.0))
 
 
-def error_bound(run: HasColumns, share: float = 1.0 - CONFIDENCE) -> Bound:
-    """Bound all errors of section means and sds at once, except for the bias of the step."""
+def errors_by_row(run: Any) -> tuple[Floats, Floats, Unseen]:
+    """Standard errors and shifts by unseen branches of all rows, in their units, shape (2, 6, impacts)."""
     unit = np.array(list(units_by_quantity(run).values()))
     hidden = unseen(run.scene, run.columns, count_paths(run.columns))
-    error, shift = absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit
+    return absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit, hidden
+
+
+def explain_shift(hidden: Unseen, shift: Floats, row: Place) -> str:
+    """The unseen branch that could move a row, in words."""
+    moment, i, k = row
+    return unseen_text(MOMENTS[moment], hidden.probability[k, i], shift[row], hidden.needed[k, i])
+
+
+def error_bound(run: Any, share: float = 1.0 - CONFIDENCE) -> Bound:
+    """Bound all errors of section means and sds at once, except for the bias of the step."""
+    error, shift, hidden = errors_by_row(run)
     sampled, bound = find_exceedance(error, 0.0 * shift, share), find_exceedance(error, shift, share)
     if bound == 0.0:
         return Bound(0.0, 0.0, sampling_error(run)[1], "", "")
     weight = shift + error * (sampled / max(error.max(), 1e-300))
-    moment, i, k = (int(n) for n in np.unravel_index(np.argmax(weight), error.shape))
-    where, remark, rare = _name(moment, i, k), "", ""
+    where, remark, rare = name_row(np.unravel_index(np.argmax(weight), error.shape)), "", ""
     if bound > 1.05 * sampled:
-        moment, i, k = (int(n) for n in np.unravel_index(np.argmax(shift), error.shape))
-        chance, needed = float(hidden.probability[k, i]), float(hidden.needed[k, i])
-        rare, remark = _name(moment, i, k), unseen_text(MOMENTS[moment], chance, float(shift[moment, i, k]), needed)
+        furthest = np.unravel_index(np.argmax(shift), error.shape)
+        rare, remark = name_row(furthest), explain_shift(hidden, shift, furthest)
     return Bound(bound, sampled, where, remark, rare)
 
 
-MOMENTS = ("mean", "sd")
-
-
-def _name(moment: int, quantity: int, impact: int) -> str:
-    return f"{MOMENTS[moment]} of {SECTION[quantity]} at impact {impact + 1}"
+def name_row(row: Place) -> str:
+    """A row in words."""
+    moment, i, k = row
+    return f"{MOMENTS[moment]} of {SECTION[i]} at impact {k + 1}"
 
 
 def small_noise(scene: Scene) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ TOLERANCE = 0.05
 
 SMALLEST = 0.01  # an error unit is at least this share of the scale of the motion
 FINER = 4  # dt over the step of the comparison; for order 1, dt against dt / 4 shows 3/4 of the bias: times 4/3
+UNBIASED = "exact-flight, which has no such bias"
 COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
 """Restitution below which white noise makes impacts accumulate: inelastic collapse (Cornell, Swift, Bray 1998)."""
 
@@ -108,17 +109,14 @@ def diagnose(run: Any) -> tuple[str, ...]:
     >>> diagnose(simulate(run.scene, paths=1000, impacts=2))
     ()
     """
-    found = (_of_accuracy(run), diagnose_short_step(run), *_of_step(run), *_of_impacts(run), diagnose_rare_branch(run))
+    accuracy, *impacts = _list_counted(run)
+    found = (accuracy, diagnose_short_step(run), *_of_step(run), *impacts, diagnose_rare_branch(run))
     return tuple(line for line in found if line)
 
 
 def list_counted(run: Any) -> tuple[str, ...]:
     """Those diagnostics that take no computation: what the run itself has counted."""
-    return tuple(line for line in (_of_accuracy(run), *_of_impacts(run)) if line)
-
-
-def _of_accuracy(run: Any) -> str:
-    return "" if run.reach is None or run.reach.reached else run.reach.sentence
+    return tuple(line for line in _list_counted(run) if line)
 
 
 def diagnose_rare_branch(run: Any) -> str:
@@ -161,19 +159,21 @@ def diagnose_short_step(run: Any) -> str:
     return f"dt = {allowed:.3g} in place of the scheme's {usual:.3g}: {why}."
 
 
-def _of_step(run: Any) -> tuple[str, ...]:
-    scene, scheme, dt, kind = run.scene, run.plan.scheme, run.plan.dt, SCHEMES[run.plan.scheme]
-    if not kind.has_step_bias:
-        return ()
+def _of_step(run: Any) -> Iterator[str]:
+    scene, scheme = run.scene, run.plan.scheme
+    if not SCHEMES[scheme].has_step_bias:
+        return
     if run.plan.levels > 1:
-        return (_of_measured_bias(run),)
+        yield _of_measured_bias(run)
+        return
     limit, why = trusted_step(scene, scheme)
-    remedy = f"dt = {limit:.2g} would do" if limit * STEPS > 1.0 else "take exact-flight, which has no such bias"
-    noisy = f"The step may bias moments by more than {TOLERANCE:.0%} of an sd: {why}; {remedy}." if dt > limit else ""
+    if run.plan.dt > limit:
+        remedy = f"dt = {limit:.2g} would do" if limit * STEPS > 1.0 else f"take {UNBIASED}"
+        yield f"The step may bias moments by more than {TOLERANCE:.0%} of an sd: {why}; {remedy}."
     shift, where = orbit_shift(run)
-    by, remedy = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST * shift:.2%}", "which has no such bias"
-    moved = f"The step moves the noise-free path by {by} ({where}): shorten it, or take exact-flight, {remedy}."
-    return noisy, moved if shift > TOLERANCE else ""
+    if shift > TOLERANCE:
+        by = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST * shift:.2%}"
+        yield f"The step moves the noise-free path by {by} ({where}): shorten it, or take {UNBIASED}."
 
 
 def _of_measured_bias(run: Any) -> str:
@@ -188,30 +188,27 @@ def _of_measured_bias(run: Any) -> str:
     where = f"{worst['moment']} of {worst['quantity']} at impact {worst['impact']}"
     return (
         f"The step biases the {where} by {share:.2g} sd, as measured (columns bias_...; the moments are not "
-        "corrected): shorten the step, or take exact-flight, which has no such bias."
+        f"corrected): shorten the step, or take {UNBIASED}."
     )
 
 
-def _of_impacts(run: Any) -> tuple[str, ...]:
+def _list_counted(run: Any) -> Iterator[str]:
+    """First what an accuracy is missed by, or nothing."""
     scene, plan = run.scene, run.plan
-    collapsing = (
-        f"Noise at a restitution below {COLLAPSE:.3f} lets impacts accumulate without end: the later an impact, the "
-        "more its number depends on the step."
-        if scene.sigma > 0.0 and scene.epsilon < COLLAPSE
-        else ""
-    )
+    yield "" if run.reach is None or run.reach.reached else run.reach.sentence
+    if scene.sigma > 0.0 and scene.epsilon < COLLAPSE:
+        yield (
+            f"Noise at a restitution below {COLLAPSE:.3f} lets impacts accumulate without end: the later an impact, "
+            "the more its number depends on the step."
+        )
     # else the path has had all its impacts by then
-    matters = run.plan.impacts > MOST_IN_A_STEP or run.plan.fixed_steps.size
-    sticking = (
-        f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end of the step: completed chatter, or a "
-        "sticking phase."
-        if run.sticking_steps and matters
-        else ""
-    )
-    unfinished = (
-        f"{run.unfinished:,} of {run.paths:,} paths did not finish before the time limit, "
-        f"{plan.most_steps * plan.dt:.3g} after the start; the moments are those of the others."
-        if run.unfinished
-        else ""
-    )
-    return collapsing, sticking, unfinished
+    if run.sticking_steps and (plan.impacts > MOST_IN_A_STEP or plan.fixed_steps.size):
+        yield (
+            f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end of the step: completed chatter, or "
+            "a sticking phase."
+        )
+    if run.unfinished:
+        yield (
+            f"{run.unfinished:,} of {run.paths:,} paths did not finish before the time limit, "
+            f"{plan.most_steps * plan.dt:.3g} after the start; the moments are those of the others."
+        )

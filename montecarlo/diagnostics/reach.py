@@ -29,20 +29,13 @@ class Candidate(NamedTuple):
     branches: int = 0  # rare branches that are sampled on purpose
 
     @property
-    def _drawn(self) -> str:
-        if not self.branches:
-            return ""
-        return f", a part of them near {self.branches} rare branch{'es' if self.branches > 1 else ''}"
-
-    @property
     def sentence(self) -> str:
         """The expected cost as text."""
         time = duration_text(self.core_seconds, 2)
-        paths = f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}"
-        return (
-            f"about {time} of processor time: {self.scheme}, dt = {self.dt:.3g}, {paths} "
-            f"path{'s' if self.paths > 1 else ''}{self._drawn}"
-        )
+        paths = (f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}") + " path" + "s" * (self.paths > 1)
+        if self.branches:
+            paths += f", a part of them near {self.branches} rare branch{'es' if self.branches > 1 else ''}"
+        return f"about {time} of processor time: {self.scheme}, dt = {self.dt:.3g}, {paths}"
 
 
 class Row(NamedTuple):

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rattle.montecarlo.branches.mixture import BranchMixture
 from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
-from rattle.montecarlo.rare.mixture import BranchMixture
 from rattle.montecarlo.settings.plan import is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
@@ -159,15 +159,11 @@ def branches_between(
 
 def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
     """Largest deviation of each quantity that the motion as a whole suggests."""
-    found = []
-    for q in SECTION:
-        mean, sd = columns["flight" if q == "tau" else q], columns["sd_" + q]
-        if q in ("x1", "x2"):
-            found.append(scene.constants.wall1 * 2.0 if q == "x1" else scene.constants.wall2 * 2.0)
-        else:
-            size = np.abs(mean) + 3.0 * np.nan_to_num(sd)
-            found.append(float(np.max(size, where=np.isfinite(size), initial=0.0)))
-    return np.array(found)
+    size = np.abs([columns[q] for q in ("flight", *SECTION[1:])])
+    size += 3.0 * np.nan_to_num([columns["sd_" + q] for q in SECTION])
+    found = np.max(size, axis=1, where=np.isfinite(size), initial=0.0)
+    found[[2, 4]] = 2.0 * scene.constants.wall1, 2.0 * scene.constants.wall2
+    return np.asarray(found)
 
 
 def unseen_text(moment: str, probability: float, change: float, needed: float) -> str:

@@ -17,8 +17,7 @@ from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, default_step, is_admissible
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import count_followed, plan_of
-from rattle.montecarlo.settings.record import Record
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Record, Sampling
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene.errors import InputError, choice, moved
 from rattle.scene.scene import Scene

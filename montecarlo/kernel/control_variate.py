@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.short_flight import kick
+from rattle.montecarlo.schemes.short_flight import first_state, kick
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene.compiled import lean
 from rattle.scene.constants import Constants
@@ -68,11 +68,8 @@ class LinearImpact(NamedTuple):
 
 def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
     """The orbit's impacts, until it grazes or ends."""
-    c, start = scene.constants, scene.start
-    x1, y1, x2, y2 = scene.start_state
-    if start.mesh:
-        y1, y2 = struck(c, start.mesh, y1, y2)
-    tau, found = scene.phase, []
+    c, tau, found = scene.constants, scene.phase, []
+    x1, y1, x2, y2 = first_state(scene)
     fastest = max(c.alpha, c.gamma1, abs(y1), abs(y2))
     for _ in range(impacts):
         t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, LONGEST)

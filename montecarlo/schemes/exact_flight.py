@@ -10,7 +10,7 @@ and so on: the distance to the wall falls with exponent 3/2, so that about two c
 of its way is flown without noise.
 
 There is no step bias apart from these bounds.  At the default step the neglected noise is at most 2e-4 of any sd of
-the section: where the variance grows from zero the step is shortened (`rattle.montecarlo.kernel.neglected_noise`).
+the section: where the variance grows from zero the step is shortened (`rattle.montecarlo.schemes.step_size`).
 """
 
 import math

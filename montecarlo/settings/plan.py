@@ -12,8 +12,7 @@ from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.step_size import accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.record import Record
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.sampling import Record, Sampling
 from rattle.scene.errors import InputError, choice, count, finite, positive
 from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import Scene

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rattle import DAT21, AccuracyWarning, InputError, Scene, simulate, simulate_to
-from rattle.montecarlo.accuracy.rows import dearest_row, missed_rows
+from rattle.montecarlo.accuracy.cost import dearest_row, missed_rows
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, share_of_look, units_by_quantity
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
