@@ -7,7 +7,7 @@ from settings import recorded
 from rattle import validate
 from rattle.closure import follow, mean_map
 from rattle.compare.study.design import read_axes
-from rattle.montecarlo import Record, simulate, simulate_to
+from rattle.montecarlo import simulate
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, FileError, InputError, Scene, Start, Tolerance
 from rattle.scene.files import read_text, read_toml
@@ -109,11 +109,6 @@ def test_a_displacement_on_its_wall_has_no_density():
 def test_settings_without_end_are_refused(name, value):
     with pytest.raises(InputError, match=name):
         simulate(DAT, **recorded({"paths": 2, "impacts": 1} | {name: value}))
-
-
-def test_an_accuracy_takes_no_fixed_times():
-    with pytest.raises(InputError, match="times"):
-        simulate_to(DAT, 0.1, record=Record(times=np.array([0.5, 0.6])))
 
 
 @pytest.mark.parametrize("paths", [2, 3])
