@@ -21,7 +21,6 @@ from rattle.scene.drive import driver_motion
 from rattle.scene.errors import OutputError
 from rattle.scene.scene import Scene
 from rattle.scene.text import line
-from rattle.scene.types import Floats
 
 LARGEST = 1_000_000
 """Most bytes of an animation."""
@@ -32,7 +31,6 @@ SECONDS = 0.9  # of watching for each impact of the orbit
 WIDE, HIGH = 10_000, 1000  # inner coordinates of a strip
 ROOM = 1.3  # height of a strip in half gaps
 MOST_TAU = 1e4  # beyond it time is counted from the start
-SUBSCRIPT = {1: "₁", 2: "₂"}
 TEETH = 12
 PRESSURE = math.radians(25.0)
 """Pressure angle; with 25 degrees a wheel of 12 teeth needs no undercut."""
@@ -136,7 +134,7 @@ def _numbers(motion: Motion) -> Mapping[str, Any]:
     if not np.isnan(motion.x2).all():
         columns["x2"] = motion.x2
     texts = {key: [float(f"{v:.7g}") for v in values.tolist()] for key, values in columns.items()}
-    return texts | {"codes": (motion.mesh * motion.side).tolist()}
+    return texts | {"codes": motion.code.tolist()}
 
 
 def _turns(shown: Recording, scale: float) -> list[float]:
@@ -165,7 +163,7 @@ def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
     in percent; 0 for none).
     """
     scene, walls = shown.scene, shown.scene.noise_free.constants
-    wall, ahead = (walls.wall1, "driver") if mesh == 1 else (walls.wall2, "wheel 2")
+    symbol, wall, ahead = ("x₁", walls.wall1, "driver") if mesh == 1 else ("x₂", walls.wall2, "wheel 2")
     c_max = getattr(scene.tolerance, f"c{mesh}_max") if _has_random_gaps(scene) else 0.0
     top = max(ROOM * wall, 1.1 * (wall + c_max))
     label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * wall:.3g}"
@@ -173,12 +171,13 @@ def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
     curves, marks = [], []
     for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
         x = motion.x1 if mesh == 1 else motion.x2
-        curves.append((name, _points(motion.time / shown.span, _height(x, top))))
+        places = zip((motion.time / shown.span).tolist(), _height(x, top).tolist(), strict=True)
+        curves.append((name, " ".join(f"{WIDE * a:.0f},{HIGH * b:.0f}" for a, b in places)))
         left, down = 100.0 * motion.impact_time / shown.span, 100.0 * _height(motion.impact_x, top)
-        own = np.flatnonzero(motion.mesh == mesh)
+        own = np.flatnonzero(np.abs(motion.code) == mesh)
         marks += [(name, int(k), round(float(left[k]), 3), round(float(down[k]), 2)) for k in own]
     return {
-        "label": f"x{SUBSCRIPT[mesh]}: {ahead} ahead of wheel 1",
+        "label": f"{symbol}: {ahead} ahead of wheel 1",
         "unit": "mm" if scene.gears else "dimensionless",
         "ticks": [(round(100.0 * _height(height, top), 3), text) for text, height in heights.items()],
         "curves": curves,
@@ -194,10 +193,6 @@ def _has_random_gaps(scene: Scene) -> bool:
 def _height(x: Any, top: float) -> Any:
     """Share of a strip's height from its top."""
     return 0.5 - 0.5 * x / top
-
-
-def _points(left: Floats, down: Floats) -> str:
-    return " ".join(f"{WIDE * a:.0f},{HIGH * b:.0f}" for a, b in zip(left.tolist(), down.tolist(), strict=True))
 
 
 def _caption(shown: Recording) -> list[str]:

@@ -32,8 +32,7 @@ class Motion:
     x2: Floats
     impact_time: Floats  # time of each impact since the start; that of the start itself is not among them; (impacts,)
     impact_x: Floats  # displacement of the mesh that is struck; (impacts,)
-    mesh: Ints  # mesh, side: mesh and flank of each impact; (impacts,)
-    side: Ints
+    code: Ints  # ``mesh * side`` of each impact; (impacts,)
 
     @property
     def impacts(self) -> int:
@@ -56,8 +55,7 @@ class Recording:
     def agreement(self) -> int:
         """Number of impacts for which both strike the same flanks in the same order."""
         both = min(self.orbit.impacts, self.path.impacts)
-        codes = [m.mesh[:both] * m.side[:both] for m in (self.orbit, self.path)]
-        return int(np.logical_and.accumulate(codes[0] == codes[1]).sum())
+        return int(np.logical_and.accumulate(self.orbit.code[:both] == self.path.code[:both]).sum())
 
 
 def check_recording(scene: Scene, impacts: int, seed: int) -> None:
@@ -92,8 +90,8 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
     --------
     >>> from rattle.scene import DAT21, Scene
     >>> shown = record(Scene.from_gears(DAT21, sigma=0.1), impacts=3, seed=1)
-    >>> shown.orbit.impacts, shown.orbit.mesh.tolist(), round(shown.span, 2)
-    (3, [1, 2, 1], 2.03)
+    >>> shown.orbit.impacts, shown.orbit.code.tolist(), round(shown.span, 2)
+    (3, [-1, 2, -1], 2.03)
     """
     check_recording(scene, impacts, seed)
     orbit = follow(scene.noise_free, impacts + 1)  # one more: the time shown ends before it
@@ -128,8 +126,8 @@ def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> Motion
     at = np.unique(np.concatenate([[0.0], instants, legs[(legs > 0.0) & (legs < instants[-1])]]))
     x = np.array([orbit.state(t + scene.phase)[::2] for t in at])
     shown = slice(1, impacts + 1)
-    mesh = orbit.mesh[shown]
-    return _motion(scene, at, x, orbit.tau[shown] - scene.phase, orbit.before[shown, ::2], mesh, orbit.side[shown])
+    code = orbit.mesh[shown] * orbit.side[shown]
+    return _motion(scene, at, x, orbit.tau[shown] - scene.phase, orbit.before[shown, ::2], code)
 
 
 def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instants: Floats) -> Motion:
@@ -155,13 +153,13 @@ def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instant
     seen = np.flatnonzero(~np.isnan(states[:, 0]))
     at = np.concatenate([[0.0], run.fixed_times[seen] - local.phase])
     x, code = np.vstack([start, states[seen]]), rows[:, 6].astype(np.int64)
-    return _motion(scene, at, x, rows[:, 0] - scene.phase, rows[:, [2, 4]], np.abs(code), np.sign(code))
+    return _motion(scene, at, x, rows[:, 0] - scene.phase, rows[:, [2, 4]], code)
 
 
-def _motion(scene: Scene, at: Floats, x: Floats, times: Floats, before: Floats, mesh: Ints, side: Ints) -> Motion:
+def _motion(scene: Scene, at: Floats, x: Floats, times: Floats, before: Floats, code: Ints) -> Motion:
     """States at instants and at impacts, in order of time; of two at one time the impact's is kept."""
     together = np.concatenate([times, at])
     order = np.unique(together, return_index=True)[1]
     states = np.concatenate([before, x])[order]
     x2 = states[:, 1] if scene.stages == 2 else np.full(len(order), np.nan)
-    return Motion(together[order], states[:, 0], x2, times, before[np.arange(len(times)), mesh - 1], mesh, side)
+    return Motion(together[order], states[:, 0], x2, times, before[np.arange(len(times)), np.abs(code) - 1], code)

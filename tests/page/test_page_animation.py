@@ -51,7 +51,7 @@ def test_each_impact_flashes_at_its_mesh(browser, page, shown):
     browser.open(page)
     browser.run("set(false)")
     for i, motion in enumerate((shown.orbit, shown.path)):
-        for k, mesh in enumerate(motion.mesh):
+        for k, mesh in enumerate(abs(motion.code)):
             assert browser.run(f"go(paths[{i}].hits[{k}]), {SHOWN}")[i][mesh - 1] == k + 1
             lit = browser.run(f"[...document.querySelectorAll('.lit.{('orbit', 'path')[i]}')].map(m => m.dataset.k)")
             assert str(k) in lit

@@ -55,7 +55,7 @@ def test_recorded_paths(name):
         assert motion.time[0] == 0.0
         assert motion.time[-1] <= shown.span
         assert np.isin(motion.impact_time, motion.time).all()
-        assert (np.sign(motion.impact_x) == motion.side).all()
+        assert (np.sign(motion.impact_x) == np.sign(motion.code)).all()
         for x, wall in zip((motion.x1, motion.x2)[: scene.stages], scene.windows, strict=False):
             assert np.abs(x).max() <= wall * (1.0 + 1e-12)
         assert np.isnan(motion.x2).all() == (scene.stages == 1)
@@ -72,7 +72,7 @@ def test_the_path_is_the_simulated_one(shown):
     raw = raw[raw[:, 0] <= shown.span]
     assert shown.path.impacts == len(raw)
     np.testing.assert_array_equal(shown.path.impact_time, raw[:, 0])
-    np.testing.assert_array_equal(shown.path.mesh * shown.path.side, raw[:, 6])
+    np.testing.assert_array_equal(shown.path.code, raw[:, 6])
 
 
 def polygon(wheel, degrees, centre):
