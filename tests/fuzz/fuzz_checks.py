@@ -17,8 +17,6 @@ from rattle.scene.errors import RattleError
 from rattle.scene.flight import field
 from rattle.scene.moments import STATE
 
-__all__ = ["ENTRIES", "check"]
-
 APART = 1e6
 MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})
 """Settings that do not suit a scene, where they are given; `published` takes no start in flight."""

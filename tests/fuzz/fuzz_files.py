@@ -19,8 +19,6 @@ from rattle.montecarlo import simulate
 from rattle.scene import Scene
 from rattle.scene.errors import FileError
 
-__all__ = ["ran", "simulate_file", "strict", "study_file", "validate_file"]
-
 
 def ran(words: list[str], folder: Path) -> Result:
     """A command line that has ended as ours do, begun in a folder: a report without --out goes below it."""

@@ -10,8 +10,6 @@ from rattle.scene.errors import RattleError
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
 
-__all__ = ["FAINTEST", "SIMPLE", "SLACK", "Ended", "finite", "has_verdicts", "must", "own", "refused", "semidefinite"]
-
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
 Ended = tuple[str, str]

@@ -10,8 +10,6 @@ from rattle.montecarlo.settings.plan import HORIZON_PER_IMPACT, STEPS, is_random
 from rattle.scene import Scene
 from rattle.scene.errors import RattleError
 
-__all__ = ["PLAN", "job"]
-
 WORK = 1e6  # steps of all paths
 ALONE = 2  # paths that may take the default horizon, of up to ten million steps
 USUAL = 0.3  # smallest step with the default horizon, in units of the default step

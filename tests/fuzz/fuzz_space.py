@@ -13,8 +13,6 @@ import numpy as np
 from rattle.scene.parts import GAPS, SPEED, TIME, TINY, UNIT_VARIANCE
 from rattle.scene.scene import LARGEST
 
-__all__ = ["LEAST", "Numbers", "any_scene"]
-
 LEAST = 5e-324
 """The least number above 0."""
 BELOW_ONE = 1.0 - 2.0**-53

@@ -9,8 +9,6 @@ import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-__all__ = ["BOUND", "Outcome", "Watched", "ends_as_named"]
-
 BOUND = 300.0  # seconds of processor time for a job: 64 sticking paths of ten million steps each take 72
 WAITING = 10.0  # times as long may it take on the clock, for other work may be on the machine
 

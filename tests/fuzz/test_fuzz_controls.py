@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from fuzz_checks import check
-from fuzz_flights import follows_the_flow
 from fuzz_must import SIMPLE, has_verdicts
 from fuzz_plan import PLAN, job
 from fuzz_space import LEAST, Numbers, any_scene
@@ -181,16 +180,16 @@ def test_a_wrong_path_is_seen(column, value, run):
 def test_a_flight_without_noise_that_is_none_of_eq_3_is_seen(scheme):
     given = SETTINGS | {"scheme": scheme, "dt": 0.002, "paths": 1, "impacts": 6}
     run = simulate(QUIET, record=Record(raw=True), **given)
-    follows_the_flow(run)
+    fuzz_sampled.follows_the_flow(run)
     for k, column, value in ((2, 3, 0.3), (3, 1, 0.05), (0, 5, -0.3)):
         raw = run.raw.copy()
         raw[0, k, column] += value
         with pytest.raises(AssertionError, match="leaves the flow"):
-            follows_the_flow(dataclasses.replace(run, raw=raw))
+            fuzz_sampled.follows_the_flow(dataclasses.replace(run, raw=raw))
     missed = np.delete(run.raw, 2, axis=1)  # an impact that was flown through: its two flights as one
     missed[0, 2, 1] += run.raw[0, 2, 1]
     with pytest.raises(AssertionError):
-        follows_the_flow(dataclasses.replace(run, raw=missed))
+        fuzz_sampled.follows_the_flow(dataclasses.replace(run, raw=missed))
 
 
 def test_identical_paths_behind_an_accuracy_and_what_is_not_said_of_it_are_seen(monkeypatch):

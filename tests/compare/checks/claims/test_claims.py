@@ -15,18 +15,7 @@ from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.checks.claims import evidence as of_evidence
 from rattle.compare.checks.claims import judges
 from rattle.compare.checks.claims.evidence import gather
-from rattle.compare.checks.claims.judges import (
-    MEND_15,
-    MEND_17,
-    MEND_BOTH,
-    NOT_REPRODUCED,
-    PUBLISHED,
-    REPRODUCED,
-    TEXTS,
-    UNDECIDED,
-    failures,
-    judge,
-)
+from rattle.compare.checks.claims.judges import NOT_REPRODUCED, REPRODUCED, TEXTS, UNDECIDED, failures, judge
 from rattle.compare.checks.claims.page import answer, write_claims
 from rattle.compare.cli.main import main
 from rattle.compare.report.json_text import read_page
@@ -62,10 +51,7 @@ def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
     ("name", "verdict"),
     [
         ("solvable", NOT_REPRODUCED),
-        (
-            "beyond_one",
-            "holds only for the published rules at impacts: Eq. 17 alone breaks stage 1 at impact 2 and",
-        ),
+        ("beyond_one", "holds only for the published rules at impacts: Eq. 17 alone breaks stage 1 at impact 2 and"),
         ("stages_apart", NOT_REPRODUCED),
         ("counter_meshes", NOT_REPRODUCED),
         ("chaotic_range", "holds only for"),
@@ -134,16 +120,16 @@ def test_each_rule_at_impacts_breaks_the_stage_that_it_is_for():
         found = {
             rule: {f.stage: f.impact for f in at} for rule, at in failures(Scene.from_gears(DAT21, sigma=sigma)).items()
         }
-        assert found[PUBLISHED] == {1: 2, 2: 2}
-        assert found[MEND_15] == {1: 2, 2: 0}
-        assert found[MEND_17] == {1: 0, 2: 2}
-        assert found[MEND_BOTH] == {1: 0, 2: 0}
+        assert found[judges.PUBLISHED] == {1: 2, 2: 2}
+        assert found[judges.MEND_15] == {1: 2, 2: 0}
+        assert found[judges.MEND_17] == {1: 0, 2: 2}
+        assert found[judges.MEND_BOTH] == {1: 0, 2: 0}
 
 
 def test_rules_as_published_are_those_of_the_published_closure():
     scene = Scene.from_gears(DAT21, sigma=0.1)
     m = mean_map(scene, impacts=4, closure="published")
-    first, second = failures(scene)[PUBLISHED]
+    first, second = failures(scene)[judges.PUBLISHED]
     assert (m.breakdown.impact, m.breakdown.reason) == (first.impact, first.reason)
     assert f"variance of x = {m.trace.covariance[2, 2, 2]:.3g} < 0" == second.reason
 
