@@ -249,11 +249,6 @@ class Wheel:
         """Distance of two teeth along the pitch circle."""
         return math.pi * self.module
 
-    @property
-    def tip(self) -> float:
-        """Radius of its tips."""
-        return self.radius + ADDENDUM * self.module
-
     def half_angle(self, radius: float) -> float:
         """Half the angle that a tooth spans at a radius.
 
@@ -279,7 +274,7 @@ def outline(wheel: Wheel) -> str:
     >>> outline(Wheel(96.0, 0.35)).count("A")  # a tip and a root for each tooth
     24
     """
-    root, tip = wheel.radius - DEDENDUM * wheel.module, wheel.tip
+    root, tip = wheel.radius - DEDENDUM * wheel.module, wheel.radius + ADDENDUM * wheel.module
     base = wheel.radius * math.cos(PRESSURE)
     radii = [root, *(base + (tip - base) * (i / (FLANK - 1)) for i in range(FLANK))]
     flank = [(r, wheel.half_angle(r)) for r in radii]

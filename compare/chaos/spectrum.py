@@ -94,11 +94,6 @@ class Spectrum:
         table = pd.DataFrame(rows, columns=["frequency", "width", "share", "over", "narrow"])
         return table.sort_values("share", ascending=False, ignore_index=True)
 
-    @property
-    def floor_share(self) -> float:
-        """Share of the power outside the lines: the continuous part."""
-        return 1.0 - float(self.lines["share"].sum())
-
 
 def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
     """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half, averaged over all pieces.
@@ -180,8 +175,9 @@ def spectra_tables(found: dict[tuple[str, str, str], Spectrum]) -> tuple[pd.Data
         columns = {"frequency": s.frequency, "power": s.power, "low": low, "high": high, "floor": s.floor}
         density.append(pd.DataFrame(key | columns))
         lines.append(s.lines.assign(**key))
+        floor_share = 1.0 - float(s.lines["share"].sum())  # of the continuous part, outside the lines
         variance = float(s.power.sum() * (s.frequency[1] - s.frequency[0]))
         row = key | {"variance": variance, "lines": len(s.lines), "narrow": int(s.lines["narrow"].sum())}
-        row |= {"line_share": 1.0 - s.floor_share, "floor_share": s.floor_share}
+        row |= {"line_share": 1.0 - floor_share, "floor_share": floor_share}
         summary.append(row | {"threshold": s.threshold, "dof": s.dof, "segments": s.segments})
     return pd.concat(density, ignore_index=True), pd.concat(lines, ignore_index=True), pd.DataFrame(summary)

@@ -141,7 +141,7 @@ EXTREMES, PUBLISHED = read_texts("checks.extremes"), read_texts("checks.publishe
 
 
 def extreme(allowed: float = ROUNDING, **texts: str) -> Callable[[Callable[[], Iterable[float]]], Subject]:
-    """Decorate a function that yields errors, so that it returns the check of the worst of them.
+    """Decorate a function that yields errors, so that it returns the check of the worst of them; NaN is the worst.
 
     `allowed`: The largest admissible error. `texts`: As in `EXTREMES`, for a function that is not there.
 
@@ -158,7 +158,8 @@ def extreme(allowed: float = ROUNDING, **texts: str) -> Callable[[Callable[[], I
         @wraps(errors)
         def check(seed: int = 0, workers: int = 1) -> Result:
             bound = {"se": 1.0} if said["unit"] == "z" else {"slack": allowed}
-            worst = Check(said["field"], worst_of(errors()), 0.0, **bound)
+            largest = max((math.inf if math.isnan(error) else error for error in errors()), default=math.inf)
+            worst = Check(said["field"], largest, 0.0, **bound)
             return Result(said["name"], said["truth"], said["tried"], [worst], allowed=allowed, unit=said["unit"])
 
         return check
@@ -206,11 +207,6 @@ def spread(low: float, high: float, count: int, *also: float) -> list[float]:
     [0.0, 0.01, 1.0, 100.0]
     """
     return [*also, *(float(v) for v in np.geomspace(low, high, count))]
-
-
-def worst_of(errors: Iterable[float]) -> float:
-    """The largest error; infinite if one is NaN."""
-    return max((math.inf if math.isnan(e) else e for e in errors), default=math.inf)
 
 
 def verdict(holds: bool) -> str:

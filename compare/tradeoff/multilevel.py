@@ -52,10 +52,6 @@ class Rate(NamedTuple):
     half: float  # half width of the slope's 95 % interval
     intercept: float
 
-    def at(self, level: Floats) -> Floats:
-        """The fitted values at levels."""
-        return np.asarray(2.0 ** (self.intercept + self.slope * level))
-
 
 def fit(level: Floats, value: Floats) -> Rate:
     """Fit an exponential by a straight line through the binary logarithms.
@@ -76,8 +72,7 @@ def fit(level: Floats, value: Floats) -> Rate:
 class MultilevelCost(NamedTuple):
     """The cheapest multilevel estimator of the means for an accuracy."""
 
-    first: int  # first, last: its coarsest and finest level
-    last: int
+    last: int  # its finest level
     seconds: float  # nominal core-seconds of the counted work for all rows (means) at once
     # core-seconds for a single row with the median of the variances and biases: the case most favourable to the
     # method
@@ -105,26 +100,25 @@ class Levels(NamedTuple):
         """Cost of an optimal estimator whose standard error and bias are each within the accuracy."""
         t = self.table
         single = self.single.max(axis=1), np.median(self.single, axis=1)
-        last, seconds, first = self._cheapest(self.alpha, self.beta, t["variance_worst"], single[0], accuracy)
-        _, typical, _ = self._cheapest(self.typical_alpha, self.typical_beta, t["variance_median"], single[1], accuracy)
-        return MultilevelCost(first, last, seconds, typical)
+        last, seconds = self._cheapest(self.alpha, self.beta, t["variance_worst"], single[0], accuracy)
+        _, typical = self._cheapest(self.typical_alpha, self.typical_beta, t["variance_median"], single[1], accuracy)
+        return MultilevelCost(last, seconds, typical)
 
     def _cheapest(
         self, weak: Rate, strong: Rate, variance: pd.Series, single: Floats, accuracy: float
-    ) -> tuple[int, float, int]:
-        """Last level, seconds and first level of the cheapest estimator for given variances and rates."""
-        remaining = weak.at(np.arange(MOST_LEVELS, dtype=float)) / (2.0**-weak.slope - 1.0)
+    ) -> tuple[int, float]:
+        """Last level and seconds of the cheapest estimator for given variances and rates."""
+        bias = 2.0 ** (weak.intercept + weak.slope * np.arange(MOST_LEVELS))
+        remaining = bias / (2.0**-weak.slope - 1.0)
         last = max(1, int(np.argmax(remaining <= accuracy)))
         v = _extrapolate(variance.to_numpy(), strong.slope, last)
         alone = _extrapolate(self.table["alone_seconds"].to_numpy(), self.gamma.slope, last)
         pair = _extrapolate(self.table["path_seconds"].to_numpy(), self.gamma.slope, last)
         whole = _extrapolate(single, 0.0, last)
-        costs = [
+        return last, min(
             giles_cost(np.append(whole[k], v[k + 1 :]), np.append(alone[k], pair[k + 1 :]), accuracy)
             for k in range(last + 1)
-        ]
-        first = int(np.argmin(costs))
-        return last, costs[first], first
+        )
 
 
 def _extrapolate(values: Floats, slope: float, last: int) -> Floats:

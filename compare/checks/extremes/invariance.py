@@ -54,12 +54,6 @@ def _verdicts(scene: Scene) -> np.ndarray:
     return found.table["verdict"].to_numpy(str)
 
 
-def _factors(table: pd.DataFrame, factor: float) -> np.ndarray:
-    """Factors on the columns of a table when all lengths are multiplied by `factor`."""
-    plain = [str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
-    return np.where(plain, factor, 1.0)
-
-
 @extreme(allowed=0.0)
 def unit_of_length() -> Iterator[float]:
     """All lengths, speeds, accelerations and the noise times a power of two: every table scales bit for bit."""
@@ -68,7 +62,8 @@ def unit_of_length() -> Iterator[float]:
         factor = 2.0**power
         scene = _scene().scaled(factor)
         for found, table in zip(_tables(scene), tables, strict=True):
-            exact = table.to_numpy(float) * _factors(table, factor)
+            lengths = [str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
+            exact = table.to_numpy(float) * np.where(lengths, factor, 1.0)
             yield farthest(found, exact, np.abs(exact))
         yield float((_verdicts(scene) != verdicts).sum())
 

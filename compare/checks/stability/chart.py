@@ -86,11 +86,6 @@ class Reference(NamedTuple):
     unit: dict[str, Floats]
     late: float  # share of the paths that did not complete their impacts before the horizon
 
-    @property
-    def moments(self) -> int:
-        """Number of means and sds that are judged."""
-        return 2 * sum(int(np.isfinite(unit).sum()) for unit in self.unit.values())
-
 
 def horizon_of(scene: Scene) -> float:
     """Compute the time after which a path is abandoned."""
@@ -182,7 +177,8 @@ def judge(
         while (found := _verdict(run, beside, z))[0] == UNDECIDED and run.paths < paths and is_random(scene):
             run = extend(run, min(paths, GROWTH * run.paths), in_threads(workers))
         diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(diagnose_rare_branch(run))
-        return Judged(*found, diagnosed, run.plan.paths, beside.moments)
+        moments = 2 * sum(int(np.isfinite(unit).sum()) for unit in beside.unit.values())
+        return Judged(*found, diagnosed, run.plan.paths, moments)
 
 
 def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, float, str]:
