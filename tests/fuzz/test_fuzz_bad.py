@@ -163,8 +163,13 @@ def place(tmp_path_factory):
     (place / "study.toml").write_text(STUDY, encoding="utf-8")
     (place / "baseline.toml").write_text("[values.y1]\n1 = 0.5\n\n" + DAT.to_toml(), encoding="utf-8")
     small = ["--paths", "64", "--impacts", "1", "--sigma", "0.1", "--no-validity", "--workers", "1", "--out"]
-    for words in (["study", str(place / "study.toml"), "--workers", "1"], ["validate", *small, str(place / "report")]):
-        CliRunner().invoke(main, words, catch_exceptions=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path, **settings: path.touch())
+        for words in (
+            ["study", str(place / "study.toml"), "--workers", "1"],
+            ["validate", *small, str(place / "report")],
+        ):
+            CliRunner().invoke(main, words, catch_exceptions=False)
     return place
 
 

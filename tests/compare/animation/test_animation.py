@@ -185,23 +185,6 @@ def test_command(tmp_path, monkeypatch):
     assert [p.name for p in out.parent.iterdir()] == [out.name]
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--sigma", "nan"], "sigma = nan"),
-        (["--out", "a.gif"], "out = 'a.gif'"),
-        (["nowhere.toml"], "nowhere.toml"),
-    ],
-)
-def test_bad_options_end_before_any_work(tmp_path, monkeypatch, words, message):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("rattle.compare.animation.record", None)
-    done = CliRunner().invoke(main, ["animate", *words])
-    assert done.exit_code == 2, done.output
-    assert message in done.output
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_documentation_shows_the_animation_of_today():
     """Made anew by ``rattle animate --out docs/_static/animation.html --overwrite``."""
     page = (ROOT / "docs" / "_static" / "animation.html").read_text()

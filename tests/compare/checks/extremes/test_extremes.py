@@ -1,6 +1,5 @@
 """Every row of the table of extremes holds, and fails with a deliberate error in what it calls (negative control)."""
 
-import json
 import math
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ from click.testing import CliRunner
 from rattle import closure, montecarlo
 from rattle.closure import edgeworth, long_orbit, orbit, section_step
 from rattle.compare.checks import extremes
-from rattle.compare.checks.check import extreme, extreme_record, farthest, result_lines, worst_of
+from rattle.compare.checks.check import extreme, extreme_record, farthest, result_lines
 from rattle.compare.checks.extremes import ROWS, formulas, invariance, sampling
 from rattle.compare.checks.published import returns
 from rattle.compare.cli.main import main
@@ -211,16 +210,10 @@ def test_table_and_terminal_say_what_failed(monkeypatch):
     assert text[-1].startswith("1 of 2 results hold; 2 checks, 1 of them statistical")
     assert ("holds" in text[2], "FAILS" in text[3]) == (True, True)
     assert text[5] == "exit (a formula): 1e-3 to 1e4"
-    monkeypatch.setattr(extremes, "ROWS", {"good": good, "bad": bad})
-    done = CliRunner().invoke(main, ["check", "extremes", "--json"])
-    assert done.exit_code == 1
-    assert [row["holds"] for row in json.loads(done.output)] == [True, False]
     monkeypatch.setattr(extremes, "ROWS", {"good": good})
     assert CliRunner().invoke(main, ["check", "extremes", "--all"]).exit_code == 0
 
 
 def test_what_is_not_a_number_fails():
     assert not extreme(1.0, name="E", field="beta", tried="", truth="")(lambda: [0.0, math.nan])().holds
-    assert not worst_of([0.0, math.nan]) < 1.0
-    assert worst_of([]) == math.inf
     assert farthest([1.0, np.nan], [1.0, 2.0]) == math.inf
