@@ -196,7 +196,8 @@ def dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
     branch = np.broadcast_to(hidden.needed.T, error.shape)
     paths = np.where(shift > MOST_OF * accuracy, np.maximum(paths, branch), paths)
     dearest = np.unravel_index(np.argmax(np.where(varies, paths, 0.0)), paths.shape)
-    most = float(np.quantile(paths[varies], SHARE))
+    with np.errstate(invalid="ignore"):  # between rows that no number of paths settles
+        most = float(np.quantile(paths[varies], SHARE))
     if not paths[dearest] > DEARER * most:
         return ""
     seconds = duration_text(cost_of(run, max(math.ceil(most), 1)).core_seconds)

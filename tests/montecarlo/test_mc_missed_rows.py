@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rattle import DAT21, AccuracyWarning, InputError, Scene, simulate, simulate_to
+from rattle.montecarlo.accuracy import cost
 from rattle.montecarlo.accuracy.cost import dearest_row, missed_rows
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, share_of_look, units_by_quantity
 
@@ -64,6 +65,14 @@ def test_the_dearest_row_is_named_where_it_is_much_dearer():
     columns = found.columns
     ratio = max(columns["kurt_tau"].max(), columns["kurt_y1"].max())
     assert (heavy == "") or ("nine in ten of the others would take" in heavy and ratio > 3.0)
+
+
+def test_rows_that_no_number_of_paths_settles_are_alike(run, monkeypatch):
+    """A quantile between infinite numbers of paths is none, and worth no warning."""
+    error, shift, hidden = cost.errors_by_row(run)
+    endless = hidden._replace(needed=np.full_like(hidden.needed, np.inf))
+    monkeypatch.setattr(cost, "errors_by_row", lambda run: (error, np.full_like(shift, np.inf), endless))
+    assert dearest_row(run, 0.01, SHARE) == ""
 
 
 def test_an_answer_in_place_of_a_refusal(monkeypatch):
