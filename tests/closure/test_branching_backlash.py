@@ -7,10 +7,8 @@ import pandas as pd
 import pytest
 
 from rattle.closure import mean_map, section_map
-from rattle.closure.branching.propagate import _derivatives, event
-from rattle.closure.section_map import column, start_covariance, start_pieces
 from rattle.montecarlo import Record, simulate
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene import DAT21, Scene, Tolerance
 
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 WITHIN = {"mean": 0.05, "sd": 0.10}  # what a validation calls accurate, in sds
@@ -132,34 +130,3 @@ def test_walls_that_do_not_vary_are_walls_without_tolerance():
     for tolerance in (Tolerance(0.0, 0.0), Tolerance(0.0, 0.1, draw="contact")):  # of the absent mesh
         b, none = (mean_map(s, impacts=4, closure="branching") for s in (replace(plain, tolerance=tolerance), plain))
         pd.testing.assert_frame_equal(b.section, none.section, check_exact=True)
-
-
-@pytest.mark.parametrize("y", [(-1.0, -1.2), (1.5, 0.3), (0.5, 2.0), (-0.5, -2.0)])
-def test_derivatives_with_respect_to_flanks(y):
-    """Of all nine columns, against differences; the four starts end on four flanks."""
-    c = dat21(0.1, None).constants
-    centre = np.array([0.2, 0.1, y[0], 0.05, y[1], 0.02, -0.01, 0.03, 0.01])
-    before, away = np.empty(4), np.empty(4)
-    t, code = event(c, centre, before)
-    linear = 1e9 * _derivatives(c, code, centre, 1e-9 * np.eye(9), t, before)[0]  # so narrow that nothing grazes
-    h, found = 1e-6, np.zeros((5, 9))
-    for k in range(9):
-        for sign in (1.0, -1.0):
-            there = centre + sign * h * np.eye(9)[k]
-            flight, met = event(c, there, away)
-            assert met == code
-            found[:, k] += sign * np.array([there[0] + flight, *away]) / (2.0 * h)
-    np.testing.assert_allclose(linear[:5], found, atol=1e-7)
-    np.testing.assert_allclose(linear[5:], np.eye(9)[5:])
-    assert abs(found[:, column(abs(code), code)]).max() > 0.1  # the wall that is struck matters
-
-
-@pytest.mark.parametrize("draw", ["path", "contact"])
-@pytest.mark.parametrize("start", [None, Start(0.0, -0.5, -2.0, 0.2, 1.0, mesh=1), Start(0.3, 0.1, 1.0, -0.5, 1.0)])
-def test_the_start_as_a_mixture_has_the_covariance_of_the_whole(draw, start):
-    scene = dat21(0.0, Tolerance(0.03, 0.06, distribution="normal", draw=draw), start=start)
-    parts = start_pieces(scene)
-    assert len(parts.weight) == {"path": 36, "contact": 1}[draw]
-    second = np.einsum("p,pab->ab", parts.weight, parts.variance + parts.mean[:, :, None] * parts.mean[:, None, :])
-    np.testing.assert_allclose(parts.weight @ parts.mean, 0.0, atol=1e-15)
-    np.testing.assert_allclose(second, start_covariance(scene), atol=1e-15)

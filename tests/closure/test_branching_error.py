@@ -8,7 +8,7 @@ import pytest
 
 from rattle.closure import mean_map
 from rattle.closure.branching import LEVELS, _trace
-from rattle.closure.moments import advice, bounds, paths_as_accurate
+from rattle.closure.moments import advice, bounds
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError
@@ -63,20 +63,6 @@ def test_advice_says_how_far_the_tolerance_is_met(quiet):
     error = quiet.trace.error.copy()
     error[4, 1, 3] = 0.2
     assert advice(replace(quiet.trace, error=error), 0.05).endswith("0.05 up to impact 3; beyond it simulate")
-
-
-def test_paths_as_accurate_count_heavy_tails(quiet):
-    """From normal paths an sd is known as well as a mean; one that a path in a thousand carries takes more of them."""
-    weights, means = np.array([0.999, 0.001]), np.zeros((2, 6))
-    means[1] = 30.0
-    parts = dict.fromkeys(quiet.trace.parts, (weights, means, np.ones((2, 6))))
-    plain = paths_as_accurate(quiet.trace, 0.1)
-    assert plain == pytest.approx((3.5 / 0.1) ** 2, rel=0.05)
-    rng = np.random.default_rng(1)
-    sample = rng.normal(size=4_000_000) + 30.0 * (rng.random(4_000_000) < 0.001)
-    kurtosis = ((sample - sample.mean()) ** 4).mean() / sample.var() ** 2
-    heavy = paths_as_accurate(replace(quiet.trace, parts=parts), 0.1)
-    assert heavy / plain == pytest.approx(0.25 * (kurtosis - 1.0), rel=0.1)
 
 
 def test_an_sd_that_few_paths_carry_is_not_within():

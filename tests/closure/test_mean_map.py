@@ -128,15 +128,6 @@ def test_fixed_times_go_no_further_than_was_followed(dat21, closure, outside):
         m.at_times([0.1, outside])
 
 
-def test_fixed_times_end_where_the_closure_stopped():
-    scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=1.0, sigma=0.1, stages=1, start=Start())
-    m = mean_map(scene, impacts=500, closure="corrected")
-    end = m.trace.tau[m.trace.found]
-    assert m.at_times([end]).shape[0] == 1
-    with pytest.raises(InputError, match="outside"):
-        m.at_times([end + 1e-6])
-
-
 # --- the end, and the series -----------------------------------------------------------------------------------------
 
 
@@ -171,21 +162,7 @@ def test_no_series_without_noise():
         m.edgeworth(1, 1)
 
 
-def test_no_series_beyond_the_breakdown(paper):
-    m = mean_map(paper, impacts=12, closure="published")
-    bad = next(
-        (k, s) for k in range(1, 13) for s in (1, 2) if np.diagonal(m.stage_covariance(k, s)).min() < 0.0
-    )  # fmt: skip
-    with pytest.raises(InputError, match="no positive variance"):
-        m.edgeworth(*bad)
-
-
 @pytest.mark.parametrize(("impact", "stage"), [(0, 1), (4, 1), (1, 0), (1, 3), (1.0, 1)])
 def test_edgeworth_asks_for_an_impact_and_a_stage_that_exist(dat21, impact, stage):
     with pytest.raises(InputError):
         mean_map(dat21, impacts=3).edgeworth(impact, stage)
-
-
-def test_a_single_stage_has_no_second_series():
-    with pytest.raises(InputError, match="stage = 2: must be at most 1"):
-        mean_map(Scene.from_gears(DAT21, sigma=0.1, stages=1), impacts=2).edgeworth(1, 2)

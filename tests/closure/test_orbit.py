@@ -44,22 +44,3 @@ def test_an_orbit_restarted_at_its_own_impact_repeats_itself(k):
         else:  # in local time, a whole period less
             found = scene.to_absolute_time(found) if name == "tau" else found
             assert found == pytest.approx(expected, rel=0, abs=1e-13)
-
-
-def test_an_orbit_restarted_in_flight_goes_on_alike():
-    scene = Scene.from_gears(DAT21)
-    orbit = follow(scene, 8)
-    tau = 0.5 * (orbit.tau[3] + orbit.tau[4])
-    again = follow(Scene.from_gears(DAT21, start=Start(tau, *orbit.state(tau))), 5)
-    assert again.mesh[0] == 0
-    assert again.tau[1:] == pytest.approx(orbit.tau[4:], abs=1e-11)
-
-
-def test_every_impact_goes_outward_and_on_its_wall():
-    orbit = follow(Scene.from_gears(DAT21), 200)
-    column = 2 * (orbit.mesh - 1)
-    rows = np.arange(201)
-    assert np.array_equal(orbit.before[rows, column], 0.5 * orbit.side)
-    assert (orbit.before[rows, column + 1] * orbit.side > 0.0).all()
-    assert (orbit.after[rows, column + 1] * orbit.side < 0.0).all()
-    assert (np.diff(orbit.tau) > 0.0).all()

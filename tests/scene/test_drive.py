@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference_dynamics import drift_matrix
 from scipy.integrate import solve_ivp
 
 import rattle.scene
 from rattle import DAT21, InputError, Order, Scene, follow, refusals
 from rattle.closure.section_step import noise_slope
-from rattle.scene.flight import field_rate, flow, noise_covariance
+from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.sticking import opening
 
 ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
@@ -30,13 +31,6 @@ def modulation(c, orders, tau):
     return np.array([0.0, motion(orders, 2, tau) + c.beta1 * first, 0.0, (c.beta1 - c.beta2) * first])
 
 
-def matrix(c):
-    """Eq. 8."""
-    a = np.zeros((4, 4))
-    a[0, 1], a[1, 1], a[2, 3], a[3, 1], a[3, 3] = 1.0, -c.beta1, 1.0, c.beta2 - c.beta1, -c.beta2
-    return a
-
-
 @pytest.mark.parametrize("orders", [ORDERS, SPARSE])
 @pytest.mark.parametrize("t", [1e-3, 0.05, 0.7, 9.0])
 def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
@@ -44,7 +38,7 @@ def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     drag = np.array([0.0, c.gamma1, 0.0, c.gamma1 - c.gamma2])
 
     def rates(tau, s):
-        return matrix(c) @ s + drag + c.alpha * modulation(c, orders, tau)
+        return drift_matrix(c) @ s + drag + c.alpha * modulation(c, orders, tau)
 
     exact = solve_ivp(rates, (0.4, 0.4 + t), STATE, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
     assert flow(c, 0.4, *STATE, t) == pytest.approx(exact, abs=1e-12)
@@ -58,7 +52,7 @@ def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
 
     def rates(tau, p):
         m = modulation(c, ORDERS, tau)
-        grown = matrix(c) @ p.reshape(4, 4)
+        grown = drift_matrix(c) @ p.reshape(4, 4)
         return (grown + grown.T + c.sigma**2 * np.outer(m, m)).ravel()
 
     exact = solve_ivp(rates, (0.4, 0.4 + t), np.zeros(16), method="DOP853", rtol=1e-12, atol=1e-18).y[:, -1]
@@ -67,29 +61,6 @@ def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
     h = 1e-5
     slope = (noise_covariance(c, 0.4 + h, t) - noise_covariance(c, 0.4 - h, t)) / (2.0 * h)
     assert noise_slope(c, 0.4, t) == pytest.approx(slope, rel=1e-7, abs=1e-9)
-
-
-def test_the_drift_changes_with_time_as_its_difference_quotient():
-    from rattle.scene.flight import field
-
-    c, h = THREE.constants, 1e-6
-    slope = (field(c, 0.4 + h, 1.0, 0.5) - field(c, 0.4 - h, 1.0, 0.5)) / (2.0 * h)
-    assert field_rate(c, 0.4) == pytest.approx(slope, abs=1e-7)
-
-
-def test_the_orbit_is_that_of_an_ode_solver_with_events():
-    c, orbit = THREE.constants, follow(THREE, 4)
-    drag = np.array([0.0, c.gamma1, 0.0, c.gamma1 - c.gamma2])
-
-    def rates(tau, s):
-        return matrix(c) @ s + drag + c.alpha * modulation(c, ORDERS, tau)
-
-    for k in range(4):
-        ends = orbit.tau[k], orbit.tau[k + 1]
-        flight = solve_ivp(rates, ends, orbit.after[k], method="DOP853", rtol=1e-12, atol=1e-14, dense_output=True)
-        assert flight.y[:, -1] == pytest.approx(orbit.before[k + 1], abs=1e-10)
-        inside = flight.sol(np.linspace(*ends, 400)[1:-1])
-        assert np.abs(inside[[0, 2]]).max() <= 0.5  # no earlier impact
 
 
 @pytest.mark.parametrize("side", [1, -1])

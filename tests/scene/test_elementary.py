@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rattle.scene.elementary import exponentials, gauss_legendre
+from rattle.scene.elementary import exponentials
 
 SPECIAL = [0.0, -0.0, 1.0, -1.0, 709.0, -745.0, -746.0, 1e-300, math.inf, -math.inf, math.nan]
 WIDE = np.random.default_rng(1).normal(0.0, 200.0, size=20_000).clip(-740.0, 700.0)
@@ -16,8 +16,3 @@ def test_exponentials_are_those_of_the_c_library_to_the_last_bit(given):
     found = exponentials(given)
     assert found.shape == np.shape(given)
     np.testing.assert_array_equal(found.ravel(), [math.exp(x) for x in np.ravel(given)])
-
-
-@pytest.mark.parametrize("n", [1, 2, 5, 12, 31])
-def test_nodes_and_weights_are_those_of_numpy(n):
-    np.testing.assert_allclose(gauss_legendre(n), np.polynomial.legendre.leggauss(n), rtol=1e-13, atol=1e-14)

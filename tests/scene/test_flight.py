@@ -3,8 +3,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from reference_dynamics import drift_matrix, fly, modulation
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
@@ -96,18 +94,3 @@ def test_a_single_stage_collects_no_noise_in_stage_2():
     one, two = (noise_covariance(constants(0.08, 0.13, stages=s), 0.7, 3.0) for s in (1, 2))
     assert not one[2:].any()
     assert one[:2, :2] == pytest.approx(two[:2, :2], rel=1e-15)
-
-
-beta = st.sampled_from(BETAS) | st.floats(0.0, 20.0)
-duration = st.floats(0.0, 6.0)
-
-
-@given(beta, beta, st.floats(0.0, 6.3), duration, duration)
-@settings(deadline=None, max_examples=50, derandomize=True)
-def test_noise_of_composed_flights_composes(beta1, beta2, tau, first, second):
-    c = constants(beta1, beta2)
-    j = jacobian(c, second)
-    composed = j @ noise_covariance(c, tau, first) @ j.T + noise_covariance(c, tau + first, second)
-    whole = noise_covariance(c, tau, first + second)
-    assert composed == pytest.approx(whole, rel=0, abs=1e-13 * (1.0 + whole.max()))
-    assert np.linalg.eigvalsh(whole)[0] >= -1e-13 * (1.0 + whole.max())

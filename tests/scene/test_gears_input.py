@@ -98,22 +98,6 @@ def test_the_mean_speed_adds_what_damping_takes_to_the_drag():
     assert Scene.from_toml(single.to_toml()).gears == single.gears  # added once
 
 
-def test_the_mean_rotation_is_part_of_the_drag():
-    """The wheel's whole rotation, I Phi'' + d Phi' = -T0, is the mean rotation and what the model follows."""
-    inertia, damping, torque, speed, t = 950.0, 20.0, 60.0, 70.0, 0.003
-    wheel = Gears.driven(
-        amplitude=0.3, epsilon=0.7, omega=167.6, inertia1=inertia, radius1=38.0, backlash1=0.12, damping1=damping,
-        torque1=torque, speed_rad_s=speed, driver_radius=38.0,
-    )  # fmt: skip
-    rate = 1000.0 * damping / inertia  # 1/s
-    whole = (speed + torque / damping) * math.exp(-rate * t) - torque / damping  # exact Phi' in rad/s from Phi' = speed
-    beta, gamma, tau = wheel.beta(1), wheel.gamma(1), wheel.omega * t
-    u = -gamma * -math.expm1(-beta * tau) / beta  # docs/model.md section 2, from u = 0
-    found = speed + u * wheel.backlash1 * wheel.omega / wheel.radius1
-    assert found == pytest.approx(whole, rel=1e-12)
-    assert whole < speed - 1.0  # 4.8 rad/s of 70 are lost to damping in 3 ms
-
-
 def test_a_pair_takes_ten_lines_and_says_which_are_missing(tmp_path):
     lines = [line for line in TEXT.splitlines() if not re.match(r"backlash2|damping|torque", line)]
     lines.append("alpha = 1.5")

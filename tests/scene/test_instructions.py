@@ -57,8 +57,3 @@ def test_at_the_ends_of_the_range(a, b, c):
     assert emulate_fma(a, b, c) == fused(a, b, c)
     if math.isfinite(a * b + c):
         assert fused(a, b, c) == exact(a, b, c)
-
-
-@pytest.mark.parametrize("abc", [(math.inf, 1.0, 2.0), (math.inf, 1.0, -math.inf), (math.nan, 1.0, 1.0)])
-def test_what_is_not_finite(abc):
-    assert str(emulate_fma(*abc)) == str(fused(*abc))

@@ -79,16 +79,5 @@ def test_moments_of_a_distribution_are_realizable(covariance):
     assert judged.reason == ""
 
 
-def test_realizability_has_its_numbers():
-    judged = realizability(np.array([[4.0, 1.0], [1.0, 1.0]]))
-    assert (judged.variance_x, judged.variance_y, judged.rho) == (4.0, 1.0, 0.5)
-    assert judged.smallest_eigenvalue == pytest.approx(2.5 - np.sqrt(3.25))
-
-
-@pytest.mark.parametrize("covariance", [[[0.0, 0.0], [0.0, 1.0]], [[1.0, 0.1], [0.1, -1.0]]])
-def test_without_variance_there_is_no_correlation(covariance):
-    assert np.isnan(correlation(np.array(covariance)))
-
-
 def test_correlation_does_not_underflow():
     assert correlation(np.array([[1e-200, 5e-201], [5e-201, 1e-200]])) == pytest.approx(0.5)

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from rattle.closure import follow, mean_map
 from rattle.closure.long_orbit import LongOrbit
 from rattle.scene import DAT21, Gears, Scene, Start
-from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
+from rattle.scene.impact import MISSES, NONE, REST
 from rattle.scene.sticking import find_sticking, opening, stuck
 
 COMPILED = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off")
@@ -173,18 +173,6 @@ def test_the_sum_of_all_bounces(epsilon, drag):
     assert orbit.sticking[0].closed == pytest.approx(math.sqrt(1.0 / drag) * (1 + epsilon) / (1 - epsilon), rel=1e-11)
 
 
-def test_bounces_under_the_excitation_add_up():
-    """Against the same orbit with each bounce followed down to flights of 1e-11."""
-    orbit, phase = sticking_of(SINGLE, 1, 16)
-    c, k = orbit.constants, phase.impact - 4
-    tau, t, state = orbit.tau[k], 1.0, tuple(orbit.after[k])
-    while t > 1e-11:
-        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, *state, 10.0)
-        state = (x1, *struck(c, mesh, y1, y2)[:1], x2, y2)
-        tau += t
-    assert phase.closed == pytest.approx(tau, abs=1e-11)
-
-
 def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls_at_one_instant():
     """Impacts at mesh 1 and mesh 2 in turn, down to flights in which doubles no longer resolve a displacement."""
     gears = Gears(
@@ -226,12 +214,6 @@ def test_dat21_sticks_now_and_then_and_goes_on():
     assert (orbit.found, orbit.stopped) == (100_000, "")
     assert 1 <= len(orbit.sticking) <= 20
     assert all(0.0 < phase.opened - phase.closed < math.pi for phase in orbit.sticking)
-
-
-def test_sticking_for_good_is_reported():
-    orbit = follow(Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1), 1000)
-    assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
-    assert orbit.sticking[-1].opened == math.inf
 
 
 def test_an_orbit_that_strikes_no_more_is_reported():

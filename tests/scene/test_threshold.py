@@ -1,9 +1,7 @@
 """The threshold of rattle: against the motion itself just below and above it, against known values, and bad input."""
 
-import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from rattle import DAT21, Gears, InputError, Order, Scene, rattle_threshold
@@ -35,15 +33,6 @@ def test_closed_teeth_open_just_below_it_and_stay_closed_just_above(name):
         assert attractor(below).kind != "rest", wheel
         assert any(t.opens for t in rattle_threshold(below))
         assert not any(t.opens for t in rattle_threshold(above))
-
-
-def test_several_orders_have_the_largest_pull_of_a_period():
-    scene = SCENES["three orders"]
-    tau = np.linspace(0.0, 2.0 * math.pi, 1_000_001)
-    angles = [(one.order, one.amplitude, one.order * tau + one.phase) for one in THREE]
-    pull = sum(j * j * a * np.sin(x) - scene.beta1 * j * a * np.cos(x) for j, a, x in angles)
-    (wheel,) = rattle_threshold(scene)
-    assert wheel.least == pytest.approx(scene.alpha * pull.max(), rel=1e-10)
 
 
 def test_torques_are_in_newton_millimetres():
