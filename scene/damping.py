@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import jit, shared
 
 SMALL = 0.5  # beta t below which the differences cancel and the series is summed instead
 PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
 """Coefficients of ``phi2(-z) = 1/2 - z/3! + z^2/4! - ...``, highest power first: to rounding for |z| < `SMALL`."""
 
 
-@jit
+@shared
 def phi1(beta: float, t: float) -> float:
     """``E = t phi1(-beta t) = (1 - exp(-beta t)) / beta``: displacement of a unit initial speed under linear damping.
 
@@ -32,13 +32,13 @@ def phi1(beta: float, t: float) -> float:
     return -t * math.expm1(-z) / z
 
 
-@jit
+@shared
 def decay(beta: float, t: float) -> float:
     """``exp(-beta t)``: what is left of a unit speed."""
     return math.exp(-beta * t)
 
 
-@jit
+@shared
 def damp(beta: float, t: float) -> tuple[float, float]:
     """`phi1` and `decay` together, with one exponential for both where ``beta t`` is small.
 
@@ -51,7 +51,7 @@ def damp(beta: float, t: float) -> tuple[float, float]:
     return e, (1.0 - beta * e if abs(beta * t) < SMALL else decay(beta, t))
 
 
-@jit
+@shared
 def phi2(beta: float, t: float) -> float:
     """``t^2 phi2(-beta t) = (t - E) / beta``: displacement under a unit constant acceleration from zero speed.
 
