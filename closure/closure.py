@@ -228,10 +228,9 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
         covariance[:, j, j + 1] = covariance[:, j + 1, j] = rho[:, j // 2] * state[:, j] * state[:, j + 1]
     known = np.flatnonzero(table.drop(columns=["mesh", "side"], errors="ignore").notna().any(axis=1).to_numpy())
     found = int(known[-1]) + 1 if len(known) else 0
-    codes = [table[name].fillna(0).astype(int) if name in table else None for name in ("mesh", "side")]
     mesh, side = (
-        of_orbit.astype(int) if own is None else np.concatenate([of_orbit[:1], own]).astype(int)
-        for own, of_orbit in zip(codes, (orbit.mesh, orbit.side), strict=True)
+        np.append(along[0], table[name].fillna(0).astype(int)) if name in table else along
+        for name, along in (("mesh", orbit.mesh), ("side", orbit.side))
     )
     return Trace(
         tau=tau,

@@ -132,15 +132,11 @@ def mean_map(
     method = find_closure("closure", closure)
     count("order", order, *ORDERS)
     method.check(scene)
-    asked: tuple[float, ...] = ()
-    if tolerance is not None:
-        positive("tolerance", tolerance)
-        if not method.refines:
-            able = ", ".join(name for name, of in CLOSURES.items() if of.refines)
-            raise InputError(
-                "tolerance", tolerance, f"closure {method.name!r} cannot refine itself; leave it out, or use {able}"
-            )
-        asked = (tolerance,)
+    asked = [] if tolerance is None else [positive("tolerance", tolerance)]
+    if asked and not method.refines:
+        able = ", ".join(name for name, of in CLOSURES.items() if of.refines)
+        why = f"closure {method.name!r} cannot refine itself; leave it out, or use {able}"
+        raise InputError("tolerance", tolerance, why)
     trace = method.trace(scene, impacts, order, *asked)
     return MeanMap(scene, method, impacts, order, trace, tolerance)
 

@@ -303,19 +303,17 @@ class MeanMap(SectionResult):
         import pandas as pd
 
         check_units(units, self.scene.gears)
+        asked = _as_list(times)
+        index, local = pd.Index(asked, dtype=float, name="time"), [self.scene.to_local_time(time) for time in asked]
         if self.method.own:
-            local = [float(self.scene.to_local_time(time)) for time in _as_list(times)]
-            table = self.method.fixed_times(self.scene, local).set_axis(pd.Index(_as_list(times), name="time"))
+            table = self.method.fixed_times(self.scene, local).set_axis(index)
             return at_times_in(table, self.scene.gears, units)
         low, high = self.trace.span
-        rows = []
-        for time in _as_list(times):
-            if not low <= self.scene.to_local_time(time) <= high:
+        for time, own in zip(asked, local, strict=True):
+            if not low <= own <= high:
                 followed = f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
-            mean, covariance = self.trace.at(self.scene.to_local_time(time))
-            rows.append(row_of_moments(mean, covariance, self.scene.stages))
-        index = pd.Index(np.asarray(times, dtype=float), name="time")
+        rows = [row_of_moments(*self.trace.at(own), self.scene.stages) for own in local]
         table = pd.DataFrame(rows, index=index, columns=list(AT_TIMES), dtype=float)
         return at_times_in(table, self.scene.gears, units)
 

@@ -182,24 +182,6 @@ def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
     return own, 0.5 * (e[5] - e[6]), 0.5 * (e[7] - e[8])
 
 
-@shared
-def forget(flank: int, mean: Floats, covariance: Floats) -> None:
-    """Remove from a Gaussian, in place, what is known of a flank's deviation, because it is drawn anew.
-
-    Shapes: `mean` (9,); `covariance` (9, 9).
-
-    Examples
-    --------
-    >>> mean, covariance = np.full(9, 0.1), np.ones((9, 9))
-    >>> forget(6, mean, covariance)
-    >>> float(mean[6]), covariance[6, 5:].tolist(), covariance[5, 5:].tolist()
-    (0.0, [0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 1.0, 1.0])
-    """
-    mean[flank] = 0.0
-    for i in range(mean.size):
-        covariance[flank, i] = covariance[i, flank] = 0.0
-
-
 @jit
 def derivatives(
     c: Constants, mesh: int, side: int, tau: float, after: Floats, t: float, before: Floats, d: int

@@ -16,12 +16,11 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from rattle.closure.long_orbit import PERIODIC, Attractor
-from rattle.closure.mean_map import CLOSURES, mean_map
+from rattle.closure.mean_map import mean_map, refusals
 from rattle.closure.orbit import Impacts
 from rattle.closure.saltation import SLOWEST, propagate
 from rattle.closure.section_map import PLAIN, hit_matrix
 from rattle.closure.section_step import section_derivatives
-from rattle.scene.errors import InputError
 from rattle.scene.flight import noise_covariance
 from rattle.scene.linear_algebra import transform
 from rattle.scene.moments import SECTION
@@ -146,10 +145,8 @@ def _since_same_mesh(a: Attractor, flown: Floats, hit: Floats, section: Floats, 
 
 def _check(scene: Scene, closure: str) -> None:
     """Say why a closure that does not apply to a scene predicts nothing."""
-    try:
-        CLOSURES[closure].check(scene)
-    except InputError as error:
-        raise NotPredicted(str(error)) from None
+    if why := refusals(scene).get(closure):
+        raise NotPredicted(why)
 
 
 def orbit_average(scene: Scene, closure: str) -> Law:

@@ -62,7 +62,8 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     try:
         return Gears.driven(**values)
     except InputError as error:
-        raise InputError(_full(error.field), error.value, error.remedy) from None
+        field = error.field if error.field.startswith("gears") else f"gears.{error.field}"
+        raise InputError(field, error.value, error.remedy) from None
 
 
 def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | None:
@@ -88,7 +89,7 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
     for i in (1, 2):
         name, backlash = f"gears.tolerance.backlash{i}", getattr(gears, f"backlash{i}")
         if f"backlash{i}" in given:
-            deviation = non_negative(name, finite(name, given[f"backlash{i}"]))
+            deviation = non_negative(name, given[f"backlash{i}"])
             if backlash is None:
                 raise InputError(name, deviation, "belongs to wheel 2, which these gears do not have")
             if deviation >= backlash:
@@ -175,7 +176,7 @@ def take_measured(data: dict[str, Any]) -> dict[str, Any]:
     gears = {"omega": found.omega} | data["gears"] | {"amplitude": found.amplitude}
     if not set(SPEEDS) & set(gears):
         gears.pop("driver_radius", None)  # the amplitude is in mm now
-    backlash = positive("gears.backlash1", finite("gears.backlash1", gears.get("backlash1", 1.0)))
+    backlash = positive("gears.backlash1", gears.get("backlash1", 1.0))
     scene = {"sigma": found.sigma_ratio * found.amplitude / backlash} | data.get("scene", {})
     orders = [{"order": one.order, "amplitude": one.amplitude, "phase": one.phase} for one in found.drive]
     return data | {"gears": gears, "drive": orders, "scene": scene}
@@ -187,10 +188,6 @@ def find_measured(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     if not isinstance(drive, Mapping) or not isinstance(drive.get("file"), str):
         return data
     return data | {"drive": {**drive, "file": str(folder / drive["file"])}}
-
-
-def _full(field: str) -> str:
-    return field if field.startswith("gears") else f"gears.{field}"
 
 
 SMALLEST_RADIUS = 0.05  # mm

@@ -102,11 +102,7 @@ class MeasuredDrive:
     @property
     def answer(self) -> list[str]:
         """What was found, in sentences."""
-        named = [
-            f"order {j} {a:.3g} mm"
-            for j, a, kept in zip(*(self.table[n] for n in ("order", "amplitude_mm", "kept")), strict=True)
-            if kept
-        ]
+        named = [f"order {one.order} {self.amplitude * one.amplitude:.3g} mm" for one in self.drive]
         said = [
             f"{self.periods} periods at {self.omega:.5g} rad/s: {', '.join(named)}; what is left out has "
             f"{100.0 * self.left_out:.2g} % of the rms acceleration.",
@@ -330,13 +326,15 @@ def _analyse(
     orders = np.arange(1, samples // 2)
     c = np.fft.rfft(cycles, axis=1)[:, 1 : samples // 2] / samples
     edges = x[0] + 2.0 * math.pi / omega * np.arange(whole + 1)
-    for degree in range({"displacement": 2, "speed": 1, "acceleration": 0}[quantity]):
+    power = list(VALUES).index(quantity)  # how often a displacement is differentiated
+    for degree in range(2 - power):
         jump = np.diff(spline(edges, degree)) * omega / (2.0 * math.pi)
         c = 1j * omega * orders * c + jump[:, None]
     mean = c.mean(axis=0)
     error = np.sqrt((np.abs(c - mean) ** 2).sum(axis=0) / (whole - 1) / whole / 2.0)
     size = np.abs(mean)
-    kept = (orders <= highest) & (size > SMALL * size.max()) & (size > CHANCE * error)
+    looked = orders <= highest
+    kept = looked & (size > SMALL * size.max()) & (size > CHANCE * error)
     if not kept.any():
         raise InputError("gears.omega", omega, "is not in the file: no order of it is larger than its error")
     displacement = -mean / (omega * orders) ** 2
@@ -356,9 +354,7 @@ def _analyse(
     factor = VALUES[quantity][unit] * (radius or 1.0 if not unit.startswith("mm") else 1.0)
     own = cycles - cycles.mean(axis=1, keepdims=True)
     times = np.exp(1j * np.outer(orders[kept], 2.0 * math.pi * np.arange(samples) / samples))
-    power = {"displacement": 0, "speed": 1, "acceleration": 2}[quantity]
     summed = 2.0 * np.real((displacement[kept] * (1j * omega * orders[kept]) ** power) @ times)
-    looked = orders <= highest
     return MeasuredDrive(
         drive=drive,
         amplitude=largest,

@@ -25,7 +25,7 @@ from rattle.closure.branching.propagate import (
     root,
 )
 from rattle.closure.orbit import Orbit
-from rattle.closure.section_map import PLAIN, column, forget, hit_matrix, redrawn_variances, start_pieces
+from rattle.closure.section_map import PLAIN, column, hit_matrix, redrawn_variances, start_pieces
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
@@ -250,7 +250,9 @@ def _strike(
         put(after.covariance[kept], congruence(hit, section.covariance[i]))
         if redrawn.size > 0:
             flank = column(abs(code), -code)
-            forget(flank, after.mean[kept], after.covariance[kept])
+            after.mean[kept, flank] = 0.0
+            for k in range(hit.shape[0]):  # nothing is known of a deviation that is drawn anew
+                after.covariance[kept, flank, k] = after.covariance[kept, k, flank] = 0.0
             after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
         kept += 1
