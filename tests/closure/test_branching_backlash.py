@@ -51,15 +51,8 @@ def outside(scene, impacts, run):
 
 def flown(scene, impacts):
     follows = tuple(mean_map(scene, impacts=impacts, closure="corrected").itinerary)
-    return simulate(
-        scene,
-        paths=60_000,
-        impacts=impacts,
-        rng=5,
-        workers=2,
-        scheme="exact-flight",
-        record=Record(itineraries={"orbit": follows}),
-    )
+    record = Record(itineraries={"orbit": follows})
+    return simulate(scene, paths=60_000, impacts=impacts, rng=5, workers=2, scheme="exact-flight", record=record)
 
 
 @pytest.fixture(scope="module", params=SCENES)

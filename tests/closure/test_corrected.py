@@ -14,11 +14,6 @@ from rattle.scene.moments import realizability
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
 
-@pytest.fixture
-def dat21():
-    return Scene.from_gears(DAT21, sigma=0.05)
-
-
 def restitution_map(c, mesh):
     """The restitution map as a matrix, column by column from docs/model.md section 3."""
     return np.array([contact(c, mesh, column) for column in np.eye(4)]).T
@@ -142,8 +137,8 @@ def test_the_windows_reach_to_the_largest_gap(distribution):
     assert abs(shift[0]) / sd == pytest.approx(PHI0 if distribution == "fixed" else 0.0, abs=1e-6)
 
 
-def test_moments_at_fixed_times_tend_to_the_section_moments_at_an_impact(dat21):
-    m = mean_map(dat21, impacts=6, closure="corrected")
+def test_moments_at_fixed_times_tend_to_the_section_moments_at_an_impact():
+    m = mean_map(Scene.from_gears(DAT21, sigma=0.05), impacts=6, closure="corrected")
     rows = m.at_times(m.trace.tau[1:] - 1e-10)
     for k in range(1, 7):
         row, cov = rows.iloc[k - 1], m.trace.covariance[k]

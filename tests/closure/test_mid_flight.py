@@ -35,15 +35,8 @@ def sampled(scene):
     """Sds and rho of the simulation at mid-flight with standard errors and the change that doubling the step makes."""
     orbit = follow(scene, 12)
     all_middles = 0.5 * (orbit.tau[1 : orbit.found + 1] + orbit.tau[: orbit.found])
-    run = simulate(
-        scene,
-        paths=PATHS,
-        dt=DT,
-        scheme="euler-maruyama-located",
-        rng=5,
-        workers=2,
-        record=Record(times=all_middles[all_middles > 4.0 * DT]),
-    )
+    record = Record(times=all_middles[all_middles > 4.0 * DT])
+    run = simulate(scene, paths=PATHS, dt=DT, scheme="euler-maruyama-located", rng=5, workers=2, record=record)
     fixed, coarse = run.at_times(), run.result.sums["coarse_fixed"]
     parts = []
     for i, name in enumerate(STATE[: 2 * scene.stages]):

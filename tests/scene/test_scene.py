@@ -19,52 +19,36 @@ def refused(field, value, remedy):
     return pytest.raises(InputError, match=re.escape(f"{field} = {value!r}: ") + ".*" + re.escape(remedy))
 
 
-BAD = (
-    [(name, -1e-9, "must be 0 or greater") for name in NON_NEGATIVE]
+NAN_INF, NO_NUMBER = (float("nan"), float("inf"), float("-inf")), ("0.5", None, True, [0.5])
+NO_COUNT = (2.0, "2", None, True)
+BAD = {
+    Scene: [(name, -1e-9, "must be 0 or greater") for name in NON_NEGATIVE]
     + [(name, value, "must be greater than 0") for name in ("gap1", "gap2") for value in (0.0, -0.5)]
     + [("epsilon", value, "must lie between 0 and 1") for value in (-0.01, 1.2)]
     + [("mu", value, "between 0 and 1") for value in (0.0, 1.0, -0.5, 1.5)]
-    + [(name, value, "give a finite number") for name in NUMBERS for value in (float("nan"), float("-inf"))]
-    + [(name, value, "give a number") for name in NUMBERS for value in ("0.5", None, True, [0.5])]
     + [("stages", 0, "must be at least 1"), ("stages", 3, "must be at most 2")]
-    + [("stages", value, "give a whole number") for value in (2.0, "2", None, True)]
+    + [("stages", value, "give a whole number") for value in NO_COUNT]
     + [("tolerance", value, "give a Tolerance") for value in (0.1, {"c1_max": 0.1}, False)]
-    + [("start", value, "give a Start") for value in (0.1, (0.0, 0.5, 2.0, 0.5, 2.0), "paper")]
-)
-
-
-@pytest.mark.parametrize(("field", "value", "remedy"), BAD)
-def test_scene_refuses_by_field_value_and_remedy(field, value, remedy):
-    with refused(field, value, remedy):
-        Scene(**VALUES | {field: value})
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "remedy"),
-    [(f, v, "must be 0 or greater") for f in ("c1_max", "c2_max") for v in (-0.1,)]
-    + [(f, v, "give a finite number") for f in ("c1_max", "c2_max") for v in (float("nan"), float("inf"))]
-    + [(f, v, "give a number") for f in ("c1_max", "c2_max") for v in ("0.1", True, None)]
-    + [("distribution", "unifrom", "did you mean 'uniform'?"), ("draw", "contacts", "did you mean 'contact'?")]
-    + [
+    + [("start", value, "give a Start") for value in (0.1, (0.0, 0.5, 2.0, 0.5, 2.0), "paper")],
+    Tolerance: [
+        ("c1_max", -0.1, "must be 0 or greater"),
+        ("distribution", "unifrom", "did you mean 'uniform'?"),
         ("distribution", "zzz", "valid are 'fixed', 'uniform', 'normal'"),
         ("draw", None, "valid are 'path', 'contact'"),
     ],
-)
-def test_tolerance_refuses_by_field_value_and_remedy(field, value, remedy):
-    with refused(f"tolerance.{field}", value, remedy):
-        Tolerance(**{field: value})
+    Start: [("mesh", 3, "must be at most 2"), ("mesh", -1, "must be at least 0")]
+    + [("mesh", value, "give a whole number") for value in NO_COUNT],
+}
+for kind, names in ((Scene, NUMBERS), (Tolerance, ("c1_max", "c2_max")), (Start, ("tau", "x1", "y1", "x2", "y2"))):
+    BAD[kind] += [(name, value, "give a finite number") for name in names for value in NAN_INF]
+    BAD[kind] += [(name, value, "give a number") for name in names for value in NO_NUMBER]
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "remedy"),
-    [(f, v, "give a finite number") for f in ("tau", "x1", "y1", "x2", "y2") for v in (float("nan"), float("inf"))]
-    + [(f, v, "give a number") for f in ("tau", "x1", "y1", "x2", "y2") for v in ("0", None, False)]
-    + [("mesh", 3, "must be at most 2"), ("mesh", -1, "must be at least 0")]
-    + [("mesh", v, "give a whole number") for v in (1.0, "1", True)],
-)
-def test_start_refuses_by_field_value_and_remedy(field, value, remedy):
-    with refused(f"start.{field}", value, remedy):
-        Start(**{field: value})
+@pytest.mark.parametrize(("kind", "field", "value", "remedy"), [(kind, *row) for kind in BAD for row in BAD[kind]])
+def test_a_bad_value_is_refused_by_field_value_and_remedy(kind, field, value, remedy):
+    prefix = "" if kind is Scene else f"{kind.__name__.lower()}."
+    with refused(prefix + field, value, remedy):
+        kind(**(VALUES if kind is Scene else {}) | {field: value})
 
 
 @pytest.mark.parametrize("stage", [1, 2])

@@ -1,4 +1,4 @@
-"""The fused multiply-add: one rounding, compiled and emulated alike."""
+"""Arithmetic that no processor changes: the fused multiply-add, exponentials, and small eigenvalues."""
 
 import math
 from fractions import Fraction
@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from rattle.scene.compiled import emulate_fma, fma, jit, widest_vectors
+from rattle.scene.elementary import exponentials
+from rattle.scene.linear_algebra import eigen
 
 MOST, LEAST, NORMAL = 1.7976931348623157e308, 5e-324, 2.2250738585072014e-308
 
@@ -57,3 +59,24 @@ def test_at_the_ends_of_the_range(a, b, c):
     assert emulate_fma(a, b, c) == fused(a, b, c)
     if math.isfinite(a * b + c):
         assert fused(a, b, c) == exact(a, b, c)
+
+
+SPECIAL = [0.0, -0.0, 1.0, -1.0, 709.0, -745.0, -746.0, 1e-300, math.inf, -math.inf, math.nan]
+WIDE = np.random.default_rng(1).normal(0.0, 200.0, size=20_000).clip(-740.0, 700.0)
+
+
+@pytest.mark.parametrize("given", [0.5, SPECIAL, [], WIDE, WIDE.reshape(100, 200).T], ids=np.shape)
+def test_exponentials_are_those_of_the_c_library_to_the_last_bit(given):
+    found = exponentials(given)
+    assert found.shape == np.shape(given)
+    np.testing.assert_array_equal(found.ravel(), [math.exp(x) for x in np.ravel(given)])
+
+
+def test_small_eigenvalues_keep_their_relative_accuracy():
+    sizes = np.array([1e-6, 1e-12, 1.0])
+    correlation = np.array([[1.0, 0.3, 0.2], [0.3, 1.0, -0.4], [0.2, -0.4, 1.0]])
+    others = correlation[np.ix_([0, 2], [0, 2])]
+    smallest = sizes[1] ** 2 * (1.0 - correlation[1, [0, 2]] @ np.linalg.solve(others, correlation[[0, 2], 1]))
+    matrix = sizes[:, None] * correlation * sizes
+    assert eigen(matrix)[0][0] == pytest.approx(smallest, rel=1e-10, abs=0.0)
+    assert np.linalg.eigvalsh(matrix)[0] != pytest.approx(smallest, rel=0.1, abs=0.0)
