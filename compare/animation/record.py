@@ -69,8 +69,6 @@ def check_recording(scene: Scene, impacts: int, seed: int) -> None:
     ...
     rattle.scene.errors.InputError: sigma = 0.0: nothing is random, so both paths are the same; give noise, such as 0.1
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
     count("impacts", impacts, most=MOST_IMPACTS)
     count("seed", seed, least=0)
     if not is_random(scene):

@@ -48,27 +48,23 @@ class Mean(NamedTuple):
     effective: float  # effective number of independent batches
 
 
-def ratio_mean(top: Floats, bottom: Floats, batches: int = BATCHES) -> Mean:
+def ratio_mean(top: Floats, bottom: Floats) -> Mean:
     """Compute ``sum(top) / sum(bottom)`` of a time series, with an interval from batch means.
 
     The residuals ``top - ratio bottom`` of the batches are taken as normal.  If neighbouring batches are positively
     correlated (coefficient r), the variance is multiplied by ``(1 + r) / (1 - r)``.
 
-    `batches`: Number of batches of equal length; entries beyond the last full batch are left out. Shapes: `top`,
-    `bottom` (entries,).
+    Entries beyond the last full batch are left out. Shapes: `top`, `bottom` (entries,).
     """
-    size = top.size // batches
-    if size < 2:
-        raise InputError("record", top.size, f"is too short for an interval: at least {2 * batches} entries")
-    cut = size * batches
-    t, b = (a[:cut].reshape(batches, size).sum(axis=1) for a in (top, bottom))
+    size = top.size // BATCHES
+    t, b = (a[: BATCHES * size].reshape(BATCHES, size).sum(axis=1) for a in (top, bottom))
     value = float(t.sum() / b.sum())
     residual = t - value * b
     spread = float((residual**2).sum())
     lag1 = float((residual[1:] * residual[:-1]).sum()) / spread if spread > 0.0 else 0.0  # autocorrelation
     widening = (1.0 + max(lag1, 0.0)) / (1.0 - max(lag1, 0.0))
-    se = math.sqrt(spread * batches / (batches - 1) * widening) / float(b.sum())
-    return Mean(value, float(stdtrit(batches - 1, 0.5 + 0.5 * CONFIDENCE)) * se, batches / widening)
+    se = math.sqrt(spread * BATCHES / (BATCHES - 1) * widening) / float(b.sum())
+    return Mean(value, float(stdtrit(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)) * se, BATCHES / widening)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import pandas as pd
 
@@ -40,14 +39,14 @@ def study(
     scene: Scene,
     *,
     field: str = "alpha",
-    scenes: Mapping[float, Scene] = MappingProxyType({}),
+    scenes: Mapping[float, Scene],
     points: int = 1_000_000,
     impacts: int = 200_000,
     events: int = 4000,
     width: float = WIDTH,
     seed: int = 0,
     workers: int = 2,
-    progress: Callable[[str], None] = lambda part: None,
+    progress: Callable[[str], None],
 ) -> ChaosStudy:
     """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
 

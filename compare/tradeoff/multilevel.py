@@ -142,13 +142,11 @@ def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
     return round(float((np.sqrt(variance * seconds).sum() / accuracy) ** 2), 12)
 
 
-def measure_levels(
-    scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int, paths: int = PATHS, levels: int = LEVELS
-) -> Levels:
+def measure_levels(scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int) -> Levels:
     """Run every level with its own random numbers, and tabulate the level differences."""
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
-    seeds = np.random.SeedSequence([seed, levels]).spawn(levels)
-    common: dict[str, Any] = {"paths": paths, "impacts": impacts, "scheme": scheme, "workers": workers}
+    seeds = np.random.SeedSequence([seed, LEVELS]).spawn(LEVELS)
+    common: dict[str, Any] = {"paths": PATHS, "impacts": impacts, "scheme": scheme, "workers": workers}
     bar = tqdm(seeds, desc=f"levels of {scheme}", unit="level", disable=None, leave=False)
     return levels_of(
         [

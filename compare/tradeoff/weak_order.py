@@ -21,7 +21,6 @@ from tqdm import tqdm
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.diagnostics.accuracy import ROUNDED, units
-from rattle.scene.errors import count
 from rattle.scene.scene import Scene
 from rattle.scene.types import Bools, Floats
 
@@ -185,7 +184,6 @@ def weak_orders(
     They are measured for mean and sd of each quantity on the Poincaré section at the impacts, and for the probability
     of the noise-free itinerary.
     """
-    count("replicates", replicates, least=2)
     seeds = np.random.SeedSequence(rng).spawn(replicates + 1)
     sample = partial(simulate, scene.phase_reduced, impacts=impacts, workers=workers)
     exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])

@@ -139,7 +139,6 @@ def test_hostile_names_are_escaped(shown):
         (GEARS, {"impacts": MOST_IMPACTS + 1}, "^impacts = 201: must be at most 200"),
         (GEARS, {"impacts": 2.5}, "^impacts = 2.5: give a whole number"),
         (GEARS, {"seed": -1}, "^seed = -1: must be at least 0"),
-        (DAT21, {}, "^scene = Gears.*give a Scene"),
         (Scene(alpha=0.0, **PLAIN | {"gamma1": 0.0, "gamma2": 0.0}, sigma=0.1), {}, "^impacts = 24: .*give at most"),
         (Scene(alpha=1.5, **PLAIN | {"epsilon": 0.0}, sigma=0.1), {"impacts": 200}, "^impacts = 200: .*2000.*"),
     ],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rattle.compare.tradeoff.weak_order import changes_from, find_settled, slope_from, weak_orders
-from rattle.scene import DAT21, InputError, Scene
+from rattle.scene import DAT21, Scene
 
 STEPS = (0.04, 0.02, 0.01)
 
@@ -91,8 +91,3 @@ def test_located_scheme_has_order_one_and_both_have_the_right_limit():
     of_tau = changes[(changes["moment"] == "mean") & (changes["quantity"] == "tau")]
     last = of_tau.groupby("scheme")["change"].last()
     assert last.to_dict() == means[means["quantity"] == "tau"]["change"].to_dict()
-
-
-def test_one_replicate_is_no_interval():
-    with pytest.raises(InputError, match="replicates = 1"):
-        weak_orders(Scene.from_gears(DAT21, sigma=1.0), replicates=1)
