@@ -206,10 +206,11 @@ def boundary(
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
         store = Store(Path(folder or scratch))
 
-        def simulate(changed: Scene, paths: int) -> Any:
+        def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
             nonlocal steps
             bar.set_postfix_str(f"{at_work[0]}, {paths:,} paths")
-            run = store.obtain(Sample(changed, impacts, own_seed(changed, rng), paths=paths), runner.compute)
+            cell = Sample(changed, impacts, own_seed(changed, rng), paths=paths, near_branches=near_branches)
+            run = store.obtain(cell, runner.compute)
             steps += run.facts["path_steps"]
             return run
 

@@ -1,7 +1,9 @@
 """Sequential search for the values of a parameter between which a closure stops holding.
 
 At each value paths are added until the verdict on the closure is decided.  All looks at all values share one family of
-95 %, so what is said of the whole search is right with 95 % probability.
+95 %, so what is said of the whole search is right with 95 % probability.  A closure is shown wrong by any one row, so
+all rows are counted then; it is accurate if every row is, which no single row says falsely more often than at its own
+level (an intersection-union test: Berger 1982, Technometrics 24, 295), so they are not.
 """
 
 import math
@@ -10,14 +12,16 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from rattle.compare.validation.errors import Claimed, Simulated, section_errors
+from rattle.compare.validation.errors import Claimed, Simulated, section_errors, waits_for_branch
 from rattle.compare.validation.verdict import JUDGED, Tolerances, is_accurate, is_wrong, widest
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 
 LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 """Paths after which a value is judged."""
+ROUGH = LOOKS[2]  # fewer paths say only roughly how many would decide
 MOST = 40  # values of a search
 SLIGHT = 0.01  # share of a tolerance below which it does not matter what a branch that was not seen could change
 ACCURATE, WRONG, UNDECIDED = "accurate", "wrong", "undecided"
@@ -49,50 +53,70 @@ class Edge(NamedTuple):
         return math.exp(abs(math.log(self.wrong / self.accurate))) - 1.0
 
 
-def critical(impacts: int, stages: int, searches: int = 1) -> float:
-    """Standard errors of the intervals of every row at every look of some searches (Bonferroni)."""
+class Widths(NamedTuple):
+    """Half widths of the intervals, in standard errors, by what is to be shown: each takes half of the 5 %."""
+
+    accurate: float
+    wrong: float
+
+
+def critical(impacts: int, stages: int, searches: int = 1) -> Widths:
+    """The half widths at every look of some searches (Bonferroni), one look of each value taken again."""
     rows = 2 * (len(SECTION) - (0 if stages == 2 else 2)) * impacts
-    return widest(rows * len(LOOKS) * MOST * searches)
+    looks = (len(LOOKS) + 1) * MOST * searches
+    return Widths(widest(looks), widest(rows * looks))
 
 
 def judge_value(
     value: float,
     scene: Scene,
     predicted: Claimed,
-    simulate: Callable[[Scene, int], Simulated],
-    z: float,
+    simulate: Callable[[Scene, int, bool], Simulated],
+    z: Widths,
     tolerances: Tolerances,
 ) -> Point:
     """Add paths until a closure is decided at one value, or until what is undecided would take more than the last look.
 
-    `simulate`: Makes an ensemble of so many paths of a scene.
+    Where that waits for a rare branch, a part of the paths is drawn near it from then on.
+
+    `simulate`: Makes an ensemble of so many paths of a scene, and says whether a part of them is near rare branches.
     """
-    for paths in LOOKS:
-        rows = section_errors(predicted, simulate(scene, paths), z, tolerances)
-        rows = rows[rows["verdict"].isin(JUDGED)]
+    near_branches, looks = False, list(LOOKS)
+    while looks:
+        paths = looks[0]
+        run = simulate(scene, paths, near_branches)
+        narrow, rows = (section_errors(predicted, run, width, tolerances) for width in z)
+        narrow, rows = (table[table["verdict"].isin(JUDGED)] for table in (narrow, rows))
         if rows.empty:
             return Point(value, WRONG, paths, math.nan, math.nan, math.nan, "nothing is predicted", "")
-        verdicts = set(rows["verdict"])
-        wrong = rows[rows["verdict"] == "inaccurate"]
-        worst = (wrong if len(wrong) else rows).assign(share=lambda r: r["error"].abs() / r["tolerance"])
-        row = worst.to_dict("records")[int(worst["share"].argmax())]
-        sign = 1.0 if row["error"] >= 0.0 else -1.0
-        low, high = sorted(sign * row[name] / row["tolerance"] for name in ("low", "high"))
-        name = f"{row['moment']} of {row['quantity']} at impact {row['impact']}"
-        found = Point(value, UNDECIDED, paths, float(row["share"]), float(low), float(high), name, "")
-        if is_wrong(verdicts):
-            return found._replace(verdict=WRONG)
-        if is_accurate(verdicts):
-            return found._replace(verdict=ACCURATE)
-        open_rows = rows[rows["verdict"] == "undecided"]
-        beyond = open_rows["error"].abs() > open_rows["tolerance"]
-        hidden = open_rows[["unseen_low", "unseen_high"]].max(axis=1) > SLIGHT * open_rows["tolerance"]
-        margin = (open_rows["error"].abs() - open_rows["tolerance"]).abs()
-        needed = open_rows["paths_needed"].fillna(np.inf).where(hidden, paths * (open_rows["noise"] / margin) ** 2)
-        if needed.max() > LOOKS[-1] and not (needed[beyond] <= LOOKS[-1]).any():
+        if is_wrong(set(rows["verdict"])):
+            return _point(value, WRONG, paths, rows[rows["verdict"] == "inaccurate"])
+        if is_accurate(set(narrow["verdict"])):
+            return _point(value, ACCURATE, paths, narrow)
+        outside = rows["error"].abs() > rows["tolerance"]
+        rest = pd.concat([narrow[~outside], rows[outside]]).query("verdict == 'undecided'")
+        beyond = rest["error"].abs() > rest["tolerance"]
+        hidden = rest[["unseen_low", "unseen_high"]].max(axis=1) > SLIGHT * rest["tolerance"]
+        margin = (rest["error"].abs() - rest["tolerance"]).abs()
+        needed = rest["paths_needed"].fillna(np.inf).where(hidden, paths * (rest["noise"] / margin) ** 2)
+        within_reach = needed.max() <= LOOKS[-1] or (needed[beyond] <= LOOKS[-1]).any()
+        if not within_reach and waits_for_branch(rest).any() and not (near_branches or scene.correlation_time):
+            near_branches = True
+        elif within_reach or paths < ROUGH:
+            looks.pop(0)
+        else:
             break  # neither verdict is in reach
-    remarks = [text for text in open_rows["remark"] if text]
-    return found._replace(remark=remarks[0] if remarks else "too few paths to decide")
+    remarks = [text for text in rest["remark"] if text]
+    return _point(value, UNDECIDED, paths, rows)._replace(remark=remarks[0] if remarks else "too few paths to decide")
+
+
+def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Point:
+    """A value with the worst of some rows."""
+    row = rows.to_dict("records")[int((rows["error"].abs() / rows["tolerance"]).argmax())]
+    sign = 1.0 if row["error"] >= 0.0 else -1.0
+    low, high = sorted(sign * row[name] / row["tolerance"] for name in ("low", "high"))
+    name = f"{row['moment']} of {row['quantity']} at impact {row['impact']}"
+    return Point(value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name, "")
 
 
 def search(

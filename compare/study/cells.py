@@ -14,8 +14,9 @@ from rattle.closure.mean_map import predict
 from rattle.compare.study.store import Cell, Content
 from rattle.compare.validation.errors import followers_of
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate, simulate_to
+from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.diagnostics.accuracy import sampling_error, small_noise
-from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError, choice, positive
 from rattle.scene.moments import SECTION
@@ -82,6 +83,7 @@ class Sample(Cell):
     accuracy: float | None = None
     dt: float | None = None
     on_itinerary: bool = False
+    near_branches: bool = False  # a part of the paths is drawn near the rare branches that matter, where any does
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -103,6 +105,8 @@ class Sample(Cell):
         else:
             assert self.paths is not None
             run = self.simulate(self.paths, blocks, **record)
+            if self.near_branches:
+                run = begin_rare(run, run.paths, blocks or in_threads(1)) or run
         parts = [_sections(run)]
         if self.on_itinerary:
             parts.append(_sections(followers_of(run)).add_prefix(FOLLOWERS))
