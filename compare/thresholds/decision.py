@@ -5,6 +5,7 @@ all looks (Bonferroni).  Therefore looks may be skipped depending on earlier one
 final.  Other claims do not widen them: a verdict does not depend on which tests run beside it.
 """
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
@@ -28,6 +29,7 @@ from rattle.compare.study.cells import Sample
 from rattle.compare.study.store import Cell, Content, Store, print_on_stderr
 from rattle.compare.thresholds.claim import KINDS, Claim, Settings
 from rattle.compare.validation.errors import (
+    AGAIN,
     ON_ITINERARY,
     TOO_FEW_FOLLOW,
     Claimed,
@@ -35,8 +37,11 @@ from rattle.compare.validation.errors import (
     judge_followers,
     remarks,
     section_errors,
+    take_decided,
+    waits_for_branch,
 )
 from rattle.compare.validation.verdict import RULE, Tolerances, judge, widest
+from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.run import PATHS
@@ -262,19 +267,31 @@ def look_until_decided(
 
 
 def decide(prediction: ModelPrediction, claim: Claim, session: Thresholds) -> Decision:
-    """Compare a prediction with the simulation, with more paths while the claim is undecided."""
+    """Compare a prediction with the simulation, with more paths while the claim is undecided.
+
+    Rows that wait for a rare branch which the budget's paths would not show are decided by paths near it.
+    """
     settings, apart = session.settings, claim.kind == ON_ITINERARY
     # an accuracy determines the number of paths itself
     sizes = settings.sizes(claim.paths, claim.budget) if claim.accuracy is None else (None,)
     z = widest(len(claim.rows) * len(sizes), settings.false_alarm)
 
+    # a true claim leaves its tolerance on one side only: half of the error is left for what is looked at again
+    again = widest(len(claim.rows) * len(sizes), AGAIN * settings.false_alarm)
+    plain = apart or SCHEMES[claim.scheme].has_step_bias or claim.scene.correlation_time
+
     def look(paths: int | None) -> tuple[pd.DataFrame, TimedRun]:
-        run = session.simulate(
-            Sample(
-                claim.scene, claim.impacts[-1], settings.seed, claim.scheme, paths, claim.accuracy, on_itinerary=apart
-            )
+        cell = Sample(
+            claim.scene, claim.impacts[-1], settings.seed, claim.scheme, paths, claim.accuracy, on_itinerary=apart
         )
-        return judge_errors(errors_of(prediction, run.run.followers if apart else run.run, claim), z), run
+        run = session.simulate(cell)
+        table = judge_errors(errors_of(prediction, run.run.followers if apart else run.run, claim), z)
+        waits = waits_for_branch(table) & ~(table["paths_needed"] <= (sizes[-1] or math.inf))
+        if waits.any() and not plain and paths is not None:
+            near = session.simulate(replace(cell, near_branches=True))
+            decided = take_decided(table, waits, judge_errors(errors_of(prediction, near.run, claim), again))
+            return decided, run._replace(seconds=run.seconds + near.seconds)
+        return table, run
 
     return Decision(*look_until_decided(sizes, look), z)
 

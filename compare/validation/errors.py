@@ -242,9 +242,14 @@ def judge_again(
         return tables
     out = []
     for table, rows, prediction in zip(tables, waits, predictions, strict=True):
-        again = section_errors(prediction, rare, z, tolerances).assign(remark=NEAR_BRANCHES)
-        out.append(table.where(~(rows & again["verdict"].isin(("accurate", "inaccurate"))), again))
+        out.append(take_decided(table, rows, section_errors(prediction, rare, z, tolerances)))
     return out
+
+
+def take_decided(table: pd.DataFrame, rows: "pd.Series[bool]", again: pd.DataFrame) -> pd.DataFrame:
+    """The table, those of some rows that paths near a rare branch decide as of these."""
+    decided = rows & again["verdict"].isin(("accurate", "inaccurate"))
+    return table.where(~decided, again.assign(remark=NEAR_BRANCHES))
 
 
 def widen_for_skewness(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> Floats:
