@@ -125,8 +125,8 @@ def sample_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[Floa
     """Run the paths of a block.
 
     Returns: Impacts; weights, that is the likelihood ratio of the plain distribution to the mixture given the steps up
-    to each impact, 0 of those that a path did not have; path-steps; and those in which a mesh stayed closed. Shapes: result (BLOCK, impacts, COLUMNS),
-    (BLOCK, impacts).
+    to each impact, 0 of those that a path did not have; path-steps; and those in which a mesh stayed closed. Shapes:
+    result (BLOCK, impacts, COLUMNS), (BLOCK, impacts).
     """
     first = block * BLOCK
     job, every, room = begin_block(plan, first, BLOCK, carried=2 + len(mixture.unit))
