@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from measure_unseen import PAIR as OTHER
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches.choose import choose_mixture, steps_of
@@ -28,10 +29,6 @@ SEEDS, SEED_BLOCKS, PLAIN_PATHS, PILOT = 1000, 32, 4_000_000, 32 * BLOCK
 PAIR = Scene(
     alpha=0.511, epsilon=0.447, beta1=0.101, beta2=0.091, gamma1=0.004, gamma2=0.098, mu=0.625, gap1=0.5, gap2=0.959,
     sigma=0.4, start=Start(tau=2.66, x1=0.15, y1=-0.37, x2=-0.58, y2=1.82, mesh=0),
-)  # fmt: skip
-OTHER = Scene(
-    alpha=1.9784, epsilon=0.9128, beta1=0.10499, gamma1=0.17886, beta2=0.1668, gamma2=0.13449, mu=0.37341, gap2=0.43131,
-    sigma=0.4, start=Start(tau=0.0, x1=0.26778, y1=0.68545, x2=-0.13413, y2=-0.96511, mesh=0),
 )  # fmt: skip
 SCENES = {
     "DAT21, 0.06": (Scene.from_gears(DAT21, sigma=0.06), 4),

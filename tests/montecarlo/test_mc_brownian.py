@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mc_checks import agrees
 
 from rattle.montecarlo.noise.brownian import Noise, join, split
-from rattle.scene.compiled import jit
 
 NORMAL = st.floats(-8.0, 8.0)
 
@@ -55,17 +53,6 @@ def test_split_is_a_rotation_of_four_standard_normals(share):
     assert np.abs(wide @ wide.T - np.eye(4)).max() > 1e-10
 
 
-@jit
-def parts_of(draws, h, share):
-    """(W1, A1, W2, A2) of the split of each row of four standard normals."""
-    out = np.empty_like(draws)
-    for i in range(len(draws)):
-        w, a, z1, z2 = draws[i]
-        first, second = split(Noise(w * math.sqrt(h), a * math.sqrt(h / 12.0)), h, share, z1, z2)
-        out[i] = first.increment, first.area, second.increment, second.area
-    return out
-
-
 # --- against a path laid out in fine steps
 
 FINE, H = 240, 0.3
@@ -92,25 +79,3 @@ def test_joined_parts_of_a_path_are_the_whole_to_rounding(cut):
     assert np.abs(again - whole).max() < 1e-15 * FINE
     wrong = np.array([join(Noise(*b), Noise(*a), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
     assert np.abs(wrong - whole).max() > 1e-3  # negative control: the parts the other way round
-
-
-@pytest.mark.parametrize("cut", [24, 120, 200])
-def test_split_given_the_whole_has_the_distribution_of_a_path_given_the_whole(cut):
-    """Regression of the parts on increment and area of the whole, and what is left: both as a path laid out has it."""
-    fine, share = laid_out(20_000), cut / FINE
-    path = np.array([*noise_of(fine[:, :cut]), *noise_of(fine[:, cut:])]).T
-    draws = np.random.default_rng(2).standard_normal((len(fine), 4))
-    w, a = noise_of(fine)
-    draws[:, 0], draws[:, 1] = w / math.sqrt(H), a * math.sqrt(12.0 / H)
-    cutting = parts_of(draws, H, share)
-
-    def moments(parts):
-        """Products of the parts with each other and with the whole, one row a path."""
-        known = np.column_stack([draws[:, :2], parts / np.sqrt(H)])
-        return np.column_stack([known[:, i] * known[:, j] for i in range(6) for j in range(2, i + 1)])
-
-    difference = moments(path) - moments(cutting)
-    se = difference.std(axis=0) / math.sqrt(len(fine))
-    assert agrees(difference.mean(axis=0), 0.0, se, slack=2.0 / FINE**2)  # a path linear in fine steps lacks this much
-    other = moments(parts_of(draws, H, min(share + 0.05, 0.95)))  # negative control: cut elsewhere
-    assert not agrees((moments(path) - other).mean(axis=0), 0.0, se, slack=2.0 / FINE**2)

@@ -36,8 +36,7 @@ def ask(watched, accuracy, **settings):
 def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):
     watched = Watched(monkeypatch)
     with pytest.warns(
-        AccuracyWarning,
-        match="Accuracy 1e-09 sd NOT reached: .* years of processor time more would suffice",
+        AccuracyWarning, match="Accuracy 1e-09 sd NOT reached: .* years of processor time more would suffice"
     ):
         run = ask(watched, 1e-9, budget=10.0, scheme="exact-flight")
     assert watched.now == 11.0  # the first run, which compiles, is not counted

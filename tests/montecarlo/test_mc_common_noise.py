@@ -2,43 +2,25 @@
 
 import numpy as np
 import pytest
-from mc_checks import dat21, open_space
+from mc_checks import dat21, open_space, orbit_of
 
 from rattle.montecarlo import simulate
-from rattle.montecarlo.coupling.dyadic import clockwork, fly
+from rattle.montecarlo.coupling.dyadic import clockwork
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.montecarlo.coupling.pairs import after_impact
-from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.short_flight import kick
 from rattle.scene import InputError, Tolerance
-from rattle.scene.flight import flow, jacobian
-from rattle.scene.impact import next_impact, struck
+from rattle.scene.flight import jacobian
 
 PAPER = 1.5**0.5
 
 
-@pytest.mark.parametrize("h", [0.049, 1e-3, 1e-9])
-def test_a_short_flight_is_the_flight(h):
-    c, state, end = dat21(PAPER).constants, np.array([0.1, 0.5, -0.2, 0.7]), np.empty(4)
-    for tau in np.linspace(0.0, 6.2, 20):
-        fly(c, tau, state, h, Noise(0.2, 0.03), end)
-        assert end == pytest.approx(np.array(flow(c, tau, *state, h)) + kick(c, tau, h, 0.2, 0.03), abs=2e-15)
-
-
 def test_without_noise_a_long_path_is_the_orbit():
-    scene = dat21()
-    c, tau = scene.constants, 0.0
-    x1, y1, x2, y2 = scene.start_state
-    y1, y2 = struck(c, 1, y1, y2)
-    s, _ = LongPath(scene, 0, depth=26).stretch(256)
-    for k in range(12):
-        t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, 1e3)
-        tau += t
-        assert s.flight[k] == pytest.approx(t, abs=1e-11)
-        assert s.code[k] == mesh * side
-        assert s.before[k] == pytest.approx([x1, y1, x2, y2], abs=1e-11)
-        y1, y2 = struck(c, mesh, y1, y2)
+    s, _ = LongPath(dat21(), 0, depth=26).stretch(256)
+    orbit = orbit_of(dat21(), 12)
+    assert np.cumsum(s.flight[:12]) == pytest.approx(orbit[:, 0], abs=1e-11)
+    assert s.before[:12] == pytest.approx(orbit[:, 1:5], abs=1e-11)
+    assert (s.code[:12] == orbit[:, 5]).all()
 
 
 def first_impacts(sigma: float, paths: int, impacts: int, depth: int, seed: int = 11) -> np.ndarray:

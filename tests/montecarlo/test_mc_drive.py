@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rattle import DAT21, SCHEMES, InputError, Order, Record, Sampling, Scene, Start, mean_map, simulate, simulate_rare
+from rattle import DAT21, SCHEMES, Order, Record, Sampling, Scene, Start, mean_map, simulate
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.settings.plan import plan_of
@@ -212,23 +212,3 @@ def test_a_long_run_of_one_order_written_as_several_is_the_same():
     values = {name: (e.value, other.estimates[name].value, e.se) for name, e in one.estimates.items()}
     for name, (a, b, se) in values.items():
         assert abs(a - b) < 6.0 * se + 1e-9, name
-
-
-@pytest.mark.parametrize(
-    ("change", "settings", "message"),
-    [
-        ({"drive": ORDERS}, {"sampling": Sampling(device="cuda")}, "is not simulated on a GPU"),
-        ({"correlation_time": 1.0}, {"sampling": Sampling(device="cuda")}, "is not simulated on a GPU"),
-        ({"correlation_time": 1.0}, {"sampling": Sampling(control=True)}, "for white noise only"),
-        ({"correlation_time": 0.01}, {"dt": 0.01}, "must be at most 0.001: a longer step cannot follow the memory"),
-        ({"drive": (Order(50),)}, {"dt": 0.01}, "cannot follow the noise's modulation"),
-    ],
-)
-def test_what_a_sampler_cannot_do_is_refused(change, settings, message):
-    with pytest.raises(InputError, match=message):
-        simulate(replace(Scene.from_gears(DAT21, sigma=0.1), **change), paths=10, impacts=2, **settings)
-
-
-def test_rare_branches_are_of_white_noise():
-    with pytest.raises(InputError, match="with white noise only"):
-        simulate_rare(Scene.from_gears(DAT21, sigma=0.1, correlation_time=1.0), paths=10, impacts=2)

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from mc_checks import dat21
-from settings import recorded
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.cuda import bench
@@ -22,12 +21,6 @@ from rattle.scene import InputError
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-
-CASES = (
-    "plain", "plain, histograms", "plain, one stage", "plain, contact", "plain, path", "plain, fixed",
-    "plain, two-point", "plain, some unfinished", "located", "located, one stage",
-    "located, contact", "located, no noise", "exact", "exact, one stage", "exact, contact",
-)  # fmt: skip
 
 needs_package = pytest.mark.skipif(find_spec("numba_cuda") is None, reason="the package numba-cuda is not installed")
 
@@ -46,59 +39,32 @@ def python(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str
     )  # fmt: skip
 
 
-def on_simulator(*words: str) -> dict:
-    done = python("-W", "error::RuntimeWarning", str(HERE / "simulated_gpu.py"), *words)
+@pytest.fixture(scope="module")
+def simulated() -> dict:
+    done = python("-W", "error::RuntimeWarning", str(HERE / "simulated_gpu.py"))
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout)
 
 
-@pytest.fixture(scope="module")
-def simulated() -> dict:
-    return on_simulator()
+@pytest.mark.slow
+@needs_package
+def test_a_gpu_follows_the_same_paths_and_takes_the_same_sums(simulated):
+    assert len(simulated["cases"]) == 15
+    for case, found in simulated["cases"].items():
+        assert found["work"][0] == found["work"][1], case
+        for name in ("rows", "covariance", "fixed", "agreement", "histograms"):
+            assert found[name] < 1e-9, (case, name)
+        assert found["section"] < 1e-8  # the error of the kurtosis of two values is the square root of rounding
+    assert 0 < simulated["cases"]["plain, some unfinished"]["work"][1][2] < 10
+    assert simulated["speed"] > 0.0
 
 
 @pytest.mark.slow
 @needs_package
-def test_no_case_is_left_out(simulated):
-    assert set(simulated) == {*CASES, "negative control: another key", "speed"}
-
-
-@pytest.mark.slow
-@needs_package
-@pytest.mark.parametrize("case", CASES)
-def test_a_gpu_follows_the_same_paths(simulated, case):
-    found = simulated[case]
-    assert found["rows"] < 1e-9
-    assert found["work"][0] == found["work"][1]
-
-
-@pytest.mark.slow
-@needs_package
-@pytest.mark.parametrize("case", CASES)
-def test_a_gpu_takes_the_same_sums(simulated, case):
-    for name in ("covariance", "fixed", "agreement", "histograms"):
-        assert simulated[case][name] < 1e-9, name
-    assert simulated[case]["section"] < 1e-8  # the error of the kurtosis of two values is the square root of rounding
-
-
-@pytest.mark.slow
-@needs_package
-def test_unfinished_paths_were_among_them(simulated):
-    assert 0 < simulated["plain, some unfinished"]["work"][1][2] < 10
-
-
-@pytest.mark.slow
-@needs_package
-def test_another_key_would_be_seen():
-    found = on_simulator("control")["negative control: another key"]
+def test_another_key_would_be_seen(simulated):
+    found = simulated["another key"]
     assert found["rows"] > 1e-3
     assert found["section"] > 1e-3
-
-
-@pytest.mark.slow
-@needs_package
-def test_speed_counts_path_steps(simulated):
-    assert simulated["speed"] > 0.0
 
 
 @needs_package
@@ -139,19 +105,3 @@ def test_a_missing_gpu_is_named():
     assert done.stdout == ""
     assert done.stderr.startswith("sampling.device = 'cuda': needs")
     assert "Traceback" not in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("settings", "field"),
-    [
-        ({"device": "gpu"}, "sampling.device"),
-        ({"device": "cuda", "step_bias": True}, "record.step_bias"),
-        ({"device": "cuda", "energy": True}, "record.energy"),
-        ({"device": "cuda", "batches": True}, "record.batches"),
-        ({"device": "cuda", "control": True, "scheme": "exact-flight"}, "sampling.control"),
-    ],
-)
-def test_what_a_gpu_cannot_do_is_refused(settings, field):
-    with pytest.raises(InputError) as refused:
-        simulate(dat21(0.1), paths=10, **recorded(settings))
-    assert refused.value.field == field

@@ -7,11 +7,13 @@ from mc_checks import dat21
 from mc_checks import stepped as simulate
 from settings import recorded
 
-from rattle.montecarlo import Sampling, largest_step, simulate_to
+from rattle.montecarlo import Sampling, largest_step, simulate_rare, simulate_to
 from rattle.montecarlo.kernel import blocks
 from rattle.montecarlo.settings import plan as validation
-from rattle.scene import InputError, Scene, Start, Tolerance
+from rattle.scene import InputError, Order, Scene, Start, Tolerance
 
+ORDERS = dat21(0.1, drive=(Order(50),))
+MEMORY, SHORT = (dat21(0.1, correlation_time=theta) for theta in (1.0, 0.01))
 BAD = {
     "no paths": ({"paths": 0}, "paths = 0: must be at least 1"),
     "part of a path": ({"paths": 1.5}, "paths = 1.5: give a whole number"),
@@ -40,6 +42,27 @@ BAD = {
     "no horizon": ({"horizon": 0.0}, "horizon = 0.0: must be greater than 0"),
     "a negative seed": ({"rng": -1}, "rng = -1: must be at least 0"),
     "no seed": ({"rng": None}, "rng = None: give a whole number"),
+    "an itinerary of no impacts": ({"itineraries": {"mine": []}}, r"\['mine'\] = \[\]: needs one entry for each of 3"),
+    "too long an itinerary": ({"itineraries": {"mine": [1, -1, 1, -1]}}, "needs one entry for each of 3 impacts"),
+    "a control of Euler's steps": ({"control": True}, "control = True: works with scheme 'exact-flight' only"),
+    "three-point increments": ({"increments": "three-point"}, "increments = 'three-point'"),
+    "two-point increments of exact flights": (
+        {"increments": "two-point", "scheme": "exact-flight", "dt": 0.05}, "works with the Euler-Maruyama schemes only",
+    ),
+    "an unknown device": ({"device": "gpu"}, "sampling.device = 'gpu'"),
+    "a step bias on a GPU": ({"device": "cuda", "step_bias": True}, "record.step_bias = True: is not computed"),
+    "energy on a GPU": ({"device": "cuda", "energy": True}, "record.energy = True: is not computed on a GPU"),
+    "batches on a GPU": ({"device": "cuda", "batches": True}, "record.batches = True: is not computed on a GPU"),
+    "a control on a GPU": (
+        {"device": "cuda", "control": True, "scheme": "exact-flight"}, "sampling.control = True: is not computed",
+    ),
+    "orders on a GPU": ({"scene": ORDERS, "device": "cuda"}, "is not simulated on a GPU"),
+    "a memory on a GPU": ({"scene": MEMORY, "device": "cuda"}, "is not simulated on a GPU"),
+    "a control with a memory": ({"scene": MEMORY, "control": True, "scheme": "exact-flight"}, "for white noise only"),
+    "a step beyond the memory": ({"scene": SHORT, "dt": 0.01}, "at most 0.001: a longer step cannot follow the memory"),
+    "a step beyond the orders": (
+        {"scene": ORDERS, "dt": 0.01, "scheme": "exact-flight"}, "cannot follow the noise's modulation",
+    ),
 }  # fmt: skip
 
 
@@ -54,12 +77,6 @@ def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
     monkeypatch.setattr(validation, "sample", lambda *_: pytest.fail("work was done"))
     with pytest.raises(InputError, match=words):
         simulated(**settings)
-
-
-@pytest.mark.parametrize("itinerary", [[], [1], [1, -1, 1, -1]])
-def test_itinerary_of_a_wrong_length_is_refused(itinerary):
-    with pytest.raises(InputError, match=r"itineraries\['mine'\] = .*: needs one entry for each of 3 impacts"):
-        simulated(itineraries={"mine": itinerary})
 
 
 STEADY = {"alpha": 0.0, "epsilon": 0.9, "gamma1": 0.0, "stages": 1, "start": Start(0.0, 0.0, 1e-3, mesh=0)}
@@ -135,6 +152,11 @@ def test_an_old_keyword_is_refused_with_its_new_place(old):
     (name,) = old
     with pytest.raises(InputError, match=rf"^{name} = .*is now in sampling=Sampling\({name}=\.\.\.\)"):
         simulate(dat21(0.1), paths=1, **old)
+
+
+def test_rare_branches_are_of_white_noise():
+    with pytest.raises(InputError, match="with white noise only"):
+        simulate_rare(MEMORY, paths=10, impacts=2)
 
 
 def test_an_accuracy_chooses_how_paths_are_sampled():

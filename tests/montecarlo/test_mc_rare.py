@@ -156,10 +156,7 @@ def test_first_order_is_enough_on_the_scenes_of_the_table():
     assert (off.abs() < 0.1 * table["near"]).all()
 
 
-SCENES = {
-    "two stages": (NOISY, 1, -2, 3),
-    "a window far from symmetric": (PAIR, 1, -1, 2),
-}
+SCENES = {"two stages": (NOISY, 1, -2, 3), "a window far from symmetric": (PAIR, 1, -1, 2)}
 
 
 @pytest.mark.parametrize("name", SCENES)

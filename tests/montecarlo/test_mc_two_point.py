@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from mc_checks import agrees, dat21
 from mc_checks import stepped as simulate
-from settings import recorded
 
-from rattle.montecarlo import Record
 from rattle.montecarlo.noise.philox import Word, fill_signs, fill_words, key_of
 from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene import InputError
 
 
 def signs(paths, steps):
@@ -42,34 +39,3 @@ def test_section_moments_are_those_of_gaussian_increments(scheme):
         error = np.hypot(two["se_" + name], normal["se_" + name])
         assert agrees(two[name], normal[name], error)
         assert not agrees(1.03 * two[name], normal[name], error)
-
-
-def test_result_does_not_depend_on_workers():
-    a, b = (
-        simulate(
-            dat21(1.0),
-            paths=3000,
-            impacts=2,
-            dt=0.01,
-            sampling=Sampling(increments="two-point"),
-            workers=w,
-            record=Record(raw=True),
-        ).raw
-        for w in (1, 3)
-    )
-    assert np.array_equal(a, b)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"increments": "three-point"}, r"increments = 'three-point'"),
-        (
-            {"increments": "two-point", "scheme": "exact-flight", "dt": 0.05},
-            r"works with the Euler-Maruyama schemes only",
-        ),
-    ],
-)
-def test_bad_input_is_refused(settings, message):
-    with pytest.raises(InputError, match=message):
-        simulate(dat21(0.1), paths=10, **recorded(settings))
