@@ -20,7 +20,7 @@ from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks
-from rattle.montecarlo.schemes.step_size import LEFT_OUT, largest_step, resolve_start
+from rattle.montecarlo.schemes.step_size import COARSEST, LEFT_OUT, largest_step, resolve_start
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.budget import Budget, clock
 from rattle.montecarlo.settings.plan import count_followed, default_horizon, is_random
@@ -30,7 +30,6 @@ from rattle.scene.scene import Scene
 
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
 PILOT = 4 * BLOCK  # paths of a pilot run
-COARSEST = 4  # dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)
 FIRST_STEP = 0.01  # dt of the Euler-Maruyama pilots, where it is admissible
 ENOUGH = 5.0  # core-seconds of exact flights below which no other scheme is tried: its pilot would take as long
 PROBE_SPAN = 0.01  # share of the horizon over which the first probe is run

@@ -18,15 +18,7 @@ from typing import Any
 import numpy as np
 
 from rattle.montecarlo.accuracy.cost import cost_of, dearest_row, expect_paths, missed_rows, step_error
-from rattle.montecarlo.accuracy.pilots import (
-    COARSEST,
-    ROUGHEST,
-    WAIT,
-    PilotRun,
-    Simulate,
-    choose_scheme,
-    sample_branches,
-)
+from rattle.montecarlo.accuracy.pilots import ROUGHEST, WAIT, PilotRun, Simulate, choose_scheme, sample_branches
 from rattle.montecarlo.branches.simulate_rare import extend_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
@@ -34,6 +26,7 @@ from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
+from rattle.montecarlo.schemes.step_size import COARSEST
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.budget import HOUR, Budget, clock
 from rattle.montecarlo.settings.plan import MOST_STEPS, check_settings, count_followed, default_horizon, is_random

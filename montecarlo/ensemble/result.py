@@ -12,7 +12,7 @@ import numpy as np
 from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, SECTION_PAIRS, BlockResult, Plan
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
-from rattle.montecarlo.noise.philox import LEVELS
+from rattle.montecarlo.schemes.step_size import COARSEST
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
 from rattle.montecarlo.statistics.records import Batches, Histograms
@@ -189,21 +189,20 @@ class Ensemble(SectionResult):
         """The columns of `section`, each of shape (impacts,)."""
         s, weighted = self._statistics, self.result.sums.get("weighted")
         if "control" in self.result.sums:
-            s |= estimate_controlled(self.result.sums["control"], self.plan.control.variance)
+            s = s | estimate_controlled(self.result.sums["control"], self.plan.control.variance)
         columns: dict[str, Floats | Ints] = {}
         most = np.array(CODES)[np.argmax(self.result.codes, axis=1)] * (self._arrivals > 0)
         for prefix, name in (("", "mean"), ("sd_", "sd"), ("skew_", "skew"), ("kurt_", "kurt")):
+            estimable = self._estimable(self._arrivals, name)
             for i, quantity in enumerate(SECTION):
-                absent = self.scene.stages == 1 and quantity in STATE[2:]
-                found = self.scene.to_absolute_time(s[name][:, i]) if prefix + quantity == "tau" else s[name][:, i]
-                columns[prefix + quantity] = found * (np.nan if absent else 1.0)
-                estimable = self._estimable(self._arrivals, name) * (np.nan if absent else 1.0)
-                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * estimable
+                blank = np.nan if self.scene.stages == 1 and quantity in STATE[2:] else 1.0
+                columns[prefix + quantity] = s[name][:, i] * blank
+                columns["se_" + prefix + quantity] = s["se_" + name][:, i] * estimable * blank
                 if name in self._step_biases:
-                    bias = self._step_biases[name].bias[:, i]
-                    columns["bias_" + prefix + quantity] = bias * (np.nan if absent else 1.0)
+                    columns["bias_" + prefix + quantity] = self._step_biases[name].bias[:, i] * blank
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
+        columns["tau"] = self.scene.to_absolute_time(s["mean"][:, 0])
         covariance = self.covariance
         for stage in (1, 2):
             j = 2 * stage - 1
@@ -364,10 +363,10 @@ class Ensemble(SectionResult):
         table = at_times_in(self._fixed_table, self.scene.gears, units)
         if times is None:
             return table
-        rows = []
+        rows, grid = [], self.dt * (COARSEST if "fine_coarse" in self.result.sums else 1)
         for t in np.asarray(times, dtype=float):
             away = np.abs(self.plan.fixed_steps * self.dt - (t - self.scene.start.tau))
-            near = np.flatnonzero(away <= 0.5001 * self._fixed_grid)
+            near = np.flatnonzero(away <= 0.5001 * grid)
             if near.size == 0:
                 raise InputError("times", float(t), "was not recorded; give it to simulate: record=Record(times=...)")
             rows.append(int(near[np.argmin(away[near])]))
@@ -452,10 +451,6 @@ class Ensemble(SectionResult):
         """Measured step bias of means and sds; empty where none was measured."""
         sums = self.result.sums
         return extrapolate(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
-
-    @property
-    def _fixed_grid(self) -> float:
-        return self.dt * (2 ** (LEVELS - 1) if "fine_coarse" in self.result.sums else 1)
 
     @property
     def _arrivals(self) -> Floats:

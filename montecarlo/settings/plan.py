@@ -9,7 +9,7 @@ import numpy as np
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.control_variate import linear_path, no_control
 from rattle.montecarlo.noise.philox import LEVELS
-from rattle.montecarlo.schemes.step_size import accurate_flight, check_step, default_step
+from rattle.montecarlo.schemes.step_size import COARSEST, accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.sampling import Record, Sampling
@@ -78,7 +78,7 @@ def check_settings(
     if not isinstance(rng, np.random.SeedSequence):
         count("rng", rng, least=0)
     if dt is not None:
-        check_step(scene, dt, scheme, 2 ** (LEVELS - 1) if step_bias else 1)
+        check_step(scene, dt, scheme, COARSEST if step_bias else 1)
 
 
 def plan_of(
@@ -119,8 +119,7 @@ def plan_of(
                 why = "is not simulated on a GPU, which knows one order and white noise; use device='cpu'"
                 raise InputError(name, getattr(scene, name), why)
         check_gpu()
-    levels = LEVELS if record.step_bias else 1
-    coarsest = 2 ** (levels - 1)
+    levels, coarsest = (LEVELS, COARSEST) if record.step_bias else (1, 1)
     dt = float(dt)
     horizon = _horizon(sampling.horizon, impacts, dt * coarsest, scheme)
     if not isinstance(record.itineraries, Mapping):
