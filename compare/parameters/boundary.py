@@ -4,7 +4,7 @@ import math
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,17 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
-from rattle.compare.parameters.search import UNDECIDED, Edge, Point, critical, judge_value, search
+from rattle.compare.parameters.search import (
+    ACCURATE,
+    UNDECIDED,
+    WRONG,
+    Edge,
+    Point,
+    critical,
+    find_changes,
+    judge_value,
+)
+from rattle.compare.parameters.words import data_of, list_values
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
@@ -66,7 +76,7 @@ class Boundary:
     closure: str
     over: str
     edges: tuple[Edge, ...]
-    points: pd.DataFrame = field(repr=False)
+    points: pd.DataFrame
     path_steps: int
     unit: str = ""
 
@@ -80,9 +90,30 @@ class Boundary:
     @property
     def answer(self) -> list[str]:
         """The edges in words, and what is not known."""
-        from rattle.compare.parameters.sentences import boundary_sentences
-
-        return boundary_sentences(self.closure, self.over, self.unit, self.edges, self.points, self.path_steps)
+        unit = f" {self.unit}" if self.unit else ""
+        closure, over, table = f"`{self.closure}`", self.over, self.points
+        span = f"from {over} = {table['value'].min():.4g} to {table['value'].max():.4g}{unit}"
+        said = []
+        for edge in self.edges:
+            way = "up to" if edge.accurate < edge.wrong else "down to"
+            accurate = f"{closure} is accurate {way} {over} = {edge.accurate:.4g}{unit}"
+            said.append(f"{accurate} and shown wrong at {edge.wrong:.4g} ({edge.why}).")
+        if len(self.edges) > 1:
+            said.append("Its range of validity is not one interval.")
+        verdicts = set(table["verdict"])
+        if verdicts == {ACCURATE}:
+            said += [f"{closure} is accurate {span}: no boundary in there.", _side(over, unit, table, accurate=True)]
+        elif verdicts == {WRONG}:
+            said += [f"{closure} is nowhere accurate {span}.", _side(over, unit, table, accurate=False)]
+        elif not self.edges:
+            best = table[table["verdict"] != UNDECIDED]
+            also = f"; it is {best['verdict'].iloc[0]} at {list_values(best['value'])}{unit}" if len(best) else ""
+            said.append(f"No boundary of {closure} was decided {span}{also}.")
+        doubt = table[table["verdict"] == UNDECIDED]
+        if len(doubt):
+            why = ", ".join(dict.fromkeys(doubt["remark"]))
+            said.append(f"Undecided at {over} = {list_values(doubt['value'])}{unit}: {why}.")
+        return [*said, f"{len(table)} values were judged, with {self.path_steps:.3g} path-steps."]
 
     def plot(self) -> "Figure":
         """Draw the error of the worst row over its tolerance at every value.
@@ -98,15 +129,7 @@ class Boundary:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data."""
-        return {
-            "closure": self.closure,
-            "over": self.over,
-            "unit": self.unit,
-            "answer": self.answer,
-            "edges": [edge._asdict() for edge in self.edges],
-            "path_steps": self.path_steps,
-            "points": self.points.to_dict("records"),
-        }
+        return data_of(self, "closure", "over", "unit", "answer", "edges", "path_steps", "points")
 
 
 def boundary(
@@ -195,9 +218,8 @@ def boundary(
     parameter = find_parameter(scene, over)
     low, high = find_range(parameter, between)
     z = critical(impacts, scene.stages, count("searches", searches))
-    limits, limit = Tolerances(*tolerances) if tolerances else Tolerances(), math.inf
-    if budget is not None:
-        limit = time.process_time() + positive("budget", budget)
+    limits = Tolerances(*tolerances) if tolerances else Tolerances()
+    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
     steps, at_work = 0, [""]
@@ -231,9 +253,22 @@ def boundary(
             bar.update()
             return found
 
-        edges = search(judge, low, high, points, width, known, tuple(near))
+        changes = find_changes(judge, low, high, points, width, known, first=ACCURATE, near=near)
+    edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
     table = pd.DataFrame(sorted(known.values()), columns=list(Point._fields))
-    return Boundary(scene, method.name, over, tuple(edges), table, steps, parameter.unit)
+    return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
+
+
+def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:
+    """On which side of the range to look for a boundary that is not in it."""
+    first, last = table.iloc[0], table.iloc[-1]
+    grows, falls = last["low"] > first["high"], first["low"] > last["high"]
+    if not falls and over == "sigma":
+        grows = True  # where the intervals do not tell it: more noise never helps
+    if not grows and not falls:
+        return f"If there is one, it lies below {first['value']:.4g} or above {last['value']:.4g}{unit}."
+    above = grows == accurate
+    return f"If there is one, it lies {'above' if above else 'below'} {(last if above else first)['value']:.4g}{unit}."
 
 
 def doubt(value: float, why: str) -> Point:

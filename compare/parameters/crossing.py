@@ -5,7 +5,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from rattle.compare.parameters.boundary import find_range, own_seed
 from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
+from rattle.compare.parameters.words import data_of, list_values, with_unit
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.compare.study.engine import Runner
@@ -92,7 +93,7 @@ class Crossing:
     level: float
     over: str
     edges: tuple[Sides, ...]
-    points: pd.DataFrame = field(repr=False)
+    points: pd.DataFrame
     unit: str = ""
     quantity_unit: str = ""
 
@@ -114,14 +115,12 @@ class Crossing:
         said = []
         for edge in self.edges:
             first, then = (BELOW, ABOVE) if edge.below < edge.above else (ABOVE, BELOW)
-            low, high = sorted(edge)
-            said.append(
-                f"`{self.quantity}` is {first} {level} up to {over}{low:.4g}{unit} and {then} it at {high:.4g}."
-            )
+            up_to = f"{level} up to {over}{min(edge):.4g}{unit}"
+            said.append(f"`{self.quantity}` is {first} {up_to} and {then} it at {max(edge):.4g}.")
         if len(self.edges) > 1:
             said.append("It crosses the level more than once.")
         sides = set(table["verdict"])
-        if not self.edges and len(sides - {UNDECIDED}) == 1 and UNDECIDED not in sides:
+        if len(sides) == 1 and UNDECIDED not in sides:
             said.append(f"`{self.quantity}` is {sides.pop()} {level} {span}: it does not cross it there.")
             one, other = table.iloc[[0, -1]].to_dict("records")
             if one["low"] > other["high"] or other["low"] > one["high"]:  # towards the end that is nearer the level
@@ -131,8 +130,7 @@ class Crossing:
         elif not self.edges:
             said.append(f"No crossing of {level} by `{self.quantity}` was decided {span}.")
         for why, rows in table[table["verdict"] == UNDECIDED].groupby("remark", sort=False):
-            values = ", ".join(f"{value:.4g}" for value in rows["value"])
-            said.append(f"Undecided at {over}{values}{unit}: {str(why).rstrip('.')}.")
+            said.append(f"Undecided at {over}{list_values(rows['value'])}{unit}: {str(why).rstrip('.')}.")
         return [*said, f"{len(table)} values were judged."]
 
     def plot(self) -> "Figure":
@@ -145,22 +143,12 @@ class Crossing:
         """
         from rattle.compare.parameters.figures import crossing_figure
 
-        axes = ((self.over, self.unit), (self.quantity, self.quantity_unit))
-        across, up = (f"{name} ({unit})" if unit else name for name, unit in axes)
-        return crossing_figure(self.level, self.edges, self.points, (across, up))
+        across, up = with_unit(self.over, self.unit), with_unit(self.quantity, self.quantity_unit)
+        return crossing_figure(self.level, self.edges, self.points, across, up)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data."""
-        return {
-            "quantity": self.quantity,
-            "level": self.level,
-            "quantity_unit": self.quantity_unit,
-            "over": self.over,
-            "unit": self.unit,
-            "answer": self.answer,
-            "edges": [edge._asdict() for edge in self.edges],
-            "points": self.points.to_dict("records"),
-        }
+        return data_of(self, "quantity", "level", "quantity_unit", "over", "unit", "answer", "edges", "points")
 
 
 def crossing(
@@ -242,9 +230,9 @@ def crossing(
     positive("slow", slow)
     parameter = find_parameter(scene, over)
     low, high = find_range(parameter, between)
-    limit = math.inf if budget is None else positive("budget", budget)
+    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     units = "dimensionless" if scene.gears is None else "physical"
-    began, known = time.process_time(), {}  # type: float, dict[float, Level]
+    known: dict[float, Level] = {}
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
         store = Store(Path(folder or scratch))
@@ -256,7 +244,7 @@ def crossing(
             factor = unit_of(quantity, gears, units)[1]
 
             def run(periods: int) -> LongResult | None:
-                if time.process_time() - began > limit:
+                if time.process_time() > limit:
                     return None
                 bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
                 seed = own_seed(changed, rng)

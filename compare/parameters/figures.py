@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge
-from rattle.compare.parameters.sentences import quantity_words
+from rattle.compare.parameters.words import quantity_words, with_unit
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.study.parameters import PERCENT
 
@@ -20,41 +21,37 @@ LESS, MORE, BENT = "#0072B2", "#D55E00", "#999999"
 
 def boundary_figure(over: str, unit: str, edges: Sequence[Edge], points: pd.DataFrame) -> Figure:
     """Draw the error of the worst row over its tolerance at every value, and the edges."""
-    figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
     table = points[points["error"].notna()]
     least = 0.5 * min(float(table["error"].min()), 0.1)
-    for verdict, rows in table.groupby("verdict"):
-        error = rows["error"].to_numpy()
-        ends = np.abs(np.array([rows["low"].clip(lower=least), rows["high"]]) - error)
-        colour = COLOURS[str(verdict)]
-        ax.errorbar(rows["value"], error, yerr=ends, fmt="o", ms=4, capsize=2, color=colour, label=str(verdict))
+    figure, ax = _draw_values(table.assign(low=table["low"].clip(lower=least)), "error")
     for edge in edges:
         ax.axvspan(edge.accurate, edge.wrong, color="0.5", alpha=0.3, lw=0, label="where it stops holding")
     ax.axhline(1.0, color="0.2", lw=0.8, ls="--", label="tolerance")
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log", xlabel=with_unit(over, unit), ylabel="worst error / tolerance")
     ax.set_ylim(bottom=least)
-    ax.set_xlabel(f"{over} ({unit})" if unit else over)
-    ax.set_ylabel("worst error / tolerance")
     legend_above(figure, [ax], 5)
     return figure
 
 
-def crossing_figure(level: float, edges: Sequence[Any], points: pd.DataFrame, labels: tuple[str, str]) -> Figure:
-    """Draw a quantity with its interval at every value, and the level."""
+def _draw_values(table: pd.DataFrame, column: str) -> tuple[Figure, Axes]:
+    """A figure of what was found at every value, with its interval."""
     figure, (ax,) = new_figure(7.4, 3.8, 1, 1)
-    table = points[points["estimate"].notna()]
     for verdict, rows in table.groupby("verdict"):
-        ends = np.array([rows["estimate"] - rows["low"], rows["high"] - rows["estimate"]])
+        ends = np.abs(rows[["low", "high"]].to_numpy().T - rows[column].to_numpy())
         style: dict[str, Any] = {"fmt": "o", "ms": 4, "capsize": 2, "color": COLOURS[str(verdict)]}
-        ax.errorbar(rows["value"], rows["estimate"], yerr=ends, label=str(verdict), **style)
+        ax.errorbar(rows["value"], rows[column], yerr=ends, label=str(verdict), **style)
+    return figure, ax
+
+
+def crossing_figure(level: float, edges: Sequence[Any], points: pd.DataFrame, across: str, up: str) -> Figure:
+    """Draw a quantity with its interval at every value, and the level."""
+    table = points[points["estimate"].notna()]
+    figure, ax = _draw_values(table, "estimate")
     for edge in edges:
         ax.axvspan(*sorted(edge), color="0.5", alpha=0.3, lw=0, label="where it crosses")
     ax.axhline(level, color="0.2", lw=0.8, ls="--", label="level")
-    ax.set_xscale("log")
+    ax.set(xscale="log", xlabel=across, ylabel=up)
     ax.set_ylim(bottom=0.0 if (table["estimate"] >= 0.0).all() else None)
-    ax.set_xlabel(labels[0])
-    ax.set_ylabel(labels[1])
     legend_above(figure, [ax], 5)
     return figure
 
@@ -77,14 +74,10 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) 
     edges = curve[curve["accurate"].notna() & curve["wrong"].notna()]
     for name, marker in (("accurate", "^"), ("wrong", "v")):
         ax.plot(edges["along"], edges[name], marker, ms=5, color=COLOURS[name], label=f"edge: {name} here")
-    ax.set_xscale("log" if ends[-1] > 4.0 * ends[0] else "linear")
-    ax.set_yscale("log")
+    ax.set(xscale="log" if ends[-1] > 4.0 * ends[0] else "linear", yscale="log", xlabel=across, ylabel=up)
     ax.set_xticks([], minor=True)
     ax.set_xticks(places, [f"{place:.3g}" for place in places])
-    ax.set_xlim(ends[0], ends[-1])
-    ax.set_ylim(points["value"].min(), points["value"].max())
-    ax.set_xlabel(across)
-    ax.set_ylabel(up)
+    ax.set(xlim=(ends[0], ends[-1]), ylim=(points["value"].min(), points["value"].max()))
     legend_above(figure, [ax], 3)
     return figure
 

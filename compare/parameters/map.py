@@ -3,7 +3,7 @@
 import math
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -14,6 +14,7 @@ import pandas as pd
 from rattle.closure.mean_map import find_closure
 from rattle.compare.parameters.boundary import boundary, find_range
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
+from rattle.compare.parameters.words import data_of, list_values, with_unit
 from rattle.compare.study.cluster import Cluster
 from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.parameters import find_parameter
@@ -104,8 +105,8 @@ class BoundaryMap:
     closure: str
     over: str
     along: str
-    curve: pd.DataFrame = field(repr=False)
-    points: pd.DataFrame = field(repr=False)
+    curve: pd.DataFrame
+    points: pd.DataFrame
     path_steps: int
     units: tuple[str, str] = ("", "")
 
@@ -120,10 +121,36 @@ class BoundaryMap:
     @property
     def answer(self) -> list[str]:
         """The curve in words, and what is not known."""
-        from rattle.compare.parameters.sentences import map_sentences
-
-        names = self.closure, self.over, self.along, self.units
-        return map_sentences(names, self.curve, self.points, self.path_steps)
+        closure, over, along = f"`{self.closure}`", self.over, self.along
+        first, second = (f" {unit}" if unit else "" for unit in self.units)
+        edges = self.curve[self.curve["accurate"].notna() & self.curve["wrong"].notna()]
+        said = []
+        if len(edges):
+            up = edges["accurate"] < edges["wrong"]
+            way = "up to" if up.all() else "down to"
+            ends = edges.sort_values("accurate").iloc[[0, -1]]
+            low, high = (f"{value:.4g}{first}" for value in ends["accurate"])
+            least, most = (f"{value:.4g}{second}" for value in ends["along"])
+            if low == high:
+                said.append(f"{closure} is accurate {way} {over} = {low} at every value of {along} with an edge.")
+            elif up.all() or not up.any():
+                said.append(
+                    f"{closure} is accurate {way} {over} = {low} at {along} = {least}, which is the least, and {way} "
+                    f"{high} at {most}, the most."
+                )
+            else:
+                said.append(
+                    f"The edges of where {closure} is accurate lie between {over} = {low} (at {along} = {least}) and "
+                    f"{high} (at {most})."
+                )
+        several = edges["along"][edges["along"].duplicated()].unique()
+        if len(several):
+            said.append(f"Its range of validity is not one interval at {along} = {list_values(several)}{second}.")
+        for why, rows in self.curve.drop(edges.index).groupby("why", sort=False):
+            said.append(f"At {along} = {list_values(rows['along'])}{second}: {why}.")
+        judged = f"{len(self.points)} values of {over} were judged at {self.curve['along'].nunique()} values of {along}"
+        with_steps = f"with {self.path_steps:.3g} path-steps"
+        return [*said, f"{judged}, {with_steps}; all that is said holds together with 95 % probability."]
 
     def plot(self) -> "Figure":
         """Draw where the closure is accurate, where it is wrong, and what lies between.
@@ -135,22 +162,12 @@ class BoundaryMap:
         """
         from rattle.compare.parameters.figures import map_figure
 
-        names = ((self.along, self.units[1]), (self.over, self.units[0]))
-        across, up = (f"{name} ({unit})" if unit else name for name, unit in names)
+        across, up = with_unit(self.along, self.units[1]), with_unit(self.over, self.units[0])
         return map_figure(self.curve, self.points, across, up)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data."""
-        return {
-            "closure": self.closure,
-            "over": self.over,
-            "along": self.along,
-            "units": list(self.units),
-            "answer": self.answer,
-            "path_steps": self.path_steps,
-            "curve": self.curve.to_dict("records"),
-            "points": self.points.to_dict("records"),
-        }
+        return data_of(self, "closure", "over", "along", "units", "answer", "path_steps", "curve", "points")
 
 
 def boundary_map(

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from tqdm import tqdm
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.parameters.sensitivity import CONFIDENCE, factors_of, find_slopes
+from rattle.compare.parameters.words import data_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
@@ -62,7 +63,7 @@ class ClosureSensitivity:
 
     scene: Scene
     closure: str
-    table: pd.DataFrame = field(repr=False)
+    table: pd.DataFrame
     paths: int
 
     def __repr__(self) -> str:
@@ -95,8 +96,7 @@ class ClosureSensitivity:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data."""
-        facts = {"closure": self.closure, "answer": self.answer, "paths": self.paths}
-        return facts | {"table": self.table.to_dict("records")}
+        return data_of(self, "closure", "answer", "paths", "table")
 
 
 def closure_sensitivity(

@@ -47,11 +47,6 @@ class Edge(NamedTuple):
     wrong: float
     why: str  # the row that is wrong
 
-    @property
-    def width(self) -> float:
-        """Larger over smaller value, less 1."""
-        return math.exp(abs(math.log(self.wrong / self.accurate))) - 1.0
-
 
 class Widths(NamedTuple):
     """Half widths of the intervals, in standard errors, by what is to be shown: each takes half of the 5 %."""
@@ -119,23 +114,6 @@ def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Point:
     return Point(value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name, "")
 
 
-def search(
-    judge: Callable[[float], Point],
-    low: float,
-    high: float,
-    points: int,
-    width: float,
-    known: dict[float, Point],
-    near: Iterable[float] = (),
-) -> list[Edge]:
-    """Find every edge in a range, each to ± a relative width.
-
-    `known`: Filled with every value that was judged. `near`: Where edges are expected; tried before halving.
-    """
-    changes = find_changes(judge, low, high, points, width, known, first=ACCURATE, near=near)
-    return [Edge(good.value, bad.value, bad.row) for good, bad in changes]
-
-
 def find_changes(
     judge: Callable[[float], Any],
     low: float,
@@ -164,10 +142,10 @@ def find_changes(
             known[value] = judge(value)
         return known[value]
 
-    scan = list(each(at, np.geomspace(low, high, points)))
-    decided = [point for point in scan if point.verdict != UNDECIDED]
+    guesses = [float(f"{value:.6g}") for value in near]
+    decided = [point for point in each(at, np.geomspace(low, high, points)) if point.verdict != UNDECIDED]
     return [
-        _narrow(at, *((a, b) if a.verdict == first else (b, a)), width, known, [float(f"{v:.6g}") for v in near])
+        _narrow(at, *((a, b) if a.verdict == first else (b, a)), width, known, guesses)
         for a, b in pairwise(decided)
         if a.verdict != b.verdict
     ]

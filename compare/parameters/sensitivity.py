@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,6 +13,7 @@ import pandas as pd
 from scipy.stats import t as student
 from tqdm import tqdm
 
+from rattle.compare.parameters.words import data_of, quantity_words, value_text
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
@@ -74,8 +75,8 @@ class Sensitivity:
     """
 
     scene: Scene
-    table: pd.DataFrame = field(repr=False)
-    values: pd.DataFrame = field(repr=False)
+    table: pd.DataFrame
+    values: pd.DataFrame
     groups: int
     reached: bool
     said: str
@@ -90,9 +91,16 @@ class Sensitivity:
     @property
     def answer(self) -> list[str]:
         """The strongest lever of each quantity, a sentence each, and what was simulated."""
-        from rattle.compare.parameters.sentences import lever_sentences
-
-        return [*lever_sentences(self.scene, self.table, self.values), self.said]
+        known, said = find_parameters(self.scene), []
+        for quantity, rows in self.table.dropna(subset="effect").groupby("quantity", sort=False):
+            row = rows.loc[rows["effect"].abs().idxmax()]
+            words, now = quantity_words(str(quantity)), self.values.loc[quantity]
+            if not (row["low"] > 0.0 or row["high"] < 0.0):
+                said.append(f"For {words} no effect is larger than its error.")
+                continue
+            lever = _effect_words(known[row["parameter"]], row)
+            said.append(f"The strongest lever on {words} (now {value_text(now['value'], now['unit'])}) is the {lever}.")
+        return [*(said or ["Nothing that was changed has an effect that can be stated."]), self.said]
 
     def of(self, quantity: str) -> pd.DataFrame:
         """The effects on one quantity, the strongest first.
@@ -130,14 +138,17 @@ class Sensitivity:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data."""
-        return {
-            "said": self.said,
-            "answer": self.answer,
-            "groups": self.groups,
-            "reached": self.reached,
-            "values": self.values.reset_index().to_dict("records"),
-            "table": self.table.to_dict("records"),
-        }
+        return data_of(self, "said", "answer", "groups", "reached", "values", "table")
+
+
+def _effect_words(parameter: Parameter, row: pd.Series) -> str:
+    half = 50.0 * (row["high"] - row["low"])
+    does = "takes {} % off it" if row["effect"] < 0.0 else "adds {} %"
+    digits = int(np.clip(1 - np.floor(np.log10(max(half, 1e-3))), 1, 3))
+    amount = f"{abs(100.0 * row['effect']):.{digits}f} ± {half:.{digits}f}"
+    bent = "" if row["linear"] else " (not linear here)"
+    now = value_text(parameter.value, parameter.unit)
+    return f"{parameter.words} (now {now}): {PERCENT} more {does.format(amount)}{bent}"
 
 
 def default_quantities(stages: int) -> tuple[str, ...]:
@@ -216,8 +227,7 @@ def sensitivity(
     known = find_parameters(scene)
     chosen = {n: known[choice("parameters", n, known)] for n in (known if parameters is None else parameters)}
     positive("accuracy", accuracy)
-    limit = math.inf if budget is None else positive("budget", budget)
-    began = time.process_time()
+    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     remarks: dict[str, str] = {}
     jobs = [_Job("", 1.0, scene)]
     for name, parameter in chosen.items():
@@ -242,7 +252,7 @@ def sensitivity(
             table = _effects(chosen, asked, runs, remarks)
             half = 0.5 * (table["high"] - table["low"])
             reached = not bool((half > accuracy).any())
-            if reached or time.process_time() - began > limit or bool((table["se"].fillna(0.0) == 0.0).all()):
+            if reached or time.process_time() > limit or bool((table["se"].fillna(0.0) == 0.0).all()):
                 break
     said = (
         f"{len(runs)} groups of {len(jobs)} long runs, {PATHS} paths of {PERIODS} periods each; widest interval "

@@ -1,6 +1,6 @@
 """The result of a long run, which holds its numbers, and its quantities in physical units."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -124,9 +124,9 @@ class Stationary:
     scene: Scene
     kind: str
     said: str
-    table: pd.DataFrame = field(repr=False)
+    table: pd.DataFrame
     run: LongRun | None
-    orbit: Attractor = field(repr=False)
+    orbit: Attractor
     slow: float
     closures: tuple[str, ...]
 

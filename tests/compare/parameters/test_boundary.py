@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from rattle import DAT21, InputError, Scene, Tolerances, boundary, mean_map
+from rattle.compare.parameters.boundary import _side
 from rattle.compare.parameters.page import write_report
 from rattle.compare.parameters.search import (
     ACCURATE,
@@ -20,10 +21,9 @@ from rattle.compare.parameters.search import (
     Point,
     Widths,
     critical,
+    find_changes,
     judge_value,
-    search,
 )
-from rattle.compare.parameters.sentences import _side
 from rattle.compare.validation.verdict import widest
 
 DRIVEN = Scene.from_gears(DAT21)
@@ -47,26 +47,32 @@ def verdicts(*changes, doubt=1.0):
     return judge
 
 
+def search(judge, *scan, near=()):
+    """The edges in a range, as pairs of the accurate and the wrong value."""
+    changes = find_changes(judge, *scan, first=ACCURATE, near=near)
+    return [(good.value, bad.value) for good, bad in changes]
+
+
 @pytest.mark.parametrize("width", [0.02, 0.1, 0.5])
 @pytest.mark.parametrize("change", np.geomspace(0.0011, 1.9, 7))
 def test_an_edge_is_found_to_its_width(change, width):
     known = {}
-    (edge,) = search(verdicts(change), 1e-3, 2.0, 8, width, known)
-    assert edge.accurate <= change < edge.wrong
-    assert edge.wrong / edge.accurate <= 1.002 * (1.0 + width) / (1.0 - width)
+    ((accurate, wrong),) = search(verdicts(change), 1e-3, 2.0, 8, width, known)
+    assert accurate <= change < wrong
+    assert wrong / accurate <= 1.002 * (1.0 + width) / (1.0 - width)
     assert len(known) <= 8 + math.ceil(math.log2(math.log(2000.0) / 7.0 / math.log1p(width)))
 
 
 def test_islands_are_listed():
     edges = search(verdicts(0.004, 0.02, 0.3), 1e-3, 2.0, 12, 0.1, {})
-    assert [edge.accurate < edge.wrong for edge in edges] == [True, False, True]
+    assert [accurate < wrong for accurate, wrong in edges] == [True, False, True]
 
 
 def test_what_is_undecided_is_approached_from_both_sides():
     known = {}
-    (edge,) = search(verdicts(0.05, doubt=1.2), 1e-3, 2.0, 8, 0.05, known)
-    assert edge.accurate <= 0.05 / 1.2 < 0.05 * 1.2 <= edge.wrong
-    assert edge.wrong / edge.accurate < 1.2**2 * 1.11
+    ((accurate, wrong),) = search(verdicts(0.05, doubt=1.2), 1e-3, 2.0, 8, 0.05, known)
+    assert accurate <= 0.05 / 1.2 < 0.05 * 1.2 <= wrong
+    assert wrong / accurate < 1.2**2 * 1.11
     assert len(known) < MOST
     assert not search(verdicts(0.05, doubt=1e9), 1e-3, 2.0, 8, 0.05, {})
 

@@ -3,11 +3,11 @@
 import math
 
 import pytest
-from test_boundary import DRIVEN, page_of, verdicts
+from test_boundary import DRIVEN, page_of, search, verdicts
 
 from rattle import InputError, RattleError, Scene, boundary, boundary_map
 from rattle.compare.parameters.map import Found, curve_rows, expect
-from rattle.compare.parameters.search import ACCURATE, Edge, critical, search
+from rattle.compare.parameters.search import ACCURATE, Edge, critical
 
 SETTINGS = {"along": "alpha", "reach": (0.4, 1.5), "values": 3, "impacts": 2, "points": 4, "width": 0.3, "rng": 3}
 
@@ -16,8 +16,8 @@ SETTINGS = {"along": "alpha", "reach": (0.4, 1.5), "values": 3, "impacts": 2, "p
 def test_a_guess_saves_values_and_a_wrong_one_does_no_harm(near):
     plain, known = {}, {}
     search(verdicts(0.05), 1e-3, 2.0, 8, 0.1, plain)
-    (edge,) = search(verdicts(0.05), 1e-3, 2.0, 8, 0.1, known, near)
-    assert edge.accurate <= 0.05 < edge.wrong <= 1.002 * 1.1 / 0.9 * edge.accurate
+    ((accurate, wrong),) = search(verdicts(0.05), 1e-3, 2.0, 8, 0.1, known, near=near)
+    assert accurate <= 0.05 < wrong <= 1.002 * 1.1 / 0.9 * accurate
     right = len(near) == 2 and near[0] < 0.05 < near[1]
     assert len(known) == len(plain) - 1 if right else len(known) <= len(plain) + 2
 
