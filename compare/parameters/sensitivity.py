@@ -93,8 +93,8 @@ class Sensitivity:
         """The strongest lever of each quantity, a sentence each, and what was simulated."""
         known, said = find_parameters(self.scene), []
         for quantity, rows in self.table.dropna(subset="effect").groupby("quantity", sort=False):
-            row = rows.loc[rows["effect"].abs().idxmax()]
-            words, now = quantity_words(str(quantity)), self.values.loc[quantity]
+            row = rows.iloc[int(rows["effect"].abs().argmax())]
+            words, now = quantity_words(str(quantity)), self.values.loc[str(quantity)]
             if not (row["low"] > 0.0 or row["high"] < 0.0):
                 said.append(f"For {words} no effect is larger than its error.")
                 continue

@@ -5,9 +5,9 @@ Texts are plain: between two backticks stands code, everything else is shown lit
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -196,10 +196,6 @@ class Page:
             waiting[:0] = section.sections
 
 
-Form: TypeAlias = str | Callable[[Any], TableCell | str | float]
-"""What a cell shows of a row: a format that names its values, or a function of it."""
-
-
 def table_of(frame: "pd.DataFrame", texts: Collection[str] = (), summary: str = "") -> Table:
     """A table of all columns as they are; those in `texts` are text.
 
@@ -215,27 +211,4 @@ def table_of(frame: "pd.DataFrame", texts: Collection[str] = (), summary: str = 
         [str(v) if n in texts else float(v) for n, v in zip(names, row, strict=True)]
         for row in frame.itertuples(index=False)
     )
-    return Table.of(_columns(names, texts), rows, summary)
-
-
-def format_table(
-    frame: "pd.DataFrame", columns: Sequence[tuple[Column | str, Form]], texts: Collection[str] = (), summary: str = ""
-) -> Table:
-    """A table of columns with heads and forms of their own; those with a head in `texts` are text.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = format_table(pd.DataFrame({"sigma": [0.123], "n": [4000]}), [("σ", "{sigma:.2g}"), ("paths", "{n:,}")])
-    >>> [cell.text for cell in table.rows[0]]
-    ['0.12', '4,000']
-    """
-    rows = (
-        [form.format_map(row) if isinstance(form, str) else form(row) for _, form in columns]
-        for row in frame.to_dict("records")
-    )
-    return Table.of(_columns([head for head, _ in columns], texts), rows, summary)
-
-
-def _columns(heads: Sequence[Column | str], texts: Collection[str]) -> list[Column]:
-    return [h if isinstance(h, Column) else Column(h, TEXT if h in texts else NUMBER) for h in heads]
+    return Table.of([Column(name, TEXT if name in texts else NUMBER) for name in names], rows, summary)

@@ -185,8 +185,6 @@ def make_environment(package: str, escaped: bool) -> "Environment":
 
 def render_html(package: str, name: str, filters: Mapping[str, Any], /, **values: Any) -> str:
     """Render a package's template ``NAME.html.j2`` with ``NAME.css`` and ``NAME.js``, and no other style or script."""
-    from markupsafe import Markup
-
     style, script = (_read_part(package, f"{name}.{kind}") for kind in ("css", "js"))
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "

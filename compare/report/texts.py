@@ -2,23 +2,12 @@
 
 import re
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from importlib.resources import files
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from rattle.compare.report import (
-    Block,
-    Column,
-    Figure,
-    Form,
-    PageSection,
-    Table,
-    TableCell,
-    Text,
-    format_table,
-    numbers,
-)
+from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, PageSection, Table, TableCell, Text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,16 +83,14 @@ def _blocks(
 def _table(frame: "pd.DataFrame", rows: Sequence[str], summary: str) -> Table:
     """A table of a frame by three rows: heads, alignment (``--:`` for numbers), and the forms of its cells."""
     heads, rule, forms = ([cell.strip() for cell in row.strip().strip("|").split("|")] for row in rows)
-    columns = [
-        (numbers(head)[0], _form(form, True)) if mark.endswith(":") else (Column(head), _form(form, False))
-        for head, mark, form in zip(heads, rule, forms, strict=True)
-    ]
-    return format_table(frame, columns, summary=summary)
+    columns = [Column(head, NUMBER if mark.endswith(":") else TEXT) for head, mark in zip(heads, rule, strict=True)]
+    cells = [_form(form, column.kind) for form, column in zip(forms, columns, strict=True)]
+    return Table.of(columns, [[cell(row) for cell in cells] for row in frame.to_dict("records")], summary)
 
 
-def _form(form: str, number: bool) -> Form:
+def _form(form: str, kind: str) -> Callable[[Any], TableCell | str | float]:
     """What a cell shows: a format, of ``{name}`` alone the number itself; ``!name`` is the column of its mark."""
     text, _, mark = form.partition(" !")
     if mark:
         return lambda row: TableCell(text.format_map(row), row[mark])
-    return itemgetter(form[1:-1]) if number and PLAIN.fullmatch(form) else form
+    return itemgetter(form[1:-1]) if kind == NUMBER and PLAIN.fullmatch(form) else form.format_map

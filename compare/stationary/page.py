@@ -1,7 +1,6 @@
 """The page and the folder of a long run, with its answer in a few sentences."""
 
 import math
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +8,9 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.chaos.section import Bifurcation
-from rattle.compare.report import Form, Page, Table, format_table, table_of
+from rattle.compare.report import Table, table_of
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.report.provenance import source_of
-from rattle.compare.report.save import contents, save
-from rattle.compare.report.texts import lay_out
+from rattle.compare.report.save import contents, save_report
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TOLERANCES
@@ -51,32 +48,6 @@ def _units(found: Stationary) -> str:
     return "dimensionless" if found.scene.gears is None else "physical"
 
 
-def stationary_page(found: Stationary, record: dict[str, Any], drawn: Collection[str]) -> Page:
-    """Build the page of a long run."""
-    units, gears = _units(found), found.scene.gears
-
-    def quantities(units: str, summary: str = "") -> tuple[Table]:
-        return (table_of(found.table_in(units).reset_index(), ("quantity", "unit"), summary),)
-
-    own, meshes = found.table_in(units), range(1, found.scene.stages + 1)
-    rows = [
-        {"words": words.format("second" if gears else "unit of time")}
-        | {f"mesh{m}": _by_mesh(own, name, m, found.scene.stages) for m in meshes}
-        for name, words in BY_MESH.items()
-    ]
-    columns: list[tuple[str, Form]] = [("", "{words}"), *((f"mesh {m}", f"{{mesh{m}}}") for m in meshes)]
-    parts: dict[str, Any] = {"quantities": quantities(units), "words": (glossary(*WORDS, gears=gears),)}
-    parts["by_mesh"] = (format_table(pd.DataFrame(rows), columns, [head for head, _ in columns]),)
-    if gears:
-        parts["dimensionless"] = quantities("dimensionless", "All quantities")
-    if len(found.verdicts):
-        parts["verdicts"] = _verdicts(found.verdicts_in(units))
-    values = {"slow": speed_text(found.slow, gears, units), "mass": "" if gears else MASS, "field": record["field"]}
-    values |= {"tolerances": TOLERANCES, "every": "Every quantity" if len(parts.get("verdicts", ())) > 12 else ""}
-    laid_out = lay_out("stationary", parts, drawn, **values)
-    return Page(f"The long run of {record['name']}", tuple(answer(found)), source_of(record), *laid_out)
-
-
 def _by_mesh(table: pd.DataFrame, name: str, mesh: int, stages: int) -> str:
     """A quantity at a mesh with its interval."""
     own = f"{name}_mesh{mesh}" if stages == 2 or name.endswith("_share") else name
@@ -97,21 +68,36 @@ def write_stationary(
     out: Path, found: Stationary, view: Bifurcation | None, record: dict[str, Any], overwrite: bool
 ) -> list[str]:
     """Write the folder of a long run."""
-    figures = found.figures()
+    units, gears, figures = _units(found), found.scene.gears, found.figures()
     tables = {"stationary": found.table.reset_index()}
-    if found.scene.gears is not None:
-        tables["physical"] = found.table_in("physical").reset_index()
+    own, meshes = found.table_in(units), range(1, found.scene.stages + 1)
+    rows = [
+        [words.format("second" if gears else "unit of time")]
+        + [_by_mesh(own, name, m, found.scene.stages) for m in meshes]
+        for name, words in BY_MESH.items()
+    ]
+    parts: dict[str, Any] = {"by_mesh": Table.of(["", *(f"mesh {m}" for m in meshes)], rows)}
+    parts["quantities"] = table_of(own.reset_index(), ("quantity", "unit"))
+    parts["words"] = glossary(*WORDS, gears=gears)
+    values = {"slow": speed_text(found.slow, gears, units), "mass": "" if gears else MASS, "field": record["field"]}
+    values |= {"tolerances": TOLERANCES, "every": ""}
+    if gears:
+        tables["physical"] = own.reset_index()
+        plain = found.table_in("dimensionless").reset_index()
+        parts["dimensionless"] = table_of(plain, ("quantity", "unit"), "All quantities")
     if len(found.verdicts):
-        tables["verdicts"] = found.verdicts_in(_units(found))
+        tables["verdicts"] = found.verdicts_in(units)
+        parts["verdicts"] = _verdicts(tables["verdicts"])
+        values["every"] = "Every quantity" if len(parts["verdicts"]) > 12 else ""
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
-        figures["bifurcation"] = bifurcation_figure(view, *speed_unit(found.scene.gears))
+        figures["bifurcation"] = bifurcation_figure(view, *speed_unit(gears))
         tables["bifurcation"] = view.table
-    page = stationary_page(found, record, figures)
-    settings: dict[str, Any] = {"allowed": CONTENTS, "digits": "%.8g", "overwrite": overwrite}
-    save(out, "stationary", page, record | found.to_dict(), figures=figures, tables=tables, **settings)
-    return list(page.answer)
+    title, said = f"The long run of {record['name']}", answer(found)
+    files: dict[str, Any] = {"allowed": CONTENTS, "figures": figures, "tables": tables, "overwrite": overwrite}
+    record = record | found.to_dict()
+    return save_report(out, "stationary", title, said, record, parts, values=values, digits="%.8g", **files)
 
 
 def answer(found: Stationary) -> list[str]:

@@ -128,11 +128,11 @@ class LongTables:
 
         Keywords are values of the fields that vary besides the first; the table's first where one is left out.
         """
-        from rattle.compare.stationary.study_figure import study_figure
+        from rattle.compare.stationary.study_page import study_figure
         from rattle.compare.study.figures import panels
 
         rows = self.quantities
-        for fixed, part in panels(self.study, rows, len(rows)) if len(rows) and self.study.along else ():
+        for fixed, part in panels(self.study, rows, len(rows)):
             if at.items() <= fixed.items():
                 own = self.verdicts
                 for name, value in fixed.items() if len(own) else ():

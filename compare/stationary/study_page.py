@@ -1,19 +1,19 @@
-"""What a study of the long run says: its answer in a few sentences, its figure and the blocks of its page."""
+"""What a study of the long run, ``r``, which is `rattle.compare.stationary.study.LongTables`, says and shows."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from rattle.compare.report import Block, Column, PageSection, Table, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.stationary.study import LongTables
-from rattle.compare.stationary.study_figure import shares
+from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.stationary.verdicts import TOLERANCES
-from rattle.compare.study.figures import panels
+from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
-from rattle.compare.validation.verdict import span
+from rattle.compare.validation.verdict import JUDGED, span
 
 CAPTION = (
     "The long run over the field that varies, with 95 % intervals: impacts, energy lost, speeds, slow impacts, and the "
@@ -22,7 +22,68 @@ CAPTION = (
 )
 
 
-def answer(r: LongTables) -> list[str]:
+PANELS = (
+    ("impacts", r"per $1/\omega$", ("rate", "rate_mesh1", "rate_mesh2")),
+    (
+        "energy lost",
+        r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period",
+        ("energy_per_period", "energy_per_period_mesh1", "energy_per_period_mesh2"),
+    ),
+    ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", ("q05_speed", "q50_speed", "q95_speed")),
+    ("slow impacts", "share", ("slow_share", "slow_share_mesh1", "slow_share_mesh2")),
+)
+AVERAGES = ("speed", "slow_share", "energy_per_period")
+"""Quantities whose autocorrelation is drawn."""
+STYLES: Any = [
+    {"color": color, "marker": marker, "ms": 3, "lw": 1.0}
+    for color, marker in (("#000000", "D"), ("#0072B2", "o"), ("#D55E00", "s"))
+]
+
+
+def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -> Figure:
+    """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that varies."""
+    figure, axes = new_figure(10.0, 6.0, 2, 3)
+    of = dict(iter(quantities.groupby("quantity")))
+    for ax, (title, unit, names) in zip(axes, PANELS, strict=False):
+        for name, style in zip(names, STYLES, strict=True):
+            if name in of:
+                rows = of[name].sort_values(along)
+                ax.fill_between(rows[along], rows["low"], rows["high"], color=style["color"], alpha=0.25, lw=0)
+                ax.plot(rows[along], rows["value"], label=name, **style)
+        ax.set_title(title, loc="left")
+        ax.set_ylabel(unit)
+    memory, shown = axes[4:]
+    averages = [name for name in quantities["quantity"].unique() if name in AVERAGES]
+    for name, style in zip(averages, STYLES, strict=False):
+        memory.plot(of[name][along], of[name]["autocorrelation"], label=name, **style)
+    memory.set(yscale="log", ylabel="impacts")
+    memory.set_title("autocorrelation time", loc="left")
+    good = shares(verdicts, along).dropna(axis="columns", how="all")
+    for closure in good:
+        shown.plot(good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)])
+    shown.set(ylabel="share", ylim=(-0.05, 1.05), visible=not good.empty)
+    shown.set_title("accurate quantities", loc="left")
+    for ax in axes:
+        label_field(ax, along, quantities[along])
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(fontsize=6)
+    return figure
+
+
+def shares(verdicts: pd.DataFrame, along: str) -> pd.DataFrame:
+    """How many quantities of each closure are accurate at each value of a field.
+
+    Returns: Index the field; for each closure the share of its judged quantities that are accurate, NaN without
+    any.
+    """
+    if verdicts.empty:
+        return pd.DataFrame()
+    judged = verdicts[verdicts["verdict"].isin(JUDGED)]
+    good = judged.assign(good=judged["verdict"] == "accurate").groupby([along, "closure"])["good"].mean().unstack()
+    return good.reindex(sorted(verdicts[along].unique()))
+
+
+def answer(r: Any) -> list[str]:
     """Summarise a study of the long run in a few sentences."""
     if r.empty:
         return ["No point could be computed; the command says why."]
@@ -56,26 +117,25 @@ def answer(r: LongTables) -> list[str]:
     return sentences
 
 
-def draw(r: LongTables) -> list[Drawing]:
+def draw(r: Any) -> list[Drawing]:
     """Draw the figure, where a field varies, once for all values of the others."""
     drawn = []
-    for number, (fixed, _) in enumerate(panels(r.study, r.quantities) if r.study.along and not r.empty else ()):
+    for number, (fixed, _) in enumerate(panels(r.study, r.quantities), 1):
+        own = f"figures/long-run-{number}" if fixed else "figures/long-run"
         at = "".join(f" {field} = {v}." for field, v in fixed.items())
-        drawn.append(
-            Drawing(f"figures/long-run-{number + 1}" if fixed else "figures/long-run", r.plot(**fixed), CAPTION + at)
-        )
+        drawn.append(Drawing(own, r.plot(**fixed), CAPTION + at))
     return drawn
 
 
 def blocks(
-    r: LongTables, record: Mapping[str, Any], seconds: Mapping[str, float]
+    r: Any, record: Mapping[str, Any], seconds: Mapping[str, float]
 ) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
     """The main quantities at every point and the words above the sections of the page."""
     words = glossary(*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit", gears=r.study.gears)
     return (_main(r), Text(TOLERANCES, note=True), words), ()
 
 
-def _main(r: LongTables) -> Table:
+def _main(r: Any) -> Table:
     """The main quantities at every point, with half widths of their intervals."""
     names = r.study.names
     shown = ("rate", "speed", "energy_per_period", "slow_share")

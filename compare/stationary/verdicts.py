@@ -4,7 +4,7 @@ A law is a mixture of normal distributions over impacts.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,7 @@ def laws(scene: Scene, closures: tuple[str, ...], a: Attractor | None = None) ->
     return found
 
 
-def tolerance_of(name: str, values: dict[str, float]) -> float:
+def tolerance_of(name: str, values: Mapping[Any, float]) -> float:
     """The largest error of a quantity that counts as accurate."""
     if name.startswith(RATES):
         return 0.05 * abs(values[name])
@@ -95,9 +95,7 @@ def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame
     Returns: Columns ``closure, kind, quantity, predicted, simulated, se, error, low, high, tolerance, verdict,
     periods_needed, reason``; the interval of the error holds the errors of both sides.
     """
-    simulated = {str(name): float(value) for name, value in table["value"].items()}
-    rows = predicted[predicted["quantity"].isin(simulated)].reset_index(drop=True)
-    rows["tolerance"] = [tolerance_of(str(name), simulated) for name in rows["quantity"]]
+    rows = predicted[predicted["quantity"].isin(table.index)].reset_index(drop=True)
     return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[JUDGED]
 
 
@@ -108,7 +106,8 @@ def judge_rows(predicted: pd.DataFrame, table: pd.DataFrame, z: float, periods: 
     Returns: With ``simulated, se, error, low, high, verdict, periods_needed``, and ``effective_paths`` and
     ``widened``: how many paths carry the error, and the half width of the interval in standard errors for that.
     """
-    rows = predicted.copy()
+    rows, values = predicted.copy(), table["value"].to_dict()
+    rows["tolerance"] = [tolerance_of(str(name), values) for name in rows["quantity"]]
     own = table.reindex(rows["quantity"]).set_index(rows.index)
     rows["simulated"], rows["se"] = own["value"], own["se"]
     rows["error"] = rows["predicted"].astype(float) - rows["simulated"]

@@ -1,6 +1,7 @@
 """Figures of a study, ``r``, which is of `rattle.compare.study.impacts.Tables`: over the first field that varies."""
 
 from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -256,13 +257,10 @@ FIGURES = {
 """All figures by name."""
 
 
-def panels(study: Study, table: pd.DataFrame, most: int = 6) -> Iterable[tuple[dict[str, Any], pd.DataFrame]]:
+def panels(study: Study, table: pd.DataFrame, most: int = 6) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
     """Split a table into parts in which all fields but the first that varies are fixed, one for each figure."""
-    others = study.others
-    if not others:
+    if study.along and not table.empty and not study.others:
         yield {}, table
-        return
-    for number, (key, part) in enumerate(table.groupby(others, sort=False)):
-        if number == most:
-            return
-        yield dict(zip(others, key, strict=True)), part
+    elif study.along and not table.empty:
+        for key, part in islice(table.groupby(study.others, sort=False), most):
+            yield dict(zip(study.others, key, strict=True)), part

@@ -98,7 +98,7 @@ class Tables:
 
         plot = FIGURES[choice("kind", kind, FIGURES)]
         rows = getattr(self, plot.table)
-        for fixed, part in panels(self.study, rows, len(rows)) if len(rows) and self.study.along else ():
+        for fixed, part in panels(self.study, rows, len(rows)):
             if at.items() <= fixed.items():
                 return plot.figure(self, part)
         raise InputError("kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study")

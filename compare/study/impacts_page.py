@@ -101,9 +101,8 @@ def draw(r: Tables) -> list[Drawing]:
     """Draw the figures, each once for all values of the fields that vary besides the first."""
     drawn = []
     for name, plot in FIGURES.items():
-        table = getattr(r, plot.table)
-        for number, (fixed, part) in enumerate(panels(r.study, table) if len(table) and r.study.along else ()):
-            own = f"figures/{name}-{number + 1}" if fixed else f"figures/{name}"
+        for number, (fixed, part) in enumerate(panels(r.study, getattr(r, plot.table)), 1):
+            own = f"figures/{name}-{number}" if fixed else f"figures/{name}"
             at = ", ".join(f"{field} = {v}" for field, v in fixed.items())
             drawn.append(Drawing(own, plot.figure(r, part), f"{plot.title} ({at})." if at else f"{plot.title}."))
     return drawn

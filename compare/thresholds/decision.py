@@ -24,7 +24,7 @@ from rattle.closure.closure import name_of
 from rattle.closure.mean_map import find_closure
 from rattle.closure.stationary import Law
 from rattle.compare.stationary.study import LongCell
-from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, tolerance_of, values_of
+from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, values_of
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.store import Cell, Content, Store, print_on_stderr
 from rattle.compare.thresholds.claim import KINDS, Claim, Settings
@@ -356,9 +356,7 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
         periods, paths = sizes[size or 0]
         run = session.simulate(LongCell(claim.scene, settings.seed, (), periods=periods, paths=paths))
         result = run.run
-        simulated = {str(name): float(value) for name, value in result.table["value"].items()}
         rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
-        rows["tolerance"] = [tolerance_of(name, simulated) for name in names]
         table = judge_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})
         return table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths), run
 

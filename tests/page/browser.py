@@ -76,6 +76,13 @@ class Browser:
         while not any(event["method"] == "Page.loadEventFired" for event in self.events):
             self.events.append(self._next())
 
+    def complaints(self):
+        """What the page has logged and thrown, and the addresses it has asked for besides its own."""
+        methods = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
+        said = [e["params"] for e in self.events if e["method"] in methods]
+        asked = [e["params"]["request"]["url"] for e in self.events if e["method"] == "Network.requestWillBeSent"]
+        return said + [url for url in asked[1:] if not url.startswith("data:")]
+
     def size(self, width, height=900):
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600

@@ -28,17 +28,11 @@ def page(shown, tmp_path_factory):
     return out
 
 
-def complaints(browser):
-    """Messages, errors, and requests other than for the page itself."""
-    said = [e for e in browser.events if e["method"] in ("Log.entryAdded", "Runtime.exceptionThrown")]
-    return said + [e for e in browser.events if e["method"] == "Network.requestWillBeSent"][1:]
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 390])
 def test_loads_alone_and_fits(browser, page, width, scheme):
     browser.open(page, width, scheme)
-    assert complaints(browser) == []
+    assert browser.complaints() == []
     assert browser.run("document.documentElement.scrollWidth") <= width
     assert browser.run(OVERLAPS) == []
     small = "[...document.querySelectorAll('svg text')].map(t => t.getBoundingClientRect().height).every(h => h > 11)"

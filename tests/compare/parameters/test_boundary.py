@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rattle import DAT21, InputError, Scene, Tolerances, boundary, mean_map
+from rattle import DAT21, Scene, Tolerances, boundary, mean_map
 from rattle.compare.parameters.boundary import _side
 from rattle.compare.parameters.page import write_report
 from rattle.compare.parameters.search import (
@@ -198,23 +198,6 @@ def test_one_row_shows_a_closure_wrong_and_all_rows_show_it_accurate(monkeypatch
     assert share(ACCURATE, one_beyond, z) < least
     assert share(ACCURATE, np.full(rows, 0.6), z) > 0.5  # rows are not counted here: 0.03 if they were
     assert share(WRONG, at_edge, Widths(z.accurate, z.accurate)) > least  # a planted error: rows not counted
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"over": "sigmaa"}, "did you mean 'sigma'"),
-        ({"closure": "saltatoin"}, "did you mean 'saltation'"),
-        ({"between": (0.5, 0.1)}, "give a smaller and a larger value"),
-        ({"over": "epsilon", "between": (0.5, 1.5)}, "no scene can have epsilon = 1.5"),
-        ({"points": 1}, "must be at least 2"),
-        ({"width": 0.0}, "width = 0.0"),
-        ({"width": 1.0}, "width = 1.0"),
-    ],
-)
-def test_bad_input_is_refused(settings, message):
-    with pytest.raises(InputError, match=message):
-        boundary(DRIVEN, **settings)
 
 
 def test_a_closure_of_ones_own_has_a_boundary():

@@ -5,7 +5,7 @@ import math
 import pytest
 from test_boundary import DRIVEN, page_of, search, verdicts
 
-from rattle import InputError, RattleError, Scene, boundary, boundary_map
+from rattle import Scene, boundary, boundary_map
 from rattle.compare.parameters.map import Found, curve_rows, expect
 from rattle.compare.parameters.search import ACCURATE, Edge, critical
 
@@ -94,22 +94,3 @@ def test_a_cluster_finds_the_same(found):
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:
         assert boundary_map(DRIVEN, **SETTINGS, scheduler=cluster.scheduler_address).curve.equals(found.curve)
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"along": "alpah"}, "did you mean 'alpha'"),
-        ({"along": "sigma"}, "is the first parameter too"),
-        ({"along": "epsilon", "reach": (0.5, 1.5)}, "no scene can have epsilon = 1.5"),
-        ({"along": "drive.2.amplitude", "reach": None}, "give a range"),
-        ({"values": 1}, "must be at least 2"),
-        ({"pints": 3}, "did you mean 'points'"),
-        ({"closure": "saltatoin"}, "did you mean 'saltation'"),
-        ({"between": (0.5, 0.1)}, "give a smaller and a larger value"),
-        ({"points": 1}, "must be at least 2"),
-    ],
-)
-def test_bad_input_is_refused(changed, message):
-    with pytest.raises((InputError, RattleError), match=message):
-        boundary_map(DRIVEN, **SETTINGS | changed)

@@ -3,7 +3,7 @@
 import pytest
 from test_boundary import page_of
 
-from rattle import DAT21, InputError, Scene, closure_sensitivity, mean_map
+from rattle import DAT21, Scene, closure_sensitivity, mean_map
 
 SMALL = Scene.from_gears(DAT21, sigma=0.01)
 CHANGED = ["amplitude", "epsilon", "sigma"]
@@ -58,17 +58,3 @@ def test_where_another_mesh_is_struck_a_change_is_not_linear():
 def test_workers_do_not_matter():
     one, two = (closure_sensitivity(SMALL, parameters=["omega"], impacts=1, paths=1024, workers=n) for n in (1, 2))
     assert one.table.equals(two.table)
-
-
-@pytest.mark.parametrize(
-    ("scene", "settings", "message"),
-    [
-        (SMALL.with_sigma(0.0), {}, "sigma = 0.0"),
-        (SMALL, {"parameters": ["torque3"]}, "did you mean 'torque"),
-        (SMALL, {"closure": "saltatoin"}, "did you mean 'saltation'"),
-        (SMALL, {"paths": 100}, "paths = 100"),
-    ],
-)
-def test_bad_input_is_refused(scene, settings, message):
-    with pytest.raises(InputError, match=message):
-        closure_sensitivity(scene, **settings)

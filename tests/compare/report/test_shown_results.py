@@ -96,6 +96,9 @@ def test_a_report_of_a_validation_says_what_repeats_it(validation, tmp_path):
     with pytest.raises(OSError, match="mine"):
         validation.report(tmp_path / "mine")
     validation.report(tmp_path / "mine", overwrite=True)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="is not a folder"):
+        validation.report(tmp_path / "file", overwrite=True)
 
 
 @pytest.mark.parametrize("rng", [np.random.default_rng(1), np.random.PCG64(1), np.random.RandomState(1)])

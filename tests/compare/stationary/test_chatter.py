@@ -7,7 +7,7 @@ import pytest
 
 import rattle as rt
 from rattle.closure.stationary import Law
-from rattle.compare.stationary.page import answer, stationary_page
+from rattle.compare.stationary.page import answer, write_stationary
 from rattle.compare.stationary.verdicts import values_of
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene import Gears, Scene
@@ -61,8 +61,10 @@ def test_a_law_above_the_threshold_is_that_of_a_sample():
     assert values["q50_speed_above"] == pytest.approx(np.median(fast), rel=0.01)
 
 
-def test_a_page_of_gears_is_physical_throughout(found):
-    text = repr(stationary_page(found, RECORD | {"scene": found.scene.to_dict()}, []))
+@pytest.mark.usefixtures("undrawn")
+def test_a_page_of_gears_is_physical_throughout(found, tmp_path):
+    write_stationary(tmp_path / "out", found, None, RECORD | {"scene": found.scene.to_dict()}, False)
+    text = (tmp_path / "out" / "stationary.md").read_text()
     assert "of impacts at 1.88 mm/s or faster" in text
     assert "slower than 1.88 mm/s" in text
     assert "slower than 0.1" not in text

@@ -64,14 +64,6 @@ def test_a_key_is_the_content():
     assert {c.key for c in read(paths=8192).cells if isinstance(c, Prediction)} < cells  # closures do not care
 
 
-def test_the_numerical_version_is_in_the_key(monkeypatch):
-    from rattle.compare.study import store as cell
-
-    before = {c.key for c in read().cells}
-    monkeypatch.setattr(cell, "numerical_version", lambda *packages: "another")
-    assert not before & {c.key for c in read().cells}
-
-
 def test_common_noise_is_one_seed_and_own_noise_is_many():
     assert {p.sample.seed for p in read().points} == {3}
     own = [p.sample.seed for p in read(common="false").points]
@@ -113,6 +105,10 @@ def test_a_closure_that_cannot_take_a_scene_is_left_out_with_its_reason():
         (("common_noise = true", "common_noise = 1"), "study.common_noise", "true or false"),
         (("epsilon = 0.9", "epsilon = 1.9"), "epsilon", "between 0 and 1"),
         (("[scene]", "[scene"), "TOML", "correct the file"),
+        (("[0.01, 0.02, 0.05]", "[-1.0, -2.0]"), "study", "not one point"),
+        (("[[axes]]", "[[axes]]\nsigma = [0.3]\n[[axes]]"), "axes", "two axes"),
+        (("sigma = [0.01, 0.02, 0.05]", "gap1 = [0.4, 0.5]\ngap2 = [0.5]"), "axes", "as many values"),
+        (("sigma = [0.01, 0.02, 0.05]", "paths = [1024]"), "study.paths", "along an axis too"),
     ],
 )
 def test_a_bad_file_is_refused_with_field_and_remedy(change, field, remedy):
@@ -134,17 +130,3 @@ def test_the_tolerances_that_a_message_proposes_are_taken():
         Study.from_toml(study_text().replace("seed = 3", "seed = 3\nwithin = 0.1"))
     proposed = str(refused.value).split("table: ")[1]
     assert Study.from_toml(study_text().replace("seed = 3", f"seed = 3\n{proposed}")).within.mean == 0.05
-
-
-def test_a_field_may_not_vary_twice():
-    with pytest.raises(InputError, match="two axes"):
-        read(more="[[axes]]\nsigma = [0.3]\n")
-    with pytest.raises(InputError, match="as many values"):
-        read(more="[[axes]]\ngap1 = [0.4, 0.5]\ngap2 = [0.5]\n")
-    with pytest.raises(InputError, match="along an axis too"):
-        read(more="[[axes]]\npaths = [1024]\n")
-
-
-def test_a_grid_without_a_single_valid_point_is_refused():
-    with pytest.raises(InputError, match="not one point"):
-        _ = read(sigmas=(-1.0, -2.0)).points

@@ -3,7 +3,6 @@
 import pytest
 
 from rattle import InputError, Order, Study
-from rattle.compare.study.design import place
 
 TEXT = """
 [study]
@@ -29,10 +28,6 @@ def test_an_axis_varies_one_order_and_keeps_the_others():
     assert last.drive == (Order(1), Order(2, 0.2), Order(4, 0.1, 1.0))
     assert last.correlation_time == 0.5
     assert study.points[0].sample.scene.drive[1] == Order(2, 0.0)
-
-
-def test_an_order_that_is_not_there_is_added_to_the_sine():
-    assert place({"alpha": 1.5}, {"drive.3.phase": 0.2})["drive"][1] == {"order": 3, "amplitude": 0.0, "phase": 0.2}
 
 
 def test_a_scene_without_orders_has_the_key_that_it_had():
