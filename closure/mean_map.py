@@ -10,7 +10,7 @@ from rattle.closure.closure import NOTE, Closure, describe_error, import_closure
 from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
 from rattle.closure.result import MeanMap
 from rattle.scene.errors import InputError, choice, count, positive
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 
 __all__ = ["CLOSURES", "Closure", "closures_for", "mean_map", "refusals"]
 
@@ -126,8 +126,7 @@ def mean_map(
     >>> m.breakdown.impact
     2
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     count("impacts", impacts, most=MOST_IMPACTS)
     method = find_closure("closure", closure)
     count("order", order, *ORDERS)

@@ -547,3 +547,9 @@ def _table(name: str, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InputError(name, value, f"write it as a table: [{name}]")
     return dict(value)
+
+
+def check_scene(scene: object) -> None:
+    """Check that what was given as a scene is one."""
+    if not isinstance(scene, Scene):
+        raise InputError("scene", scene, "give a Scene")

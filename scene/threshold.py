@@ -6,9 +6,8 @@ import numpy as np
 
 from rattle.scene.constants import Constants
 from rattle.scene.drive import velocity_acceleration
-from rattle.scene.errors import InputError
 from rattle.scene.gears import KG_MM_PER_S2_PER_N
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 
 __all__ = ["RattleThreshold", "rattle_threshold"]
 
@@ -84,8 +83,7 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     >>> wheel.least, wheel.opens
     (2.0, True)
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     c = scene.constants
     if scene.stages == 1:
         found = [(c.gamma1, _largest_pull(c, c.beta1))]

@@ -32,7 +32,7 @@ from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene.errors import InputError, count, positive
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 from rattle.scene.text import as_html
 
 if TYPE_CHECKING:
@@ -209,8 +209,7 @@ def boundary(
     >>> found.points["verdict"].tolist(), found.edges
     (['wrong', 'wrong'], ())
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     count("points", points, least=2)
     if not positive("width", width) < 1.0:
         raise InputError("width", width, "must be below 1")

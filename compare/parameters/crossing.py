@@ -24,7 +24,7 @@ from rattle.compare.study.store import Store
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.errors import InputError, choice, count, positive
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 from rattle.scene.text import as_html
 
 if TYPE_CHECKING:
@@ -220,8 +220,7 @@ def crossing(
     >>> found.quantity_unit
     'mW'
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     choice("quantity", quantity, all_names(scene.stages))
     level = float(positive("level", level))
     count("points", points, least=2)

@@ -21,7 +21,7 @@ from rattle.compare.study.parameters import find_parameter
 from rattle.compare.study.store import Cell, Content, Store
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene.errors import InputError, RattleError, check_keys, count
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 from rattle.scene.text import as_html
 
 if TYPE_CHECKING:
@@ -231,8 +231,7 @@ def boundary_map(
     >>> found.curve["accurate"].notna().all()
     np.True_
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     check_keys("boundary_map", settings, SETTINGS)
     if along == over:
         raise InputError("along", along, "is the first parameter too; give another one")

@@ -22,7 +22,7 @@ from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 from rattle.scene.text import as_html
 from rattle.scene.types import Floats
 
@@ -160,8 +160,7 @@ def closure_sensitivity(
     >>> bool(found.table["verdict"].value_counts()["accurate"] > 6)
     True
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     if scene.sigma == 0.0:
         raise InputError("sigma", 0.0, "without noise there are no standard deviations; give one above 0")
     count("impacts", impacts)

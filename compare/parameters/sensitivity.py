@@ -19,7 +19,7 @@ from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene.errors import InputError, choice, positive
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 from rattle.scene.text import as_html
 from rattle.scene.types import Floats
 
@@ -219,8 +219,7 @@ def sensitivity(
     >>> found.table["parameter"].tolist(), found.groups
     (['omega'], 4)
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     asked = list(dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities))
     for name in asked:
         choice("quantities", name, all_names(scene.stages))

@@ -12,8 +12,8 @@ from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import groups
 from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.settings.plan import is_random
-from rattle.scene.errors import InputError, choice
-from rattle.scene.scene import Scene
+from rattle.scene.errors import choice
+from rattle.scene.scene import Scene, check_scene
 
 __all__ = ["stationary"]
 
@@ -89,8 +89,7 @@ def stationary(
     >>> found.kind, bool(found.table.loc["rate", "se"] < 0.02)
     ('simulated', True)
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     named = tuple(dict.fromkeys(choice("closures", name, CLOSURES_JUDGED) for name in closures))
     own = attractor(scene)
     if not is_random(scene) and (exact := _exact(scene, own, slow, named)) is not None:

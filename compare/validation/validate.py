@@ -28,7 +28,7 @@ from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 
 __all__ = ["COLUMNS", "validate"]
 
@@ -95,8 +95,7 @@ def validate(
     >>> row["verdict"], bool(row["low"] < 0.0 < row["high"])
     ('accurate', True)
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     methods = find_closures("closures", closures_for(scene) if closures is None else closures)
     limits = tolerances or Tolerances()
     # both sides are computed phase-reduced, so that a late start loses no digits of the times that are compared

@@ -16,7 +16,7 @@ from rattle.montecarlo.kernel.control_variate import no_control
 from rattle.montecarlo.settings.plan import is_random
 from rattle.montecarlo.statistics.records import Batches
 from rattle.scene.errors import InputError
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 
 __all__ = ["begin_rare", "extend_rare", "simulate_rare"]
 
@@ -81,8 +81,7 @@ def simulate_rare(
     >>> bool(run.section["se_sd_y2"][3] < 0.2 * plain.section["se_sd_y2"][3])
     True
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     if scene.correlation_time:
         why = "rare branches are searched for with white noise only, 0"
         raise InputError("correlation_time", scene.correlation_time, why)

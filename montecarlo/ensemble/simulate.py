@@ -20,7 +20,7 @@ from rattle.montecarlo.settings.plan import count_followed, plan_of
 from rattle.montecarlo.settings.sampling import Record, Sampling
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene.errors import InputError, choice, moved
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 from rattle.scene.text import line
 from rattle.scene.types import Floats
 
@@ -87,8 +87,7 @@ def simulate(
     >>> run.section[["mesh", "side", "paths", "agreement"]].loc[2].tolist()
     [2.0, 1.0, 1000.0, 1.0]
     """
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     record = Record() if record is None else record
     if not isinstance(record, Record):
         raise InputError("record", record, "give a Record, as in record=Record(times=[1.0, 2.0])")

@@ -15,7 +15,7 @@ from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.sampling import Record, Sampling
 from rattle.scene.errors import InputError, choice, count, finite, positive
 from rattle.scene.parts import SINE_ALONE
-from rattle.scene.scene import Scene
+from rattle.scene.scene import Scene, check_scene
 from rattle.scene.types import Floats, Ints
 
 NOISE_FREE = "noise-free"
@@ -66,8 +66,7 @@ def check_settings(
     step_bias: bool = False,
 ) -> None:
     """Refuse settings that `simulate` could not run, before any work."""
-    if not isinstance(scene, Scene):
-        raise InputError("scene", scene, "give a Scene")
+    check_scene(scene)
     count("paths", paths, most=MOST_PATHS)
     count("impacts", impacts, most=MOST_IMPACTS)
     count("workers", workers, most=MOST_WORKERS)
