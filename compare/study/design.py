@@ -33,6 +33,7 @@ FIELDS = tuple(
     [f.name for f in fields(Scene) if f.name not in (*PARTS, "gears", "drive")]
     + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
 )
+VARIABLE = (*FIELDS, *SETTINGS)
 ORDER = re.compile(r"drive\.([1-9][0-9]*)\.(amplitude|phase)")
 """A field of one order of the drive, such as ``drive.2.amplitude``."""
 MOST_POINTS = 100_000  # largest number of grid points of a study
@@ -65,7 +66,10 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
     for table in tables:
         if not isinstance(table, Mapping) or not table:
             raise InputError("axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]")
-        columns = {name: _values(_check_field(name), table[name]) for name in table}
+        for name in table:
+            if name not in VARIABLE and not ORDER.fullmatch(name):
+                raise InputError("axes", name, "no field of a scene or a simulation; " + nearest(name, VARIABLE))
+        columns = {name: _values(name, values) for name, values in table.items()}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) > 1:
             raise InputError("axes", lengths, "fields of one [[axes]] table vary together: give as many values each")
@@ -91,12 +95,6 @@ def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
     steps = np.unravel_index(number, [len(axis.values) for axis in axes])
     pairs = (zip(axis.names, axis.values[i], strict=True) for axis, i in zip(axes, steps, strict=True))
     return dict(itertools.chain.from_iterable(pairs))
-
-
-def _check_field(name: str) -> str:
-    if name not in (*FIELDS, *SETTINGS) and not ORDER.fullmatch(name):
-        raise InputError("axes", name, "no field of a scene or a simulation; " + nearest(name, (*FIELDS, *SETTINGS)))
-    return name
 
 
 def _values(name: str, given: Any) -> tuple[Any, ...]:

@@ -57,16 +57,11 @@ def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
             last = last if seen % every else _pilot(cell, cell.accuracy)
             found[cell.key], seen = last, seen + 1
         elif isinstance(cell, Sample):
-            found[cell.key] = _probe(cell, cell.paths or LEAST)
+            cost = cost_of(cell.simulate(PROBED), count_followed(cell.scene, cell.paths or LEAST))
+            found[cell.key] = Work(cost.path_steps, cost.core_seconds)
         else:
             found[cell.key] = Work(0.0, cell.core_seconds)
     return found
-
-
-def _probe(cell: Sample, paths: int) -> Work:
-    """Work of a number of paths, as a few of them let expect."""
-    found = cost_of(cell.simulate(PROBED), count_followed(cell.scene, paths))
-    return Work(found.path_steps, found.core_seconds)
 
 
 def _pilot(cell: Sample, accuracy: float) -> Work:

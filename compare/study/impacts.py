@@ -294,11 +294,11 @@ def _pair_neighbours(study: Study, points: list[Triple]) -> pd.DataFrame:
     """
     if not study.common_noise or not study.along:
         return pd.DataFrame()
-    first, others = study.along, study.others
+    others = study.others
     groups: dict[tuple[Any, ...], list[tuple[float, Sampled]]] = {}
     for point, run, _ in points:
         key = tuple(point.coordinates[name] for name in others)
-        groups.setdefault(key, []).append((point.coordinates[first], run))
+        groups.setdefault(key, []).append((point.coordinates[study.along], run))
     parts = []
     for key, runs in groups.items():
         for (low, one), (high, other) in pairwise(sorted(runs, key=lambda pair: pair[0])):
@@ -323,7 +323,14 @@ def _cost(study: Study, found: Mapping[str, Any]) -> pd.DataFrame:
 def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
     """Read the fields of `Study` that ``[study]`` gives."""
     settings = {name: given[name] for name in SETTINGS if name in given}
-    _check_settings(settings, varying)
+    for name, value in settings.items():
+        if name in varying:
+            raise InputError(f"study.{name}", value, "varies along an axis too; keep one")
+    known = settings.keys() | varying
+    if ("paths" in known) == ("accuracy" in known):
+        raise InputError("study.paths", settings.get("paths"), "give either paths or accuracy")
+    if {"accuracy", "dt"} <= known:
+        raise InputError("study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out")
     return {
         "closures": _closures(given.get("closures", tuple(CLOSURES))),
         "impacts": count("study.impacts", given.get("impacts", 12)),
@@ -360,17 +367,6 @@ def cells(
         except InputError as error:
             reasons[method.name] = str(error)
     return sample, tuple(predictions), reasons
-
-
-def _check_settings(settings: Mapping[str, Any], varying: set[str]) -> None:
-    for name in settings:
-        if name in varying:
-            raise InputError(f"study.{name}", settings[name], "varies along an axis too; keep one")
-    known = set(settings) | varying
-    if ("paths" in known) == ("accuracy" in known):
-        raise InputError("study.paths", settings.get("paths"), "give either paths or accuracy")
-    if "accuracy" in known and "dt" in known:
-        raise InputError("study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out")
 
 
 def _closures(given: Any) -> tuple[str, ...]:

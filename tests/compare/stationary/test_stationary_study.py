@@ -10,8 +10,7 @@ from click.testing import CliRunner
 
 import rattle as rt
 from rattle.compare.cli.main import main
-from rattle.compare.thresholds.claim import Settings, read_claim
-from rattle.compare.thresholds.decision import Thresholds, decide_long, predict_long
+from rattle.compare.thresholds.decision import predict_long
 from rattle.scene import InputError, Scene
 
 STUDY = """
@@ -99,21 +98,6 @@ def test_bad_studies_are_refused(old, new, word):
 
 
 PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.002)
-
-
-def test_claims_about_the_long_run_are_decided(tmp_path):
-    def session():
-        return Thresholds(Settings(cache=tmp_path / "cells"), None)
-
-    claim = read_claim({"scene": PAIR}, tmp_path)
-    good = predict_long("saltation", PAIR, ["rate", "energy", "speed"])
-    found = decide_long(good, claim, session())
-    assert found.table["outcome"].tolist() == ["pass"] * 3
-    assert [d.computed for d in found.runs] == [True]
-    wrong = predict_long(lambda scene, names: {n: 1.2 * good.values[n] for n in names}, PAIR, ["rate", "energy"])
-    again = decide_long(wrong, claim, session())
-    assert again.table["outcome"].tolist() == ["fail", "fail"]
-    assert [(d.computed, d.seconds) for d in again.runs] == [(False, 0.0)]
 
 
 @pytest.mark.parametrize(

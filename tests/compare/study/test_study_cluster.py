@@ -57,24 +57,17 @@ def local(study, tmp_path_factory):
     return tables_of(study, store)
 
 
-def test_results_equal_the_local_ones_to_the_last_bit(cluster, study, local, tmp_path):
-    store = Store(tmp_path / CELLS)
-    outcome = run(study.cells, store, Cluster(cluster.scheduler_address))
-    assert outcome.computed == len(study.cells)
-    found = tables_of(study, store)
-    pd.testing.assert_frame_equal(found.errors, local.errors, check_exact=True)
-    pd.testing.assert_frame_equal(found.sections, local.sections, check_exact=True)
-    pd.testing.assert_frame_equal(found.paired, local.paired, check_exact=True)
-
-
-def test_a_killed_worker_costs_time_only(cluster, study, local, tmp_path):
+def test_results_equal_the_local_ones_though_a_worker_is_killed(cluster, study, local, tmp_path):
     store = Store(tmp_path / CELLS)
     victim = next(iter(cluster.workers.values())).pid
     killer = threading.Timer(0.7, os.kill, (victim, signal.SIGKILL))
     killer.start()
-    run(study.cells, store, Cluster(cluster.scheduler_address))
+    outcome = run(study.cells, store, Cluster(cluster.scheduler_address))
     killer.join()
-    pd.testing.assert_frame_equal(tables_of(study, store).errors, local.errors, check_exact=True)
+    assert outcome.computed == len(study.cells)
+    found = tables_of(study, store)
+    for name in ("errors", "sections", "paired"):
+        pd.testing.assert_frame_equal(getattr(found, name), getattr(local, name), check_exact=True)
     assert victim not in {w.pid for w in cluster.workers.values() if w.pid}  # it was killed, and another took its place
 
 

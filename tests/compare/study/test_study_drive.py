@@ -1,28 +1,16 @@
 """Studies of drives: an axis over one order, and keys that orders do not change where there are none."""
 
 import pytest
+from study_files import study_text
 
 from rattle import InputError, Order, Study
 
-TEXT = """
-[study]
-impacts = 2
-closures = ["saltation"]
-paths = 4096
-[scene]
-alpha = 1.5
-epsilon = 0.9
-beta1 = 0.08
-gamma1 = 0.05
-stages = 1
-sigma = 0.05
-"""
 ORDERS = "[[drive]]\norder = 1\namplitude = 1.0\n[[drive]]\norder = 4\namplitude = 0.1\nphase = 1.0\n"
 
 
 def test_an_axis_varies_one_order_and_keeps_the_others():
     study = Study.from_toml(
-        TEXT + ORDERS + '[[axes]]\n"drive.2.amplitude" = [0.0, 0.2]\ncorrelation_time = [0.0, 0.5]\n'
+        study_text(more=ORDERS + '[[axes]]\n"drive.2.amplitude" = [0.0, 0.2]\ncorrelation_time = [0.0, 0.5]\n')
     )
     last = study.points[-1].sample.scene
     assert last.drive == (Order(1), Order(2, 0.2), Order(4, 0.1, 1.0))
@@ -31,13 +19,13 @@ def test_an_axis_varies_one_order_and_keeps_the_others():
 
 
 def test_a_scene_without_orders_has_the_key_that_it_had():
-    plain = Study.from_toml(TEXT)
-    sine = Study.from_toml(TEXT + "[[drive]]\norder = 1\namplitude = 1.0\n")
+    plain = Study.from_toml(study_text())
+    sine = Study.from_toml(study_text(more="[[drive]]\norder = 1\namplitude = 1.0\n"))
     assert [cell.key for cell in plain.cells] == [cell.key for cell in sine.cells]
-    assert [cell.key for cell in plain.cells] != [cell.key for cell in Study.from_toml(TEXT + ORDERS).cells]
+    assert [cell.key for cell in plain.cells] != [cell.key for cell in Study.from_toml(study_text(more=ORDERS)).cells]
 
 
 @pytest.mark.parametrize("name", ["drive.0.amplitude", "drive.2", "drive.2.order", "drive.x.phase"])
 def test_no_field_of_an_order_is_refused(name):
     with pytest.raises(InputError, match="no field of a scene"):
-        Study.from_toml(TEXT + f'[[axes]]\n"{name}" = [0.1, 0.2]\n')
+        Study.from_toml(study_text(more=f'[[axes]]\n"{name}" = [0.1, 0.2]\n'))

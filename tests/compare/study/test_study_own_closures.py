@@ -5,23 +5,12 @@ import sys
 
 import pytest
 from click.testing import CliRunner
+from study_files import study_text
 
 from rattle import InputError, Study
 from rattle.compare.cli.main import main
 
-STUDY = """[study]
-impacts = 2
-closures = ["saltation", "{}"]
-paths = 512
-[scene]
-alpha = 1.5
-epsilon = 0.9
-beta1 = 0.08
-gamma1 = 0.05
-stages = 1
-[[axes]]
-sigma = [0.01, 0.1]
-"""
+STUDY = study_text(sigmas=(0.01, 0.1), paths=512).replace('"corrected"', '"{}"')
 OWN = """from rattle import mean_map
 
 def mine(scene, impacts):
