@@ -126,6 +126,13 @@ def fly(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats
 
 
 @internal
+def put(state: Floats, into: Floats) -> None:
+    """Copy a state.  Numba compiles a second for its own assignment, whose message about shapes takes text."""
+    for i in range(4):
+        into[i] = state[i]
+
+
+@internal
 def _is_near(c: Constants, h: float, s: Floats, end: Floats, margin1: float, margin2: float) -> bool:
     third = h / 3.0
     if near_wall(third, s[0], s[1], end[0], end[1], c.wall1, c.wall1, margin1):
@@ -167,15 +174,15 @@ def _leaf(
             j = 2 * (abs(code) - 1)
             side = 1 if code > 0 else -1
             end[j] = side * (c.wall1 if j == 0 else c.wall2)
-            s[:] = end
+            put(end, s)
             gone, left = gone + t, left - t
             if side * s[j + 1] > 0.0:
                 hits[n, 0], hits[n, 1] = offset + gone, code
-                hits[n, 2:] = s
+                put(s, hits[n, 2:])
                 n += 1
                 s[1], s[3] = struck(c, abs(code), s[1], s[3])
             continue
-        s[:] = end
+        put(end, s)
         left = 0.0
         break
     s[0] = min(max(s[0], -c.wall1), c.wall1)
@@ -203,7 +210,7 @@ def walk_step(tree: Tree, room: TreeRoom, path: Word, step: int, z: Pair, s: Flo
         end[2] = s[2] + m[2] * s[1] + m[3] * s[3] + (f[2] + f[6] * a + f[10] * b)
         end[3] = m[4] * s[1] + m[5] * s[3] + (f[3] + f[7] * a + f[11] * b)
     if not _is_near(c, w.h, s, end, f[12], f[13]):
-        s[:] = end
+        put(end, s)
         return 0, False
     tau, offset, n = row * w.h, 0.0, 0
     pending[0, 0], pending[0, 1] = a * math.sqrt(w.h), b * math.sqrt(w.h / 12.0)
@@ -222,7 +229,7 @@ def walk_step(tree: Tree, room: TreeRoom, path: Word, step: int, z: Pair, s: Flo
         if not first:  # of the whole step it is known
             margin1, margin2 = fly(c, tau + offset, s, h, noise, end)
             if not _is_near(c, h, s, end, margin1, margin2):
-                s[:] = end
+                put(end, s)
                 offset += h
                 continue
         first = False

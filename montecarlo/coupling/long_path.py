@@ -8,7 +8,7 @@ Its determinant obeys the orbit's formula: the damping between impacts, and ``ep
 
 import numpy as np
 
-from rattle.montecarlo.coupling.dyadic import HIT, Tree, new_room, tree_of, walk_step
+from rattle.montecarlo.coupling.dyadic import HIT, Tree, new_room, put, tree_of, walk_step
 from rattle.montecarlo.noise.philox import STEP, Word, normals
 from rattle.montecarlo.schemes.short_flight import first_state
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
@@ -46,7 +46,7 @@ def _stretch(
             code = int(hits[i, 1])
             tau = (step % len(w.forcing)) * w.h + hits[i, 0]
             s.flight[n], s.phase[n], s.code[n] = flight, tau, code
-            s.before[n] = hits[i, 2:]
+            put(hits[i, 2:], s.before[n])
             if tangent:
                 carry_frame(c, flight, frame)
                 strike_frame(c, abs(code), tau, hits[i, 3], hits[i, 5], frame, s.growth[n])

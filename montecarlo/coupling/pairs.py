@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, new_room, tree_of, walk_step
+from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, new_room, put, tree_of, walk_step
 from rattle.montecarlo.noise.philox import STEP, Word, normals
 from rattle.montecarlo.schemes.short_flight import first_state
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
@@ -39,7 +39,7 @@ def _after_impact(
     begin, partner, room = np.empty(4), np.empty(4), new_room(w.depth)
     n, missed = 0, 0
     for k in range(steps):
-        begin[:] = state
+        put(state, begin)
         z = _two_normals(tree, k)
         found, _ = walk_step(tree, room, PATH, k, z, state, hits)
         if k < settle or found != 1 or abs(hits[0, 1]) != 1:
@@ -49,7 +49,7 @@ def _after_impact(
             continue
         whole = True
         for i in range(deltas.size):
-            partner[:] = begin
+            put(begin, partner)
             partner[0] -= hits[0, 1] * deltas[i]
             met, _ = walk_step(tree, room, PATH, k, z, partner, other)
             if met != 1 or other[0, 1] != hits[0, 1]:

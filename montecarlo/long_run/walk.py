@@ -19,7 +19,7 @@ from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.step_size import default_step, time_scales
-from rattle.scene.compiled import jit
+from rattle.scene.compiled import internal, jit
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
 
@@ -76,6 +76,14 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     return out
 
 
+@internal
+def _put(values: Floats, into: Floats) -> None:
+    """Copy a table.  Numba compiles seconds for its own assignment, whose message about shapes takes text."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            into[i, j] = values[i, j]
+
+
 @jit
 def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until: int, length: int, sums: Sums) -> int:
     """Follow a block for some stretches.
@@ -95,21 +103,25 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
         tau, number = b.job.tau + count[BEGIN] * b.job.dt, count[STRETCHES] * APART + b.first
         for i in range(b.room.path.size):
             b.room.path[i] = Word(number + i)
-        walls, last, eta = b.every.walls.copy(), b.every.last.copy(), b.room.eta.copy()
+        walls, last, eta = b.every.walls[0].copy(), b.every.last.copy(), b.room.eta.copy()
         b.every.impacts[:] = 0
         job = Job(b.job.c, b.job.backlash, b.job.key, tau, b.job.dt, b.job.scheme, b.job.two_point, part, b.job.memory)
         RUN(job, b.control, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
         own = b.every.impacts[0, : len(b.state)]
-        most = own.max()
+        most = 0
+        for p in range(own.size):
+            most = max(most, own[p])
         if most >= rows.shape[2]:
-            b.every.walls[:], b.every.last[:], b.room.eta[:] = walls, last, eta
-            b.every.state[0, :, : len(b.state)] = b.state.T
+            _put(walls, b.every.walls[0])
+            _put(last, b.every.last)
+            _put(eta.reshape(1, -1), b.room.eta.reshape(1, -1))
+            _put(b.state.T, b.every.state[0])
             return int(most)
         states, at = b.samples[0, :, :samples], tau + between
         if b.controls and len(sums.power) > 0:
             out = sums.main[:, sums.batch[0], NOISE:]
             add_noise_work(b.job.c, rows[0], own, b.state, states, at, between, out)
-        b.state[:] = states[:, samples - 1]
+        _put(states[:, samples - 1], b.state)
         add_stretch(b.job.c, rows[0], own, b.struck, states, b.every.walls[0], at, between, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
@@ -117,8 +129,11 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
         if count[BEGIN] == b.steps:
             count[BEGIN] = 0
             count[PERIODS] += 1
-            b.every.last[:] -= PERIOD
-            b.struck[:] -= PERIOD
+            for p in range(b.every.last.shape[1]):
+                b.every.last[0, p] -= PERIOD
+            for p in range(len(b.struck)):
+                for mesh in range(2):
+                    b.struck[p, mesh] -= PERIOD
             if (until - count[PERIODS]) % length == 0:
                 sums.batch[0] += 1
             if count[LONG] > 0:
