@@ -59,7 +59,7 @@ def phi2(beta: float, t: float) -> float:
 
     Examples
     --------
-    >>> phi2(0.0, 2.0)
+    >>> float(phi2(0.0, 2.0))
     2.0
     """
     z = beta * t

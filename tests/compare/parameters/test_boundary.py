@@ -175,7 +175,7 @@ def test_all_looks_and_values_are_counted():
 def test_one_row_shows_a_closure_wrong_and_all_rows_show_it_accurate(monkeypatch):
     """Rows at their tolerance: any is wrong, or some are accurate, no more often than in 2.5 % each."""
     monkeypatch.setattr("rattle.compare.parameters.search.LOOKS", LOOKS[:1])
-    rng, values, rows = np.random.default_rng(5), 1000, 20
+    rng, values, rows = np.random.default_rng(5), 100, 20
 
     def errors(predicted, seen, z, tolerances):
         low, high = seen - 0.1 * z, seen + 0.1 * z

@@ -83,3 +83,10 @@ def test_what_cannot_be_drawn_is_said(results):
         rt.stationary(single).plot()
     with pytest.raises(rt.InputError, match="did you mean 'memory'"):
         results["long run"].plot("memori")
+
+
+def test_public_names_are_all_that_is_listed():
+    from importlib.metadata import version
+
+    assert rt.__version__ == version("rattle")
+    assert set(dir(rt)) == {*rt.__all__, "__version__"}

@@ -181,3 +181,12 @@ def test_the_bound_of_what_is_sampled_is_in_standard_errors_and_else_of_the_digi
     assert found(predicted=[1.0 + 3.0 * EXACT * 1e-3, np.nan]).excess > 1.0
     assert found(simulated=[2.0 + 4.4e-16, -1.5]).excess < 1e-3  # without a standard error
     assert found(simulated=[2.0 + 1e-10, -1.5]).excess > 1.0
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"predicted": [1.0, 2.0]}, {"predicted": [np.nan, np.nan]}, {"simulated": [2.0, np.inf]},
+     {"simulated": [np.inf, -1.5]}, {"paths": [100, 99]}, {"quantity": ["tau", "y2"]}, {"more": 1}],
+)  # fmt: skip
+def test_what_is_no_difference_of_numbers_is_infinite(changed):
+    assert found(**changed).excess == math.inf

@@ -130,3 +130,11 @@ def test_the_tolerances_that_a_message_proposes_are_taken():
         Study.from_toml(study_text().replace("seed = 3", "seed = 3\nwithin = 0.1"))
     proposed = str(refused.value).split("table: ")[1]
     assert Study.from_toml(study_text().replace("seed = 3", f"seed = 3\n{proposed}")).within.mean == 0.05
+
+
+def test_the_numerical_version_is_in_the_key(monkeypatch):
+    from rattle.compare.study import store as cell
+
+    before = {c.key for c in read().cells}
+    monkeypatch.setattr(cell, "numerical_version", lambda *packages: "another")
+    assert not before & {c.key for c in read().cells}
