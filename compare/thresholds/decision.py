@@ -32,7 +32,7 @@ from rattle.compare.validation.errors import (
     AGAIN,
     ON_ITINERARY,
     TOO_FEW_FOLLOW,
-    Claimed,
+    NamedSection,
     Simulated,
     judge_followers,
     remarks,
@@ -54,15 +54,7 @@ Model = str | Closure | Callable[[Scene, int], Any]
 """A closure's name, or a closure of one's own."""
 
 
-@dataclass(frozen=True)
-class ModelPrediction:
-    """Predicted section moments, complete and finite where the claim needs them."""
-
-    closure: str  # name of the closure or model
-    section: pd.DataFrame  # index ``impact``; the columns of the claim
-
-
-def predict(model: Model, claim: Claim) -> ModelPrediction:
+def predict(model: Model, claim: Claim) -> NamedSection:
     """Evaluate a model for the section moments of a claim.
 
     `model`: As `rattle.closure.mean_map` takes a closure: a name, ``package.module:function``, a `Closure`, or a
@@ -94,7 +86,7 @@ def predict(model: Model, claim: Claim) -> ModelPrediction:
         remedy = "leave it out of the marker's quantities, moments or impacts, or correct the model"
         value = float(values.loc[impact, column])
         raise InputError(f"{column} of {name} at impact {impact}", value, f"is not a finite number{why}; {remedy}")
-    return ModelPrediction(name, values)
+    return NamedSection(name, values)
 
 
 class TimedRun(NamedTuple):
@@ -166,7 +158,7 @@ class Decision(NamedTuple):
     z: float  # half width of the intervals in standard errors
 
 
-def errors_of(prediction: Claimed, run: Simulated, claim: Claim) -> pd.DataFrame:
+def errors_of(prediction: NamedSection, run: Simulated, claim: Claim) -> pd.DataFrame:
     """Compute the error of every row of a claim with one standard error; see `judge_errors`.
 
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
@@ -266,7 +258,7 @@ def look_until_decided(
     return table, tuple(runs)
 
 
-def decide(prediction: ModelPrediction, claim: Claim, session: Thresholds) -> Decision:
+def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decision:
     """Compare a prediction with the simulation, with more paths while the claim is undecided.
 
     Rows that wait for a rare branch which the budget's paths would not show are decided by paths near it.

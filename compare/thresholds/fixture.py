@@ -15,7 +15,8 @@ import tomli_w
 from rattle.compare.report.folder import write_whole
 from rattle.compare.thresholds import messages
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.decision import Decision, Model, ModelPrediction, Thresholds, decide, predict
+from rattle.compare.thresholds.decision import Decision, Model, Thresholds, decide, predict
+from rattle.compare.validation.errors import NamedSection
 from rattle.scene.errors import FileError, RattleError
 from rattle.scene.files import read_text
 from rattle.scene.text import harmless, line
@@ -38,7 +39,7 @@ def baseline_path(module: Path, test: str) -> Path:
     return module.parent / "baselines" / module.stem / f"{name}.toml"
 
 
-def baseline_content(prediction: ModelPrediction, claim: Claim) -> dict[str, Any]:
+def baseline_content(prediction: NamedSection, claim: Claim) -> dict[str, Any]:
     """Build the content of a baseline."""
     values = {
         c: dict(zip(map(str, claim.impacts), map(float, prediction.section[c]), strict=True)) for c in claim.columns

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 import pandas as pd
 
 from rattle.closure import refusals
-from rattle.closure.closure import RAISED
 from rattle.compare.validation.comparison import (
     WANTED,
     Comparison,
@@ -53,7 +52,7 @@ def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
     For this gear pair take `saltation` at σ = 0.01 (all means and sds at 12 impacts are accurate);
     simulate at σ = 0.1 (no closure is accurate at all 12 impacts, `saltation` at the first 3).
     """
-    said = []
+    said, at = [], f"{impacts} impacts" if impacts > 1 else "the first impact"
     for sigma, rows in validity.groupby("sigma", sort=False):
         own = speed[(speed["sigma"] == sigma) & (speed["impacts"] == impacts)]
         own = own.assign(timed=own["speed_up"].isna()).sort_values(["timed", "closure_seconds"])
@@ -61,7 +60,7 @@ def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
         worth, dearer = ([f"`{c}`" for c in own[which]["closure"]] for which in (~slower, slower))
         if worth:
             timed = "" if not own["timed"].all() else "; its time is measured, and decides nothing"
-            said.append(f"take {worth[0]} at σ = {sigma:.4g} (all {_moments(impacts)} are accurate{timed})")
+            said.append(f"take {worth[0]} at σ = {sigma:.4g} (all means and sds at {at} are accurate{timed})")
         else:
             said.append(f"simulate at σ = {sigma:.4g} ({_none(rows, impacts, dearer)})")
     return f"For this gear pair {'; '.join(said)}."
@@ -81,10 +80,6 @@ def _none(rows: pd.DataFrame, impacts: int, dearer: list[str]) -> str:
     best = rows.sort_values("accurate", ascending=False, kind="stable").iloc[0]
     part = f", `{best['closure']}` at the first {best['accurate']}" if best["accurate"] > 0 else ""
     return f"no closure is accurate at all {impacts} impacts{part}"
-
-
-def _moments(impacts: int) -> str:
-    return f"means and sds at {impacts} impacts" if impacts > 1 else "means and sds at the first impact"
 
 
 def cost_sentence(
@@ -257,8 +252,7 @@ def _failures(validations: Sequence[Comparison]) -> list[str]:
     """Which closures of one's own raised an exception, at which noise intensities, and what it said."""
     said: dict[str, list[str]] = {}
     for v in validations:
-        rows = v.table[v.table["remark"].str.startswith(RAISED)]
-        for closure, why in dict(zip(rows["closure"], rows["remark"], strict=True)).items():
+        for closure, why in v.failed.items():
             said.setdefault(f"`{closure}` {why}", []).append(sigma_text(v))
     return [f"At σ = {join_words(sigmas)} {what}; its rows are not predicted." for what, sigmas in said.items()]
 

@@ -14,18 +14,11 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import MeanMap
+from rattle.closure.closure import RAISED
 from rattle.closure.mean_map import closure_seconds, predict
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.errors import ON_ITINERARY, first_failure
-from rattle.compare.validation.verdict import (
-    NOT_JUDGED,
-    Tolerances,
-    is_accurate,
-    is_wrong,
-    unbroken,
-    want,
-    widest,
-)
+from rattle.compare.validation.verdict import NOT_JUDGED, Tolerances, is_accurate, is_wrong, unbroken, want, widest
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.montecarlo.branches.leaving import interval
@@ -54,6 +47,12 @@ class Comparison:
         """The rows of ``table`` that are about all paths."""
         return self.table[self.table["kind"] != ON_ITINERARY]
 
+    @property
+    def failed(self) -> dict[str, str]:
+        """Closures of one's own that raised an exception, and what it said."""
+        rows = self.table[self.table["remark"].str.startswith(RAISED)]
+        return dict(zip(rows["closure"], rows["remark"], strict=True))
+
     def leaving(self, closure: str) -> tuple[float, float, float]:
         """Probability of having left a closure's itinerary by its last impact, with a 95 % interval."""
         run, own = self.run, self.run.plan.itineraries[closure]
@@ -78,11 +77,9 @@ class Comparison:
 class Sweep(NamedTuple):
     """Ranges of validity and speed-ups of all closures at all noise intensities."""
 
-    validity: pd.DataFrame  # columns of `rattle.compare.validation.comparison.Validity`
-    speed: pd.DataFrame  # columns of `rattle.compare.validation.comparison.Speed`
-    simulation: (
-        pd.DataFrame
-    )  # from `rattle.compare.validation.comparison.simulation_costs`, a row for each noise intensity
+    validity: pd.DataFrame  # columns of `Validity`
+    speed: pd.DataFrame  # columns of `Speed`
+    simulation: pd.DataFrame  # from `simulation_costs`, a row for each noise intensity
 
 
 CAUSES: dict[str, str] = read_texts("validation")["causes"]

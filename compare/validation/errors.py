@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
@@ -22,7 +22,7 @@ from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import NOISE_FREE, is_random
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.elementary import each
-from rattle.scene.moments import SECTION, realizability
+from rattle.scene.moments import SECTION, Realizability, realizability
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
 
@@ -76,6 +76,13 @@ class Claimed(Protocol):
     @property
     def section(self) -> pd.DataFrame:
         """A row for each impact (index ``impact``); NaN where a moment is not predicted."""
+
+
+class NamedSection(NamedTuple):
+    """Section moments under a name, to be judged as those of a closure are."""
+
+    closure: str
+    section: pd.DataFrame
 
 
 class Simulated(Protocol):
@@ -201,16 +208,15 @@ def judge_followers(
     return table
 
 
-def remarks(table: pd.DataFrame) -> list[str]:
+def remarks(table: pd.DataFrame) -> NDArray[Any]:
     """What decides a row besides its sd, in words: the size of what does not vary, and what the sample has not seen."""
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
     few = table["low"].isna() & (table["verdict"] == "undecided")
     said = waits_for_branch(table)
-    out = [TOO_FEW if f else BY_SIZE if by else "" for f, by in zip(few, by_size, strict=True)]
+    out = np.select([few, by_size], [TOO_FEW, BY_SIZE], "").astype(object)
     columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
-    for i, m, p, s, n in zip(np.flatnonzero(said), *(column[said] for column in columns), strict=True):
-        out[i] = unseen_text(m, p, s, n)
+    out[said] = list(map(unseen_text, *(column[said] for column in columns)))
     return out
 
 
@@ -298,8 +304,7 @@ def _number(quantity: pd.Series) -> NDArray[np.intp]:
 
 SIMULATED = "monte carlo"
 
-NUMBERS = ("variance_x", "variance_y", "rho", "smallest_eigenvalue")
-COLUMNS = ("closure", "impact", "stage", *NUMBERS, "realizable", "reason")
+COLUMNS = ["closure", "impact", "stage", *Realizability._fields[2:], "realizable", "reason"]
 
 
 def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
@@ -313,22 +318,20 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
     """
     stages = range(1, run.scene.stages + 1)
     found = [
-        (prediction.closure, impact, stage, prediction.stage_realizability(impact, stage))
+        (prediction.closure, impact, stage, *prediction.stage_realizability(impact, stage))
         for prediction in predictions
         if prediction.trace.parts is None  # a mixture describes paths at their own impacts: no perturbation, no moments
         for impact in range(1, prediction.trace.found + 1)
         for stage in stages
     ]
-    found = [row for row in found if not row[-1].realizable or np.isfinite(row[-1][2:5]).any()]
     for impact, (_, row) in zip(flights, run.at_times().iterrows(), strict=True):
         for stage in stages:
             xx, xy, yy = (row[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
-            found.append((SIMULATED, int(impact), stage, realizability(np.array([[xx, xy], [xy, yy]]))))
-    records = [
-        {"closure": closure, "impact": impact, "stage": stage, **judged._asdict()}
-        for closure, impact, stage, judged in found
-    ]
-    return pd.DataFrame(records, columns=COLUMNS).astype({"realizable": bool})
+            found.append((SIMULATED, int(impact), stage, *realizability(np.array([[xx, xy], [xy, yy]]))))
+    table = pd.DataFrame(found, columns=["closure", "impact", "stage", *Realizability._fields])
+    table = table.astype({"realizable": bool})
+    known = table[["variance_x", "variance_y", "rho"]].notna().any(axis=1)
+    return table.loc[known | ~table["realizable"], COLUMNS].reset_index(drop=True)
 
 
 def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | None:

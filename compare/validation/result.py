@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from rattle.closure.closure import RAISED
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.diagnostics.diagnostics import list_counted
@@ -51,12 +50,6 @@ class Validation(Comparison):
     def accurate(self) -> bool:
         """Whether all moments of all paths that are predicted and judged are accurate; see ``verdict.RULE``."""
         return not self.of_all_paths["verdict"].isin(("inaccurate", "undecided")).any()
-
-    @property
-    def failed(self) -> dict[str, str]:
-        """Closures of one's own that raised an exception, and what it said."""
-        rows = self.table[self.table["remark"].str.startswith(RAISED)]
-        return dict(zip(rows["closure"], rows["remark"], strict=True))
 
     @property
     def counts(self) -> pd.DataFrame:

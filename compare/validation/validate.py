@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,6 +15,7 @@ from rattle.closure.mean_map import closure_seconds, find_closures, predict
 from rattle.compare.validation.comparison import Comparison, Sweep, find_validities, measure_speeds, simulation_costs
 from rattle.compare.validation.errors import (
     AGAIN,
+    NamedSection,
     itinerary_errors,
     judge_again,
     judge_correlation,
@@ -160,9 +161,7 @@ def _last_impact(scene: Scene, **settings: Any) -> float:
 
 
 EXAMPLE = "1e-3:2:12"
-SCHEME_COLUMNS = (
-    *("sigma", "method", "dt", "paths", "bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds"),
-)
+SCHEME_COLUMNS = ["sigma", "method", "dt", "paths", "bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds"]
 BESIDE_PATHS = 32_768  # of each scheme that is shown beside the simulation
 SCHEME = "exact-flight"
 """Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the sds."""
@@ -215,13 +214,6 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
     return Sweep(find_validities(own), measure_speeds(own), simulation_costs(own))
 
 
-class _Named(NamedTuple):
-    """The section moments of an ensemble, to be judged as those of a closure are."""
-
-    closure: str
-    section: pd.DataFrame
-
-
 def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], workers: int) -> pd.DataFrame:
     """Simulate each scene of some validations by each of these schemes; a row for each of them and for each closure."""
     rows = []
@@ -233,7 +225,7 @@ def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], w
             began = time.process_time()
             run = simulate(v.scene.phase_reduced, paths=BESIDE_PATHS, **common)
             took = time.process_time() - began
-            table = section_errors(_Named(scheme, run.section), v.run.phase_reduced, v.z, v.tolerances)
+            table = section_errors(NamedSection(scheme, run.section), v.run.phase_reduced, v.z, v.tolerances)
             rows.append(
                 (v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *_biases(run, table), *_largest(table, "error"), took)
             )
@@ -242,7 +234,7 @@ def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], w
             own = table.assign(judged=table["verdict"] != "not judged")
             took = closure_seconds(prediction)
             rows.append((v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took))
-    return pd.DataFrame(rows, columns=list(SCHEME_COLUMNS))
+    return pd.DataFrame(rows, columns=SCHEME_COLUMNS)
 
 
 def _biases(run: Ensemble, table: pd.DataFrame) -> list[float]:

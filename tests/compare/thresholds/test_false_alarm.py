@@ -17,7 +17,8 @@ import pytest
 from scipy.stats import binomtest
 
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.decision import ModelPrediction, errors_of, judge_errors, merge_looks
+from rattle.compare.thresholds.decision import errors_of, judge_errors, merge_looks
+from rattle.compare.validation.errors import NamedSection
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import BLOCK
@@ -139,7 +140,7 @@ def displaced(truth, claim, by, sessions=1):
         for q in claim.quantities:
             unit = whole["sd_" + q] if allowed.in_sd else 1.0
             off[("" if moment == "mean" else "sd_") + q] += by * allowed.error * unit
-    return ModelPrediction("truth", off)
+    return NamedSection("truth", off)
 
 
 def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):

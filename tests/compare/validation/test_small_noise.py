@@ -7,9 +7,9 @@ import pytest
 
 from rattle.closure import mean_map
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.decision import ModelPrediction, errors_of, judge_errors
+from rattle.compare.thresholds.decision import errors_of, judge_errors
 from rattle.compare.validation.answer import answer
-from rattle.compare.validation.errors import ABSOLUTE, BY_SIZE, section_errors
+from rattle.compare.validation.errors import ABSOLUTE, BY_SIZE, NamedSection, section_errors
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import JUDGED, Tolerances, widest
 from rattle.montecarlo import simulate
@@ -47,7 +47,7 @@ def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
     _, run, right = drawn(name, sigma)
 
     def table(section):
-        found = section_errors(ModelPrediction("planted", section), run, Z, Tolerances())
+        found = section_errors(NamedSection("planted", section), run, Z, Tolerances())
         return found[found["verdict"].isin(JUDGED) & (found["unit"] > 1e-3 * sigma)]
 
     assert (table(right)["verdict"] == "accurate").all()
@@ -63,10 +63,10 @@ def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
 def test_an_explicit_tolerance_is_kept(within):
     scene, run, right = drawn("two stages", 1e-6)
     claim = read_claim({"scene": scene, "impacts": IMPACTS, "within": within}, Path())
-    rows = errors_of(ModelPrediction("planted", right), run, claim)
+    rows = errors_of(NamedSection("planted", right), run, claim)
     np.testing.assert_allclose(rows["tolerance"], within * rows["unit"])
     assert (rows["unit"] < 1e-5).all()
-    found = judge_errors(errors_of(ModelPrediction("planted", wrong(right)), run, claim), Z)
+    found = judge_errors(errors_of(NamedSection("planted", wrong(right)), run, claim), Z)
     planted = found.set_index(["moment", "quantity"])["outcome"]
     assert (planted.loc[[("mean", "tau"), ("sd", "y1")]] == "fail").all()
 
@@ -85,7 +85,7 @@ def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
     ]
     far = drawn("DAT21", 0.0, paths=1)[2].assign(tau=lambda s: s["tau"] * (1.0 + 2.0 * ABSOLUTE))
     run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight")
-    found = section_errors(ModelPrediction("planted", far), run, Z, Tolerances())
+    found = section_errors(NamedSection("planted", far), run, Z, Tolerances())
     assert found["verdict"][(found["moment"] == "mean") & (found["quantity"] == "tau")].eq("inaccurate").any()
 
 
