@@ -1,29 +1,24 @@
-"""The commands ``rattle check``, what checks the installation, and ``rattle warm-up``."""
+"""The commands ``rattle check``, what checks the installation, ``rattle claims`` and ``rattle warm-up``."""
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import say, say_json, say_lines
+from rattle.compare.cli.shared import Results, say, say_json, say_lines, say_part
 
 if TYPE_CHECKING:
     from rattle.compare.checks.check import Result
     from rattle.scene import Scene
 
 EXIT_BROKEN = 1
-
-
-def exit_if_broken(holds: Iterable[bool]) -> None:
-    """Exit with code 1 unless every check holds."""
-    if not all(holds):
-        sys.exit(EXIT_BROKEN)
+EXTREMES = "Try extreme values too (rattle check extremes), and put their table on the page."
 
 
 def show_results(results: "Sequence[Result]", all_checks: bool, as_json: bool, record: object) -> None:
@@ -34,7 +29,8 @@ def show_results(results: "Sequence[Result]", all_checks: bool, as_json: bool, r
         say_json(record)
     else:
         say_lines(result_lines(results, all_checks=all_checks))
-    exit_if_broken(result.holds for result in results)
+    if not all(result.holds for result in results):
+        sys.exit(EXIT_BROKEN)
 
 
 @click.group()
@@ -86,13 +82,7 @@ def extremes(ranges: bool, as_json: bool) -> None:
 @shared.whole("paths", 32_768, "Most paths of a cell.")
 @shared.SEED_AND_WORKERS
 @shared.folder(Path("reports/stability"))
-@click.option(
-    "--extremes/--no-extremes",
-    "extreme",
-    default=True,
-    show_default=True,
-    help="Try extreme values too (rattle check extremes), and put their table on the page.",
-)
+@click.option("--extremes/--no-extremes", "extreme", default=True, show_default=True, help=EXTREMES)
 @shared.OVERWRITE
 def stability(
     schemes: tuple[str, ...], axes: tuple[str, ...], out: Path, extreme: bool, overwrite: bool, **settings: int
@@ -112,7 +102,7 @@ def stability(
     from rattle.compare.report.provenance import Stopwatch, provenance
     from rattle.scene.errors import count
 
-    chosen, along = list(dict.fromkeys(schemes)) or list(shared.SCHEMES), list(dict.fromkeys(axes)) or list(shared.AXES)
+    chosen, along = list(dict.fromkeys(schemes or shared.SCHEMES)), list(dict.fromkeys(axes or shared.AXES))
     for name, least, most in (("points", 1, 7), ("paths", 1000, None), ("seed", 0, None), ("workers", 1, None)):
         count(name, settings[name], least=least, most=most)
     check_free(out, CONTENTS, overwrite)
@@ -120,16 +110,11 @@ def stability(
     found = chart(schemes=chosen, axes=along, **settings)
     covariances = covariance_table(**settings)
     tried = run_checks(ROWS) if extreme else ()
-    record = {
-        "scene": moderate().to_dict(),
-        "schemes": chosen,
-        "axes": along,
-        **{key: settings[key] for key in ("points", "paths", "seed", "workers")},
-        **provenance(watch),
-    }
-    say_lines(write_stability(out, found, covariances, tried, record, overwrite))
-    say(f"Page: {out / 'stability.html'}")
-    exit_if_broken((not len(found.without_diagnostic), *(row.holds for row in tried)))
+    asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
+    said = write_stability(out, found, covariances, tried, asked | provenance(watch), overwrite)
+    say_lines((*said, f"Page: {out / 'stability.html'}"))
+    if len(found.without_diagnostic) or not all(row.holds for row in tried):
+        sys.exit(EXIT_BROKEN)
 
 
 @check.command()
@@ -149,6 +134,48 @@ def speed(as_json: bool) -> None:
     say(table.rename(columns=names).to_string(float_format="{:.2f}".format, na_rep=""), keep="\n")
     say("Processor time of one core, the least of several turns; ratios are medians. Floor: one normal and the")
     say("arithmetic of one step. Times as fast: as a path-step of the skilled loop, or as a normal by standard_normal.")
+
+
+BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pairs; a value of alpha; a path
+
+
+@click.command()
+@shared.several("sigma", "sigmas", float, "Noise of a validation; repeatable. [default: 0.01, 0.1]")
+@shared.grid("over", "0.05:2.5:100", "Values of alpha.")
+@shared.whole("paths", 100_000, "Paths of each validation.")
+@shared.whole("points", 1_000_000, "Points of each Poincare section.")
+@shared.whole("impacts", 200_000, "Impacts of the spectra.")
+@shared.SEED_AND_WORKERS
+@shared.folder_options(Path("reports/claims"))
+def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwrite: bool, **settings: int) -> None:
+    """Judge each claim of the paper on its own example, DAT21.
+
+    Writes test, evidence and verdict of every claim that can be tested.
+
+    Exit codes: 0 complete, whatever the verdicts; 2 bad input.
+    """
+    from rattle.compare.chaos.sweep import values
+    from rattle.compare.checks.claims.evidence import gather
+    from rattle.compare.checks.claims.judges import judge
+    from rattle.compare.checks.claims.page import write_claims
+    from rattle.scene import DAT21, Scene
+    from rattle.scene.errors import positive
+
+    at = values("over", over)
+    levels = sigmas or (0.01, 0.1)
+    for sigma in levels:
+        positive("sigma", sigma)
+    shared.check_counts(settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1)
+    results = Results(None, out, "", "checks.claims.page", overwrite)
+    minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
+    say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
+    dat21 = Scene.from_gears(DAT21)
+    found = gather(dat21, sigmas=levels, at=at, spectrum_impacts=impacts, progress=say_part, **settings)
+    judged = judge(found)
+    record: dict[str, Any] = {"sigmas": list(levels), "over": list(at), "impacts": impacts, **settings}
+    answer = results.write(write_claims, judged, found.chaos, scene=found.scene.to_dict(), **record)
+    verdicts = [f"{number:2d}. {claim.name}: {claim.verdict}" for number, claim in enumerate(judged, start=1)]
+    results.say([*answer, *verdicts], "claims.html")
 
 
 RARE_PATHS = 4096  # from which it is known that a branch is worth it
@@ -173,11 +200,8 @@ def tasks() -> dict[str, Task]:
     single = Scene.from_gears(DAT21, sigma=0.1, stages=1)
     tolerant = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="contact"))
     by_path = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="path"))
-    found: dict[str, Task] = {}
-    for name in CLOSURES:
-        found[f"closure {name}"] = partial(_predict, scene, name)
-        found[f"closure {name}, one stage"] = partial(_predict, single, name)
-        found[f"closure {name}, gaps that vary"] = partial(_predict, by_path, name)
+    kinds = {"": scene, ", one stage": single, ", gaps that vary": by_path}
+    found: dict[str, Task] = {f"closure {c}{k}": partial(_predict, kinds[k], c) for c in CLOSURES for k in kinds}
     periodic = Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01)
     found["closures in the long run"] = lambda: linear_law(periodic, attractor(periodic))
     for name, scheme in SCHEMES.items():

@@ -9,12 +9,10 @@ with ends_soon(raises=False):
     import click
 
     from rattle.compare.cli.boundary import boundary, sensitivity
-    from rattle.compare.cli.chaos import chaos, claims
-    from rattle.compare.cli.check import check, warm_up
-    from rattle.compare.cli.init import drive, init
+    from rattle.compare.cli.check import check, claims, warm_up
     from rattle.compare.cli.shared import say
-    from rattle.compare.cli.show import animate, show
-    from rattle.compare.cli.simulate import simulate, stationary
+    from rattle.compare.cli.show import animate, drive, init, show
+    from rattle.compare.cli.simulate import chaos, simulate, stationary
     from rattle.compare.cli.study import study
     from rattle.compare.cli.validate import order, tradeoff, validate
     from rattle.scene.errors import RattleError

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
-from functools import reduce, wraps
+from functools import partial, reduce, wraps
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -87,12 +87,12 @@ OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace earlier resu
 
 def whole(name: str, default: int | None, meaning: str) -> Option:
     """An option that takes a whole number."""
-    return click.option(f"--{name}", type=WHOLE, default=default, show_default=default is not None, help=meaning)
+    return click.option(f"--{name}", type=WHOLE, default=default, show_default=True, help=meaning)
 
 
 def real(name: str, meaning: str, default: float | None = None) -> Option:
     """An option that takes a number."""
-    return click.option(f"--{name}", type=float, default=default, show_default=default is not None, help=meaning)
+    return click.option(f"--{name}", type=float, default=default, show_default=True, help=meaning)
 
 
 class ClosureName(Name):
@@ -106,12 +106,6 @@ class ClosureName(Name):
 CLOSURE = ClosureName("closures", CLOSURES)
 
 
-def closure_option(meaning: str) -> Option:
-    """The option of the closures, which may be repeated."""
-    meaning = f"Closure, or package.module:function of your own; {meaning}"
-    return click.option("--closure", "closures", type=CLOSURE, multiple=True, help=meaning)
-
-
 def several(option: str, into: str, kind: type, meaning: str) -> Option:
     """An option that may be given any number of times."""
     metavar = "NAME" if kind is str else None
@@ -120,17 +114,16 @@ def several(option: str, into: str, kind: type, meaning: str) -> Option:
 
 def grid(option: str, default: str | None, meaning: str) -> Option:
     """An option that takes evenly spaced values."""
-    shown = default is not None
-    return click.option(f"--{option}", default=default, show_default=shown, metavar="LOW:HIGH:POINTS", help=meaning)
+    return click.option(f"--{option}", default=default, show_default=True, metavar="LOW:HIGH:POINTS", help=meaning)
 
 
 def name_option(
-    option: str, names: Sequence[str], meaning: str, *, many: str = "", field: str = "", default: str | None = None
+    option: str, names: Sequence[str], meaning: str, *, many: str = "", default: str | None = None
 ) -> Option:
     """An option that takes a name from a list; with `many`, its name in the plural, any number of them."""
-    kind, shown = Name(field or option, names), default is not None
+    kind, several = Name(option, names), bool(many)
     return click.option(
-        f"--{option}", many or option, type=kind, multiple=bool(many), default=default, show_default=shown, help=meaning
+        f"--{option}", many or option, type=kind, multiple=several, default=default, show_default=True, help=meaning
     )
 
 
@@ -193,10 +186,7 @@ def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGM
             as_json: bool = False,
             **asked: Any,
         ) -> None:
-            def begin() -> Results:
-                ours = import_module(f"rattle.compare.{page}").CONTENTS
-                return Results(scene, out, default.removeprefix("reports/NAME"), ours, overwrite, as_json)
-
+            begin = partial(Results, scene, out, default.removeprefix("reports/NAME"), page, overwrite, as_json)
             command(load_scene(scene, sigma, otherwise), begin, **asked)
 
         return folder_options(default, *more)(run)
@@ -211,7 +201,7 @@ class Results:
     """
 
     def __init__(
-        self, scene: Path | None, out: Path | None, suffix: str, ours: frozenset[str], overwrite: bool, as_json: bool
+        self, scene: Path | None, out: Path | None, suffix: str, page: str, overwrite: bool, as_json: bool = False
     ) -> None:
         from rattle.compare.report.folder import check_free, default_place, name_of
         from rattle.compare.report.provenance import Stopwatch
@@ -220,7 +210,7 @@ class Results:
         self.writes = out is not None or not as_json
         self.out = out or default_place(self.name, suffix)
         if self.writes:
-            check_free(self.out, ours, overwrite)
+            check_free(self.out, import_module(f"rattle.compare.{page}").CONTENTS, overwrite)
         self.watch = Stopwatch()
 
     def write(self, writer: Callable[..., Any], *found: Any, **settings: Any) -> Any:

@@ -1,10 +1,10 @@
-"""The commands ``rattle simulate`` and ``rattle stationary``."""
+"""The commands ``rattle simulate``, ``rattle stationary`` and ``rattle chaos``."""
 
 import logging
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines
+from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines, say_part
 from rattle.scene.errors import InputError
 from rattle.scene.units import RATE, UNITS, check_units, in_units
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rattle.montecarlo.diagnostics.reach import Reach
+    from rattle.montecarlo.diagnostics.reach import Reach, Row
     from rattle.scene import Gears, Scene
 
 MOST_NAMED = 8  # rows that miss an accuracy which are named
@@ -90,27 +90,27 @@ def simulate(
                 raise InputError(name, value, "is chosen by --accuracy; leave out one of them")
         with _estimates_shown():
             run = simulate_to(base, accuracy, scheme=scheme, budget=budget, refuse=False, **common)
-    reach = run.reach
+    reach, missed = run.reach, run.reach.missed if run.reach else ()
     if as_json:
         record = {"scheme": run.scheme, "dt": run.dt, "paths": run.paths, "seconds": round(run.wall_seconds, 3)}
-        missed = [] if reach is None else [row._asdict() for row in reach.missed]
-        record |= {"reach": reach and reach.sentence, "missed": missed, "diagnostics": run.diagnostics, "units": units}
+        record |= {"reach": reach and reach.sentence, "missed": [row._asdict() for row in missed]}
+        record |= {"diagnostics": run.diagnostics, "units": units}
         say_json(record | {"section": run.section_in(units).reset_index().to_dict("records")})
     else:
         shown = columns_in(units, base.gears)
-        say(_table(in_units(run.columns, base.gears, units), shown, _stars(reach, shown)), keep="\n")
+        say(_table(in_units(run.columns, base.gears, units), shown.values(), _stars(missed, shown)), keep="\n")
         took = f"{run.wall_seconds:.1f} s on {settings['workers']} threads"
         say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {took}")
-        if reach is not None and reach.reached:  # else it is among the diagnostics
+        if reach and reach.reached:  # else it is among the diagnostics
             say(reach.sentence)
         say_lines(run.diagnostics)
-        if reach is not None and reach.missed:
+        if reach and missed:
             say_lines(_list_missed(reach, 2 * (2 + 2 * base.stages) * settings["impacts"]))
     if out is not None:  # last, so that the results have been printed if the file cannot be written
         from rattle.compare.report.save import csv_text
 
         write_whole(out, csv_text(run.section_in(units)))
-    if reach is not None and not reach.reached:
+    if reach and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
 
@@ -138,27 +138,22 @@ def _estimates_shown() -> "Iterator[None]":
 FORMS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
 """How columns are printed whose names begin so: errors may be far smaller than what they belong to."""
 SHOWN = (
-    *(f"{error}{name}" for name in ("tau", "y1", "y2") for error in ("", "se_", "bias_", "sd_")),
-    "mesh",
-    "side",
-    "agreement",
+    *("tau", RATE, "se_tau", "bias_tau", "sd_tau"),
+    *(f"{error}{name}" for name in ("y1", "y2") for error in ("", "se_", "bias_", "sd_")),
+    *("mesh", "side", "agreement"),
 )
 
 
-def columns_in(units: str, gears: "Gears | None") -> tuple[str, ...]:
-    """Names of the columns that are shown on a terminal, in a system of units."""
-    if units == "dimensionless" or gears is None:
-        return SHOWN
-    names = [gears.units.columns_of.get(name, (name, 1.0))[0] for name in SHOWN]
-    return (names[0], RATE, *names[1:])
+def columns_in(units: str, gears: "Gears | None") -> dict[str, str]:
+    """Names, in a system of units, of the columns that are shown on a terminal if they are there."""
+    physical = gears.units.columns_of if gears is not None and units == "physical" else {}
+    return {name: physical[name][0] if name in physical else name for name in SHOWN}
 
 
-def _stars(reach: "Reach | None", shown: tuple[str, ...]) -> Set[tuple[str, int]]:
+def _stars(missed: "Iterable[Row]", shown: Mapping[str, str]) -> Set[tuple[str, int]]:
     """The shown columns and the impacts of the means and sds that miss the accuracy."""
-    name = dict(zip(SHOWN, (column for column in shown if column != RATE), strict=True))
-    missed = () if reach is None else reach.missed
     found = ((f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed)
-    return {(name[column], impact) for column, impact in found if column in name}
+    return {(shown[name], impact) for name, impact in found if name in shown}
 
 
 def _list_missed(reach: "Reach", rows: int) -> list[str]:
@@ -169,7 +164,7 @@ def _list_missed(reach: "Reach", rows: int) -> list[str]:
     return [said, *(f"  {sentence}" for sentence in named), *([f"  and {more} more"] if more else [])]
 
 
-def _table(columns: "Mapping[str, NDArray[Any]]", shown: tuple[str, ...], stars: Set[tuple[str, int]]) -> str:
+def _table(columns: "Mapping[str, NDArray[Any]]", shown: Iterable[str], stars: Set[tuple[str, int]]) -> str:
     """The columns shown on a terminal, without absent and empty ones; pandas would take as long to load as sampling."""
     texts = [["impact", *(str(k) for k in range(1, len(columns["mesh"]) + 1))]]
     for name in (name for name in shown if name in columns):
@@ -249,3 +244,39 @@ def stationary(
     results.say(said, "stationary.html", lambda: found.to_dict(units or "dimensionless"))
     if found.run is not None and found.run.reach is not None and not found.run.reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
+
+
+@click.command()
+@shared.SCENE_AND_SIGMA
+@shared.name_option("field", shared.FIELDS, "Field of the scene that the sweep varies.", default="alpha")
+@shared.grid("over", "0.05:2.5:100", "Its values.")
+@click.option("--keep-sigma", is_flag=True, help="Keep the noise along the sweep; else it is the paper's, sqrt(alpha).")
+@click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")
+@click.option("--width", type=float, default=0.01, show_default=True, help="Widest interval of a largest exponent.")
+@shared.whole("points", 1_000_000, "Points of each Poincare section.")
+@shared.whole("impacts", 200_000, "Impacts of the spectra.")
+@shared.whole("events", 4000, "Pairs of paths behind each figure.")
+@shared.SEED_AND_WORKERS
+@shared.report("reports/NAME-chaos", "chaos.page")
+def chaos(base: "Scene", begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
+    """Measure Lyapunov exponents, Poincare sections and spectra.
+
+    They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over a sweep.
+
+    Exit codes: 0 complete; 2 bad input.
+    """
+    from rattle.compare.chaos.measure import study
+    from rattle.compare.chaos.page import write_chaos
+    from rattle.compare.chaos.sweep import paper_noise, values, vary
+    from rattle.scene.errors import positive
+
+    field, at = settings["field"], () if no_sweep else values("over", over)
+    noise = None if keep_sigma or field == "sigma" else paper_noise
+    scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
+    positive("width", settings["width"])
+    shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
+    results = begin()
+    found = study(base, scenes=scenes, progress=say_part, **settings)
+    said = "the scene's" if noise is None else "sqrt(alpha)"
+    answer = results.write(write_chaos, found, scene=base.to_dict(), **settings, over=list(at), noise=said)
+    results.say(answer, "chaos.html")

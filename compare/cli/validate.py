@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rattle.scene import Scene
 
 EXIT_FAILED, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 4, 5
+CLOSURE = "Closure, or package.module:function of your own; repeatable. [default: all that can be applied]"
 BESIDE = "Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes without SCENE]"
 VALIDITY = "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
 PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
@@ -26,7 +27,7 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 @shared.whole("paths", 256_000, "Simulated paths.")
 @shared.real("dt", "Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
 @shared.name_option("scheme", shared.SCHEMES, "Scheme of the simulation.", default="exact-flight")
-@shared.closure_option("repeatable. [default: all that can be applied]")
+@click.option("--closure", "closures", type=shared.CLOSURE, multiple=True, help=CLOSURE)
 @shared.name_option("beside", shared.SCHEMES, BESIDE, many="beside")
 @shared.whole("order", 4, "Order of the closures' moments, 2 to 6.")
 @shared.SEED_AND_WORKERS

@@ -6,54 +6,27 @@ import io
 import os
 
 import pytest
-from click.testing import CliRunner
+from commands import rattle, study
 from small_disks import DEAD, scratch_name
 
-from rattle.compare.cli.main import main
 from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.figures import FIGURES
 from rattle.compare.study.folder import CELLS
 from rattle.compare.study.store import Store
 from rattle.scene import DAT21, InputError, OutputError, Scene
 
-TEXT = """
-[study]
-impacts = 1
-closures = ["corrected"]
-paths = 64
-
-[scene]
-alpha = 1.5
-epsilon = 0.9
-beta1 = 0.083
-gamma1 = 0.057
-stages = 1
-
-[[axes]]
-sigma = [0.01]
-"""
-
 
 @pytest.fixture
 def file(tmp_path, monkeypatch):
     """A study whose page is soon drawn."""
     monkeypatch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
-    (tmp_path / "s.toml").write_text(TEXT)
+    (tmp_path / "s.toml").write_text(study())
     return tmp_path / "s.toml"
 
 
-@pytest.fixture
-def cell():
-    return Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure="corrected")
-
-
-def system(code):
-    return OSError(code, os.strerror(code))
-
-
 REFUSALS = {
-    "no right": (system(errno.EACCES), "Permission denied"),
-    "a failing disk": (system(errno.EIO), "Input/output error"),
+    "no right": (OSError(errno.EACCES, "Permission denied"), "Permission denied"),
+    "a failing disk": (OSError(errno.EIO, "Input/output error"), "Input/output error"),
     "no memory": (MemoryError(), "Cannot allocate memory"),
 }
 
@@ -72,10 +45,10 @@ def refuse_to_read(monkeypatch, error):
 
 
 @pytest.mark.parametrize("case", REFUSALS)
-def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, cell, case):
+def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, case):
     """The file may be undamaged: the message names it and the reason; it is neither moved nor computed again."""
     error, why = REFUSALS[case]
-    store = Store(tmp_path / "s")
+    cell, store = Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure="corrected"), Store(tmp_path / "s")
     before = store.obtain(cell)
     content = store.path(cell).read_bytes()
     with monkeypatch.context() as patch:
@@ -95,19 +68,11 @@ def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):
         raise InputError("paths", 64, "are too few")
 
     monkeypatch.setattr(Sample, "compute", refused)
-    found = CliRunner().invoke(main, ["study", str(file)])
-    assert found.exit_code == 2
+    found = rattle("study", file, code=2)
     assert "nothing can be compared yet, 1 of 2 cells could not be computed (paths = 64: are too few)" in found.output
 
 
 # --- who may read it
-
-
-@pytest.fixture(params=[0o022, 0o077], ids=oct)
-def umask(request):
-    before = os.umask(request.param)
-    yield request.param
-    os.umask(before)
 
 
 def rights(place):
@@ -118,15 +83,16 @@ def rights(place):
     return found
 
 
-def as_asked(umask):
-    return {(False, 0o666 & ~umask), (True, 0o777 & ~umask)}
-
-
+@pytest.mark.parametrize("umask", [0o022, 0o077], ids=oct)
 def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask):
     """Cells, locks, log, tables, page and figures: missing permissions never make results look damaged."""
-    assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
+    before = os.umask(umask)
+    try:
+        rattle("study", file)
+    finally:
+        os.umask(before)
     found = rights(file.with_suffix(""))
-    assert set(found) == as_asked(umask), found
+    assert set(found) == {(False, 0o666 & ~umask), (True, 0o777 & ~umask)}, found
 
 
 # --- what killed processes leave
@@ -134,11 +100,10 @@ def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask)
 
 def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
     """Also if killed after the last file was moved into place, when nothing is left to compute or to draw."""
-    assert CliRunner().invoke(main, ["study", str(file)]).exit_code == 0
+    rattle("study", file)
     out = file.with_suffix("")
     for place in (out, out / CELLS):
         (place / scratch_name("rattle", DEAD)).touch()
     (out / scratch_name("page", DEAD) / "figures").mkdir(parents=True)
-    found = CliRunner().invoke(main, ["study", str(file)])
-    assert "All 2 results are stored" in found.output
+    assert "All 2 results are stored" in rattle("study", file).output
     assert not list(out.rglob(".*"))

@@ -9,27 +9,12 @@ import sys
 import time
 
 import pytest
-from click.testing import CliRunner
+from commands import rattle, study
 from small_disks import disk, make_read_only
 from timing import wait_for_work
 
-from rattle.compare.cli.main import main
 from rattle.compare.report import folder
 
-STUDY = """
-[study]
-impacts = 2
-closures = ["corrected"]
-paths = 50_000_000
-[scene]
-alpha = 1.5
-epsilon = 0.9
-beta1 = 0.083
-gamma1 = 0.057
-stages = 1
-[[axes]]
-sigma = [0.1, 0.2]
-"""
 WRITERS = {
     "validate": "--paths 600 --impacts 2 --dt 0.01 --no-validity --sigma 0.1 --closure saltation".split(),  # noqa: SIM905
     "tradeoff": [],
@@ -37,13 +22,6 @@ WRITERS = {
     "claims": [],
 }
 """Commands that write a report folder, by way of `rattle.compare.report.folder.whole_folder` alone."""
-
-
-def rattle(*words, code=0):
-    found = CliRunner().invoke(main, [str(w) for w in words])
-    assert found.exit_code == code, found.output
-    assert "Traceback" not in found.output
-    return found
 
 
 # --- disks
@@ -117,7 +95,7 @@ def test_an_interrupt_ends_a_command_soon(tmp_path):
     for command in LONG:
         place = tmp_path / command
         place.mkdir()
-        (place / "study.toml").write_text(STUDY)
+        (place / "study.toml").write_text(study(impacts=2, paths=50_000_000, sigma=(0.1, 0.2)))
         said[command] = tmp_path / f"{command}.txt"
         with said[command].open("wb") as file:
             running[command] = subprocess.Popen(

@@ -4,10 +4,9 @@ import shutil
 import subprocess
 
 import pytest
-from click.testing import CliRunner
+from commands import rattle, study
 from small_disks import disk
 
-from rattle.compare.cli.main import main
 from rattle.compare.report.save import MANIFEST
 from rattle.compare.study.design import Study
 from rattle.compare.study.engine import Runner, run
@@ -16,35 +15,12 @@ from rattle.compare.study.folder import CELLS, is_current, load_study
 from rattle.compare.study.store import Store
 from rattle.scene import FileError, OutputError
 
-TEXT = """
-[study]
-title = "{title}"
-impacts = 2
-closures = ["corrected"]
-paths = 1024
-
-[scene]
-alpha = 1.5
-epsilon = 0.9
-beta1 = 0.083
-gamma1 = 0.057
-stages = 1
-
-[[axes]]
-sigma = [0.01, 0.02]
-"""
-
-
-def rattle(*words, code=0):
-    found = CliRunner().invoke(main, [str(w) for w in words])
-    assert found.exit_code == code, found.output
-    assert "Traceback" not in found.output
-    return found
+TEXT = study("noise", impacts=2, paths=1024, sigma=(0.01, 0.02))
 
 
 @pytest.fixture
 def file(tmp_path):
-    (tmp_path / "noise.toml").write_text(TEXT.format(title="noise"))
+    (tmp_path / "noise.toml").write_text(TEXT)
     return tmp_path / "noise.toml"
 
 
@@ -60,7 +36,7 @@ def few_figures():
 def once(tmp_path_factory):
     """A finished study, to be copied."""
     file = tmp_path_factory.mktemp("once") / "noise.toml"
-    file.write_text(TEXT.format(title="noise"))
+    file.write_text(TEXT)
     rattle("study", file)
     return file.with_suffix("")
 
@@ -74,16 +50,16 @@ def finished(file, once):
 
 
 def test_a_disk_that_fills_while_cells_are_written(tmp_path):
-    study = Study.from_toml(TEXT.format(title="noise").replace("[0.01, 0.02]", "[0.01, 0.02, 0.03, 0.04, 0.05]"))
+    wanted = Study.from_toml(study(impacts=2, paths=1024, sigma=(0.01, 0.02, 0.03, 0.04, 0.05)))
     with disk(tmp_path / "disk", "250k") as place:
         store = Store(place / CELLS)
         with pytest.raises(OutputError, match="the disk is full"):
-            run(study.cells, store, Runner(1))
-        kept = len(study.cells) - len(store.missing(study.cells))
+            run(wanted.cells, store, Runner(1))
+        kept = len(wanted.cells) - len(store.missing(wanted.cells))
         assert 0 < kept < 10
         assert not list(store.folder.glob(".*.part"))
         subprocess.run(["mount", "-o", "remount,size=20m", place], check=True)
-        assert run(study.cells, store, Runner(1)).computed == 10 - kept
+        assert run(wanted.cells, store, Runner(1)).computed == 10 - kept
 
 
 def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
@@ -110,11 +86,11 @@ DAMAGE = {"truncated": lambda b: b[: len(b) // 2], "empty": lambda b: b"", "flip
 @pytest.mark.parametrize("damage", DAMAGE)
 @pytest.mark.parametrize("name", ["errors.parquet", "study.html", "page.json", "manifest.json"])
 def test_a_damaged_page_is_seen(file, finished, name, damage):
-    study = Study.load(file)
-    assert is_current(study, finished)
+    wanted = Study.load(file)
+    assert is_current(wanted, finished)
     content = (finished / name).read_bytes()
     (finished / name).write_bytes(DAMAGE[damage](content))
-    assert not is_current(study, finished) or (name == "manifest.json" and damage == "flipped")
+    assert not is_current(wanted, finished) or (name == "manifest.json" and damage == "flipped")
     if name == "errors.parquet":
         with pytest.raises(FileError, match=r"errors.parquet is damaged; run rattle study again"):
             load_study(finished)

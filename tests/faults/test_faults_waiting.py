@@ -8,25 +8,13 @@ import threading
 from contextlib import contextmanager
 
 import pytest
+from commands import study
 
 from rattle.compare.study.design import Study
 from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.store import Store
 
-TEXT = """
-[study]
-impacts = 1
-closures = ["corrected"]
-paths = 1024
-[scene]
-alpha = 1.5
-epsilon = 0.9
-beta1 = 0.083
-gamma1 = 0.057
-stages = 1
-[[axes]]
-sigma = [0.1]
-"""
+CELLS = Study.from_toml(study(paths=1024)).cells
 HOLD = """
 import sys
 from contextlib import ExitStack
@@ -52,11 +40,6 @@ def locked_elsewhere(store, cells):
 
 
 @pytest.fixture
-def study():
-    return Study.from_toml(TEXT)
-
-
-@pytest.fixture
 def store(tmp_path):
     return Store(tmp_path / "cells")
 
@@ -69,8 +52,8 @@ def in_the_background(work):
     return thread, found
 
 
-def test_whoever_waits_for_a_cell_says_for_whom(study, store):
-    cell, said, heard = study.cells[1], [], threading.Event()
+def test_whoever_waits_for_a_cell_says_for_whom(store):
+    cell, said, heard = CELLS[1], [], threading.Event()
 
     def say(text):
         said.append(text)
@@ -91,7 +74,7 @@ def test_whoever_waits_for_a_cell_says_for_whom(study, store):
     )
 
 
-def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monkeypatch):
+def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch):
     """Also with more cells than threads."""
     heard, said = threading.Event(), []
 
@@ -100,25 +83,25 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(study, store, monke
         heard.set()
 
     monkeypatch.setattr("rattle.compare.study.engine.tqdm.write", write)
-    with locked_elsewhere(store, study.cells) as number:
-        waiting, found = in_the_background(lambda: run(study.cells, store, Runner(1), show=True))
+    with locked_elsewhere(store, CELLS) as number:
+        waiting, found = in_the_background(lambda: run(CELLS, store, Runner(1), show=True))
         assert heard.wait(LONG)
         assert not found
     waiting.join(LONG)
-    assert found[0].computed == len(study.cells) == 2
+    assert found[0].computed == len(CELLS) == 2
     (text,) = said
     assert f"process {number} on " in text
     assert text.removeprefix("rattle: ") in (store.folder.parent / "study.log").read_text()
 
 
-def test_under_pytest_it_is_said_while_the_test_runs(pytester):
+@pytest.mark.parametrize("words", [[], ["-s"]])
+def test_under_pytest_it_is_said_while_the_test_runs(pytester, words):
     pytester.makepyfile("""
         from rattle.compare.thresholds.decision import _past_capture
 
         def test_it(request):
             _past_capture(request.config)("waiting for process 1")
     """)
-    for words in ([], ["-s"]):
-        found = pytester.runpytest_subprocess(*words)
-        found.assert_outcomes(passed=1)
-        found.stderr.fnmatch_lines(["rattle: waiting for process 1"])
+    found = pytester.runpytest_subprocess(*words)
+    found.assert_outcomes(passed=1)
+    found.stderr.fnmatch_lines(["rattle: waiting for process 1"])

@@ -2,27 +2,22 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
+from commands import rattle as command
 
-from rattle.compare.cli.main import main
 from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED
 from rattle.compare.validation.page import CONTENTS
-from rattle.compare.validation.verdict import ACCURATE, NOT_WRONG, RULE, VERDICTS
+from rattle.compare.validation.verdict import ACCURATE, NOT_WRONG, RULE
 from rattle.scene import DAT21, Scene, Start
 
 SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--validity", "0.01:1:3", "--validity-paths", "600"]
 SMALL = [*SWEPT, "--no-validity"]
-
-
-def rattle(*words, code=0):
-    result = CliRunner().invoke(main, ["validate", *map(str, words)])
-    assert result.exit_code == code, result.output
-    return result
+rattle = partial(command, "validate")
 
 
 @pytest.fixture(scope="module")
@@ -35,30 +30,26 @@ def report(tmp_path_factory):
 def test_report_folder_is_complete(report):
     assert {p.name for p in report.iterdir()} == CONTENTS
     assert len(list((report / "figures").glob("*.svg"))) == 2 * 3 + 2
-    page = (report / "report.md").read_text()
-    for link in re.findall(r"\]\((figures/[^)]+)\)", page):
+    for link in re.findall(r"\]\((figures/[^)]+)\)", (report / "report.md").read_text()):
         assert (report / link).is_file()
 
 
-def test_page_states_once_what_is_judged_and_speaks_in_three_phrases(report):
-    page = (report / "report.md").read_text()
-    assert page.count(RULE) == 1
-    assert f"| {ACCURATE} impact | {NOT_WRONG} |" in page
-    assert "refuted" not in page
-
-
-def test_page_begins_with_the_answer(report):
+def test_page_begins_with_the_answer_and_states_once_what_is_judged(report):
     answer = json.loads((report / "manifest.json").read_text())["answer"]
     assert len(answer) == 8
     page = (report / "report.md").read_text()
+    assert page.count(RULE) == 1
+    assert f"| {ACCURATE} impact | {NOT_WRONG} |" in page
     places = [answer[0], "figures/validity.svg", answer[1], answer[-1], "##"]
     assert sorted(places, key=page.index) == places
 
 
-def test_range_of_validity_is_the_same_in_both_forms_and_timings_stand_apart(report):
-    csv, parquet = pd.read_csv(report / "validity.csv"), pd.read_parquet(report / "validity.parquet")
+@pytest.mark.parametrize(("name", "sigmas"), [("table", {0.1, 1.0}), ("validity", {0.01, 0.1, 1.0})])
+def test_tables_are_the_same_in_both_forms_and_timings_stand_apart(report, name, sigmas):
+    csv, parquet = pd.read_csv(report / f"{name}.csv"), pd.read_parquet(report / f"{name}.parquet")
+    csv = csv.fillna({"remark": ""})  # text that a CSV file cannot tell from a missing value
     pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, rtol=1e-15)
-    assert set(csv["sigma"]) == {0.01, 0.1, 1.0}
+    assert set(csv["sigma"]) == sigmas
     assert not [name for name in csv if "seconds" in name]
     assert "closure_seconds" in pd.read_csv(report / "speed.csv")
 
@@ -82,19 +73,10 @@ def test_html_is_self_contained(report):
 
 
 def test_show_says_what_the_report_says(report):
-    shown = CliRunner().invoke(main, ["show", str(report), "--width", "5000"])
-    assert shown.exit_code == 0, shown.output
+    shown = command("show", report, "--width", 5000)
     record = json.loads((report / "manifest.json").read_text())
     for sentence in (*record["answer"], record["repeat"], record["table_sha256"]):
         assert sentence.replace("`", "") in shown.stdout
-
-
-def test_table_is_the_same_in_both_forms(report):
-    csv, parquet = pd.read_csv(report / "table.csv"), pd.read_parquet(report / "table.parquet")
-    csv = csv.fillna({"remark": ""})  # text that a CSV file cannot tell from a missing value
-    pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, rtol=1e-15)
-    assert set(csv["sigma"]) == {0.1, 1.0}
-    assert set(csv["verdict"]) <= set(VERDICTS)
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -126,11 +108,6 @@ def test_require_accurate(tmp_path):
     rattle(*SMALL, "--sigma", 0, "--closure", "corrected", "--out", tmp_path / "yes", "--dt", 1e-3)
 
 
-def captions(page):
-    """The captions of the figures of a page."""
-    return "\n".join(re.findall(r"!\[([^\]]*)\]", page))
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path):
     flying = Scene.from_gears(DAT21, sigma=0.1, start=Start(0.0, 0.1, 1.0, 0.1, -1.0))
@@ -154,7 +131,7 @@ def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
     assert "Left out" not in result.stdout
     table = pd.read_csv(tmp_path / "o" / "table.csv")
     assert set(table["closure"]) == {"published", "corrected", "saltation", "branching"}
-    assert "Dashed" in captions((tmp_path / "o" / "report.md").read_text())
+    assert re.search(r"!\[[^\]]*Dashed", (tmp_path / "o" / "report.md").read_text())
 
 
 BAD = {
@@ -194,7 +171,6 @@ def test_bad_input_names_value_and_remedy_and_writes_nothing(case, tmp_path):
         scene = [tmp_path / "scene.toml"]
     result = rattle(*scene, *words, "--out", tmp_path / "out", code=2)
     assert re.search(message, result.stderr)
-    assert "Traceback" not in result.output
     assert not (tmp_path / "out").exists()
 
 

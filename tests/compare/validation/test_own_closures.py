@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 
 from rattle import DAT21, Closure, InputError, Scene, mean_map, validate
-from rattle.compare.cli.main import main
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.comparison import measure_speeds
 
@@ -95,15 +94,13 @@ def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_faile
     monkeypatch.chdir(tmp_path)
     words = ["validate", "--closure", "saltation", "--closure", "own:mine", "--closure", "own:strong", "--sigma", 0.01]
     words += ["--sigma", 0.1, "--impacts", 2, "--paths", 2000, "--no-validity"]
-    done = CliRunner().invoke(main, [str(word) for word in (*words, "--out", "report")])
-    assert done.exit_code == 1
+    done = rattle(*words, "--out", "report", code=1)
     assert "closure strong raised ValueError: the noise is too strong" in done.stderr
     page = (tmp_path / "report" / "report.html").read_text()
     assert "The first closure of all." in page
     manifest = json.loads((tmp_path / "report" / "manifest.json").read_text())
     assert manifest["settings"]["closures"] == ["saltation", "own:mine", "own:strong"]
-    again = CliRunner().invoke(main, ["validate", "--repeat", "report/manifest.json", "--out", "again"])
-    assert again.exit_code == 1
+    again = rattle("validate", "--repeat", "report/manifest.json", "--out", "again", code=1)
     assert "Repeated bit for bit" in again.stdout
 
 
