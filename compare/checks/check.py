@@ -105,7 +105,7 @@ def _to_dict(check: Check) -> dict[str, Any]:
     return check._asdict() | {"z": check.z if math.isfinite(check.z) else None}
 
 
-Found: TypeAlias = tuple[Sequence[Check], Mapping[str, Sequence[Check]]]
+Found: TypeAlias = tuple[Iterable[Check], Mapping[str, Iterable[Check]]]
 """Checks of a subject, and its negative controls by what their error is."""
 Subject: TypeAlias = Callable[[int, int], Result]
 """Computes the result of a subject with a seed and so many threads."""
@@ -173,7 +173,8 @@ def self_test(compute: Callable[[int, int], Found]) -> Subject:
     @wraps(compute)
     def check(seed: int = 0, workers: int = 2) -> Result:
         checks, controls = compute(seed, workers)
-        return Result(**PUBLISHED[compute.__name__], checks=checks, controls=controls)
+        own = {error: list(wrong) for error, wrong in controls.items()}
+        return Result(**PUBLISHED[compute.__name__], checks=list(checks), controls=own)
 
     return check
 

@@ -5,7 +5,7 @@ second moments of stage 2 follow Eq. 15 alone, those of stage 1 Eq. 17, which ta
 them: ``lambda - kappa m``.  Both are followed along the impact times of the published map.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,19 +106,17 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
     c, tau = scene.constants, tau[np.isfinite(tau)]
     found = {}
     for rule in (PUBLISHED, MEND_15, MEND_17, MEND_BOTH):
-        one, two = np.zeros((3, 3)), np.zeros((3, 3))
-        one[0, 0] = two[0, 0] = 1.0
-        first: dict[int, Failure] = {}
+        one = two = np.diag([1.0, 0.0, 0.0])
+        first = {stage: Failure(stage, 0, "") for stage in (1, 2)}
         for impact, (start, t) in enumerate(zip(tau, np.diff(tau), strict=False), start=1):
             one = after_flight(one, c.beta1, t, noise_covariance(c, start, t))
             two = after_flight(two, c.beta2, t, plain_covariance(c.beta2, c.sigma, t))
             for stage, raw in ((1, one), (2, two)):
                 moments = realizability(np.array([[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]))
-                if not moments.realizable:
-                    first.setdefault(stage, Failure(stage, impact, moments.reason))
+                if not moments.realizable and not first[stage].impact:
+                    first[stage] = Failure(stage, impact, moments.reason)
             one, two = _struck(scene, one, two, rule)
-        both = [first.get(stage, Failure(stage, 0, "")) for stage in (1, 2)]
-        found[rule] = sorted(both, key=lambda f: f.impact or FOLLOWED + 1)
+        found[rule] = sorted(first.values(), key=lambda f: f.impact or FOLLOWED + 1)
     return found
 
 
@@ -182,16 +180,14 @@ def _describe_failure(f: Failure) -> str:
 
 def not_gaussian(e: Evidence) -> PaperClaim:
     """Judge section 3: the perturbation's distribution is not Gaussian (at the impacts)."""
-    shown: list[str] = []
-    beyond = 0
+    shown, beyond = [], 0
     z = widest(sum(len(v.run.section) for v in e.validations))
     for v in e.validations:
-        s = v.run.section
-        skew, se = s["skew_tau"].to_numpy(float), s["se_skew_tau"].to_numpy(float)
+        skew, se = v.run.section[["skew_tau", "se_skew_tau"]].to_numpy(float).T
         worst, many = int(np.abs(skew).argmax()), int((np.abs(skew) > z * se).sum())
         beyond += many
         shown.append(
-            f"{_at(v)}: skewness of τ significantly non-zero at {many} of {len(s)} impacts, largest "
+            f"{_at(v)}: skewness of τ significantly non-zero at {many} of {len(skew)} impacts, largest "
             f"{skew[worst]:.2f} ± {1.96 * se[worst]:.2f}"
         )
     return claim("not_gaussian", "; ".join(shown) + ".", REPRODUCED if beyond else UNDECIDED, z=z)
@@ -199,16 +195,15 @@ def not_gaussian(e: Evidence) -> PaperClaim:
 
 def stages_apart(e: Evidence) -> PaperClaim:
     """Judge section 3: the perturbations of the two stages are independent of each other."""
-    shown: list[str] = []
-    coupled = 0
+    shown, coupled = [], 0
     for v in e.validations:
-        fixed = v.run.at_times()
-        covariance, se = fixed["cov_y1_y2"].to_numpy(float), fixed["se_cov_y1_y2"].to_numpy(float)
-        rho = covariance / np.sqrt(fixed["cov_y1_y1"].to_numpy(float) * fixed["cov_y2_y2"].to_numpy(float))
-        many = int((np.abs(covariance) > widest(len(fixed)) * se).sum())
+        columns = ["cov_y1_y2", "se_cov_y1_y2", "cov_y1_y1", "cov_y2_y2"]
+        covariance, se, variance1, variance2 = v.run.at_times()[columns].to_numpy(float).T
+        rho = covariance / np.sqrt(variance1 * variance2)
+        many = int((np.abs(covariance) > widest(len(rho)) * se).sum())
         coupled += many
         largest = rho[np.abs(rho).argmax()]
-        shown.append(f"{_at(v)}: non-zero at {many} of {len(fixed)} fixed times, largest {largest:.3f}")
+        shown.append(f"{_at(v)}: non-zero at {many} of {len(rho)} fixed times, largest {largest:.3f}")
     return claim("stages_apart", "; ".join(shown) + ".", NOT_REPRODUCED if coupled else UNDECIDED)
 
 
@@ -218,12 +213,11 @@ def describes(e: Evidence) -> PaperClaim:
         r: [float((rows_to_judge(v, r)["verdict"] == "accurate").mean()) for v in e.validations]
         for r in e.validations[0].predictions
     }
-    sigmas = [v.scene.sigma for v in e.validations]
     text = "; ".join(
-        f"{closure} " + ", ".join(f"{s:.0%} at σ = {sigma:.3g}" for s, sigma in zip(each, sigmas, strict=True))
+        f"{closure} " + ", ".join(f"{s:.0%} at {_at(v)}" for s, v in zip(each, e.validations, strict=True))
         for closure, each in shares.items()
     )
-    accurate = [r for r, each in shares.items() if each[0] == 1.0]
+    accurate = ", ".join(r for r, each in shares.items() if each[0] == 1.0)
     paper = [set(rows_to_judge(e.validations[-1], r)["verdict"]) for r in shares if r in ("published", "corrected")]
     verdict = NOT_REPRODUCED
     if any(said == {"accurate"} for said in paper):
@@ -231,8 +225,7 @@ def describes(e: Evidence) -> PaperClaim:
     elif any(said <= {"accurate", "undecided"} for said in paper):
         verdict = UNDECIDED
     elif accurate:
-        names = ", ".join(accurate)
-        verdict = HOLDS_ONLY.format(f"closures right to first order ({names}), at {_at(e.validations[0])}")
+        verdict = HOLDS_ONLY.format(f"closures right to first order ({accurate}), at {_at(e.validations[0])}")
     return claim("describes", text + ".", verdict)
 
 
@@ -269,39 +262,42 @@ def fuzzy(e: Evidence) -> PaperClaim:
 
 def chaotic_range(e: Evidence) -> PaperClaim:
     """Judge Fig. 4: the largest exponent is positive for 0.2 <= alpha <= 1.7."""
-    table = e.chaos.sweep
-    assert table is not None
     shown: list[str] = []
     chaotic: list[str] = []  # systems with positive exponents throughout the range
-    for of in (ORBIT, DRIFT):
-        rows = table[table["of"] == of]
+    for of, rows, positive, negative in _systems(e):
         inside = rows["alpha"].between(*CLAIMED)
-        positive, negative = rows["low"] > 0.0, rows["high"] < 0.0
         shown.append(
-            f"{of}: positive at {int(positive[inside].sum())} of {int(inside.sum())} values inside and at "
-            f"{int(positive[~inside].sum())} of {int((~inside).sum())} outside, negative at "
-            f"{int(negative[inside].sum())} inside and {int(negative[~inside].sum())} outside{_sticking(rows)}; "
-            f"changes of sign: {say_crossings(table, 'alpha', of)}"
+            f"{of}: positive at {positive[inside].sum()} of {inside.sum()} values inside and at "
+            f"{positive[~inside].sum()} of {(~inside).sum()} outside, negative at "
+            f"{negative[inside].sum()} inside and {negative[~inside].sum()} outside{_sticking(rows)}; "
+            f"changes of sign: {say_crossings(rows, 'alpha', of)}"
         )
         if positive[inside].all():
             chaotic.append(f"the {of}")
     return claim("chaotic_range", "; ".join(shown) + ".", judge_parts(chaotic, 2))
 
 
+def _systems(e: Evidence) -> Iterator[tuple[str, pd.DataFrame, pd.Series, pd.Series]]:
+    """Orbit and drift along noisy paths: rows of the sweep, and at which the largest exponent has either sign."""
+    assert e.chaos.sweep is not None
+    for of in (ORBIT, DRIFT):
+        rows = e.chaos.sweep[e.chaos.sweep["of"] == of]
+        yield of, rows, rows["low"] > 0.0, rows["high"] < 0.0
+
+
 def _sticking(rows: pd.DataFrame) -> str:
     """Where the orbit sticks, and the sign of the exponent there."""
-    positive, said = rows["low"] > 0.0, ""
-    at_times = rows["regime"] == STICKS_AT_TIMES
-    if at_times.any():
-        signs = "all of them positive" if positive[at_times].all() else f"{int(positive[at_times].sum())} positive"
-        said = f"; sticking at times, with the exponent of the motion between, at {int(at_times.sum())} values, {signs}"
+    said, positive = "", rows["low"][rows["regime"] == STICKS_AT_TIMES] > 0.0
+    if len(positive):
+        signs = "all of them positive" if positive.all() else f"{positive.sum()} positive"
+        said = f"; sticking at times, with the exponent of the motion between, at {len(positive)} values, {signs}"
     without = {kind: int((rows["regime"] == kind).sum()) for kind in (STICKS_OFTEN, STICKS_FOR_GOOD)}
     return said + "".join(f"; without an exponent, as it {kind}, at {n}" for kind, n in without.items() if n)
 
 
 def both_models(e: Evidence) -> PaperClaim:
     """Judge section 5: the single-stage model and the two-stage model both show random chaos."""
-    found: dict[str, Exponents] = {
+    found = {
         "single stage, orbit": e.single["orbit"],
         "single stage, along noisy paths": e.single["noisy"],
         "two stages, orbit": e.chaos.orbit,
@@ -319,20 +315,17 @@ def _exponent(x: Exponents) -> str:
 
 def control(e: Evidence) -> PaperClaim:
     """Judge section 5: chaos can be controlled by a parameter."""
-    table = e.chaos.sweep
-    assert table is not None
     shown: list[str] = []
     both_signs: list[str] = []
     sticks = False
-    for of in (ORBIT, DRIFT):
-        rows = table[table["of"] == of]
-        positive, negative = int((rows["low"] > 0.0).sum()), int((rows["high"] < 0.0).sum())
-        sticking = int(rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).sum())
-        without = f", without an exponent for sticking often or for good at {sticking}" if sticking else ""
-        shown.append(f"{of}: positive at {positive}, negative at {negative}{without} of {len(rows)} values of α")
-        if positive and negative:
+    for of, rows, positive, negative in _systems(e):
+        sticking = rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD))
+        without = f", without an exponent for sticking often or for good at {sticking.sum()}" if sticking.any() else ""
+        counts = f"positive at {positive.sum()}, negative at {negative.sum()}{without}"
+        shown.append(f"{of}: {counts} of {len(rows)} values of α")
+        if positive.any() and negative.any():
             both_signs.append(f"the {of}")
-        sticks = sticks or bool(positive and sticking)
+        sticks |= bool(positive.any() and sticking.any())
     transition = HOLDS_ONLY.format("the transition from sticking to chaos") if sticks else UNDECIDED
     return claim("control", "; ".join(shown) + ".", judge_parts(both_signs, 2, transition))
 
@@ -375,15 +368,13 @@ def _judge_spectra(
 
 
 def _ensemble_mean(e: Evidence) -> str:
-    share = join_words(
-        [f"{share:.1%} of the variance of y{stage}" for stage, share in enumerate(e.mean.share, start=1)]
-    )
-    found = (
-        "repeats itself with the excitation, so that its spectrum is lines at multiples of that frequency and nothing "
-        "between"
-        if e.mean.periodic
-        else "does not repeat itself with the excitation"
-    )
+    share = join_words([f"{part:.1%} of the variance of y{stage}" for stage, part in enumerate(e.mean.share, start=1)])
+    found = "does not repeat itself with the excitation"
+    if e.mean.periodic:
+        found = (
+            "repeats itself with the excitation, so that its spectrum is lines at multiples of that frequency and "
+            "nothing between"
+        )
     return (
         f"The mean over {e.mean.paths:,} paths {found} (largest change from period to period {e.mean.largest:.1f} "
         f"standard errors, {e.mean.allowed:.1f} allowed); it is {share}."

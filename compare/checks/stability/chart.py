@@ -98,10 +98,8 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     Not judged are the quantities that `rattle.compare.validation.verdict.RULE` leaves out, and those whose variance
     comes from less than about 3 % of the paths, for which standard errors are unreliable.
     """
-    if scene.sigma == 0.0:
-        columns: Mapping[str, NDArray[Any]] = _orbit(scene)
-        late = 0.0
-    else:
+    columns, late = _orbit(scene), 0.0
+    if scene.sigma > 0.0:
         step, sampling = default_step(scene, "exact-flight") / FINER, Sampling(horizon=horizon_of(scene))
         run = simulate(scene, paths=paths, impacts=IMPACTS, dt=step, rng=seed, sampling=sampling, workers=workers)
         columns, late = run.columns, run.unfinished / run.paths
@@ -112,7 +110,7 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     return Reference(columns, unit, late)
 
 
-def _orbit(scene: Scene) -> dict[str, NDArray[Any]]:
+def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
     """The noise-free path by root finding, in the columns of an ensemble."""
     s = LongOrbit(scene).stretch(IMPACTS, tangent=False)
     columns = {"tau": np.cumsum([scene.start.tau, *s.flight])[1:], "flight": s.flight, "mesh": np.abs(s.code)}
@@ -153,27 +151,18 @@ def looks(paths: int) -> int:
     >>> looks(FIRST), looks(FIRST + 1), looks(FIRST * GROWTH**2)
     (1, 2, 3)
     """
-    number, tried = FIRST, 1
-    while number < paths:
-        number, tried = number * GROWTH, tried + 1
-    return tried
-
-
-def simulate_any(scene: Scene, *, scheme: str, dt: float, paths: int, seed: int, workers: int) -> Ensemble:
-    """Simulate with any time step, admissible or not."""
-    chosen: dict[str, Any] = {"dt": dt, "scheme": scheme, "rng": seed, "any_step": True}
-    sampling = Sampling(horizon=max(horizon_of(scene), 4.0 * dt))
-    plan = plan_of(scene, paths=paths, impacts=IMPACTS, sampling=sampling, **chosen)
-    merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
-    return Ensemble(plan, paths, merged, None, None, 0.0)
+    return 1 if paths <= FIRST else 1 + looks(math.ceil(paths / GROWTH))
 
 
 def judge(
     scene: Scene, beside: Reference, *, scheme: str, dt: float, paths: int, seed: int, workers: int, z: float
 ) -> Judged:
-    """Simulate a cell, with more paths while the verdict is undecided, and judge it."""
+    """Simulate a cell with any time step, with more paths while the verdict is undecided, and judge it."""
+    sampling, first = Sampling(horizon=max(horizon_of(scene), 4.0 * dt)), min(paths, FIRST)
     with np.errstate(all="ignore"):  # unstable runs overflow
-        run = simulate_any(scene, scheme=scheme, dt=dt, paths=min(paths, FIRST), seed=seed, workers=workers)
+        plan = plan_of(scene, first, IMPACTS, dt, scheme, seed, sampling=sampling, any_step=True)
+        merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
+        run = Ensemble(plan, first, merged, None, None, 0.0)
         while (found := _verdict(run, beside, z))[0] == UNDECIDED and run.paths < paths and is_random(scene):
             run = extend(run, min(paths, GROWTH * run.paths), in_threads(workers))
         diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(diagnose_rare_branch(run))
@@ -182,20 +171,18 @@ def judge(
 
 
 def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, float, str]:
-    a, b = run.columns, beside.columns
-    parts = [
-        (np.abs(a[p + q] - b[p + q]) / unit, z * np.hypot(a["se_" + p + q], b["se_" + p + q]) / unit, f"{name} of {q}")
-        for p, name, tolerance in (("", "mean", Tolerances().mean), ("sd_", "sd", Tolerances().sd))
-        for q in SECTION
-        for unit in (tolerance * beside.unit[q],)
-    ]
-    counts = np.isfinite(np.concatenate([beside.unit[q] for _ in range(2) for q in SECTION]))
-    error, half = (np.concatenate([part[i] for part in parts])[counts] for i in (0, 1))
-    names = np.array([f"{part[2]} at impact {k}" for part in parts for k in range(1, IMPACTS + 1)])[counts]
+    a, b, rows = run.columns, beside.columns, []
+    for p, name, tolerance in (("", "mean", Tolerances().mean), ("sd_", "sd", Tolerances().sd)):
+        for q in SECTION:
+            unit = tolerance * beside.unit[q]
+            off, half = np.abs(a[p + q] - b[p + q]) / unit, z * np.hypot(a["se_" + p + q], b["se_" + p + q]) / unit
+            judged = np.flatnonzero(np.isfinite(unit))
+            rows += [(off[k], half[k], f"{name} of {q} at impact {k + 1}") for k in judged]
+    error, half = np.array([row[:2] for row in rows]).T
 
     def at(of: Floats) -> tuple[float, float, str]:
         k = int(np.nan_to_num(of, nan=np.inf).argmax())
-        return float(error[k]), float(half[k]), str(names[k])
+        return float(error[k]), float(half[k]), rows[k][2]
 
     wrong = _describe_instability(run, beside)
     if run.scene.sigma > 0.0 and run.scene.epsilon == 0.0:

@@ -11,8 +11,8 @@ from rattle import closure, montecarlo
 from rattle.closure import edgeworth, long_orbit, orbit, section_step
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import extreme, extreme_record, farthest, result_lines
-from rattle.compare.checks.extremes import ROWS, formulas, invariance, sampling
-from rattle.compare.checks.published import returns
+from rattle.compare.checks.extremes import ROWS, formulas, runs
+from rattle.compare.checks.published import noise
 from rattle.compare.cli.main import main
 from rattle.compare.validation import validate as validation
 from rattle.montecarlo.schemes import short_flight as short
@@ -81,7 +81,7 @@ def swapped(scene, impacts):
 
 
 orbit_follow, tangent_matrix, short_flight = orbit.follow, tangent.saltation_matrix, short.short_flight
-returned, jacobian, realizability = returns.log_speeds, flight.jacobian, moments.realizability
+returned, jacobian, realizability = noise.log_speeds, flight.jacobian, moments.realizability
 simulate, mean_map, validate = montecarlo.simulate, closure.mean_map, validation.validate
 
 
@@ -167,7 +167,7 @@ NEGATIVE_CONTROLS = {
     "step_flight": (short, "short_flight", lambda c, *a: short_flight(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *a)),
     "step_noise": (short, "kick", off(short.kick, 1.0 + 1e-6)),
     "exit_times": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
-    "collapse_drift": (returns, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
+    "collapse_drift": (noise, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
     "stay_between_walls": (montecarlo, "simulate", outside_walls),
     "sticking_paths": (montecarlo, "simulate", outside_walls),
     "large_tolerances": (closure, "mean_map", lambda s, **k: mean_map(replace(s, tolerance=None), **k)),
@@ -186,11 +186,11 @@ NEGATIVE_CONTROLS = {
 @pytest.fixture
 def shorter(monkeypatch):
     """Shorter rows, which suffice for a negative control."""
-    short = {"LONG": invariance.STRETCH, "PERIODS": invariance.STRETCH, "POWERS": (-26,), "STARTS": (1e12,)}
+    short = {"LONG": runs.STRETCH, "PERIODS": runs.STRETCH, "POWERS": (-26,), "STARTS": (1e12,)}
     for name, value in short.items():
-        monkeypatch.setattr(invariance, name, value)
+        monkeypatch.setattr(runs, name, value)
     monkeypatch.setattr(formulas, "POINTS", 60)
-    monkeypatch.setattr(sampling, "EXITS", ((1.0, 1e-3),))
+    monkeypatch.setattr(runs, "EXITS", ((1.0, 1e-3),))
 
 
 @pytest.mark.usefixtures("shorter")

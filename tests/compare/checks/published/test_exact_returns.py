@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from rattle.compare.checks.check import limit
-from rattle.compare.checks.published.returns import MEAN
+from rattle.compare.checks.published.noise import MEAN
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from rattle.closure.orbit import follow
 from rattle.compare.checks.check import Check, Result, limit, run_checks
-from rattle.compare.checks.published import RESULTS, gaussian, impacts, orbits, returns
+from rattle.compare.checks.published import RESULTS, impacts, noise
 from rattle.compare.cli.main import main
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
@@ -35,7 +35,7 @@ def test_published_rigs_are_scenes_to_copy():
     folder = Path(__file__).parents[4] / "examples" / "published"
     paper, basins_of_two = (Scene.load(folder / name) for name in ("dat21.toml", "de-souza-caldas.toml"))
     assert (paper, paper.gears) == (Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5), DAT21)
-    assert replace(basins_of_two, start=None) == orbits.GEARS
+    assert replace(basins_of_two, start=None) == impacts.GEARS
 
 
 def test_tolerance_counts_every_statistical_check(results):
@@ -77,14 +77,14 @@ def test_unknown_result_is_refused():
     assert "result = 'gravity'" in done.output + done.stderr
 
 
-lyapunov, log_speeds = orbits.lyapunov, returns.log_speeds
+lyapunov, log_speeds = impacts.lyapunov, noise.log_speeds
 WRONG = {  # what a result calls, with an error in it
-    "free-flight": (gaussian, "simulate", lambda scene, **k: simulate(scene.with_sigma(1.03 * scene.sigma), **k)),
+    "free-flight": (noise, "simulate", lambda scene, **k: simulate(scene.with_sigma(1.03 * scene.sigma), **k)),
     "bouncing-ball": (impacts, "follow", lambda scene, n: follow(replace(scene, epsilon=0.69), n)),
-    "elastic-box": (gaussian, "simulate", lambda scene, **k: simulate(replace(scene, beta1=0.52), **k)),
-    "exponent-sum": (orbits, "lyapunov", lambda scene, **k: lyapunov(replace(scene, beta1=0.09), **k)),
-    "orbit-exponents": (orbits, "lyapunov", lambda s, **k: lyapunov(replace(s, alpha=1.001 * s.alpha), **k)),
-    "critical-restitution": (returns, "log_speeds", lambda epsilon, *k: log_speeds(0.95 * epsilon, *k)),
+    "elastic-box": (noise, "simulate", lambda scene, **k: simulate(replace(scene, beta1=0.52), **k)),
+    "exponent-sum": (impacts, "lyapunov", lambda scene, **k: lyapunov(replace(scene, beta1=0.09), **k)),
+    "orbit-exponents": (impacts, "lyapunov", lambda s, **k: lyapunov(replace(s, alpha=1.001 * s.alpha), **k)),
+    "critical-restitution": (noise, "log_speeds", lambda epsilon, *k: log_speeds(0.95 * epsilon, *k)),
 }
 
 
