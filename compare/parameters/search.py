@@ -21,7 +21,7 @@ from rattle.scene.scene import Scene
 
 LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 """Paths after which a value is judged."""
-ROUGH = LOOKS[2]  # fewer paths say only roughly how many would decide
+ROUGH = LOOKS[2]  # fewer paths say only roughly how many would decide, and too little of a branch near which they are
 MOST = 40  # values of a search
 SLIGHT = 0.01  # share of a tolerance below which it does not matter what a branch that was not seen could change
 ACCURATE, WRONG, UNDECIDED = "accurate", "wrong", "undecided"
@@ -72,7 +72,7 @@ def judge_value(
 ) -> Point:
     """Add paths until a closure is decided at one value, or until what is undecided would take more than the last look.
 
-    Where that waits for a rare branch, a part of the paths is drawn near it from then on.
+    Where that waits for a rare branch, it is judged by `ROUGH` paths or more from then on, a part of them near it.
 
     `simulate`: Makes an ensemble of so many paths of a scene, and says whether a part of them is near rare branches.
     """
@@ -96,7 +96,7 @@ def judge_value(
         needed = rest["paths_needed"].fillna(np.inf).where(hidden, paths * (rest["noise"] / margin) ** 2)
         within_reach = needed.max() <= LOOKS[-1] or (needed[beyond] <= LOOKS[-1]).any()
         if not within_reach and waits_for_branch(rest).any() and not (near_branches or scene.correlation_time):
-            near_branches = True
+            near_branches, looks = True, [paths for paths in looks if paths >= ROUGH]
         elif within_reach or paths < ROUGH:
             looks.pop(0)
         else:

@@ -15,7 +15,7 @@ from rattle.compare.study.store import Cell, Content
 from rattle.compare.validation.errors import followers_of
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate, simulate_to
 from rattle.montecarlo.branches.simulate_rare import begin_rare
-from rattle.montecarlo.diagnostics.accuracy import sampling_error, small_noise
+from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, small_noise
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError, choice, positive
@@ -93,6 +93,12 @@ class Sample(Cell):
             settings["dt"] = default_step(self.scene, self.scheme, SCHEMES[self.scheme].has_step_bias)
         return {"kind": "ensemble", **settings}
 
+    @property
+    def expected_paths(self) -> int:
+        """Paths to simulate, plain ones and those near rare branches; the fewest that an accuracy takes."""
+        plain = self.paths or LEAST
+        return plain + max(plain, LEAST) if self.near_branches else plain
+
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Simulate the ensemble: what is stored of it, a row for each impact."""
         record: dict[str, Any] = {"batches": True, "energy": True, "on_itinerary": self.on_itinerary}
@@ -105,8 +111,8 @@ class Sample(Cell):
         else:
             assert self.paths is not None
             run = self.simulate(self.paths, blocks, **record)
-            if self.near_branches:
-                run = begin_rare(run, run.paths, blocks or in_threads(1)) or run
+            if self.near_branches and self.scene.sigma > 0.0:
+                run = begin_rare(run, max(run.paths, LEAST), blocks or in_threads(1)) or run
         parts = [_sections(run)]
         if self.on_itinerary:
             parts.append(_sections(followers_of(run)).add_prefix(FOLLOWERS))
@@ -149,6 +155,14 @@ def check_sample(sample: Sample) -> Sample:
     biased = SCHEMES[choice("scheme", sample.scheme, SCHEMES)].has_step_bias
     if sample.accuracy is not None:
         positive("accuracy", sample.accuracy)
+    if sample.near_branches:
+        for field, given, takes in (
+            ("accuracy", sample.accuracy, "samples rare branches by itself"),
+            ("scheme", sample.scheme if biased else None, "cannot be drawn near rare branches"),
+            ("correlation_time", sample.scene.correlation_time or None, "leaves rare branches unknown"),
+        ):
+            if given is not None:
+                raise InputError("near_branches", True, f"{field} = {given} {takes}; leave one of them out")
     check_settings(
         sample.scene,
         paths=1 if sample.paths is None else sample.paths,

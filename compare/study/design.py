@@ -176,6 +176,8 @@ class Study:
         otherwise every point has a seed of its own.
     on_itinerary : bool
         Whether the paths on the noise-free itinerary are judged apart too, in rows of kind ``itinerary``.
+    near_branches : bool
+        Whether a part of the paths is drawn near the rare branches that matter; these are then 32,768 at least.
     within : Tolerances
         Errors up to which a mean or an sd counts as accurate.
     title : str
@@ -215,6 +217,7 @@ class Study:
     common_noise: bool
     within: Tolerances
     on_itinerary: bool = False
+    near_branches: bool = False
     title: str = "study"
     text: str = ""
     gears: Gears | None = None

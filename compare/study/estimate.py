@@ -17,7 +17,6 @@ from rattle.compare.study.store import Cell
 from rattle.montecarlo import SCHEMES, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import choose_scheme
-from rattle.montecarlo.diagnostics.accuracy import LEAST
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.settings.budget import Budget
@@ -57,7 +56,7 @@ def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
             last = last if seen % every else _pilot(cell, cell.accuracy)
             found[cell.key], seen = last, seen + 1
         elif isinstance(cell, Sample):
-            cost = cost_of(cell.simulate(PROBED), count_followed(cell.scene, cell.paths or LEAST))
+            cost = cost_of(cell.simulate(PROBED), count_followed(cell.scene, cell.expected_paths))
             found[cell.key] = Work(cost.path_steps, cost.core_seconds)
         else:
             found[cell.key] = Work(0.0, cell.core_seconds)
@@ -97,7 +96,7 @@ def scaling(
     for cell in cells:
         taken, pieces = seconds.get(cell.key, 0.0), 1
         if isinstance(cell, Sample):
-            count = -(-count_followed(cell.scene, cell.paths or LEAST) // BLOCK)
+            count = -(-count_followed(cell.scene, cell.expected_paths) // BLOCK)
             pieces = -(-count // SHARE)
             blocks += times(cell) * count
         work += times(cell) * taken

@@ -338,6 +338,7 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
         "settings": settings,
         "common_noise": _flag("study.common_noise", given.get("common_noise", True)),
         "on_itinerary": _flag("study.on_itinerary", given.get("on_itinerary", False)),
+        "near_branches": _flag("study.near_branches", given.get("near_branches", False)),
         "within": _within(given.get("within", {})),
     }
 
@@ -353,7 +354,8 @@ def cells(
     reasons: dict[str, str] = {}
     sample, predictions = None, []
     try:
-        sample = check_sample(Sample(scene, study.impacts, seed, on_itinerary=study.on_itinerary, **settings))
+        settings |= {"on_itinerary": study.on_itinerary, "near_branches": study.near_branches}
+        sample = check_sample(Sample(scene, study.impacts, seed, **settings))
         if not study.common_noise:
             own = hashlib.sha256(f"{sample.key} {seed}".encode()).digest()
             sample = replace(sample, seed=int.from_bytes(own[:8], "little"))
@@ -391,7 +393,7 @@ def _within(given: Any) -> Tolerances:
 
 KIND = Kind(
     title="study",
-    keys=("impacts", "closures", "order", *SETTINGS, "common_noise", "on_itinerary", "within"),
+    keys=("impacts", "closures", "order", *SETTINGS, "common_noise", "on_itinerary", "near_branches", "within"),
     tables=TABLES,
     small=("correlation", "validity", "cost", "reasons"),
     read=read,

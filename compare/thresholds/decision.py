@@ -5,7 +5,6 @@ all looks (Bonferroni).  Therefore looks may be skipped depending on earlier one
 final.  Other claims do not widen them: a verdict does not depend on which tests run beside it.
 """
 
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
@@ -263,14 +262,12 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
 
     Rows that wait for a rare branch which the budget's paths would not show are decided by paths near it.
     """
-    settings, apart = session.settings, claim.kind == ON_ITINERARY
-    # an accuracy determines the number of paths itself
-    sizes = settings.sizes(claim.paths, claim.budget) if claim.accuracy is None else (None,)
+    settings, apart, given = session.settings, claim.kind == ON_ITINERARY, claim.accuracy is not None
+    sizes = (None,) if given else settings.sizes(claim.paths, claim.budget)  # an accuracy has its own
     z = widest(len(claim.rows) * len(sizes), settings.false_alarm)
-
     # a true claim leaves its tolerance on one side only: half of the error is left for what is looked at again
     again = widest(len(claim.rows) * len(sizes), AGAIN * settings.false_alarm)
-    plain = apart or SCHEMES[claim.scheme].has_step_bias or claim.scene.correlation_time
+    plain = given or apart or SCHEMES[claim.scheme].has_step_bias or claim.scene.correlation_time
 
     def look(paths: int | None) -> tuple[pd.DataFrame, TimedRun]:
         cell = Sample(
@@ -278,12 +275,11 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
         )
         run = session.simulate(cell)
         table = judge_errors(errors_of(prediction, run.run.followers if apart else run.run, claim), z)
-        waits = waits_for_branch(table) & ~(table["paths_needed"] <= (sizes[-1] or math.inf))
-        if waits.any() and not plain and paths is not None:
-            near = session.simulate(replace(cell, near_branches=True))
-            decided = take_decided(table, waits, judge_errors(errors_of(prediction, near.run, claim), again))
-            return decided, run._replace(seconds=run.seconds + near.seconds)
-        return table, run
+        if plain or not (waits := waits_for_branch(table) & ~(table["paths_needed"] <= sizes[-1])).any():
+            return table, run
+        near = session.simulate(replace(cell, near_branches=True))
+        decided = take_decided(table, waits, judge_errors(errors_of(prediction, near.run, claim), again))
+        return decided, run._replace(seconds=run.seconds + near.seconds)
 
     return Decision(*look_until_decided(sizes, look), z)
 

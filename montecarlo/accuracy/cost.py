@@ -162,7 +162,7 @@ def _distance_from_orbit(run: Ensemble) -> float:
     return float(np.max(errors, initial=0.0))
 
 
-def missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row, ...]:
+def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row, ...]:
     """The section means and sds whose own bound is above an accuracy, the worst first.
 
     `share`: Probability of a wrong statement on all rows together; each has an equal part of it (Bonferroni).
@@ -183,7 +183,7 @@ def missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row, ...]
     return tuple(sorted(found, key=lambda row: -row.bound))
 
 
-def dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
+def name_dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
     """Which row takes most of the paths of an accuracy, and what the others take; empty where all are alike."""
     if not is_random(run.scene):
         return ""

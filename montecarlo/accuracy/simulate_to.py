@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.accuracy.cost import cost_of, dearest_row, expect_paths, missed_rows, step_error
+from rattle.montecarlo.accuracy.cost import cost_of, expect_paths, find_missed_rows, name_dearest_row, step_error
 from rattle.montecarlo.accuracy.pilots import ROUGHEST, WAIT, PilotRun, Simulate, choose_scheme, sample_branches
 from rattle.montecarlo.branches.simulate_rare import extend_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
@@ -176,7 +176,7 @@ def simulate_to(
         longer = _extend(pilot_run.run, count_followed(scene, LEAST), blocks, progress)
         pilot_run = sample_branches(PilotRun(longer, pilot_run.path_seconds, True), accuracy, blocks, left)
         candidates = [pilot_run.at(accuracy) if c.scheme == pilot_run.run.scheme else c for c in candidates]
-    dearest = dearest_row(pilot_run.run, accuracy, share_of_look(1)) if pilot_run.whole else ""
+    dearest = name_dearest_row(pilot_run.run, accuracy, share_of_look(1)) if pilot_run.whole else ""
     said = pilot_run.at(accuracy).sentence + _most_for(pilot_run, accuracy) + (f"; {dearest}" if dearest else "")
     short = budget is None and _expect_seconds(pilot_run, accuracy) > HOUR
     if short and refuse:
@@ -195,7 +195,7 @@ def simulate_to(
         accuracy, sampling_error(run)[0], step, bound.error + step, worst, candidates, more, enough, bound.remark
     )
     if not reach.reached:
-        reach = reach._replace(missed=missed_rows(run, accuracy, share_of_look(look)))
+        reach = reach._replace(missed=find_missed_rows(run, accuracy, share_of_look(look)))
         warnings.warn(reach.sentence, AccuracyWarning, stacklevel=3)
     return replace(run, reach=reach)
 

@@ -5,7 +5,7 @@ import pytest
 
 from rattle import DAT21, AccuracyWarning, InputError, Scene, simulate, simulate_to
 from rattle.montecarlo.accuracy import cost
-from rattle.montecarlo.accuracy.cost import dearest_row, missed_rows
+from rattle.montecarlo.accuracy.cost import find_missed_rows, name_dearest_row
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, share_of_look, units_by_quantity
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
@@ -20,11 +20,11 @@ def run():
 def test_the_bound_of_all_rows_lies_among_their_own(run):
     """At the simultaneous bound some row misses; just above the largest own bound none does."""
     bound = error_bound(run, SHARE).error
-    rows = missed_rows(run, bound * 0.999, SHARE)
+    rows = find_missed_rows(run, bound * 0.999, SHARE)
     assert rows
     assert rows[0].bound == max(row.bound for row in rows) >= bound * 0.999
-    assert not missed_rows(run, rows[0].bound * 1.001, SHARE)
-    assert len(missed_rows(run, 1e-9, SHARE)) > len(rows)
+    assert not find_missed_rows(run, rows[0].bound * 1.001, SHARE)
+    assert len(find_missed_rows(run, 1e-9, SHARE)) > len(rows)
 
 
 @pytest.mark.slow
@@ -35,7 +35,7 @@ def test_own_bounds_hold_together():
     for seed in range(60):
         run = simulate(NOISY, paths=LEAST, rng=100 + seed, impacts=3)
         unit, off = units_by_quantity(run), []
-        for row in missed_rows(run, 1e-9, 0.05):
+        for row in find_missed_rows(run, 1e-9, 0.05):
             name, k = ("sd_" if row.moment == "sd" else "") + row.quantity, row.impact - 1
             off.append(abs(run.columns[name][k] - reference.columns[name][k]) / unit[row.quantity][k] / row.bound)
         failed, halved = failed + (max(off) > 1.0), halved + (max(off) > 0.5)
@@ -47,20 +47,20 @@ def test_own_bounds_hold_together():
 def test_reasons_are_the_largest_part():
     scene = Scene.from_gears(DAT21, sigma=0.01)
     biased = simulate(scene, paths=4_000, impacts=3, scheme="euler-maruyama", dt=0.01, rng=1)
-    assert {row.why for row in missed_rows(biased, 0.5, SHARE)} == {"bias of the step"}
+    assert {row.why for row in find_missed_rows(biased, 0.5, SHARE)} == {"bias of the step"}
     few = simulate(scene, paths=200, impacts=3, rng=1)
-    assert {row.why for row in missed_rows(few, 0.01, SHARE)} >= {"too few paths"}
+    assert {row.why for row in find_missed_rows(few, 0.01, SHARE)} >= {"too few paths"}
 
 
 def test_without_noise_no_row_is_named():
     still = simulate(NOISY.with_sigma(0.0), paths=1, impacts=3)
-    assert missed_rows(still, 1e-9, SHARE) == ()
-    assert dearest_row(still, 1e-9, SHARE) == ""
+    assert find_missed_rows(still, 1e-9, SHARE) == ()
+    assert name_dearest_row(still, 1e-9, SHARE) == ""
 
 
 def test_the_dearest_row_is_named_where_it_is_much_dearer(run):
     """A rare branch makes much of the variance of y2 there."""
-    said = dearest_row(run, 0.001, SHARE)
+    said = name_dearest_row(run, 0.001, SHARE)
     assert said.startswith("the dearest is the sd of y2 at impact 3; nine in ten of the others would take ")
 
 
@@ -69,7 +69,7 @@ def test_rows_that_no_number_of_paths_settles_are_alike(run, monkeypatch):
     error, shift, hidden = cost.errors_by_row(run)
     endless = hidden._replace(needed=np.full_like(hidden.needed, np.inf))
     monkeypatch.setattr(cost, "errors_by_row", lambda run: (error, np.full_like(shift, np.inf), endless))
-    assert dearest_row(run, 0.01, SHARE) == ""
+    assert name_dearest_row(run, 0.01, SHARE) == ""
 
 
 def test_an_answer_in_place_of_a_refusal(monkeypatch):

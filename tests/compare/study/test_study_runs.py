@@ -22,6 +22,7 @@ from rattle.compare.study.folder import CELLS, load_study
 from rattle.compare.study.impacts_page import answer
 from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import JUDGED, Tolerances
+from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError
 
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
@@ -297,3 +298,37 @@ def test_paths_on_the_itinerary_are_judged_apart_where_asked_for(tmp_path):
     assert set(wrong["verdict"]) == {"inaccurate"}
     assert "inaccurate" not in set(rows[rows["closure"] == "branching"]["verdict"])
     assert "Of the paths on the noise-free itinerary alone:" in answer(apart)
+
+
+def test_rare_branches_are_sampled_where_asked_for(tmp_path):
+    """Three in a million paths make the sd of y1 at impact 11 3.8 times that of `saltation`: plain paths see none."""
+    found, head = [], 'title = "rare"\nimpacts = 11\nclosures = ["saltation"]\npaths = 8192\n'
+    scene = Scene.from_gears(replace(DAT21, alpha=2.398)).to_toml() + "[[axes]]\nsigma = [0.0, 0.00225778]\n"
+    for more in ("", "near_branches = true\n"):
+        study = Study.from_toml(f"[study]\n{head}{more}\n{scene}")
+        store = Store(tmp_path / CELLS)
+        run(study.cells, store, Runner(1))
+        found.append(tables_of(study, store))
+    rows = [one.errors.query("sigma > 0 and moment == 'sd'") for one in found]
+    plain, near = (one.query("quantity == 'y1' and impact == 11").iloc[0] for one in rows)
+    assert (plain["verdict"], near["verdict"]) == ("undecided", "inaccurate")
+    assert abs(near["simulated"] - 0.0094) < 4.0 * (near["se"] + 0.0001)  # of 65,536 paths near it
+    assert near["paths"] == 32_768
+    still = [one.errors.query("sigma == 0").reset_index(drop=True) for one in found]
+    pd.testing.assert_frame_equal(*still)
+    others = [one.query("impact < 4") for one in rows]
+    assert others[0]["verdict"].tolist() == others[1]["verdict"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("given", "more", "named"),
+    [
+        ("accuracy = 0.01", "", "accuracy = 0.01"),
+        ('paths = 64\nscheme = "euler-maruyama"', "", "scheme = euler-maruyama"),
+        ("paths = 64", "[[axes]]\ncorrelation_time = [0.1, 0.2]\n", "correlation_time = 0.1"),
+    ],
+)
+def test_what_excludes_rare_branches_is_named(given, more, named):
+    text = study_text(more=more).replace("paths = 4096", f"near_branches = true\n{given}")
+    with pytest.raises(InputError, match=f"near_branches.*{named}"):
+        _ = Study.from_toml(text).points
