@@ -5,11 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, PRESSED, UNEQUAL_GAPS, agrees, dat21, flank_changes, open_space, orbit_of, stepped
+from mc_checks import (
+    DAMPED,
+    PRESSED,
+    UNEQUAL_GAPS,
+    agrees,
+    by_steps,
+    dat21,
+    flank_changes,
+    open_space,
+    orbit_of,
+    stepped,
+)
 from settings import recorded
 
 from rattle.montecarlo import SCHEMES
-from rattle.montecarlo.schemes.euler import euler_step, step_forcing
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.flight import flow, noise_covariance
 
@@ -33,26 +43,6 @@ def wheels(raw, mu):
     """Energy and momentum of the wheels just before each impact: masses 1 - mu and mu, u1 = -y1, u2 = y2 - y1."""
     u1, u2 = -raw[..., 3], raw[..., 5] - raw[..., 3]
     return (1.0 - mu) * u1**2 + mu * u2**2, (1.0 - mu) * u1 + mu * u2
-
-
-def affine_step(scene, tau, h):
-    """Matrix, shift and kick of one Euler step, read off the product's scalar function."""
-    c = scene.constants
-    f = step_forcing(c, tau, h)
-    shift = np.array(euler_step(c, f, h, 0.0, 0.0, 0.0, 0.0, 0.0))
-    matrix = np.array([euler_step(c, f, h, *e, 0.0) for e in np.eye(4)]).T - shift[:, None]
-    kick = np.array(euler_step(c, f, h, 0.0, 0.0, 0.0, 0.0, 1.0)) - shift
-    return matrix, shift, kick
-
-
-def by_steps(scene, t, h):
-    """Mean and covariance at time t after the start: exact moments of the scheme, no sampling."""
-    s = scene.start
-    mean, cov = np.array([s.x1, s.y1, s.x2, s.y2]), np.zeros((4, 4))
-    for n in range(round(t / h)):
-        matrix, shift, kick = affine_step(scene, s.tau + n * h, h)
-        mean, cov = matrix @ mean + shift, matrix @ cov @ matrix.T + np.outer(kick, kick)
-    return mean, cov
 
 
 def flight_moments(scene, scheme, dt, t):
@@ -160,6 +150,11 @@ class TestScheme:
         assert np.nanmax(run.raw[:, :, 0]) <= 1.5 + STEP[scheme]
         steps = math.ceil(1.5 / STEP[scheme])
         assert run.path_steps == 200 * steps
+
+    def test_seed_matters_where_there_is_noise_only(self, scheme):
+        still, noisy = ([self.run(scheme, dat21(s), paths=3, rng=seed).raw for seed in (1, 2)] for s in (0.0, 0.1))
+        assert np.array_equal(*still, equal_nan=True)
+        assert not np.array_equal(*noisy, equal_nan=True)
 
     # --- impacts that pile up
 

@@ -5,20 +5,87 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, limit, orbit_of
+from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, limit, open_space, orbit_of
+from scipy.integrate import quad_vec
 
 from rattle.montecarlo import SCHEMES, Record, largest_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.diagnostics import diagnose_short_step
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.montecarlo.schemes.step_size import neglected_noise
+from rattle.montecarlo.schemes.whole_step import flight_forcing
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import Scene, Start, Tolerance
-from rattle.scene.flight import noise_covariance
+from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 
 EXACT, LOCATED = "exact-flight", "euler-maruyama-located"
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 
 # --- the Gaussian distribution of a flight
+
+
+def by_steps(scene, t, steps, across=1.0):
+    """Mean and covariance after a time t by the linear map of each step; `across` plants a wrong share of the area."""
+    s, h = scene.start, t / steps
+    mean, cov = np.array([s.x1, s.y1, s.x2, s.y2]), np.zeros((4, 4))
+    for n in range(steps):
+        f = flight_forcing(scene.constants, s.tau + n * h, h)
+        matrix = np.diag([1.0, 0.0, 1.0, 0.0])
+        matrix[[0, 1, 2, 2, 3, 3], [1, 1, 1, 3, 1, 3]] = f.carry
+        kicks = np.array([f.along, across * np.array(f.across)])
+        mean, cov = matrix @ mean + f.drift, matrix @ cov @ matrix.T + kicks.T @ kicks
+    return mean, cov
+
+
+OPEN = {
+    "DAT21": open_space(0.4), "unequal damping": open_space(0.4, beta2=0.9), "undamped": open_space(0.4, beta1=0.0),
+}  # fmt: skip
+FLIGHT = 1.6
+
+
+def left_out(scene):
+    """What increment and area miss of the covariance, per h^4: sigma^2 int k k' dr / 720, k the kernel's second rate.
+
+    A function's part beyond its line over a short h has the square ``h^5 k^2 / 720`` to leading order.
+    """
+    tau, d = scene.start.tau + FLIGHT, 1e-3
+
+    def kernel(lag):
+        return jacobian(scene.constants, lag)[:, [1, 3]] @ np.array(noise_rate(scene.constants, tau - lag))
+
+    def integrand(lag):
+        bend = (kernel(lag + d) - 2.0 * kernel(lag) + kernel(lag - d)) / d**2
+        return np.outer(bend, bend)
+
+    return scene.sigma**2 / 720.0 * quad_vec(integrand, 0.0, FLIGHT, epsabs=1e-9)[0]
+
+
+def missing(scene, across=1.0):
+    """Covariance that the scheme lacks after a flight of 8, 16 and 32 steps, over the largest of what theory says."""
+    exact, scale = noise_covariance(scene.constants, scene.start.tau, FLIGHT), np.abs(left_out(scene)).max()
+    return [(exact - by_steps(scene, FLIGHT, n, across)[1]) / ((FLIGHT / n) ** 4 * scale) for n in (8, 16, 32)]
+
+
+@pytest.mark.parametrize("case", OPEN)
+def test_covariance_of_a_flight_lacks_only_what_is_said_to_be_left_out(case):
+    """It falls as h^4, by 16 at each halving, and has the size that the second derivative of the kernel gives it."""
+    rough, fine, finest = missing(OPEN[case])
+    truth = left_out(OPEN[case]) / np.abs(left_out(OPEN[case])).max()
+    assert np.abs(finest - truth).max() < 0.003
+    assert np.abs(fine - truth).max() < 0.012
+    assert np.abs(rough - truth).max() < 0.05
+
+
+def test_check_of_the_covariance_sees_a_wrong_area():
+    truth = left_out(OPEN["DAT21"]) / np.abs(left_out(OPEN["DAT21"])).max()
+    assert np.abs(missing(OPEN["DAT21"], across=0.9999)[-1] - truth).max() > 0.05
+
+
+@pytest.mark.parametrize("case", OPEN)
+def test_mean_of_a_flight_is_the_flow(case):
+    scene, s = OPEN[case], OPEN[case].start
+    exact = flow(scene.constants, s.tau, s.x1, s.y1, s.x2, s.y2, FLIGHT)
+    for steps in (1, 7, 50):
+        assert np.abs(by_steps(scene, FLIGHT, steps)[0] - exact).max() < 1e-13
 
 
 # --- the noise-free orbit
@@ -91,6 +158,20 @@ def test_comparison_of_steps_sees_another_scene(change):
     start = replace(scene.start, x1=change.get("gap1", 0.5))
     other = sampled(replace(scene, start=start, **change), math.pi / 128.0, rng=2)
     assert not same_moments(sampled(scene, math.pi / 32.0), other)
+
+
+def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
+    """A limit, not a virtue: at tau = 0 the modulation all but vanishes, and so does the variance of a short flight.
+
+    What increment and area leave out is then no small share of it: 15 % of the sd of x1 after one step of 0.2, and
+    0.9 % after two of 0.1, around pi / 32.  It falls with the fourth power of the step.
+    """
+    scene, t = open_space(0.5, beta1=0.08, start=Start(0.0, 0.1, -0.4, -0.2, 0.5)), 0.2
+    exact = noise_covariance(scene.constants, 0.0, t)[0, 0]
+    lacking = 1.0 - np.sqrt([by_steps(scene, t, n)[1][0, 0] / exact for n in (1, 2, 4, 8)])
+    assert 0.14 < lacking[0] < 0.16
+    assert 0.008 < lacking[1] < 0.01
+    assert lacking[1:-1] / lacking[2:] == pytest.approx(16.0, rel=0.1)
 
 
 FROM_NOTHING = {

@@ -1,14 +1,43 @@
-"""Orders on the noise-free orbit: a wrong drag is seen; and mesh 1 comes first where both are struck at once."""
+"""Orders without walls and on the noise-free orbit; and mesh 1 comes first where both are struck at once."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from mc_checks import dat21
+from mc_checks import by_steps, dat21, open_space
+from scipy.integrate import quad_vec
+from scipy.linalg import expm
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
+
+
+def exact_covariance(scene, t):
+    """int exp(A r) g g' exp(A' r) sigma^2 dr, written from Eq. 5 and integrated by scipy."""
+    b1, b2 = scene.beta1, scene.beta2
+    a = np.array([[0, 1, 0, 0], [0, -b1, 0, 0], [0, 0, 0, 1], [0, b2 - b1, 0, -b2]], dtype=float)
+
+    def integrand(r):
+        tau = scene.start.tau + t - r
+        g = expm(a * r) @ [0.0, -np.sin(tau) + b1 * np.cos(tau), 0.0, (b1 - b2) * np.cos(tau)]
+        return np.outer(g, g)
+
+    return scene.sigma**2 * quad_vec(integrand, 0.0, t, epsabs=1e-12)[0]
+
+
+def slope(steps, errors):
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+def test_mean_and_covariance_of_a_flight_converge_at_first_order():
+    scene, steps = open_space(0.4, beta2=0.9), np.array([0.04, 0.02, 0.01, 0.005])
+    mean, cov = follow(scene.with_sigma(0.0), 1).state(scene.start.tau + 2.0), exact_covariance(scene, 2.0)
+    found = [by_steps(scene, 2.0, h) for h in steps]
+    assert slope(steps, [np.abs(one - mean).max() for one, _ in found]) == pytest.approx(1.0, abs=0.1)
+    assert slope(steps, [np.abs(one - cov).max() for _, one in found]) == pytest.approx(1.0, abs=0.1)
+    off = [np.abs(one - 1.01 * cov).max() for _, one in found]  # a planted error of 1 %
+    assert slope(steps, off) != pytest.approx(1.0, abs=0.1)
 
 
 def test_order_check_sees_a_wrong_drag():
@@ -20,7 +49,7 @@ def test_order_check_sees_a_wrong_drag():
         abs(simulate(dat21(), paths=1, impacts=6, dt=h, scheme="euler-maruyama-located").section.tau[6] - orbit.tau[6])
         for h in steps
     ]
-    assert abs(np.polyfit(np.log(steps), np.log(wrong), 1)[0] - 1.0) > 0.1
+    assert abs(slope(steps, wrong) - 1.0) > 0.1
 
 
 def both_walls_at(time, gap1=0.5, gap2=1.7):
