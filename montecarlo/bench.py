@@ -143,35 +143,28 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
     ``steps`` of a path; ``us`` per path.
     """
     base = scene or Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
-    walls = Tolerance(0.01, 0.01, draw="path")
-    contact = Tolerance(0.01, 0.01, draw="contact")
-    loose = replace(base, tolerance=walls)
+    alone, two_point = {"statistics": False}, {"sampling": Sampling(increments="two-point")}
+    loose, redrawn = (replace(base, tolerance=Tolerance(0.01, 0.01, draw=draw)) for draw in ("path", "contact"))
     far = replace(base, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 0.0))
     cases: Mapping[str, tuple[Scene, dict[str, Any]]] = {
-        "euler-maruyama, paths alone": (base, {"statistics": False}),
+        "euler-maruyama, paths alone": (base, alone),
         "euler-maruyama, section statistics": (base, {}),
         "  the same, dt = 0.002": (base, {"dt": 2e-3}),
-        "  with two-point increments, paths alone": (
-            base,
-            {"sampling": Sampling(increments="two-point"), "statistics": False},
-        ),
-        "  with two-point increments": (base, {"sampling": Sampling(increments="two-point")}),
-        "  without noise (gaps vary), paths alone": (replace(loose, sigma=0.0), {"statistics": False}),
+        "  with two-point increments, paths alone": (base, two_point | alone),
+        "  with two-point increments": (base, two_point),
+        "  without noise (gaps vary), paths alone": (replace(loose, sigma=0.0), alone),
         "  with one stage": (replace(base, stages=1), {}),
         "  with gaps that vary by path": (loose, {}),
-        "  with gaps that vary by contact": (replace(base, tolerance=contact), {}),
+        "  with gaps that vary by contact": (redrawn, {}),
         "  with moments at 12 fixed times": (base, {"record": Record(times=np.linspace(0.5, 4.0, 12))}),
         "  with 2 dt and 4 dt for the step bias": (base, {"record": Record(step_bias=True)}),
         "euler-maruyama-located": (base, {"scheme": "euler-maruyama-located"}),
         "exact-flight, dt = pi/96": (base, FLIGHTS),
         "  the same, sigma = 0.1": (replace(base, sigma=0.1), FLIGHTS),
-        "  the same, paths alone": (base, FLIGHTS | {"statistics": False}),
-        "  with gaps redrawn at each contact": (replace(base, tolerance=contact), FLIGHTS),
+        "  the same, paths alone": (base, FLIGHTS | alone),
+        "  with gaps redrawn at each contact": (redrawn, FLIGHTS),
         "  with the linearised path as control variate": (base, FLIGHTS | {"sampling": Sampling(control=True)}),
-        "  steps far from any wall, paths alone": (
-            far,
-            FLIGHTS | {"sampling": Sampling(horizon=4.0), "statistics": False},
-        ),
+        "  steps far from any wall, paths alone": (far, FLIGHTS | {"sampling": Sampling(horizon=4.0)} | alone),
     }
     work = {name: _case(own, **settings) for name, (own, settings) in cases.items()}
     taken = slices(_floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()}, REPEATS)
@@ -183,6 +176,5 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         if name in work and cases[name][1].get("scheme") == "exact-flight":
             gain *= LOOP_STEPS / steps
         rows[name] = (ns.min(), np.median(ns / low), gain, steps, 1e-3 * ns.min() * steps)
-    return pd.DataFrame.from_dict(
-        rows, orient="index", columns=["ns", "times_floor", "gain", "steps", "us"]
-    ).rename_axis("what")
+    columns = ["ns", "times_floor", "gain", "steps", "us"]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("what")

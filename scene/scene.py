@@ -9,30 +9,11 @@ from typing import Any, TypeVar
 import numpy as np
 import tomli_w
 
+from rattle.scene import errors, gears_input
 from rattle.scene.constants import SINE, Constants, Orders
-from rattle.scene.errors import (
-    InputError,
-    check_keys,
-    check_range,
-    count,
-    finite,
-    non_negative,
-    positive,
-    suggesting,
-    unit_interval,
-)
+from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears
-from rattle.scene.gears_input import (
-    check_plausible,
-    find_measured,
-    of_gears,
-    own_amplitude,
-    read_drive,
-    read_gears,
-    read_tolerance,
-    take_measured,
-)
 from rattle.scene.parts import GAPS, MEMORY, SINE_ALONE, TINY, Order, Start, Tolerance
 from rattle.scene.text import as_call, as_html
 from rattle.scene.types import Floats
@@ -122,20 +103,20 @@ class Scene:
     gears: Gears | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", count("stages", self.stages, least=1, most=2))
+        object.__setattr__(self, "stages", errors.count("stages", self.stages, least=1, most=2))
         for f in fields(self):
             if f.type is float or f.type == "float":
-                object.__setattr__(self, f.name, finite(f.name, getattr(self, f.name)))
+                object.__setattr__(self, f.name, errors.finite(f.name, getattr(self, f.name)))
         for name, most in LARGEST.items():
             least = 0.0 if name.startswith("beta") else TINY
-            check_range(name, non_negative(name, getattr(self, name)), least, most)
-        unit_interval("epsilon", self.epsilon)
+            errors.check_range(name, errors.non_negative(name, getattr(self, name)), least, most)
+        errors.unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
-            check_range(name, positive(name, getattr(self, name)), *GAPS, zero=False)
+            errors.check_range(name, errors.positive(name, getattr(self, name)), *GAPS, zero=False)
         if self.stages == 2 and not 0.0 < self.mu < 1.0:
             raise InputError("mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1")
-        check_range("mu", self.mu, TINY, 1.0)
-        check_range("correlation_time", non_negative("correlation_time", self.correlation_time), *MEMORY)
+        errors.check_range("mu", self.mu, TINY, 1.0)
+        errors.check_range("correlation_time", errors.non_negative("correlation_time", self.correlation_time), *MEMORY)
         self._check_drive()
         self._check_tolerance()
         if self.start is None:
@@ -232,14 +213,14 @@ class Scene:
         >>> Scene.from_gears(DAT21, sigma=0.1, stages=1).stages
         1
         """
-        check_keys("Scene.from_gears", settings, FREE)
+        errors.check_keys("Scene.from_gears", settings, FREE)
         fixed = _parameters_of(gears)
         if gears.wheels == 1 and settings.get("stages", 2) == 2:
             raise InputError("stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2")
         try:
             return cls(gears=gears, **fixed, **settings)
         except InputError as error:
-            raise of_gears(gears, error) from None
+            raise gears_input.of_gears(gears, error) from None
 
     def with_sigma(self, sigma: float) -> "Scene":
         """The same scene at another noise intensity.
@@ -434,33 +415,33 @@ class Scene:
         InputError
             For unknown or missing keys and values that are not admissible.
         """
-        check_keys("top level", _table("scene", data), ("gears", "scene", "drive"))
-        data = take_measured(data)
+        errors.check_keys("top level", _table("scene", data), ("gears", "scene", "drive"))
+        data = gears_input.take_measured(data)
         settings = _table("scene", data.get("scene", {}))
         if "drive" in settings:
             raise InputError("scene.drive", settings["drive"], "write each order as a table [[drive]] beside [scene]")
         for name, kind in {"tolerance": Tolerance, "start": Start}.items():
             if name in settings:
                 table = _table(f"scene.{name}", settings[name])
-                check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
+                errors.check_keys(f"scene.{name}", table, (f.name for f in fields(kind)))
                 settings[name] = kind(**table)
         if "gears" in data:
-            gears = own_amplitude(_table("gears", data["gears"]), data.get("drive"))
-            check_keys("scene", settings, FREE)
-            pair = read_gears(gears, settings.get("stages", 2))
-            drawn = read_tolerance(gears, pair)
+            gears = gears_input.own_amplitude(_table("gears", data["gears"]), data.get("drive"))
+            errors.check_keys("scene", settings, FREE)
+            pair = gears_input.read_gears(gears, settings.get("stages", 2))
+            drawn = gears_input.read_tolerance(gears, pair)
             if drawn is not None:
                 if "tolerance" in settings:
                     raise InputError("gears.tolerance", drawn, "give it once: here in mm, or in [scene.tolerance]")
                 settings["tolerance"] = Tolerance(**drawn)
             if "drive" in data:
-                settings["drive"] = read_drive(data["drive"], pair, gears.get("driver_radius"))
+                settings["drive"] = gears_input.read_drive(data["drive"], pair, gears.get("driver_radius"))
             return cls.from_gears(pair, **settings)
-        check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
+        errors.check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
         if missing := [name for name in ("alpha", "epsilon", "beta1", "gamma1") if name not in settings]:
             raise InputError("scene", missing, "these keys are missing")
         if "drive" in data:
-            settings["drive"] = read_drive(data["drive"])
+            settings["drive"] = gears_input.read_drive(data["drive"])
         return cls(**settings)
 
     def to_toml(self) -> str:
@@ -519,10 +500,10 @@ class Scene:
         """
         text = read_text("scene file", path)
         with in_file(path, text):
-            data = find_measured(read_toml(text), Path(path).parent)
+            data = gears_input.find_measured(read_toml(text), Path(path).parent)
             scene = cls.from_dict(data)
             if scene.gears is not None:
-                check_plausible(scene.gears, data["gears"])
+                gears_input.check_plausible(scene.gears, data["gears"])
         return scene
 
 

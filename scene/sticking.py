@@ -16,17 +16,9 @@ no longer than `CHATTER` and the contact acceleration changes by no more than th
 import math
 from typing import Any
 
+from rattle.scene import drive as motion
 from rattle.scene.compiled import shared
 from rattle.scene.constants import Constants
-from rattle.scene.drive import (
-    acceleration,
-    jerk,
-    most_acceleration,
-    most_jerk,
-    most_modulation,
-    most_modulation_rate,
-    velocity_acceleration,
-)
 from rattle.scene.flight import State, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
 
@@ -40,7 +32,7 @@ CHATTER = 1e-6  # longest time, and largest relative change of the contact accel
 def _pulls(c: Constants, tau: float, y1: float, y2: float) -> tuple[float, float, float]:
     """``(p1, p2)`` and the acceleration of the driver, ``alpha f''``."""
     u1, u2 = wheel_speeds(c, tau, y1, y2)
-    return c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2, c.alpha * acceleration(c.drive, tau)
+    return c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2, c.alpha * motion.acceleration(c.drive, tau)
 
 
 @shared
@@ -99,15 +91,15 @@ def _until_driver(drive: Any, side: int, beta: float, gamma: float, alpha: float
 @shared
 def _until_orders(drive: Any, side: int, beta: float, gamma: float, alpha: float, tau: float) -> float:
     """The same for several orders, by steps within which there is no zero: near one they are Newton steps."""
-    bend = alpha * drive.highest * most_modulation_rate(drive, beta)  # bound of the second derivative
-    rounding = 1e-15 * (abs(gamma) + alpha * most_modulation(drive, beta))
+    bend = alpha * drive.highest * motion.most_modulation_rate(drive, beta)  # bound of the second derivative
+    rounding = 1e-15 * (abs(gamma) + alpha * motion.most_modulation(drive, beta))
     t = 0.0
     while t < 2.0 * math.pi:
-        first, second = velocity_acceleration(drive, tau + t)
+        first, second = motion.velocity_acceleration(drive, tau + t)
         force = side * (gamma + alpha * (second + beta * first))
         if force <= rounding:
             return t
-        slope = side * alpha * (jerk(drive, tau + t) + beta * second)
+        slope = side * alpha * (motion.jerk(drive, tau + t) + beta * second)
         if bend == 0.0:
             break
         root = math.sqrt(slope * slope + 2.0 * bend * force)
@@ -269,7 +261,7 @@ def complete_chatter(
     if c.epsilon == 1.0:
         return math.inf, (0, 0)
     p1, p2, driver = _pulls(c, tau, y1, y2)
-    force, jolt = c.alpha * most_acceleration(c.drive), c.alpha * most_jerk(c.drive)
+    force, jolt = c.alpha * motion.most_acceleration(c.drive), c.alpha * motion.most_jerk(c.drive)
     jerk1, jerk2 = jolt + c.beta1 * abs(p1), c.beta1 * abs(p1) + c.beta2 * abs(p2)
     longest = 2.0 / (1.0 - c.epsilon)
     if c.stages == 2:

@@ -12,35 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rattle.closure.branching import propagate as component
 from rattle.closure.branching.mixture import Mixture, empty, reduce
-from rattle.closure.branching.propagate import (
-    THIRD_CENTRE,
-    THIRD_WEIGHT,
-    THIRD_WIDTH,
-    Image,
-    cut_plane,
-    event,
-    half,
-    propagate,
-    root,
-)
+from rattle.closure.branching.propagate import Image
 from rattle.closure.orbit import Orbit
 from rattle.closure.section_map import PLAIN, column, hit_matrix, redrawn_variances, start_pieces
+from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
-from rattle.scene.linear_algebra import (
-    add_outer,
-    apply,
-    beyond,
-    congruence,
-    dot,
-    largest,
-    norm,
-    put,
-    put_row,
-    put_scaled,
-)
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
 
@@ -104,35 +84,35 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     w, centre = b.start.weight[i], b.start.mean[i]
     b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
     b.error[i], b.depth[i], b.halved[i] = 0.0, 0.0, 0.0
-    rank, full = root(b.start.covariance[i])
+    rank, full = component.root(b.start.covariance[i])
     axes = full[:, :rank].copy()
-    t, code = event(c, centre, before)
+    t, code = component.event(c, centre, before)
     b.slow[i] = _slow(c, centre, t, code, before)
     n, depth, pieces = np.zeros(rank), 0.0, 1
     if w > LIGHT and rank > 0 and code != 0:
         reach = math.sqrt(2.0 * math.log(w / NEGLIGIBLE) - 2.0)
-        other, q = cut_plane(c, centre, axes, code, b.ignored[i], reach, before)
+        other, q = component.cut_plane(c, centre, axes, code, b.ignored[i], reach, before)
         if other != code:
-            length = norm(q)
-            put_scaled(n, q, length)
+            length = linalg.norm(q)
+            linalg.put_scaled(n, q, length)
             depth = 1.0 / length
             if length * TAIL < 1.0:
                 b.error[i], b.depth[i], b.beyond[i] = w, depth, other
-                put_row(b.axis[i], apply(axes, n))
+                linalg.put_row(b.axis[i], linalg.apply(axes, n))
             else:
                 pieces = 2
                 b.halved[i] = depth
-                put_row(b.plane[i], apply(axes, n))
+                linalg.put_row(b.plane[i], linalg.apply(axes, n))
     worst = 0.0
     for k in range(pieces):
-        share, rate, variance = half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
+        share, rate, variance = component.half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
         narrow = math.sqrt(variance)
         b.image.section.weight[2 * i + k] = w * share
         at, across = centre, axes
         if pieces == 2:
-            at, across = beyond(centre, rate, apply(axes, n)), axes.copy()
-            add_outer(across, narrow - 1.0, apply(axes, n), n)
-        bend, u = propagate(c, at, across, b.image, 2 * i + k, before)
+            at, across = linalg.beyond(centre, rate, linalg.apply(axes, n)), axes.copy()
+            linalg.add_outer(across, narrow - 1.0, linalg.apply(axes, n), n)
+        bend, u = component.propagate(c, at, across, b.image, 2 * i + k, before)
         if b.depth[i] > 0.0:
             return
         error = w * share * bend**POWER if bend > level.flat else 0.0
@@ -140,15 +120,15 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
         if pieces == 1 or error > worst:
             worst = error
             if pieces == 2:
-                shear = (1.0 / narrow - 1.0) * dot(u, n)
+                shear = (1.0 / narrow - 1.0) * linalg.dot(u, n)
                 for m in range(rank):
                     u[m] += shear * n[m]  # normal of the same planes, in sds of the whole component
-                put_scaled(u, u, norm(u))
-            put_row(b.axis[i], apply(axes, u))
+                linalg.put_scaled(u, u, linalg.norm(u))
+            linalg.put_row(b.axis[i], linalg.apply(axes, u))
     if pieces == 2:
         crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
         if crossing > b.error[i]:
-            put_row(b.axis[i], apply(axes, n))
+            linalg.put_row(b.axis[i], linalg.apply(axes, n))
         b.error[i] += crossing
 
 
@@ -162,14 +142,14 @@ def _cut(b: Buffers, i: int, count: int) -> int:
     for k in range(pieces):
         at = i if k == 0 else count + k - 1
         if pieces == 2:
-            share, place, variance = half(b.depth[i], k == 0)
+            share, place, variance = component.half(b.depth[i], k == 0)
         else:
-            share = THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * THIRD_WEIGHT
-            place, variance = (0.0 if k == 0 else (2 * k - 3) * THIRD_CENTRE), THIRD_WIDTH**2
+            share = component.THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * component.THIRD_WEIGHT
+            place, variance = (0.0 if k == 0 else (2 * k - 3) * component.THIRD_CENTRE), component.THIRD_WIDTH**2
         parts.weight[at] = w * share
-        put_row(parts.mean[at], beyond(centre, place, v))
-        put(parts.covariance[at], sigma)
-        add_outer(parts.covariance[at], variance - 1.0, v, v)
+        linalg.put_row(parts.mean[at], linalg.beyond(centre, place, v))
+        linalg.put(parts.covariance[at], sigma)
+        linalg.add_outer(parts.covariance[at], variance - 1.0, v, v)
         parts.label[at], b.ignored[at], b.parent[at] = parts.label[i], b.ignored[i], b.parent[i]
     if pieces == 2:
         b.ignored[count] |= 1 << (code + 2)
@@ -186,13 +166,13 @@ def add_noise(c: Constants, live: int, b: Buffers) -> float:
     """
     before, discarded = np.empty(4), 0.0
     for i in range(live):
-        t, code = event(c, b.start.mean[i], before)
+        t, code = component.event(c, b.start.mean[i], before)
         if code != 0 and t * max(c.beta1, c.beta2) > DAMPED:
             discarded += b.start.weight[i]
             b.start.weight[i] = 0.0
         elif code != 0:
             back = jacobian(c, -t)
-            noise = congruence(back, noise_covariance(c, b.start.mean[i, 0], t))
+            noise = linalg.congruence(back, noise_covariance(c, b.start.mean[i, 0], t))
             for m in range(4):
                 for n in range(4):
                     b.start.covariance[i, 1 + m, 1 + n] += noise[m, n]
@@ -214,7 +194,7 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
         seen = count
         if count + 2 > level.cut:
             break
-        last = largest(b.error, count)
+        last = linalg.largest(b.error, count)
         if b.error[last] < level.worth:
             break
         count = _cut(b, last, count)
@@ -242,12 +222,12 @@ def _strike(
             continue
         hit = hit_matrix(c, abs(code), section.mean.shape[1])
         section.weight[kept], section.label[kept] = w, code
-        put_row(flight[kept], flight[i])
-        put_row(section.mean[kept], section.mean[i])
-        put(section.covariance[kept], section.covariance[i])
+        linalg.put_row(flight[kept], flight[i])
+        linalg.put_row(section.mean[kept], section.mean[i])
+        linalg.put(section.covariance[kept], section.covariance[i])
         after.weight[kept] = w
-        put_row(after.mean[kept], apply(hit, section.mean[i]))
-        put(after.covariance[kept], congruence(hit, section.covariance[i]))
+        linalg.put_row(after.mean[kept], linalg.apply(hit, section.mean[i]))
+        linalg.put(after.covariance[kept], linalg.congruence(hit, section.covariance[i]))
         if redrawn.size > 0:
             flank = column(abs(code), -code)
             after.mean[kept, flank] = 0.0

@@ -11,25 +11,11 @@ import numpy as np
 
 from rattle.closure.branching.mixture import Mixture
 from rattle.closure.section_map import PLAIN, between, column, derivatives
+from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit
 from rattle.scene.constants import Constants
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import next_impact
-from rattle.scene.linear_algebra import (
-    add_outer,
-    apply,
-    beyond,
-    dot,
-    eigen,
-    inner,
-    norm,
-    put,
-    put_row,
-    put_scaled,
-    quadratic,
-    times,
-    times_transposed,
-)
 from rattle.scene.types import Floats
 
 BISECTIONS = 6  # steps to locate a boundary
@@ -73,7 +59,7 @@ def root(sigma: Floats) -> tuple[int, Floats]:
         for i in range(d):
             for k in range(d):
                 weighed[i, k] = weight[i] * sigma[i, k] * weight[k]
-    values, vectors = eigen(weighed)
+    values, vectors = linalg.eigen(weighed)
     columns = np.zeros((d, d))
     rank = 0
     for i in range(d - 1, -1, -1):
@@ -92,14 +78,14 @@ def _boundary(
     c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, far: float, before: Floats
 ) -> tuple[float, int]:
     """Distance (in sds, up to `far`) along a unit vector at which the next impact changes from `code`, and to which."""
-    direction = apply(axes, u)
-    found = event(c, beyond(centre, far, direction), before)[1]
+    direction = linalg.apply(axes, u)
+    found = event(c, linalg.beyond(centre, far, direction), before)[1]
     if found == code:
         return np.inf, code
     low, high = 0.0, far
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        met = event(c, beyond(centre, middle, direction), before)[1]
+        met = event(c, linalg.beyond(centre, middle, direction), before)[1]
         if met == code:
             low = middle
         else:
@@ -130,30 +116,30 @@ def cut_plane(
         distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
         if distance < nearest:
             nearest, other = distance, found
-            put_row(u, trial)
+            linalg.put_row(u, trial)
     if other == code:
         return code, u
     for _ in range(2):
         q = np.zeros(rank)
         for i in range(rank):
-            put_row(trial, u)
+            linalg.put_row(trial, u)
             trial[i] += 0.5
-            length = norm(trial)
-            put_scaled(trial, trial, length)
+            length = linalg.norm(trial)
+            linalg.put_scaled(trial, trial, length)
             distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
             q[i] = 2.0 * ((length / distance if found == other else 0.0) - 1.0 / nearest)
-        length = norm(q)
+        length = linalg.norm(q)
         if length == 0.0:
             break
-        put_scaled(trial, q, length)
+        linalg.put_scaled(trial, q, length)
         distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
         if not (found == other and distance < nearest):
             break
         nearest = distance
-        put_row(u, trial)
+        linalg.put_row(u, trial)
     if nearest > reach:
         return code, u
-    put_scaled(u, u, nearest)
+    linalg.put_scaled(u, u, nearest)
     return other, u
 
 
@@ -189,7 +175,7 @@ def _derivatives(
     mesh, side, d = abs(code), 1 if code > 0 else -1, centre.size
     i = 0 if mesh == 1 else 2
     flown = jacobian(c, t)[i]
-    early = before[i + 1] - dot(flown, field(c, centre[0], centre[2], centre[4]))
+    early = before[i + 1] - linalg.dot(flown, field(c, centre[0], centre[2], centre[4]))
     passing = np.zeros(axes.shape[1])
     for k in range(passing.size):
         for m in range(4):
@@ -198,14 +184,14 @@ def _derivatives(
         if d > PLAIN:
             passing[k] -= side * axes[column(mesh, side), k]
     pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
-    slowest = GRAZE * math.sqrt(2.0 * abs(pull) * norm(passing)) + 1e-9
+    slowest = GRAZE * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
     first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, regular, d)
-    linear = times(first[:, :d].copy(), axes)
+    linear = linalg.times(first[:, :d].copy(), axes)
     curve = np.zeros((PLAIN, axes.shape[1], axes.shape[1]))
     for j in range(PLAIN):
-        put(curve[j], quadratic(second[j, :d, :d].copy(), axes))
+        linalg.put(curve[j], linalg.quadratic(second[j, :d, :d].copy(), axes))
     return linear, curve
 
 
@@ -215,13 +201,13 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     u = np.zeros(linear.shape[1])
     worst, at = 0.0, 0
     for j in range(PLAIN):
-        variance = inner(linear[j : j + 1], linear[j : j + 1])
+        variance = linalg.inner(linear[j : j + 1], linear[j : j + 1])
         if variance > 1e-24:
-            bend = 0.5 * inner(curve[j], curve[j]) / variance
+            bend = 0.5 * linalg.inner(curve[j], curve[j]) / variance
             if bend > worst:
                 worst, at = bend, j
     if worst > 0.0:
-        values, vectors = eigen(curve[at])
+        values, vectors = linalg.eigen(curve[at])
         most = values.size - 1 if values[-1] > -values[0] else 0
         for k in range(u.size):
             u[k] = vectors[k, most]
@@ -238,8 +224,8 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     to.section.label[at] = code
     d, rank = axes.shape
     mean, spread, flight = to.section.mean[at], to.section.covariance[at], to.flight[at]
-    put_row(mean, centre)
-    put_row(mean[1:PLAIN], before)
+    linalg.put_row(mean, centre)
+    linalg.put_row(mean[1:PLAIN], before)
     mean[0] += t
     spread[:], to.crossing[at], flight[0], flight[1] = 0.0, 0.0, t, 0.0
     if code == 0 or rank == 0:
@@ -247,36 +233,36 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     linear, curve = _derivatives(c, code, centre, axes, t, before)
     bend, u = _most_bent(linear, curve)
     straight = bend < STRAIGHT**2
-    own, image = np.empty(rank), apply(linear, u)  # own: derivative of the flight time
+    own, image = np.empty(rank), linalg.apply(linear, u)  # own: derivative of the flight time
     if not straight:  # treat the most curved direction by two sigma points, at one sd to either side
-        add_outer(linear, -1.0, image, u)
-    tilt, v = dot(axes[0], u), apply(axes, u)
+        linalg.add_outer(linear, -1.0, image, u)
+    tilt, v = linalg.dot(axes[0], u), linalg.apply(axes, u)
     for k in range(rank):
         own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
-    put(spread, times_transposed(linear, linear))
-    put_row(to.crossing[at], apply(axes, linear[0]))
-    flight[1] = dot(own, own)
+    linalg.put(spread, linalg.times_transposed(linear, linear))
+    linalg.put_row(to.crossing[at], linalg.apply(axes, linear[0]))
+    flight[1] = linalg.dot(own, own)
     if straight:
         for j in range(PLAIN):
             mean[j] += 0.5 * np.trace(curve[j])
             for k in range(PLAIN):
-                spread[j, k] += 0.5 * inner(curve[j], curve[k])
+                spread[j, k] += 0.5 * linalg.inner(curve[j], curve[k])
         flight[0] += 0.5 * np.trace(curve[0])
-        flight[1] += 0.5 * inner(curve[0], curve[0])
+        flight[1] += 0.5 * linalg.inner(curve[0], curve[0])
         return bend, u
     ends, times, met = np.empty((2, d)), np.empty(2), 0
     for k in range(2):
         end = ends[k]
-        put_row(end, beyond(centre, 1.0 - 2.0 * k, v))
+        linalg.put_row(end, linalg.beyond(centre, 1.0 - 2.0 * k, v))
         times[k], there = event(c, end, before)
         met += there == code
         end[0] += times[k]
-        put_row(end[1:PLAIN], before)
+        linalg.put_row(end[1:PLAIN], before)
     if met == 2:
         for j in range(d):
             mean[j] = 0.5 * (ends[0, j] + ends[1, j])
-        apart = beyond(ends[0], -1.0, ends[1])
-        add_outer(spread, 0.25, apart, apart)
+        apart = linalg.beyond(ends[0], -1.0, ends[1])
+        linalg.add_outer(spread, 0.25, apart, apart)
         flight[0] = 0.5 * (times[0] + times[1])
         flight[1] += 0.25 * (times[0] - times[1]) ** 2
         for j in range(d):

@@ -4,8 +4,6 @@ A probe estimates without bias what a branch adds to the kurtosis of each row, h
 its probability is off.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any

@@ -5,8 +5,6 @@ Garwood (1936).  Weights are bounded and their sums unbiased, whichever branches
 (`rattle.montecarlo.branches.mixture`).  A branch that neither the search nor the run has found is in no row.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -7,8 +7,6 @@ over the steps ahead.  A path's weight is the inverse of the mixture's ratio (ba
 so at most 1 over the plain share: whatever u and b are, weighted means are unbiased.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from statistics import NormalDist

@@ -9,8 +9,6 @@ Two kinds are looked for in every flight: another wall that is met before the or
 before, and an impact that all but grazes and is missed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -103,7 +101,7 @@ class Gaussian(NamedTuple):
     noise: Floats  # mean of the noise; (steps,)
     cross: Floats  # covariance of the state with the noise; (4, steps)
 
-    def given(self, i: int, value: float) -> Gaussian:
+    def given(self, i: int, value: float) -> "Gaussian":
         """The same, given one component of the state."""
         if self.spread[i, i] <= 0.0:
             return self
@@ -114,7 +112,7 @@ class Gaussian(NamedTuple):
         noise, cross = self.noise + along * (off / self.spread[i, i]), self.cross - np.outer(gain, along)
         return Gaussian(moved, self.spread - np.outer(gain, self.spread[i]), noise, cross)
 
-    def across(self, c: Constants, mesh: int, tau: float) -> Gaussian:
+    def across(self, c: Constants, mesh: int, tau: float) -> "Gaussian":
         """The same after an impact of the mean, to first order."""
         carry, mean = saltation_matrix(c, mesh, tau, self.mean[1], self.mean[3]), self.mean.copy()
         mean[1], mean[3] = struck(c, mesh, mean[1], mean[3])

@@ -5,8 +5,6 @@ most probable first.  Every path that was searched stands for all smaller probab
 all of them.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,25 +3,12 @@
 They are reduced to weighted sums.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from rattle.montecarlo.branches.mixture import BranchMixture, draw_targets
-from rattle.montecarlo.kernel.block import (
-    BLOCK,
-    CODES,
-    SECTION_PAIRS,
-    BlockResult,
-    Followers,
-    Plan,
-    begin_block,
-    count_followed,
-    energy_losses,
-    tally,
-)
+from rattle.montecarlo.kernel import block
 from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, Output, finish_inside, step_lanes
 from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, list_marked, of_level, retire
 from rattle.montecarlo.noise.brownian import Noise
@@ -121,32 +108,32 @@ def run_weighted(job: Job, mixture: BranchMixture, every: Lanes, room: Room, out
     return work, sticking
 
 
-def sample_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[Floats, Floats, int, int]:
+def sample_mixture(plan: block.Plan, mixture: BranchMixture, number: int) -> tuple[Floats, Floats, int, int]:
     """Run the paths of a block.
 
     Returns: Impacts; weights, that is the likelihood ratio of the plain distribution to the mixture given the steps up
     to each impact, 0 of those that a path did not have; path-steps; and those in which a mesh stayed closed. Shapes:
     result (BLOCK, impacts, COLUMNS), (BLOCK, impacts).
     """
-    first = block * BLOCK
-    job, every, room = begin_block(plan, first, BLOCK, carried=2 + len(mixture.unit))
-    rows, weights = np.full((1, BLOCK, plan.impacts, COLUMNS), np.nan), np.zeros((BLOCK, plan.impacts, 1))
-    room.carried[:2, :BLOCK] = draw_targets(mixture, plan.seed, block)
+    first = number * block.BLOCK
+    job, every, room = block.begin_block(plan, first, block.BLOCK, carried=2 + len(mixture.unit))
+    rows, weights = np.full((1, block.BLOCK, plan.impacts, COLUMNS), np.nan), np.zeros((block.BLOCK, plan.impacts, 1))
+    room.carried[:2, : block.BLOCK] = draw_targets(mixture, plan.seed, number)
     out = Output(first, rows, plan.fixed_steps, np.empty((1, 0, 0, 4)), weights)
     steps, sticking = run_weighted(job, mixture, every, room, out)
     return rows[0], weights[:, :, 0], int(steps), int(sticking)
 
 
-def run_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[BlockResult, None]:
+def run_mixture(plan: block.Plan, mixture: BranchMixture, number: int) -> tuple[block.BlockResult, None]:
     """Run a block and reduce it."""
-    rows, weights, steps, sticking = sample_mixture(plan, mixture, block)
+    rows, weights, steps, sticking = sample_mixture(plan, mixture, number)
     if plan.scene.stages == 1:
         rows[:, :, 4:6] = 0.0  # a single stage leaves these columns undefined
     values, centre = rows[:, :, :6], mixture.centre
     if plan.energy:
-        values = np.concatenate([values, energy_losses(plan.scene.constants, rows)], axis=2)
+        values = np.concatenate([values, block.energy_losses(plan.scene.constants, rows)], axis=2)
         centre = np.column_stack([centre, np.zeros(plan.impacts)])
-    pairs = np.array(SECTION_PAIRS)
+    pairs = np.array(block.SECTION_PAIRS)
 
     def weighted(weights: Floats) -> WeightedSums:
         sums, ends = np.zeros((mixture.counts.size, *centre.shape, ORDERS)), np.cumsum(mixture.counts)
@@ -156,15 +143,17 @@ def run_mixture(plan: Plan, mixture: BranchMixture, block: int) -> tuple[BlockRe
         add_products(rows, weights, centre, pairs, products)
         return WeightedSums(mixture.counts.astype(float), centre, sums, products)
 
-    codes, followed = tally(plan, rows, weights)
+    codes, followed = block.tally(plan, rows, weights)
     # in paths: their weights add up to the number of paths only on average
     scale = np.isfinite(rows[:, :, 6]).sum(axis=0) / np.maximum(codes.sum(axis=1), 1e-300)
     codes, followed = codes * scale[:, None], {name: agreeing * scale for name, agreeing in followed.items()}
     followers = {}
     for name in plan.apart:
-        left, stays = np.zeros((3, plan.impacts, len(CODES))), np.zeros(BLOCK)
-        count_followed(rows, weights, np.array(plan.itineraries[name], dtype=float), stays, left)
+        left, stays = np.zeros((3, plan.impacts, len(block.CODES))), np.zeros(block.BLOCK)
+        block.count_followed(rows, weights, np.array(plan.itineraries[name], dtype=float), stays, left)
         kept = np.where(np.arange(plan.impacts) < stays[:, None], weights, 0.0)
-        followers[name] = Followers({"weighted": weighted(kept)}, left)
+        followers[name] = block.Followers({"weighted": weighted(kept)}, left)
     unfinished = int(np.isnan(rows[:, -1, 0]).sum())
-    return BlockResult({"weighted": weighted(weights)}, codes, followed, steps, sticking, unfinished, followers), None
+    return block.BlockResult(
+        {"weighted": weighted(weights)}, codes, followed, steps, sticking, unfinished, followers
+    ), None

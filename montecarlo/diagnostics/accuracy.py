@@ -11,8 +11,6 @@ sd is no scale: where nothing varies, and for the displacement at the mesh that 
 from off-itinerary paths only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -67,7 +65,7 @@ def units_by_quantity(run: Any) -> dict[str, Floats]:
     return unit
 
 
-def units(run: Any) -> pd.DataFrame:
+def units(run: Any) -> "pd.DataFrame":
     """Unit of each quantity's errors: its sd, or 1 where the sd is no scale."""
     import pandas as pd
 

@@ -1,7 +1,5 @@
 """Diagnostics of a run: sentences that say where its numbers may be wrong, and what to do about it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any

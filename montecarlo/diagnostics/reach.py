@@ -1,7 +1,5 @@
 """The accuracy that a run reached, compared with the accuracy asked for."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -106,7 +104,7 @@ class Reach(NamedTuple):
     missed: tuple[Row, ...] = ()
 
     @property
-    def schemes(self) -> pd.DataFrame:
+    def schemes(self) -> "pd.DataFrame":
         """The candidates as a table: index ``scheme``, columns ``dt, paths, path_steps, core_seconds``."""
         import pandas as pd
 

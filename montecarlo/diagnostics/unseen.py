@@ -1,7 +1,5 @@
 """What a sample cannot have seen: how far branches with few or no sampled paths could move its means and sds."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

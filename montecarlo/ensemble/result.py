@@ -15,14 +15,8 @@ from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.schemes.step_size import COARSEST
 from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
+from rattle.montecarlo.statistics import section_statistics as statistics
 from rattle.montecarlo.statistics.records import Batches, Histograms
-from rattle.montecarlo.statistics.section_statistics import (
-    FEWEST,
-    StepBias,
-    extrapolate,
-    pair_statistics,
-    single_statistics,
-)
 from rattle.scene.errors import InputError, choice
 from rattle.scene.moments import SECTION, STATE
 from rattle.scene.scene import Scene
@@ -230,10 +224,9 @@ class Ensemble(SectionResult):
     def _statistics(self) -> dict[str, Floats]:
         """Moments of the section quantities with standard errors, without a control variate."""
         sums = self.result.sums
-        found: dict[str, Floats] = (
-            sums["weighted"].moments() if "weighted" in sums else single_statistics(sums["section"])
-        )
-        return found
+        if "weighted" in sums:
+            return dict(sums["weighted"].moments())
+        return statistics.single_statistics(sums["section"])
 
     @cached_property
     def agreement(self) -> pd.DataFrame:
@@ -379,7 +372,7 @@ class Ensemble(SectionResult):
         if "fixed" not in self.result.sums:
             return pd.DataFrame(index=pd.Index([], name="time"))
         sums, coarse = self.result.sums["fixed"], self.result.sums.get("coarse_fixed")
-        s = pair_statistics(sums)
+        s = statistics.pair_statistics(sums)
         absent = [self.scene.stages == 1 and (i >= 2 or j >= 2) for i, j in CROSS]
         blank = np.where(absent, np.nan, 1.0)
         estimable = {name: self._estimable(sums.n[:, 0], name) for name in ("mean", "cov", "rho")}
@@ -397,7 +390,7 @@ class Ensemble(SectionResult):
             columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k] * estimable["rho"]
             columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k] * estimable["rho"]
             if coarse is not None:
-                columns[f"coarse_rho{stage}"] = pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
+                columns[f"coarse_rho{stage}"] = statistics.pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
         return pd.DataFrame(columns, index=pd.Index(self.fixed_times, name="time"))
 
     @cached_property
@@ -447,10 +440,10 @@ class Ensemble(SectionResult):
         return found
 
     @cached_property
-    def _step_biases(self) -> dict[str, StepBias]:
+    def _step_biases(self) -> dict[str, statistics.StepBias]:
         """Measured step bias of means and sds; empty where none was measured."""
         sums = self.result.sums
-        return extrapolate(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
+        return statistics.extrapolate(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
 
     @property
     def _arrivals(self) -> Floats:
@@ -458,7 +451,7 @@ class Ensemble(SectionResult):
 
     def _estimable(self, paths: Floats, name: str) -> Floats:
         """1 where so many paths tell the error of a statistic, else NaN; what is not random has none to tell."""
-        return np.where(is_random(self.scene) & (paths < FEWEST[name]), np.nan, 1.0)
+        return np.where(is_random(self.scene) & (paths < statistics.FEWEST[name]), np.nan, 1.0)
 
     def _share(self, count: Floats) -> Floats:
         return count / (self.paths / self._copies)

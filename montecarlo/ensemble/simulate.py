@@ -1,7 +1,5 @@
 """The public entry of the Monte Carlo: validate, run blocks, merge them in order."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from copy import deepcopy

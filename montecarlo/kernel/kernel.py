@@ -7,17 +7,9 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
+from rattle.montecarlo.kernel import lanes as vector
 from rattle.montecarlo.kernel.control_variate import LinearPath, carry_along
-from rattle.montecarlo.kernel.lanes import (
-    CHUNK,
-    Lanes,
-    Room,
-    join_halves,
-    join_increments,
-    list_marked,
-    of_level,
-    retire,
-)
+from rattle.montecarlo.kernel.lanes import Lanes, Room
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
@@ -217,7 +209,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
         work, sticking, live, next_fixed, linear, n = ZERO, ZERO, paths, ZERO, ZERO, ZERO
         while n < job.most_steps and live > 0:
             wide = (live + 7) // 8 * 8
-            for _ in range(min(CHUNK, job.most_steps - n)):
+            for _ in range(min(vector.CHUNK, job.most_steps - n)):
                 use = 0 if job.two_point else n % draws
                 if scheme != EXACT and job.two_point and job.c.sigma != 0.0:
                     if n % 64 == 0:
@@ -240,16 +232,16 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                         if n % (multiple // 2) != 0:
                             break
                         if scheme == PLAIN:
-                            join_increments(w, every.w[level], n % multiple == 0, wide)
+                            vector.join_increments(w, every.w[level], n % multiple == 0, wide)
                         else:
-                            join_halves(w, area, every.w[level], every.area[level], n % multiple == 0, wide)
+                            vector.join_halves(w, area, every.w[level], every.area[level], n % multiple == 0, wide)
                         w, area = every.w[level], every.area[level]
                         if n % multiple != 0:
                             break
-                    lanes = of_level(every, level, w, area)
+                    lanes = vector.of_level(every, level, w, area)
                     h, begin = job.dt * multiple, job.tau + (n - multiple) * job.dt
                     step_lanes(scheme, job, begin, h, lanes, marks, wide)
-                    found = list_marked(marks, live, room.groups, hits)
+                    found = vector.list_marked(marks, live, room.groups, hits)
                     phase = phase_at(job.c.drive, begin) if scheme == EXACT else no_phase(job.c.drive)
                     enough = impacts if next_fixed == fixed_steps.size and scheme != PLAIN else ENDLESS
                     for i in range(found):  # from the start of the step, or the impacts at its end
@@ -268,7 +260,7 @@ def block_kernel(scheme: int) -> Callable[..., tuple[int, int]]:
                                 out.fixed[level, int(path[p]) - out.first, next_fixed, i] = every.state[level, i, p]
                     next_fixed += 1
             if next_fixed == fixed_steps.size and linear == control.at_step.size:
-                live = retire(every, room, impacts, live)
+                live = vector.retire(every, room, impacts, live)
         return work, sticking
 
     return run_block

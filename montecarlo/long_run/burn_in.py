@@ -12,21 +12,17 @@ Geweke, "Evaluating the accuracy of sampling-based approaches to the calculation
 Gelman and Rubin, "Inference from iterative simulation using multiple sequences" (1992).
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
 
+from rattle.montecarlo.long_run.paths import LongPaths
 from rattle.montecarlo.long_run.sums import CONTACT, GROUPS, NUMBER
 from rattle.montecarlo.settings.budget import clock
 from rattle.scene.errors import InputError
 from rattle.scene.types import Floats
-
-if TYPE_CHECKING:  # a result says what its burn-in was, and imports nothing that follows paths
-    from rattle.montecarlo.long_run.paths import LongPaths
 
 FIRST, MOST = 32, 2**15
 """Periods after which a run is tested for the first time, and the longest burn-in that is tried."""

@@ -25,21 +25,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.noise_work import CONTROLS
-from rattle.montecarlo.long_run.sums import (
-    ABOVE,
-    CONTACT,
-    ENERGY,
-    FLIGHT,
-    GROUPS,
-    NOISE,
-    NUMBER,
-    OPEN,
-    POWERS,
-    SLOW,
-    SPEED,
-    Collected,
-)
+from rattle.montecarlo.long_run.sums import Collected
 from rattle.montecarlo.statistics.intervals import Spread, half_width, spread
 from rattle.scene.types import Floats
 
@@ -47,14 +35,14 @@ QUANTILES = (1, 5, 50, 95, 99)
 """Percentages of the quantiles."""
 LEAST_PATHS = 8 * CONTROLS
 """Paths below which the coefficients of the control variates would cost more than they save."""
-NAMES = {ABOVE: "speed_above", FLIGHT: "flight", SPEED: "speed"}
+NAMES = {tally.ABOVE: "speed_above", tally.FLIGHT: "flight", tally.SPEED: "speed"}
 """Of what has a distribution, by its index there: the speed of impacts that are not slow, flight, and speed."""
 
 
 def groups(stages: int) -> Iterator[tuple[int, str]]:
     """The groups of impacts of a scene with the suffixes of their names."""
     yield 0, ""
-    for mesh in range(1, GROUPS if stages == 2 else 1):
+    for mesh in range(1, tally.GROUPS if stages == 2 else 1):
         yield mesh, f"_mesh{mesh}"
 
 
@@ -106,12 +94,12 @@ def control(c: Collected) -> Collected | None:
     Returns: None where the controls do not hold or do not pay: there is no noise, a mesh was closed for a while,
     so that what pushed a wheel was not the noise alone, or there are too few paths.
     """
-    every = c.main[:, :, NOISE : NOISE + CONTROLS]
+    every = c.main[:, :, tally.NOISE : tally.NOISE + CONTROLS]
     controls = every.sum(axis=1)
-    if c.paths < LEAST_PATHS or not controls.any() or c.main[:, :, CONTACT : CONTACT + 2].any():
+    if c.paths < LEAST_PATHS or not controls.any() or c.main[:, :, tally.CONTACT : tally.CONTACT + 2].any():
         return None
     main, power = c.main.copy(), c.power.reshape(c.paths, -1)
-    main[:, :, :CONTACT] -= every @ corrections(main[:, :, :CONTACT].sum(axis=1), controls)
+    main[:, :, : tally.CONTACT] -= every @ corrections(main[:, :, : tally.CONTACT].sum(axis=1), controls)
     power = power - (controls[:, None, :] @ corrections(power, controls))[:, 0]
     return c._replace(main=main, power=power.reshape(c.power.shape))
 
@@ -170,7 +158,7 @@ class _Maker:
         """A sum over impacts per unit of time, from its square and its product with the flight, summed over impacts."""
         whole = self.c.time * self.c.paths
         value = float(sums.sum()) / whole
-        rest = square - 2.0 * value * cross + value**2 * self._raw(g, FLIGHT)[1]
+        rest = square - 2.0 * value * cross + value**2 * self._raw(g, tally.FLIGHT)[1]
         naive = math.sqrt(max(rest, 0.0)) / whole
         found = spread(factor * sums.sum(axis=1) / self.c.time)
         return self._make(found, factor * naive, factor * self._batch_se(sums, None))
@@ -188,14 +176,14 @@ class _Maker:
 
     def impacts(self, g: int) -> dict[str, StationaryEstimate]:
         """Rates and energies of the impacts of a group, and the share of slow ones."""
-        number, energy, slow = (self.c.main[:, :, 4 * g + k] for k in (NUMBER, ENERGY, SLOW))
-        above, n, products = number - slow, float(self.main[:, 4 * g + NUMBER].sum()), self.c.products[:, g]
+        number, energy, slow = (self.c.main[:, :, 4 * g + k] for k in (tally.NUMBER, tally.ENERGY, tally.SLOW))
+        above, n, products = number - slow, float(self.main[:, 4 * g + tally.NUMBER].sum()), self.c.products[:, g]
         square, cross = (float(total) for total in products[:, :2].sum(axis=0))
-        loss, loss_batches = self._ratio(4 * g + ENERGY, 4 * g + NUMBER)
-        share, share_batches = self._ratio(4 * g + SLOW, 4 * g + NUMBER)
+        loss, loss_batches = self._ratio(4 * g + tally.ENERGY, 4 * g + tally.NUMBER)
+        share, share_batches = self._ratio(4 * g + tally.SLOW, 4 * g + tally.NUMBER)
         return {
             "rate_above": self._per_time(above, g, float(above.sum()), float(products[:, 2].sum())),
-            "rate": self._per_time(number, g, float(number.sum()), self._raw(g, FLIGHT)[0]),
+            "rate": self._per_time(number, g, float(number.sum()), self._raw(g, tally.FLIGHT)[0]),
             "energy": self._make(loss, _root(float(products[:, 0].sum()) / n - loss.value**2, n), loss_batches),
             "energy_per_period": self._per_time(energy, g, square, cross, 2.0 * math.pi),
             "power": self._per_time(energy, g, square, cross),
@@ -206,7 +194,7 @@ class _Maker:
         """Share of the time in which a mesh is closed (`CONTACT`) or open (`OPEN`); its autocorrelation in impacts."""
         c, column = self.c, of + mesh - 1
         found, samples = spread(self.main[:, column] / c.samples), c.samples * c.paths
-        apart = float(self.main[:, NUMBER].sum()) / samples  # impacts between two samples
+        apart = float(self.main[:, tally.NUMBER].sum()) / samples  # impacts between two samples
         naive = math.sqrt(max(found.value * (1.0 - found.value), 0.0) / samples / max(apart, 1e-300))
         return self._make(found, naive, self._batch_se(c.main[:, :, column], None) * c.time / c.samples, 0.0, 1.0)
 
@@ -224,8 +212,8 @@ class _Maker:
         m = power.sum(axis=0)
         mean, sd, skew = (float(a[0]) for a in standardise(m[None]))
         n = float(m[0])
-        unit_powers = np.array([sd**k for k in range(POWERS)])
-        central = _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(POWERS, math.nan)
+        unit_powers = np.array([sd**k for k in range(tally.POWERS)])
+        central = _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(tally.POWERS, math.nan)
         along = scale * mean + float(centre)  # the mean
 
         def root(s: Floats) -> Floats:
@@ -237,7 +225,7 @@ class _Maker:
             "sd_": (lambda s: standardise(s)[1], np.array([-0.5, 0.0, 0.5]), scale * sd, scale, 0.0),
             "skew_": (lambda s: standardise(s)[2], np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0, 1.0, 0.0),
         }
-        if i != FLIGHT:
+        if i != tally.FLIGHT:
             slope = np.array([-sd * scale, 2.0 * along, sd * scale]) / (2.0 * float(root(m[None])[0]))
             influence["rms_"] = root, slope, scale * sd, 1.0, 0.0
         for prefix, (function, polynomial, unit, factor, origin) in influence.items():
@@ -245,8 +233,8 @@ class _Maker:
             square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
             naive = unit * _root(square, n) if sd > 0.0 else math.nan
             batches = math.nan
-            if (prefix, i) == ("", SPEED):
-                batches = self._batch_se(self.c.main[:, :, 4 * g + SPEED], 4 * g + NUMBER)
+            if (prefix, i) == ("", tally.SPEED):
+                batches = self._batch_se(self.c.main[:, :, 4 * g + tally.SPEED], 4 * g + tally.NUMBER)
             found = found._replace(value=found.value * factor + origin, se=found.se * factor)
             yield prefix, self._make(found, naive, batches)
 
@@ -269,7 +257,7 @@ class _Maker:
 
 def _central(raw: Floats, mean: float) -> Floats:
     """Central moments of orders 0 to 6 from raw ones."""
-    return np.array([sum(math.comb(k, j) * raw[j] * (-mean) ** (k - j) for j in range(k + 1)) for k in range(POWERS)])
+    return np.array([sum(math.comb(k, j) * raw[j] * (-mean) ** (k - j) for j in range(k + 1)) for k in range(len(raw))])
 
 
 def estimates(c: Collected, names: tuple[str, ...] | None = None) -> dict[str, StationaryEstimate]:
@@ -303,6 +291,6 @@ def _estimates(made: _Maker, names: tuple[str, ...] | None) -> dict[str, Station
                     out |= {prefix + name + suffix: estimate for prefix, estimate in make(g, i)}
         out |= {name + suffix: estimate for name, estimate in made.impacts(g).items()}
     for mesh in range(1, c.stages + 1):
-        out[f"contact_share_mesh{mesh}"] = made.share(CONTACT, mesh)
-        out[f"open_share_mesh{mesh}"] = made.share(OPEN, mesh)
+        out[f"contact_share_mesh{mesh}"] = made.share(tally.CONTACT, mesh)
+        out[f"open_share_mesh{mesh}"] = made.share(tally.OPEN, mesh)
     return out if names is None else {name: out[name] for name in names if name in out}

@@ -1,7 +1,5 @@
 """All paths of a long run, followed together, and the batches of time that their sums fill."""
 
-from __future__ import annotations
-
 import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import NoReturn
@@ -9,17 +7,8 @@ from typing import NoReturn
 import numpy as np
 from tqdm import tqdm
 
-from rattle.montecarlo.long_run.sums import (
-    CONTACT,
-    NUMBER,
-    SAMPLES,
-    Collected,
-    Scales,
-    Sums,
-    collect,
-    new_sums,
-    no_scales,
-)
+from rattle.montecarlo.long_run import sums as tally
+from rattle.montecarlo.long_run.sums import Collected, Scales, Sums
 from rattle.montecarlo.long_run.walk import LANES, Walk
 from rattle.montecarlo.settings.budget import HOUR, Budget, clock
 from rattle.scene.errors import InputError
@@ -52,7 +41,7 @@ class LongPaths:
         slow: float,
         limit: Budget,
         pool: ThreadPoolExecutor,
-        bar: tqdm[NoReturn],
+        bar: "tqdm[NoReturn]",
     ) -> None:
         self._walks = [Walk(scene, seed, first, min(LANES, paths - first)) for first in range(0, paths, LANES)]
         self._together = TOGETHER if paths >= MANY else 1
@@ -62,8 +51,8 @@ class LongPaths:
 
     def begin(self, scales: Scales | None = None) -> None:
         """Begin to sum anew from here; distributions too, where a pilot run has set their scales."""
-        own, detail = scales or no_scales(self.slow), scales is not None
-        self.sums = [new_sums(walk.paths, BATCHES, own, detail, self._together) for walk in self._walks]
+        own, detail = scales or tally.no_scales(self.slow), scales is not None
+        self.sums = [tally.new_sums(walk.paths, BATCHES, own, detail, self._together) for walk in self._walks]
         self.length, self.periods = 1, 0
 
     def follow(self, until: int, seen: list[Floats] | None = None) -> None:
@@ -112,8 +101,8 @@ class LongPaths:
     def at_rest(self) -> bool:
         """Whether a mesh of every path is closed at all instants of the last half."""
         main = self.main
-        half = main[:, main.shape[1] // 2 :, CONTACT : CONTACT + 2].sum(axis=1).max(axis=1)
-        return bool((half >= 0.5 * SAMPLES * self.periods - 0.5).all())
+        half = main[:, main.shape[1] // 2 :, tally.CONTACT : tally.CONTACT + 2].sum(axis=1).max(axis=1)
+        return bool((half >= 0.5 * tally.SAMPLES * self.periods - 0.5).all())
 
     @property
     def elapsed(self) -> int:
@@ -135,7 +124,7 @@ class LongPaths:
     @property
     def nominal(self) -> float:
         """Nominal processor time of a period."""
-        return IMPACT_SECONDS * float(self.main[:, :, NUMBER].sum()) / self.periods
+        return IMPACT_SECONDS * float(self.main[:, :, tally.NUMBER].sum()) / self.periods
 
     def is_refused(self, periods: float) -> bool:
         """Whether so many periods more are expected to take more than an hour, and no budget is given."""
@@ -149,11 +138,11 @@ class LongPaths:
 
     def collect(self) -> Collected:
         """Everything that was summed."""
-        return collect(self.sums, self.periods // self.length, self.periods, self.scene.stages)
+        return tally.collect(self.sums, self.periods // self.length, self.periods, self.scene.stages)
 
 
 def warm_up(scene: Scene, slow: float) -> None:
     """Compile everything."""
-    walk, scales = Walk(scene, np.random.SeedSequence(0), 0, 1), no_scales(slow)
-    walk.follow(new_sums(1, 1, scales, False), seen=[])
-    walk.follow(new_sums(1, 1, scales))
+    walk, scales = Walk(scene, np.random.SeedSequence(0), 0, 1), tally.no_scales(slow)
+    walk.follow(tally.new_sums(1, 1, scales, False), seen=[])
+    walk.follow(tally.new_sums(1, 1, scales))

@@ -1,7 +1,5 @@
 """The result of a long run: its quantities, the density of its section, its energy balance, and how far it got."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Ensembles of long paths: burn-in, pilot run, and as much of the stationary motion as an accuracy takes."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """How paths are sampled, and what is recorded of them, beyond what every simulation is asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """What a simulation records beside central sums: means and sds of batches of paths, and histograms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +27,7 @@ class Batches:
     control: Floats  # mean of the control variate, whose expectation is zero; 0 without one; (BATCHES, impacts, 6)
 
     @classmethod
-    def empty(cls, impacts: int) -> Batches:
+    def empty(cls, impacts: int) -> "Batches":
         """Batches without paths."""
         return cls(*np.zeros((4, BATCHES, impacts, 6)))
 
@@ -66,7 +64,7 @@ class Histograms:
     counts: Ints  # the first and last count values below and above the bins; (impacts, 6, BINS + 2)
 
     @classmethod
-    def for_sample(cls, section: Floats) -> Histograms:
+    def for_sample(cls, section: Floats) -> "Histograms":
         """Empty histograms that reach `REACH` standard deviations of a sample to both sides of its mean.
 
         Shapes: `section` (paths, impacts, 6).

@@ -1,7 +1,5 @@
 """Mergeable sums over weighted paths, and the moments and standard errors that follow from them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
@@ -68,12 +66,12 @@ class WeightedSums:
     sums: Floats  # (parts, impacts, variables, ORDERS)
     products: Floats  # weighted products of the deviations of pairs; (impacts, pairs)
 
-    def merge(self, other: WeightedSums) -> WeightedSums:
+    def merge(self, other: "WeightedSums") -> "WeightedSums":
         """The sums over two sets of paths together."""
         paths, sums, products = self.paths + other.paths, self.sums + other.sums, self.products + other.products
         return WeightedSums(paths, self.centre, sums, products)
 
-    def until(self, impacts: int) -> WeightedSums:
+    def until(self, impacts: int) -> "WeightedSums":
         """The sums of the first impacts; the others have no weight."""
         seen = np.arange(len(self.centre)) < impacts
         return WeightedSums(self.paths, self.centre, self.sums * seen[:, None, None], self.products * seen[:, None])

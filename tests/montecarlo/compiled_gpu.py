@@ -12,7 +12,7 @@ import numpy as np
 from mc_checks import dat21
 from numba import cuda, types
 
-from rattle.montecarlo.cuda import sums as gpu_sums
+from rattle.montecarlo.cuda import launch as gpu_sums
 from rattle.montecarlo.cuda.paths import path_kernel
 from rattle.montecarlo.kernel.kernel import EXACT, LOCATED, PLAIN, Job
 from rattle.montecarlo.noise.backlash import backlash_of
@@ -39,7 +39,7 @@ def main() -> None:
         )
     ]  # fmt: skip
     kernels.append((gpu_sums._cell_sums, types.void(FLOATS[2], INTS[1], INTS[1], INTS[2], FLOATS[1], *FLOATS[2:3] * 2)))
-    kernels.append((gpu_sums._tally, types.void(FLOATS[3], *FLOATS[2:3] * 3)))
+    kernels.append((gpu_sums._tally, types.void(FLOATS[3], *FLOATS[2:3] * 2)))
     for kernel, signature in kernels:
         ptx, _ = cuda.compile_ptx(kernel.py_func, signature, cc=CAPABILITY)
         print(re.search(r"\.target (\w+)", ptx)[1])
