@@ -9,7 +9,7 @@ import pandas as pd
 from rattle.compare.stationary.measure import COLUMNS, stationary
 from rattle.compare.stationary.result import PLAIN, kind_of
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, PREDICTED, judge_predictions, predictions
-from rattle.compare.study.design import Kind, Study, list_reasons, with_coordinates
+from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.folder import load_study as load
 from rattle.compare.study.store import Cell, Content
 from rattle.compare.validation.verdict import Tolerances
@@ -23,12 +23,15 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["KIND", "load"]  # earlier pages say that `load` loads a study of the long run
+__all__ = ["load"]  # earlier pages say that `load` loads a study of the long run
 
 SETTINGS = ("accuracy", "periods", "paths", "burn_in", "slow")  # of the simulation, besides its seed
 FACTS = ("kind", "said", "periods", "paths", "impacts", "burn_in", "seconds")
 TABLES = ("quantities", "verdicts", "cost", "reasons")
 """Tables of such a study, each a Parquet file."""
+SMALL = ("cost", "reasons")  # those of them that are written as CSV too
+KEYS = ("closures", *SETTINGS, "seed")
+TITLE, PAGE = "study of the long run", "rattle.compare.stationary.study_page"
 SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
@@ -147,6 +150,9 @@ class LongTables:
         return data
 
 
+RESULT = LongTables
+
+
 def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
     """Compute the tables of a study from the results of its cells, by key."""
     points = [(p, found[p.sample.key]) for p in study.points if p.sample and p.sample.key in found]
@@ -194,16 +200,3 @@ def _closures(given: Any) -> tuple[str, ...]:
     if isinstance(given, str | Mapping) or not hasattr(given, "__iter__"):
         raise InputError("study.closures", given, "give a list of " + ", ".join(CLOSURES_JUDGED))
     return tuple(dict.fromkeys(choice("study.closures", name, CLOSURES_JUDGED) for name in given))
-
-
-KIND = Kind(
-    title="study of the long run",
-    keys=("closures", *SETTINGS, "seed"),
-    tables=TABLES,
-    small=("cost", "reasons"),
-    read=read,
-    cells=cells,
-    make=LongTables,
-    combine=combine,
-    page="rattle.compare.stationary.study_page",
-)

@@ -135,7 +135,14 @@ def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
 
 
 KINDS = {"impacts": "rattle.compare.study.impacts", "stationary": "rattle.compare.stationary.study"}
-"""Module of each kind of study; it has a `Kind` named ``KIND``."""
+"""Module of each kind of study: what is computed at each point of a grid, and how it is shown.
+
+``TITLE`` of a study that gives none.  ``KEYS`` of ``[study]`` besides ``kind`` and ``title``: ``read`` turns them into
+fields of `Study`, where some names vary.  ``cells`` makes the simulation, the predictions and the reasons of a `Point`
+from its scene and settings.  ``combine`` makes a ``RESULT`` of the results by key: an object with ``study, record,
+empty`` and ``TABLES``, each a Parquet file, those of ``SMALL`` written as CSV too.  ``PAGE`` is the module that shows
+it: ``answer`` (sentences), ``draw`` (figures), ``blocks`` (what stands above the sections of the page, and its last).
+"""
 
 
 @dataclass(frozen=True)
@@ -275,7 +282,7 @@ class Study:
             raise InputError("study", given, "write it as a table: [study]")
         name = choice("study.kind", given.get("kind", cls.kind), tuple(KINDS))
         kind = kind_of(name)
-        check_keys("study", given, ("kind", "title", *kind.keys))
+        check_keys("study", given, ("kind", "title", *kind.KEYS))
         parts: dict[str, Any] = {name: data[name] for name in ("gears", "scene", "drive") if name in data}
         scene = Scene.from_dict(parts)
         base = table_of(scene)
@@ -283,7 +290,7 @@ class Study:
             base.pop("start", None)
         axes = read_axes(data.get("axes", []))
         own = kind.read(given, {name for axis in axes for name in axis.names})
-        title = str(given.get("title", kind.title))
+        title = str(given.get("title", kind.TITLE))
         return cls(base=base, axes=axes, title=title, text=text, gears=scene.gears, kind=name, **own)
 
     @property
@@ -366,36 +373,14 @@ class Study:
         return Point(coordinates, sample, predictions, reasons)
 
 
-@dataclass(frozen=True)
-class Kind:
-    """What is computed at each point of a grid, and how it is shown."""
-
-    title: str  # of a study that gives none
-    keys: tuple[str, ...]  # of ``[study]``, besides ``kind`` and ``title``
-    tables: tuple[str, ...]  # each a Parquet file
-    small: tuple[str, ...]  # those of them that are written as CSV too
-    # reads the fields of `Study` that ``[study]`` gives, where some names vary
-    read: Callable[[Mapping[str, Any], set[str]], dict[str, Any]]
-    # makes the simulation, the predictions and the reasons of a `Point` from its scene and settings
-    cells: Callable[[Study, Scene, dict[str, Any]], tuple[Any, tuple[Any, ...], dict[str, str]]]
-    # makes an object of `study`, `record` and the tables by name, which has these and ``empty`` as attributes
-    make: Callable[..., Any]
-    # computes it from the results of the cells by key
-    combine: Callable[[Study, Mapping[str, Any]], Any]
-    # module of functions of that object: `answer` (sentences), `draw` (figures) and `blocks` (what stands
-    # above the sections of the page, and its last sections)
-    page: str
-
-
-def kind_of(name: str) -> Kind:
-    """The kind of a name in `KINDS`."""
-    kind: Kind = import_module(KINDS[name]).KIND
-    return kind
+def kind_of(name: str) -> Any:
+    """The module of a kind of study."""
+    return import_module(KINDS[name])
 
 
 def page_of(study: Study) -> Any:
     """The module that shows a study of its kind."""
-    return import_module(kind_of(study.kind).page)
+    return import_module(kind_of(study.kind).PAGE)
 
 
 def read_results(study: Study, store: Store) -> dict[str, Any]:

@@ -65,8 +65,8 @@ def load_study(folder: str | Path) -> Any:
         why = "is not the study of these tables; run rattle study with it again"
         raise FileError("study file", str(place / FILE), why)
     kind = kind_of(study.kind)
-    _check_files(place, record, [f"{name}.parquet" for name in kind.tables])
-    return kind.make(study, record, **{name: pd.read_parquet(place / f"{name}.parquet") for name in kind.tables})
+    _check_files(place, record, [f"{name}.parquet" for name in kind.TABLES])
+    return kind.RESULT(study, record, **{name: pd.read_parquet(place / f"{name}.parquet") for name in kind.TABLES})
 
 
 def _read_record(folder: Path) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def _check_files(folder: Path, record: dict[str, Any], files: Iterable[str]) -> 
 
 def files_of(study: Study) -> tuple[str, ...]:
     """Files whose digests the manifest of a finished study holds."""
-    return (*(f"{name}.parquet" for name in kind_of(study.kind).tables), *pages("study"))
+    return (*(f"{name}.parquet" for name in kind_of(study.kind).TABLES), *pages("study"))
 
 
 def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
@@ -204,7 +204,7 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[
     record = {
         "version": manifest.VERSION,
         "kind": "study",
-        "tables": list(kind.tables),
+        "tables": list(kind.TABLES),
         "title": study.title,
         "answer": shown.answer(tables),
         "complete": len(seconds) == len(study.cells),
@@ -232,9 +232,9 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[
         "study",
         page,
         record,
-        allowed=contents("study", tables=kind.small, large=kind.tables),
+        allowed=contents("study", tables=kind.SMALL, large=kind.TABLES),
         figures={name: figure for name, figure, _ in drawn},
-        tables={name: getattr(tables, name) for name in kind.tables},
+        tables={name: getattr(tables, name) for name in kind.TABLES},
         digits="%.9g",
         digests=files_of(study),
     )

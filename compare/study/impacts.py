@@ -12,7 +12,7 @@ import pandas as pd
 from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDERS, find_closures
 from rattle.compare.study.cells import BATCH, FACTS, Predicted, Prediction, Sample, Sampled, check_sample
-from rattle.compare.study.design import SETTINGS, Kind, Point, Study, list_reasons, with_coordinates
+from rattle.compare.study.design import SETTINGS, Point, Study, list_reasons, with_coordinates
 from rattle.compare.validation.errors import ON_ITINERARY, judge_followers, section_errors, to_absolute_time
 from rattle.compare.validation.verdict import Tolerances, is_accurate, is_wrong, judge, unbroken, widest
 from rattle.scene.errors import InputError, check_keys, choice, count, positive
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
 """Tables of a study of impacts, each a Parquet file."""
+SMALL = ("correlation", "validity", "cost", "reasons")  # those of them that are written as CSV too
+KEYS = ("impacts", "closures", "order", *SETTINGS, "common_noise", "on_itinerary", "near_branches", "within")
+TITLE, PAGE = "study", "rattle.compare.study.impacts_page"
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,9 @@ class Tables:
             if at.items() <= fixed.items():
                 return plot.figure(self, part)
         raise InputError("kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study")
+
+
+RESULT = Tables
 
 
 def compare_paired(one: Sampled, other: Sampled) -> pd.DataFrame:
@@ -389,16 +395,3 @@ def _within(given: Any) -> Tolerances:
         raise InputError("study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }")
     check_keys("study.within", given, Tolerances._fields)
     return Tolerances(**{name: positive(f"study.within.{name}", value) for name, value in given.items()})
-
-
-KIND = Kind(
-    title="study",
-    keys=("impacts", "closures", "order", *SETTINGS, "common_noise", "on_itinerary", "near_branches", "within"),
-    tables=TABLES,
-    small=("correlation", "validity", "cost", "reasons"),
-    read=read,
-    cells=cells,
-    make=Tables,
-    combine=combine,
-    page="rattle.compare.study.impacts_page",
-)
