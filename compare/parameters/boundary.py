@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
+from rattle.compare.parameters.finding import Finding, list_values
 from rattle.compare.parameters.search import (
     ACCURATE,
     UNDECIDED,
@@ -23,7 +24,6 @@ from rattle.compare.parameters.search import (
     find_changes,
     judge_value,
 )
-from rattle.compare.parameters.words import data_of, list_values
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
@@ -33,7 +33,6 @@ from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene.errors import InputError, count, positive
 from rattle.scene.scene import Scene, check_scene
-from rattle.scene.text import as_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,8 +44,8 @@ ORDER = 4  # of the closures' moments
 AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 
 
-@dataclass(frozen=True)
-class Boundary:
+@dataclass(frozen=True, repr=False)
+class Boundary(Finding):
     """The values of a parameter between which a closure stops holding, from `boundary`.
 
     Attributes
@@ -72,6 +71,9 @@ class Boundary:
     True
     """
 
+    title, shown = "Boundary of {closure} over {over}", "points"
+    plain = ("closure", "over", "unit", "answer", "edges", "path_steps", "points")
+
     scene: Scene
     closure: str
     over: str
@@ -79,13 +81,6 @@ class Boundary:
     points: pd.DataFrame
     path_steps: int
     unit: str = ""
-
-    def __repr__(self) -> str:
-        """What was found, on a few lines."""
-        return "\n".join([f"Boundary of {self.closure} over {self.over}", *(f"  {line}" for line in self.answer)])
-
-    def _repr_html_(self) -> str:
-        return as_html(repr(self), self.points.to_html(max_rows=12))
 
     @property
     def answer(self) -> list[str]:
@@ -126,10 +121,6 @@ class Boundary:
         from rattle.compare.parameters.figures import boundary_figure
 
         return boundary_figure(self.over, self.unit, self.edges, self.points)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain data."""
-        return data_of(self, "closure", "over", "unit", "answer", "edges", "path_steps", "points")
 
 
 def boundary(

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
 from rattle.compare.parameters.boundary import find_range, own_seed
+from rattle.compare.parameters.finding import Finding, list_values, with_unit
 from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
-from rattle.compare.parameters.words import data_of, list_values, with_unit
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.compare.study.engine import Runner
@@ -25,7 +25,6 @@ from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.scene import Scene, check_scene
-from rattle.scene.text import as_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,8 +58,8 @@ class Sides(NamedTuple):
     above: float
 
 
-@dataclass(frozen=True)
-class Crossing:
+@dataclass(frozen=True, repr=False)
+class Crossing(Finding):
     """The values of a parameter between which a quantity of the long run crosses a level, from `crossing`.
 
     Attributes
@@ -88,6 +87,18 @@ class Crossing:
     True
     """
 
+    title: ClassVar[str] = "Crossing of {quantity} = {level:g} over {over}"
+    shown: ClassVar[str] = "points"
+    plain: ClassVar[tuple[str, ...]] = (
+        "quantity",
+        "level",
+        "quantity_unit",
+        "over",
+        "unit",
+        "answer",
+        "edges",
+        "points",
+    )
     scene: Scene
     quantity: str
     level: float
@@ -96,14 +107,6 @@ class Crossing:
     points: pd.DataFrame
     unit: str = ""
     quantity_unit: str = ""
-
-    def __repr__(self) -> str:
-        """What was found, on a few lines."""
-        title = f"Crossing of {self.quantity} = {self.level:g} over {self.over}"
-        return "\n".join([title, *(f"  {line}" for line in self.answer)])
-
-    def _repr_html_(self) -> str:
-        return as_html(repr(self), self.points.to_html(max_rows=12))
 
     @property
     def answer(self) -> list[str]:
@@ -145,10 +148,6 @@ class Crossing:
 
         across, up = with_unit(self.over, self.unit), with_unit(self.quantity, self.quantity_unit)
         return crossing_figure(self.level, self.edges, self.points, across, up)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain data."""
-        return data_of(self, "quantity", "level", "quantity_unit", "over", "unit", "answer", "edges", "points")
 
 
 def crossing(

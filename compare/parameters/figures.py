@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from rattle.compare.parameters.finding import quantity_words, with_unit
 from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge
-from rattle.compare.parameters.words import quantity_words, with_unit
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.study.parameters import PERCENT
 

@@ -13,8 +13,8 @@ import pandas as pd
 
 from rattle.closure.mean_map import find_closure
 from rattle.compare.parameters.boundary import boundary, find_range
+from rattle.compare.parameters.finding import Finding, list_values, with_unit
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
-from rattle.compare.parameters.words import data_of, list_values, with_unit
 from rattle.compare.study.cluster import Cluster
 from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.parameters import find_parameter
@@ -22,7 +22,6 @@ from rattle.compare.study.store import Cell, Content, Store
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene.errors import InputError, RattleError, check_keys, count
 from rattle.scene.scene import Scene, check_scene
-from rattle.scene.text import as_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,8 +73,8 @@ class Search(Cell):
         return Found(tuple(Edge(*edge) for edge in content.facts["edges"]), content.table, content.facts)
 
 
-@dataclass(frozen=True)
-class BoundaryMap:
+@dataclass(frozen=True, repr=False)
+class BoundaryMap(Finding):
     """The curve along which a closure stops holding, over two parameters, from `boundary_map`.
 
     Attributes
@@ -101,6 +100,9 @@ class BoundaryMap:
     array([0.75, 3.  ])
     """
 
+    title, shown = "Boundary of {closure} over {over} and {along}", "curve"
+    plain = ("closure", "over", "along", "units", "answer", "path_steps", "curve", "points")
+
     scene: Scene
     closure: str
     over: str
@@ -109,14 +111,6 @@ class BoundaryMap:
     points: pd.DataFrame
     path_steps: int
     units: tuple[str, str] = ("", "")
-
-    def __repr__(self) -> str:
-        """What was found, on a few lines."""
-        title = f"Boundary of {self.closure} over {self.over} and {self.along}"
-        return "\n".join([title, *(f"  {line}" for line in self.answer)])
-
-    def _repr_html_(self) -> str:
-        return as_html(repr(self), self.curve.to_html())
 
     @property
     def answer(self) -> list[str]:
@@ -164,10 +158,6 @@ class BoundaryMap:
 
         across, up = with_unit(self.along, self.units[1]), with_unit(self.over, self.units[0])
         return map_figure(self.curve, self.points, across, up)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain data."""
-        return data_of(self, "closure", "over", "along", "units", "answer", "path_steps", "curve", "points")
 
 
 def boundary_map(

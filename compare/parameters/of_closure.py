@@ -14,8 +14,8 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
+from rattle.compare.parameters.finding import Finding
 from rattle.compare.parameters.sensitivity import CONFIDENCE, factors_of, find_slopes
-from rattle.compare.parameters.words import data_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
@@ -23,7 +23,6 @@ from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene, check_scene
-from rattle.scene.text import as_html
 from rattle.scene.types import Floats
 
 __all__ = ["ClosureSensitivity", "closure_sensitivity"]
@@ -38,8 +37,8 @@ COLUMNS = ["parameter", "impact", "quantity", "moment", "predicted", "simulated"
 COLUMNS += ["tolerance", "linear", "verdict", "paths_needed"]
 
 
-@dataclass(frozen=True)
-class ClosureSensitivity:
+@dataclass(frozen=True, repr=False)
+class ClosureSensitivity(Finding):
     """Changes of the section moments of a closure for 1 % more of each parameter, from `closure_sensitivity`.
 
     Attributes
@@ -61,17 +60,13 @@ class ClosureSensitivity:
     ['mean', 'sd']
     """
 
+    title, shown = "Sensitivity of {closure}", "table"
+    plain = ("closure", "answer", "paths", "table")
+
     scene: Scene
     closure: str
     table: pd.DataFrame
     paths: int
-
-    def __repr__(self) -> str:
-        """How many changes are accurate, and the worst."""
-        return "\n".join([f"Sensitivity of {self.closure}", *(f"  {line}" for line in self.answer)])
-
-    def _repr_html_(self) -> str:
-        return as_html(repr(self), self.table.to_html(max_rows=40))
 
     @property
     def answer(self) -> list[str]:
@@ -93,10 +88,6 @@ class ClosureSensitivity:
             f"{self.paths:,} paths of each scene.",
             *([f"{bent} more are not judged: not linear over ± {STEPS[1]:.0%}."] if bent else []),
         ]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain data."""
-        return data_of(self, "closure", "answer", "paths", "table")
 
 
 def closure_sensitivity(

@@ -13,14 +13,13 @@ import pandas as pd
 from scipy.stats import t as student
 from tqdm import tqdm
 
-from rattle.compare.parameters.words import data_of, quantity_words, value_text
+from rattle.compare.parameters.finding import Finding, quantity_words, value_text
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene.errors import InputError, choice, positive
 from rattle.scene.scene import Scene, check_scene
-from rattle.scene.text import as_html
 from rattle.scene.types import Floats
 
 if TYPE_CHECKING:
@@ -43,8 +42,8 @@ class _Job(NamedTuple):
     scene: Scene
 
 
-@dataclass(frozen=True)
-class Sensitivity:
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Finding):
     """Effects of the parameters of a scene on its stationary motion, from `sensitivity`.
 
     Attributes
@@ -74,19 +73,15 @@ class Sensitivity:
     True
     """
 
+    title, shown = "Sensitivity", "table"
+    plain = ("said", "answer", "groups", "reached", "values", "table")
+
     scene: Scene
     table: pd.DataFrame
     values: pd.DataFrame
     groups: int
     reached: bool
     said: str
-
-    def __repr__(self) -> str:
-        """The strongest levers, on a few lines."""
-        return "\n".join(["Sensitivity", *(f"  {line}" for line in self.answer)])
-
-    def _repr_html_(self) -> str:
-        return as_html(self.said, self.table.to_html(max_rows=40))
 
     @property
     def answer(self) -> list[str]:
@@ -135,10 +130,6 @@ class Sensitivity:
         from rattle.compare.parameters.figures import tornado
 
         return tornado(self.table, list(self.values.index))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain data."""
-        return data_of(self, "said", "answer", "groups", "reached", "values", "table")
 
 
 def _effect_words(parameter: Parameter, row: pd.Series) -> str:

@@ -1,0 +1,69 @@
+"""What boundaries, maps, crossings and sensitivities find has in common, and its words."""
+
+from typing import Any, ClassVar
+
+import pandas as pd
+
+from rattle.scene.text import as_html
+
+WORDS = {
+    "rate_above": "the number of impacts per second{}",
+    "rate": "the number of all impacts per second{}",
+    "power": "the energy lost per second{}",
+    "speed_above": "the mean speed of impacts{}",
+    "rms_speed_above": "the rms speed of impacts{}",
+    "q95_speed_above": "the 95 % quantile of impact speeds{}",
+    "contact_share": "the share of time in contact{}",
+    "open_share": "the share of time with open teeth{}",
+}
+
+
+def quantity_words(quantity: str) -> str:
+    """A quantity in words."""
+    kind, _, mesh = quantity.partition("_mesh")
+    return WORDS.get(kind, f"`{kind}`{{}}").format(f" at mesh {mesh}" if mesh else "")
+
+
+def value_text(value: Any, unit: Any) -> str:
+    """A value with its unit."""
+    return f"{float(f'{value:.3g}'):,g} {unit}".rstrip()
+
+
+def with_unit(name: str, unit: str) -> str:
+    """A name with its unit, if it has one."""
+    return f"{name} ({unit})" if unit else name
+
+
+def list_values(values: Any) -> str:
+    """Values after each other."""
+    return ", ".join(f"{value:.4g}" for value in values)
+
+
+class Finding:
+    """What a search, or a comparison of runs, has found: the base of dataclasses."""
+
+    title: ClassVar[str]  # with attributes between braces
+    shown: ClassVar[str]  # the table below the answer in a notebook
+    plain: ClassVar[tuple[str, ...]]  # attributes in `to_dict`
+
+    @property
+    def answer(self) -> list[str]:
+        """In sentences."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """What was found, on a few lines."""
+        return "\n".join([self.title.format_map(vars(self)), *(f"  {line}" for line in self.answer)])
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), getattr(self, self.shown).to_html(max_rows=40))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data: tables by their rows, edges by the names of their fields."""
+        data = {name: getattr(self, name) for name in self.plain}
+        for name, value in data.items():
+            if isinstance(value, pd.DataFrame):
+                data[name] = (value.reset_index() if value.index.name else value).to_dict("records")
+            elif isinstance(value, tuple):
+                data[name] = [one._asdict() if hasattr(one, "_asdict") else one for one in value]
+        return data
