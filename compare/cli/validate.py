@@ -163,9 +163,7 @@ def tradeoff(base: "Scene", begin: Begin, accuracies: tuple[float, ...], orders:
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
-    from rattle.compare.tradeoff.multilevel import SIGMAS, control_table
     from rattle.compare.tradeoff.page import write_tradeoff
-    from rattle.compare.tradeoff.weak_order import orders_over
     from rattle.montecarlo import SCHEMES, check_settings
     from rattle.scene.errors import positive
 
@@ -173,16 +171,11 @@ def tradeoff(base: "Scene", begin: Begin, accuracies: tuple[float, ...], orders:
     asked = check_accuracies(accuracies or ACCURACIES)
     positive("budget", settings["budget"])
     common: dict[str, Any] = {name: settings[name] for name in ("impacts", "workers")}
-    seed = settings["seed"]
     for scheme in SCHEMES:
-        check_settings(base, paths=1, dt=None, scheme=scheme, rng=seed, step_bias=False, **common)
-    results = begin()
-    found = measure(base, accuracies=asked, **settings)
-    control = control_table(base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common)
-    sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
-    measured = orders_over(base, sigmas, rng=seed, workers=settings["workers"]) if orders else None
-    record = {"scene": base.to_dict(), "accuracies": asked, "orders": orders, **settings}
-    results.say(results.write(write_tradeoff, found, control, measured, asked, **record), "tradeoff.html")
+        check_settings(base, paths=1, dt=None, scheme=scheme, rng=settings["seed"], step_bias=False, **common)
+    results, asked_for = begin(), {"accuracies": asked, "orders": orders, **settings}
+    found = measure(base, **asked_for)
+    results.say(results.write(write_tradeoff, found, scene=base.to_dict(), **asked_for), "tradeoff.html")
 
 
 @click.command()

@@ -28,31 +28,18 @@ def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone:
     `slopes`: Exponent with which the cost of each scheme grows with the accuracy; NaN if unknown.
     """
     figure, (ax,) = new_figure(10.6, 4.9, 1, 1)  # low enough for the first screen, its legend beside it
-    handles: list[Artist] = []
-    schemes = points[points["kind"] == "scheme"]
-    for scheme, rows in schemes.groupby("method", sort=False):
-        handles.append(_scheme(ax, str(scheme), rows, slopes[str(scheme)]))
-    for method, rows in points[points["kind"] == "multilevel"].groupby("method", sort=False):
-        colour = SCHEME[str(method).removeprefix("multilevel ")]["color"]
+    schemes = points[points["kind"] == "scheme"].groupby("method", sort=False)
+    handles: list[Artist] = [_scheme(ax, str(name), rows, slopes[str(name)]) for name, rows in schemes]
+    multilevel = points[points["kind"] == "multilevel"].groupby("method", sort=False)
+    for method, rows in [*multilevel, ("exact-flight", means_alone)]:
+        colour = SCHEME[method.removeprefix("multilevel ")]["color"] if method != "exact-flight" else "k"
         handles += ax.plot(rows["core_seconds"], rows["error"], ls="-.", lw=1.1, color=colour, label=f"{method}: means")
-    handles += ax.plot(
-        means_alone["core_seconds"], means_alone["error"], ls="-.", lw=1.1, color="k", label="exact-flight: means"
-    )
-    for _, row in points[points["kind"] == "closure"].iterrows():
-        handles.append(_closure(ax, row))
-    ax.set(
-        xscale="log",
-        yscale="log",
-        ylim=(0.6 * min(points["error"].min(), points["median_error"].min()), 2.0 * points["error"].max()),
-        xlabel="processor time (core-seconds)",
-        ylabel="error of the section means and sds / sd of each quantity",
-    )
-    figure.legend(
-        handles=[*handles, MEASURED, EXTRAPOLATED, MISSED],
-        loc="outside right upper",
-        fontsize=8.0,
-        frameon=False,
-    )
+    handles += [_closure(ax, row) for _, row in points[points["kind"] == "closure"].iterrows()]
+    low, high = points[["error", "median_error"]].min().min(), points["error"].max()
+    ax.set(xscale="log", yscale="log", ylim=(0.6 * low, 2.0 * high), xlabel="processor time (core-seconds)")
+    ax.set_ylabel("error of the section means and sds / sd of each quantity")
+    handles += [MEASURED, EXTRAPOLATED, MISSED]
+    figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False)
     return figure
 
 

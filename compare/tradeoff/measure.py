@@ -6,12 +6,12 @@ reference simulation, the run of exact flights with most paths.  Time is process
 """
 
 import math
-import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from itertools import product
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,8 @@ from tqdm import tqdm
 
 from rattle.closure import closures_for, mean_map
 from rattle.closure.mean_map import closure_seconds
-from rattle.compare.tradeoff.multilevel import Levels, measure_levels
+from rattle.compare.tradeoff.multilevel import SIGMAS, Levels, control_table, measure_levels, time_run
+from rattle.compare.tradeoff.weak_order import Orders, orders_over
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, Record, simulate, simulate_to
 from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths, step_error
@@ -88,9 +89,8 @@ class CostModel:
         first, seconds = _least(lambda: pilot(scene, scheme, again))
         if not SCHEMES[scheme].has_step_bias:
             return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, 0.0, first)
-        finer, more = _least(
-            lambda: again(paths=first.paths, scheme=scheme, dt=first.dt / FINER, record=Record(step_bias=True))
-        )
+        longer = partial(again, paths=first.paths, scheme=scheme, dt=first.dt / FINER)
+        finer, more = _least(partial(longer, record=Record(step_bias=True)))
         step = (more - seconds) / (finer.path_steps - first.path_steps)
         path = max(0.0, seconds - step * first.path_steps) / first.paths
         model = cls(scheme, first, path, step, seconds, step_error(first)[0] / first.dt, first)
@@ -139,13 +139,6 @@ class CostModel:
         return 1e-9 * step_ns * steps if step_ns else self.path_seconds * share + self.step_seconds * steps
 
 
-def time_run(call: Callable[[], T]) -> tuple[T, float]:
-    """The result of a call, and its processor time."""
-    began = time.process_time()
-    run = call()
-    return run, time.process_time() - began
-
-
 def _least(call: Callable[[], T]) -> tuple[T, float]:
     """The result of a call and the shortest of several timings, after a first call that compiles."""
     return call(), min(time_run(call)[1] for _ in range(REPEATS))
@@ -162,9 +155,12 @@ class Tradeoff:
     """Results of a comparison of costs."""
 
     points: pd.DataFrame  # rows of `rattle.compare.tradeoff.measure.CostPoint`
+    accuracies: Sequence[float]  # from the roughest to the finest
     models: dict[str, CostModel]  # by scheme
     levels: dict[str, Levels]  # multilevel analysis, by Euler scheme
     reference: Ensemble  # the simulation with which closures are compared
+    control: pd.DataFrame  # what the control variate is worth, see `control_table`; empty for noise with memory
+    orders: Orders | None  # measured weak orders, if asked for
 
 
 def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
@@ -172,34 +168,24 @@ def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:
     return tuple(sorted({positive("accuracy", a) for a in accuracies}, reverse=True))
 
 
-def _scheme_points(
-    model: CostModel,
-    accuracies: Sequence[float],
-    budget: float,
-    asked: Callable[..., Ensemble],
-    bar: "tqdm[NoReturn]",
-) -> list[tuple[CostPoint, Ensemble | None]]:
-    """Points of a scheme, with the run of each that was measured."""
-    points: list[tuple[CostPoint, Ensemble | None]] = []
-    for accuracy in accuracies:
-        bar.set_postfix_str(f"{model.scheme}, {accuracy:g}")
-        point, measured = model.at(accuracy), None
-        if point.work <= budget:  # counted, so that no clock decides which rows are measured
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", AccuracyWarning)  # a run that misses it is replaced by the model
-                call = partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
-                run, seconds = time_run(call)
-            model.learn(run)
-            reach = run.reach
-            assert reach is not None
-            point = model.at(accuracy)
-            if reach.reached:
-                measured, work = run, model.work(run, run.paths, run.dt)
-                point = point._replace(dt=run.dt, paths=run.paths, core_seconds=seconds, work=work, measured=True)
-                point = point._replace(sampling_error=reach.sampling, step_error=reach.step, error=reach.bound)
-        points.append((point, measured))
-        bar.update()
-    return points
+def _measure_point(
+    model: CostModel, accuracy: float, budget: float, asked: Callable[..., Ensemble]
+) -> tuple[CostPoint, Ensemble | None]:
+    """The point of a scheme at an accuracy, with its run if it was measured."""
+    point = model.at(accuracy)
+    if point.work > budget:  # counted, so that no clock decides which rows are measured
+        return point, None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AccuracyWarning)  # a run that misses it is replaced by the model
+        run, seconds = time_run(partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget))
+    model.learn(run)
+    point, reach = model.at(accuracy), run.reach
+    assert reach is not None
+    if not reach.reached:
+        return point, None
+    work = model.work(run, run.paths, run.dt)
+    point = point._replace(dt=run.dt, paths=run.paths, core_seconds=seconds, work=work, measured=True)
+    return point._replace(sampling_error=reach.sampling, step_error=reach.step, error=reach.bound), run
 
 
 def _section_rows(scene: Scene) -> list[tuple[str, str]]:
@@ -213,13 +199,12 @@ def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
     return np.array([(own[name] - reference.section[name]) / unit[q] for name, q in _section_rows(reference.scene)])
 
 
-def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[CostPoint]:
+def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> Iterator[CostPoint]:
     """Worst and median error of every closure that can be applied to the scene, and its time."""
     columns, unit = _section_rows(scene), units(reference)
     closures = closures_for(scene)
     z = widest(len(columns) * impacts * len(closures))
     half = z * np.array([reference.section["se_" + name] / unit[q] for name, q in columns])
-    points = []
     for closure in closures:
         found, seconds = _least(partial(mean_map, scene, impacts=impacts, closure=closure))
         error = np.abs(_differences(found.section, reference))
@@ -230,8 +215,7 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> list[Cost
         bound = float(error[worst] if resolved else (error + noise).max())
         point = CostPoint(closure, "closure", math.nan, math.nan, 0, seconds, float(noise[worst]), 0.0, bound, True)
         more: dict[str, Any] = {"median_error": float(np.median(error)), "resolved": resolved, "rows": error.size}
-        points.append(point._replace(work=closure_seconds(found), **more))
-    return points
+        yield point._replace(work=closure_seconds(found), **more)
 
 
 def _compare(point: CostPoint, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[CostPoint]:
@@ -252,16 +236,12 @@ def bound_of_means(standard_error: float, scene: Scene, impacts: int) -> float:
 
 def multilevel_points(
     levels: dict[str, Levels], accuracies: Sequence[float], scene: Scene, impacts: int
-) -> list[CostPoint]:
+) -> Iterator[CostPoint]:
     """Cost of the cheapest multilevel estimator of the means for each Euler scheme, from the analysis of its levels."""
-    points = []
-    for scheme, found in levels.items():
-        for a in accuracies:
-            e = found.estimate(a)
-            dt = found.table["dt"].iloc[0] / 2.0**e.last
-            error = bound_of_means(a, scene, impacts) + a
-            points.append(CostPoint(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False))
-    return points
+    for (scheme, found), a in product(levels.items(), accuracies):
+        e, error = found.estimate(a), bound_of_means(a, scene, impacts) + a
+        dt = found.table["dt"].iloc[0] / 2.0**e.last
+        yield CostPoint(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False)
 
 
 def means_seconds(model: CostModel, accuracy: float, *, control: bool, typical: bool = False) -> float:
@@ -288,33 +268,40 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
 
 
 def measure(
-    scene: Scene, *, impacts: int, accuracies: Sequence[float], budget: float, seed: int, workers: int
+    base: Scene, *, impacts: int, accuracies: Sequence[float], budget: float, seed: int, workers: int, orders: bool
 ) -> Tradeoff:
     """Measure the cost of every scheme and closure at several accuracies.
 
     The cost of multilevel estimators is estimated from runs at halved steps.  Closures are compared with the run of
     exact flights that has most paths.
+
+    `orders`: Whether to measure the weak orders of the schemes too, at the noise of the scene and of the paper.
     """
-    scene = scene.phase_reduced  # so that a late start loses no digits of the times
-    again = partial(simulate, scene, impacts=impacts, rng=seed, workers=workers)
-    asked = partial(simulate_to, scene, impacts=impacts, rng=seed, workers=workers)
+    scene = base.phase_reduced  # so that a late start loses no digits of the times
+    common: dict[str, Any] = {"impacts": impacts, "workers": workers}
+    again, asked = (partial(run, scene, rng=seed, **common) for run in (simulate, simulate_to))
     models: dict[str, CostModel] = {}
-    found: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {}
-    exact_first = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
+    found: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in SCHEMES}
+    exact, *euler = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
-        for scheme in exact_first:
+        for scheme in (exact, *euler):
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
-            model.shared = models[exact_first[0]].best
-            found[scheme] = _scheme_points(model, accuracies, budget, asked, bar)
-    reference = models[exact_first[0]].best
-    levels = {
-        scheme: measure_levels(scene, scheme, impacts=impacts, seed=seed, workers=workers) for scheme in exact_first[1:]
-    }
+            model.shared = models[exact].best
+            for accuracy in accuracies:
+                bar.set_postfix_str(f"{scheme}, {accuracy:g}")
+                found[scheme].append(_measure_point(model, accuracy, budget, asked))
+                bar.update()
+    reference = models[exact].best
+    levels = {scheme: measure_levels(scene, scheme, seed=seed, **common) for scheme in euler}
     points = []
     for scheme in SCHEMES:
         for point, run in found[scheme]:
             point = point._replace(rows=len(_section_rows(scene)) * impacts)
             points += _compare(point, run, models[scheme], reference)
-    points += multilevel_points(levels, accuracies, scene, impacts) + closure_points(scene, impacts, reference)
-    models = {scheme: models[scheme] for scheme in SCHEMES}
-    return Tradeoff(pd.DataFrame(points, columns=list(CostPoint._fields)), models, levels, reference)
+    points += multilevel_points(levels, accuracies, scene, impacts)
+    points += closure_points(scene, impacts, reference)
+    table, models = pd.DataFrame(points, columns=list(CostPoint._fields)), {name: models[name] for name in SCHEMES}
+    control = control_table(base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common)
+    sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
+    slopes = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None
+    return Tradeoff(table, accuracies, models, levels, reference, control, slopes)

@@ -14,35 +14,41 @@ Numerica 24 (2015), section 3: the table of levels and its checks.
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import comb
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 from tqdm import tqdm
 
-from rattle.montecarlo import Ensemble, Record, default_step, simulate
+from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import smallest_sd, units
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
-from rattle.montecarlo.schemes.step_size import largest_step
 from rattle.montecarlo.settings.plan import plan_of
-from rattle.montecarlo.settings.sampling import Sampling
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats
 
+T = TypeVar("T")
 LEVELS, PATHS = 7, 16_384
 COARSEST = 0.02  # step of level 0, if it is admissible for the scene
 FITTED_FROM = 2  # first level used to fit the rates; the levels before are not yet asymptotic
 KURTOSIS_ALARM = 100.0
 """Kurtosis of a level difference above which its estimated variance is unreliable (Giles 2015, section 3.2)."""
 MOST_LEVELS = 60  # levels up to which the rates are extrapolated
+
+
+def time_run(call: Callable[[], T]) -> tuple[T, float]:
+    """The result of a call, and its processor time."""
+    began = time.process_time()
+    run = call()
+    return run, time.process_time() - began
 
 
 class Rate(NamedTuple):
@@ -147,13 +153,9 @@ def measure_levels(scene: Scene, scheme: str, *, impacts: int, seed: int, worker
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
     seeds = np.random.SeedSequence([seed, LEVELS]).spawn(LEVELS)
     common: dict[str, Any] = {"paths": PATHS, "impacts": impacts, "scheme": scheme, "workers": workers}
+    common["record"], dt = Record(step_bias=True), min(COARSEST, longest)
     bar = tqdm(seeds, desc=f"levels of {scheme}", unit="level", disable=None, leave=False)
-    return levels_of(
-        [
-            simulate(scene, dt=min(COARSEST, longest) / 2**level, rng=own, record=Record(step_bias=True), **common)
-            for level, own in enumerate(bar)
-        ]
-    )
+    return levels_of([simulate(scene, dt=dt / 2**level, rng=own, **common) for level, own in enumerate(bar)])
 
 
 def levels_of(runs: Sequence[Ensemble]) -> Levels:
@@ -234,13 +236,11 @@ def control_table(
         own = scene.with_sigma(sigma)
         call = partial(simulate, own, impacts=impacts, workers=workers, **settings)
         call(sampling=Sampling(control=True))
-        times, runs = {False: np.inf, True: np.inf}, {}
-        for _ in range(REPEATS):
-            for control in (False, True):
-                began = time.process_time()
-                runs[control] = call(sampling=Sampling(control=control)).section
-                times[control] = min(times[control], time.process_time() - began)
-        plain, controlled = runs[False], runs[True]
+        runs, seconds = zip(
+            *[time_run(partial(call, sampling=Sampling(control=c))) for _ in range(REPEATS) for c in (False, True)],
+            strict=True,
+        )
+        plain, controlled = runs[-2].section, runs[-1].section
         least = smallest_sd({str(name): plain[name].to_numpy() for name in plain})
         usable = {q: (plain["sd_" + q] > least[q]) & (q != "x" + plain["mesh"].astype(str)) for q in SECTION}
         row: dict[str, float] = {"sigma": sigma}
@@ -250,7 +250,7 @@ def control_table(
         plan = plan_of(own, impacts=impacts, dt=default_step(own, "exact-flight"), **settings)
         gains = [np.median(gain[np.array(list(usable.values())).T]) for gain in antithetic_gain(plan)]
         row |= {"antithetic_means": float(gains[0]), "antithetic_sds": float(gains[1])}
-        rows.append({**row, "time_ratio": times[True] / times[False]})
+        rows.append({**row, "time_ratio": min(seconds[1::2]) / min(seconds[::2])})
     return pd.DataFrame(rows)
 
 
@@ -263,12 +263,8 @@ def antithetic_gain(plan: Plan) -> tuple[Floats, Floats]:
 
     Shapes: result (impacts, 6).
     """
-    both = np.stack(
-        [
-            np.concatenate([sample(one, block).rows[0, :, :, : len(SECTION)] for block in range(plan.blocks)])
-            for one in (plan, plan._replace(mirrored=True))
-        ]
-    )
+    pairs = [(sample(plan, n), sample(plan._replace(mirrored=True), n)) for n in range(plan.blocks)]
+    both = np.concatenate([[one.rows[0, :, :, : len(SECTION)] for one in pair] for pair in pairs], axis=1)
     gains = []
     for values in (both, (both - np.nanmean(both, axis=(0, 1))) ** 2):
         away = values - np.nanmean(values, axis=(0, 1))

@@ -1,6 +1,5 @@
 """The page of a trade-off: its answer in sentences, tables, and explanations of its tables and figures."""
 
-from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -11,94 +10,70 @@ import pandas as pd
 from rattle.compare.report import Row, Table, TableCell, Text, numbers
 from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.texts import read_texts
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Tradeoff, bound_of_means, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
-from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEPS, Orders
+from rattle.compare.tradeoff.weak_order import IMPACTS, STEPS
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words, span
 from rattle.scene.text import duration_text
 
 EXACT = "exact-flight"
 PLAIN = "euler-maruyama"
+SAID: dict[str, str] = read_texts("tradeoff")
+"""Sentences of the answer."""
 
 
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
     """The method of least counted work for an accuracy, of schemes and of closures that predict all moments so well."""
     scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
-    prediction = (
-        (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
-    )
-    best: dict[str, Any] = points[scheme | prediction].nsmallest(1, "work").to_dict("records")[0]
+    closure = (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
+    best: dict[str, Any] = points[scheme | closure].nsmallest(1, "work").to_dict("records")[0]
     return best
 
 
-def advice(m: Tradeoff, accuracies: Sequence[float]) -> str:
+def advice(m: Tradeoff) -> str:
     """Which method to take down to which error, in one sentence."""
     parts = []
-    for method, same in groupby([(a, cheapest(m.points, a)) for a in accuracies], key=lambda found: found[1]["method"]):
+    for method, same in groupby(
+        [(a, cheapest(m.points, a)) for a in m.accuracies], key=lambda found: found[1]["method"]
+    ):
         finest, best = list(same)[-1]
         cost = duration_text(best["core_seconds"], 2) + ("" if best["measured"] else ", extrapolated")
         parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
-    scene, impacts = m.reference.scene, m.reference.impacts
-    return (
-        f"For all means and sds at {impacts} impacts of this gear pair at σ = {scene.sigma:.4g} "
-        f"take {join_words(parts)}; "
-        "times are those of one core, and what is cheapest is decided by counted work."
-    )
+    return SAID["advice"].format(m.reference, methods=join_words(parts))
 
 
-def answer(m: Tradeoff, accuracies: Sequence[float]) -> list[str]:
+def answer(m: Tradeoff) -> list[str]:
     """What to take, where a closure is cheapest, and the cost of plain Euler-Maruyama."""
-    p = m.points
-    whole = p["rows"].max()
-    found = [advice(m, accuracies)]
-    predictions = p[p["kind"] == "closure"]
-    wins = []
-    for _, row in predictions[predictions["rows"] == whole].iterrows():
-        simulated = m.models[EXACT].at(row["error"]).work
+    p, exact, plain, finest = m.points, m.models[EXACT], m.models[PLAIN], m.accuracies[-1]
+    predictions, wins = p[p["kind"] == "closure"], []
+    for row in predictions[predictions["rows"] == p["rows"].max()].to_dict("records"):
+        simulated = exact.at(row["error"]).work
         if simulated > row["work"] and row["error"] <= 1.0:
-            wins.append(
-                f"`{row['method']}`, whose worst error is {'' if row['resolved'] else 'below '}{row['error']:.2g} "
-                f"(median {row['median_error']:.2g}) after {duration_text(row['core_seconds'], 2)}: exact flights take "
-                f"{float(format(simulated / row['work'], '.2g')):g} times the work for the same error"
-            )
-    found.append(
-        f"A closure is the cheapest method for any accuracy no finer than its own worst error: {'; '.join(wins)}."
-        if wins
-        else "No closure that predicts all of them is shown to be cheaper than a simulation with the same worst error."
-    )
-    finest = accuracies[-1]
-    plain, exact = m.models[PLAIN], m.models[EXACT].path_alone(finest)
-    found.append(
-        f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at "
-        f"{1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes "
-        f"{plain.path_alone(finest) / exact:,.0f} times the processor time of exact flights "
-        f"({duration_text(m.models[EXACT].at(finest).core_seconds, 2)}), and "
-        f"{plain.path_alone(finest, HAND_TUNED_NS) / exact:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned "
-        "numba code."
-    )
-    return [*found, *explain_missing(m.reference.scene, list(predictions["method"])), verdict(m, accuracies)]
+            below, after = "" if row["resolved"] else "below ", duration_text(row["core_seconds"], 2)
+            times = float(format(simulated / row["work"], ".2g"))
+            wins.append(SAID["closure"].format(**row, below=below, after=after, times=times))
+    ratios = [plain.path_alone(finest, ns) / exact.path_alone(finest) for ns in (None, HAND_TUNED_NS)]
+    ns, cost = (1e9 * plain.step_seconds, HAND_TUNED_NS), duration_text(exact.at(finest).core_seconds, 2)
+    needs = SAID["plain"].format(finest=finest, dt=plain.at(finest).dt, ns=ns, times=ratios, cost=cost)
+    closures = SAID["closures" if wins else "no closure"].format("; ".join(wins))
+    missing = explain_missing(m.reference.scene, list(predictions["method"]))
+    return [advice(m), closures, needs, *missing, verdict(m)]
 
 
-def verdict(m: Tradeoff, accuracies: Sequence[float]) -> str:
+def verdict(m: Tradeoff) -> str:
     """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the section means."""
     exact, factors, typical = m.models[EXACT], [], []
-    for a in accuracies:
+    for a in m.accuracies:
         estimates = [levels.estimate(a) for levels in m.levels.values()]
         factors.append(min(e.seconds for e in estimates) / means_seconds(exact, a, control=True))
         typical.append(min(e.typical for e in estimates) / means_seconds(exact, a, control=True, typical=True))
-    wins = [f"{a:g} ({1.0 / f:.2g} times)" for a, f in zip(accuracies, factors, strict=True) if f < 1.0]
-    found = (
-        f"Multilevel Monte Carlo over the step is cheaper than exact flights for the section means at {', '.join(wins)}"
-        if wins
-        else "Multilevel Monte Carlo over the step is never cheaper than exact flights for all section means"
-    )
-    return (
-        f"{found}: from {accuracies[0]:g} to {accuracies[-1]:g} the better of both Euler schemes takes "
-        f"{factors[0]:.2g} to {factors[-1]:.2g} times the counted work of exact flights. For a typical mean alone it "
-        f"takes {typical[0]:.2g} to {typical[-1]:.2g} times theirs."
-    )
+    wins = [f"{a:g} ({1.0 / f:.2g} times)" for a, f in zip(m.accuracies, factors, strict=True) if f < 1.0]
+    ends = {"accuracies": m.accuracies, "factors": factors, "typical": typical}
+    found = SAID["multilevel" if wins else "no multilevel"].format(", ".join(wins))
+    return SAID["verdict"].format(found=found, **{name: (of[0], of[-1]) for name, of in ends.items()})
 
 
 CONTENTS = contents(
@@ -109,25 +84,25 @@ CONTENTS = contents(
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
-def _parts(m: Tradeoff, control: pd.DataFrame, orders: Orders | None, accuracies: Sequence[float]) -> dict[str, Any]:
+def _parts(m: Tradeoff) -> dict[str, Any]:
     """The tables and words of the page, by name."""
     exact, p = m.models[EXACT], m.points
     p = p.assign(
         found=np.select([p["missed"], p["measured"]], ["missed", "measured"], "extrapolated"),
         actual=["–" if np.isnan(error) else f"{error:.2g}" for error in p["actual_error"]],
-        time=p["core_seconds"].map(_duration),
+        time=p["core_seconds"].map(lambda seconds: TableCell(duration_text(seconds, 2), value=seconds)),
         below=np.where(p["resolved"], "", "below "),
         most=p["rows"].max(),
     )
     means: list[Row] = []
-    for a in accuracies:
+    for a in m.accuracies:
         cells = [f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())]
         cells += [f"{means_seconds(exact, a, control=control):.2g}" for control in (True, False)]
         means.append((f"{a:g}", *cells))
     heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
     rates = ("alpha", "beta", "typical_beta", "gamma")
     parts: dict[str, Any] = {
-        "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in accuracies]),
+        "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in m.accuracies]),
         "words": glossary(*WORDS, gears=m.reference.scene.gears),
         "points": p[p["kind"] == "scheme"],
         "slopes": pd.DataFrame(
@@ -141,19 +116,13 @@ def _parts(m: Tradeoff, control: pd.DataFrame, orders: Orders | None, accuracies
         ),
         "means": Table.of(numbers(*heads), means),
     }
-    if orders:
-        parts |= {
-            "orders_said": [Text(said) for said in orders_said(orders.table)],
-            "orders": format_orders(orders.table),
-        }
-    if control.empty:
+    if m.orders:
+        table = m.orders.table
+        parts |= {"orders_said": [Text(said) for said in orders_said(table)], "orders": format_orders(table)}
+    if m.control.empty:
         return parts | {"no_control": Text("Left out: the control variate is for white noise only.")}
-    gains = {f"{m}_per_second": control[f"{m}_median"] / control["time_ratio"] for m in ("means", "sds")}
-    return parts | {"control": control.assign(**gains)}
-
-
-def _duration(seconds: float) -> Any:
-    return TableCell(duration_text(seconds, 2), value=float(seconds))
+    gains = {f"{of}_per_second": m.control[f"{of}_median"] / m.control["time_ratio"] for of in ("means", "sds")}
+    return parts | {"control": m.control.assign(**gains)}
 
 
 def _rate(rate: Rate, sign: float) -> str:
@@ -206,36 +175,22 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
     return join_words(found)
 
 
-def write_tradeoff(
-    out: Path,
-    m: Tradeoff,
-    control: pd.DataFrame,
-    orders: Orders | None,
-    accuracies: Sequence[float],
-    record: dict[str, Any],
-    overwrite: bool,
-) -> list[str]:
+def write_tradeoff(out: Path, m: Tradeoff, record: dict[str, Any], overwrite: bool) -> list[str]:
     """Write the folder of a trade-off, whole or not at all."""
-    sentences = answer(m, accuracies)
-    means = pd.DataFrame(
-        {
-            "error": [bound_of_means(a, m.reference.scene, m.reference.impacts) for a in accuracies],
-            "core_seconds": [means_seconds(m.models[EXACT], a, control=True) for a in accuracies],
-        }
-    )
+    sentences, scene, impacts = answer(m), m.reference.scene, m.reference.impacts
+    exact = m.models[EXACT]
+    means = [(bound_of_means(a, scene, impacts), means_seconds(exact, a, control=True)) for a in m.accuracies]
     slopes = {name: slope(m.points, name, False)[0] for name in m.models}
-    figures = {"tradeoff": tradeoff_figure(m.points, slopes, means)}
+    figures = {"tradeoff": tradeoff_figure(m.points, slopes, pd.DataFrame(means, columns=["error", "core_seconds"]))}
     levels = pd.concat([levels.table for levels in m.levels.values()])
-    tables = {"tradeoff": m.points, "levels": levels, "control": control}
-    if orders:
-        figures["orders"] = order_figure(orders.changes)
-        tables |= {"orders": orders.table, "changes": orders.changes}
-    scene, impacts = m.reference.scene, m.reference.impacts
+    tables = {"tradeoff": m.points, "levels": levels, "control": m.control}
+    if m.orders:
+        figures["orders"] = order_figure(m.orders.changes)
+        tables |= {"orders": m.orders.table, "changes": m.orders.changes}
     said = {"verdict": sentences[-1], "budget": record["budget"], "reference": f"{m.reference.paths:,}"}
-    said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": ORDER_IMPACTS}
+    said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": IMPACTS}
     title = f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts"
     files: dict[str, Any] = {"figures": figures, "tables": tables, "more": {"all points": "`tradeoff.csv`"}}
-    parts = _parts(m, control, orders, accuracies)
     files |= {"values": said, "allowed": CONTENTS, "overwrite": overwrite}
-    save_report(out, "tradeoff", title, sentences[:-1], record, parts, **files)
+    save_report(out, "tradeoff", title, sentences[:-1], record, _parts(m), **files)
     return sentences

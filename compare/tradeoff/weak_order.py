@@ -108,7 +108,7 @@ def _jackknife(value: Callable[[Floats], Any], n: int) -> tuple[Any, Any]:
 STEPS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the smaller one is half of it."""
 
-ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
+IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
 
 
 COLUMNS = [
@@ -171,13 +171,7 @@ def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, Bools
 
 
 def weak_orders(
-    scene: Scene,
-    *,
-    impacts: int = ORDER_IMPACTS,
-    paths: int = 40_000,
-    replicates: int = 6,
-    rng: int = 0,
-    workers: int = 2,
+    scene: Scene, *, impacts: int = IMPACTS, paths: int = 40_000, replicates: int = 6, rng: int = 0, workers: int = 2
 ) -> Orders:
     """Measure slope and, where it has settled, weak order of the step bias of every scheme that has one.
 
@@ -216,28 +210,20 @@ def _by_quantity(scheme: str, moment: str, runs: list[list[Ensemble]], exact: En
     for quantity in dict.fromkeys(names):
         own = names == quantity
         b, s = bias[:, :, own], se[:, :, own]
-        change, low, high = changes_from(b, s)
+        errors = changes_from(b, s)
         z = max((float(z[own & varies].max()) for z, varies in limits if (own & varies).any()), default=math.nan)
         of = (scheme, sigma, moment, str(quantity), STEPS[0], 0.5 * STEPS[-1])
-        slopes.append((*of, *_slopes(b, s, STEPS), float(change[-1]), z, allowed))
-        points += _points((scheme, sigma, moment, quantity), change, low, high)
+        slopes.append((*of, *_slopes(b, s, STEPS), float(errors[0][-1]), z, allowed))
+        points += [(scheme, sigma, moment, quantity, *row) for row in zip(STEPS, *errors, strict=True)]
     return slopes, points
-
-
-def _points(of: tuple[str, float, str, str], change: Floats, low: Floats, high: Floats) -> list[Row]:
-    steps = [0.5 * step if of[2] == "itinerary" else step for step in STEPS]
-    return [(*of, *row) for row in zip(steps, change, low, high, strict=True)]
 
 
 def _by_itinerary(scheme: str, runs: list[list[Ensemble]], exact: Ensemble) -> tuple[list[Row], list[Row]]:
     """The same of the noise-free itinerary's probability, whose bias is taken against exact flights."""
     shares = np.array([[_followers(run) for run in row] for row in runs])
     kept, means, spread = _followers(exact), shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(len(shares))
-    floor, away, widening = (
-        math.sqrt(kept * (1.0 - kept) / exact.paths),
-        np.abs(means - kept),
-        widest(1, 1.0 - CONFIDENCE),
-    )
+    floor, away = math.sqrt(kept * (1.0 - kept) / exact.paths), np.abs(means - kept)
+    widening = widest(1, 1.0 - CONFIDENCE)
     half = widening * np.hypot(spread, floor)
     errors = np.where(away > half, away, np.nan), np.maximum(away - half, 0.0), away + half
     floor = max(floor, 1e-150)
@@ -251,7 +237,7 @@ def _by_itinerary(scheme: str, runs: list[list[Ensemble]], exact: Ensemble) -> t
     error = math.hypot(math.hypot(2.0 * spread[-1], spread[-2]), floor)
     of, ends = (scheme, exact.scene.sigma, "itinerary", ""), (steps[seen] if seen.any() else steps)[[0, -1]].tolist()
     limit = abs(float(last) - kept) / error, widening
-    return [(*of, *ends, *slopes, float(away[-1]), *limit)], _points(of, *errors)
+    return [(*of, *ends, *slopes, float(away[-1]), *limit)], [(*of, *row) for row in zip(steps, *errors, strict=True)]
 
 
 def _followers(run: Ensemble) -> float:
