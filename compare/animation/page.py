@@ -19,7 +19,6 @@ from rattle.compare.report.json_text import json_text
 from rattle.compare.report.render import render_html
 from rattle.scene.drive import driver_motion
 from rattle.scene.errors import OutputError
-from rattle.scene.scene import Scene
 from rattle.scene.text import line
 
 LARGEST = 1_000_000
@@ -87,12 +86,10 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         turns=_turns(shown, scale),
         strips=[_strip(shown, mesh) for mesh in range(1, scene.stages + 1)],
         ticks=list(_ticks(begin, span)),
-        caption=_caption(shown),
-        clock=f"time {symbol} = ω t, dimensionless" + (f"; a unit of τ is {ms:.3g} ms" if ms else ""),
+        ms=ms,
         symbol=symbol,
-        sigma=f"{scene.sigma:.4g}",
-        WIDE=WIDE,
-        HIGH=HIGH,
+        scheme=SCHEME,
+        size=(WIDE, HIGH),
     )
 
 
@@ -164,7 +161,8 @@ def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
     """
     scene, walls = shown.scene, shown.scene.noise_free.constants
     symbol, wall, ahead = ("x₁", walls.wall1, "driver") if mesh == 1 else ("x₂", walls.wall2, "wheel 2")
-    c_max = getattr(scene.tolerance, f"c{mesh}_max") if _has_random_gaps(scene) else 0.0
+    random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
+    c_max = getattr(scene.tolerance, f"c{mesh}_max") if random else 0.0
     top = max(ROOM * wall, 1.1 * (wall + c_max))
     label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * wall:.3g}"
     heights = {f"+{label}": wall, "0": 0.0, f"−{label}": -wall}
@@ -186,44 +184,9 @@ def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
     }
 
 
-def _has_random_gaps(scene: Scene) -> bool:
-    return scene.tolerance is not None and scene.tolerance.distribution != "fixed"
-
-
 def _height(x: Any, top: float) -> Any:
     """Share of a strip's height from its top."""
     return 0.5 - 0.5 * x / top
-
-
-def _caption(shown: Recording) -> list[str]:
-    """What is seen, and what is drawn between the numbers that are known."""
-    scene, both = shown.scene, min(shown.orbit.impacts, shown.path.impacts)
-    same, random = shown.agreement, "noisy path" if scene.sigma > 0.0 else "path with random backlashes"
-    meshes = "at mesh 1 wheel 1 plays against the driver, whose motion is prescribed"
-    signs = "Flank + of mesh 1 is the upper one, which the driver strikes from below."
-    if scene.stages == 2:
-        meshes += "; at mesh 2 wheel 2 plays against wheel 1"
-        signs = "Flank + is the upper one of wheel 1's gap at mesh 1, and the lower one at mesh 2."
-    if same == both:
-        order = f"Both strike the same flanks in the same order in all of the first {both} impacts."
-    elif same == 0:
-        order = "Their first impacts are at different flanks."
-    else:
-        order = f"Both strike the same flanks in the same order up to impact {same}; impact {same + 1} differs."
-    caption = [
-        f"The teeth touch exactly where a backlash ends: {meshes}. {signs} A ring of rays and the word “hit” show an "
-        "impact. Backlashes and rotations are drawn larger than they are, by one factor; the wheels are drawn equally "
-        "large.",
-        f"The noise-free orbit is exact. The {random} is one sample by the scheme {SCHEME}, which has no step "
-        f"bias (seed {shown.seed}). Its states are recorded every {shown.step:.3g} of τ and just before each impact; "
-        "between them the drawing interpolates linearly. The impact of the start, number 0, is not shown. " + order,
-    ]
-    if _has_random_gaps(scene):
-        caption.append(
-            f"The {random} has gaps of its own, with flanks within the grey bands (the tolerance); its wheels are "
-            "drawn with nominal gaps."
-        )
-    return caption
 
 
 @dataclass(frozen=True)

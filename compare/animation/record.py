@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from rattle.closure.orbit import Orbit, follow
-from rattle.montecarlo import Record, default_step, simulate
+from rattle.montecarlo import Record, Sampling, default_step, simulate
 from rattle.montecarlo.settings.plan import is_random
-from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError, count
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
