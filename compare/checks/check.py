@@ -8,7 +8,6 @@ import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
-from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -24,7 +23,7 @@ ROUNDING = 4e-15
 """A few roundings of a double: the default bound where a formula is compared with 400-digit arithmetic."""
 
 HEAD = ("result", "check nearest to failing", "found", "truth", "se", "z", "controls", "s", "verdict")
-NUMBERS = {"found", "truth", "se", "z", "controls", "s"}  # columns with right alignment
+ALIGNMENT = "<<>>>>>><"  # of these columns; numbers stand on the right
 
 
 class Check(NamedTuple):
@@ -179,11 +178,6 @@ def self_test(compute: Callable[[int, int], Found]) -> Subject:
     return check
 
 
-def collect(listed: Iterable[str], *modules: ModuleType) -> dict[str, Subject]:
-    """The subjects of these names, which stand in some modules."""
-    return {name: next(vars(m)[name] for m in modules if name in vars(m)) for name in listed}
-
-
 def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float:
     """Compute the largest absolute error in given units, of which none counts as smaller than 1e-300.
 
@@ -228,10 +222,8 @@ def result_lines(results: Sequence[Result], *, all_checks: bool = False) -> list
     """
     rows = [HEAD, *map(_result_row, results)]
     width = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    right = [name in NUMBERS for name in HEAD]
     head, *lines = (
-        "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, width, right, strict=True)).rstrip()
-        for row in rows
+        "  ".join(f"{c:{a}{w}}" for c, a, w in zip(row, ALIGNMENT, width, strict=True)).rstrip() for row in rows
     )
     out = [head, "-" * max(map(len, [head, *lines])), *lines]
     for result in results:
@@ -292,10 +284,3 @@ def extreme_record(result: Result) -> dict[str, Any]:
     worst = result.worst
     row = {"name": result.name, "field": worst.quantity, "tried": result.statement, "truth": result.reference}
     return row | {"worst": worst.found, "allowed": result.allowed, "unit": result.unit, "holds": result.holds}
-
-
-def worst_error(result: Result) -> tuple[str, str, str]:
-    """The worst error at extreme values and its bound as texts, and what they are relative to."""
-    if result.unit == "z":
-        return f"{result.worst.found:.2f}", f"{result.allowed:.2f}", "standard errors"
-    return f"{result.worst.found:.1e}", f"{result.allowed:.1e}", result.unit

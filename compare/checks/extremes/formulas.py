@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import product
 
 import mpmath as mp
 import numpy as np
@@ -11,8 +12,7 @@ from rattle.closure import edgeworth, orbit, section_step
 from rattle.compare.checks.check import extreme, farthest, spread
 from rattle.compare.checks.extremes import truth
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Scene, Start, damping, drive, flight, impact, moments, tangent
-from rattle.scene.constants import Constants
+from rattle.scene import Constants, Scene, Start, damping, drive, flight, impact, moments, tangent
 from rattle.scene.impact import TOUCH
 
 BETAS = spread(1e-14, 1e3, 7, 0.0)
@@ -34,18 +34,16 @@ def _pairs(rng: np.random.Generator) -> tuple[float, float]:
     return (beta, other) if rng.random() < 0.5 else (other, beta)
 
 
-def _draw(seed: int) -> list[tuple[Constants, float, float]]:
+def _draw(seed: int, points: int | None = None) -> Iterator[tuple[Constants, float, float]]:
     """Random scenes, each with a phase and a flight time."""
     rng = np.random.default_rng(seed)
-    out = []
-    for _ in range(POINTS):
+    for _ in range(points or POINTS):
         beta1, beta2 = _pairs(rng)
         alpha = float(rng.choice(spread(1e-8, 1e4, 4, 0.0)))
         gamma1, gamma2 = (float(v) for v in rng.choice(spread(1e-8, 1e6, 4, 0.0), 2))
         tau = float(rng.choice([0.0, math.pi, 0.5 * math.pi, rng.uniform(-3.0, 3.0)]))
         c = constants(alpha=alpha, beta1=beta1, beta2=beta2, gamma1=gamma1, gamma2=gamma2)
-        out.append((c, tau, float(rng.choice(TIMES))))
-    return out
+        yield c, tau, float(rng.choice(TIMES))
 
 
 @extreme()
@@ -61,12 +59,11 @@ def flight_state() -> Iterator[float]:
 @extreme()
 def phi_functions() -> Iterator[float]:
     """``t phi1(-beta t)`` and ``t^2 phi2(-beta t)``."""
-    for beta in BETAS:
-        for t in TIMES:
-            values, _ = truth.flight(constants(alpha=0.0, beta1=beta, gamma1=1.0), 0.0, 0.0, 0.0, t)
-            (_, e, _, _), *_ = truth.jacobian(constants(beta1=beta), t)
-            yield farthest(damping.phi1(beta, t), e, e)
-            yield farthest(damping.phi2(beta, t), values[0], values[0])
+    for beta, t in product(BETAS, TIMES):
+        values, _ = truth.flight(constants(alpha=0.0, beta1=beta, gamma1=1.0), 0.0, 0.0, 0.0, t)
+        (_, e, _, _), *_ = truth.jacobian(constants(beta1=beta), t)
+        yield farthest(damping.phi1(beta, t), e, e)
+        yield farthest(damping.phi2(beta, t), values[0], values[0])
 
 
 @extreme()
@@ -93,7 +90,7 @@ def flight_noise() -> Iterator[float]:
 @extreme(allowed=1e-11)
 def noise_phase_derivative() -> Iterator[float]:
     """Derivative of that covariance by the phase of the start."""
-    for c, tau, t in _draw(4)[: POINTS // 3]:
+    for c, tau, t in _draw(4, POINTS // 3):
         h = 1e-3
         ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
         exact = (ahead - behind) / math.sin(2.0 * h)  # exact derivative of A + B cos 2 tau + C sin 2 tau
@@ -144,16 +141,15 @@ def correlations() -> Iterator[float]:
     for unit in spread(1e-16, 1e8, 7):
         none = np.array([[0.0, 1e-3 * unit], [1e-3 * unit, 1.0]])  # no variance, yet a covariance
         yield math.inf if moments.realizability(none).realizable else 0.0
-        for distance in spread(1e-12, 1.0, 7):
-            for beyond in (False, True):
-                rho = 1.0 + distance if beyond else 1.0 - distance
-                covariance = np.array([[unit * unit, rho * unit], [rho * unit, 1.0]])
-                judged = moments.realizability(covariance)
-                least = _least(covariance)
-                yield farthest(judged.rho, 1.0 if beyond and distance < moments.ROUNDING else rho, 1.0)
-                yield farthest(judged.smallest_eigenvalue, least, min(unit, 1.0) ** 2)
-                within = not beyond or distance < moments.ROUNDING
-                yield 0.0 if judged.realizable == within else math.inf
+        for distance, beyond in product(spread(1e-12, 1.0, 7), (False, True)):
+            rho = 1.0 + distance if beyond else 1.0 - distance
+            covariance = np.array([[unit * unit, rho * unit], [rho * unit, 1.0]])
+            judged = moments.realizability(covariance)
+            least = _least(covariance)
+            yield farthest(judged.rho, 1.0 if beyond and distance < moments.ROUNDING else rho, 1.0)
+            yield farthest(judged.smallest_eigenvalue, least, min(unit, 1.0) ** 2)
+            within = not beyond or distance < moments.ROUNDING
+            yield 0.0 if judged.realizable == within else math.inf
 
 
 @truth.in_digits
@@ -162,14 +158,12 @@ def _least(covariance: np.ndarray) -> float:
     return float((a + d) / 2 - mp.sqrt(((a - d) / 2) ** 2 + b * b))
 
 
-def _scenes_and_steps() -> list[tuple[Constants, float]]:
-    """Scenes with a step each, up to the longest admissible one."""
-    out = []
+def _scenes_and_steps() -> Iterator[tuple[Constants, tuple[float, ...]]]:
+    """Scenes with steps, up to the longest admissible one."""
     for beta1 in spread(1e-9, 1e3, 5, 0.0):
         for beta2 in (0.0, beta1, beta1 * (1.0 + 1e-9), 2.0, 1e3):
             longest = min(0.1, 0.2 / max(beta1, beta2, 1e-300))  # largest admissible dt, and beta dt
-            out += [(constants(beta1=beta1, beta2=beta2), h) for h in (1e-12, 1e-3 * longest, longest)]
-    return out
+            yield constants(beta1=beta1, beta2=beta2), (1e-12, 1e-3 * longest, longest)
 
 
 @extreme()
@@ -184,18 +178,19 @@ def step_phase() -> Iterator[float]:
 @extreme()
 def step_flight() -> Iterator[float]:
     """Flight of a part of a step without noise: what it adds to the displacements, and the velocities after it."""
-    for c, h in _scenes_and_steps():
-        tau, y1, y2 = 2.2, -0.4, 0.5
-        exact, sizes = truth.flight(c, tau, y1, y2, h)
-        found, _ = short.short_flight(c, drive.sine_cosine(tau), h, (0.0, y1, 0.0, y2), 0.0, 0.0)
-        yield farthest(found, exact, sizes)
+    tau, y1, y2 = 2.2, -0.4, 0.5
+    for c, steps in _scenes_and_steps():
+        for h in steps:
+            exact, sizes = truth.flight(c, tau, y1, y2, h)
+            found, _ = short.short_flight(c, drive.sine_cosine(tau), h, (0.0, y1, 0.0, y2), 0.0, 0.0)
+            yield farthest(found, exact, sizes)
 
 
 @extreme(allowed=1e-8)
 def step_noise() -> Iterator[float]:
     """Noise of a step from its Brownian increment and space-time Lévy area."""
-    for c, h in _scenes_and_steps()[1::3] + _scenes_and_steps()[2::3]:
-        for first, slope in ((1.0, 0.0), (0.0, 1.0)):
+    for c, steps in _scenes_and_steps():
+        for h, (first, slope) in product(steps[1:], ((1.0, 0.0), (0.0, 1.0))):
             exact = _integral(c, 0.4, h, first, slope)
             found = short.kick(c, 0.4, h, first, slope / 12.0)
             m = 1.0 + c.beta1
@@ -214,6 +209,7 @@ def _integral(c: Constants, tau: float, h: float, first: float, slope: float) ->
     return total.tolist()
 
 
+PULLS = (0.01, 1.0, 100.0)  # accelerations by drag, in half gaps per unit of time squared
 EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
 
 
@@ -221,33 +217,28 @@ EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0
 def saltation() -> Iterator[float]:
     """Saltation matrix."""
     rng = np.random.default_rng(5)
-    for epsilon in EPSILONS:
-        for speed in spread(1e-9, 1e4, 8):
-            for mesh in (1, 2):
-                beta1, beta2, alpha = (float(v) for v in rng.choice(spread(1e-6, 1e3, 4, 0.0), 3))
-                gamma1 = float(rng.choice([0.0, 1e4]))
-                c = constants(epsilon=epsilon, beta1=beta1, beta2=beta2, alpha=alpha, gamma1=gamma1)
-                other, tau = float(rng.normal()), float(rng.uniform(-3.0, 3.0))
-                y1, y2 = (speed, other) if mesh == 1 else (other, -speed)
-                exact, size = truth.saltation(c, mesh, tau, y1, y2)
-                yield farthest(tangent.saltation_matrix(c, mesh, tau, y1, y2), exact, size)
+    for epsilon, speed, mesh in product(EPSILONS, spread(1e-9, 1e4, 8), (1, 2)):
+        beta1, beta2, alpha = (float(v) for v in rng.choice(spread(1e-6, 1e3, 4, 0.0), 3))
+        gamma1 = float(rng.choice([0.0, 1e4]))
+        c = constants(epsilon=epsilon, beta1=beta1, beta2=beta2, alpha=alpha, gamma1=gamma1)
+        other, tau = float(rng.normal()), float(rng.uniform(-3.0, 3.0))
+        y1, y2 = (speed, other) if mesh == 1 else (other, -speed)
+        exact, size = truth.saltation(c, mesh, tau, y1, y2)
+        yield farthest(tangent.saltation_matrix(c, mesh, tau, y1, y2), exact, size)
 
 
 @extreme()
 def grazing() -> Iterator[float]:
     """A parabolic flight whose apex passes or misses a wall by a small fraction of the gap."""
-    for gap in (1e-8, 0.5, 1e4):
-        for share in spread(1e-12, 1e-1, 7):
-            for pull in (0.01, 1.0, 100.0):  # acceleration by drag, in half gaps per unit of time squared
-                drag = pull * gap
-                c = constants(alpha=0.0, beta1=0.0, gamma1=drag, wall1=gap, stages=1)
-                for hits in (True, False):
-                    rise = gap * (1.0 + share) if hits else gap * (1.0 - share)  # from 0 towards the lower wall
-                    y = -math.sqrt(2.0 * drag * rise)
-                    t, mesh, side, *_ = impact.next_impact(c, 0.0, 0.0, y, 0.0, 0.0, 1e4)
-                    exact, sign, speed = _meet(y, drag, gap)
-                    # the wall is known to rounding, so the time to rounding of gap / speed
-                    yield farthest(t, exact, exact + gap / speed) if (mesh, side) == (1, sign) else math.inf
+    shares = [sign * share for share in spread(1e-12, 1e-1, 7) for sign in (1.0, -1.0)]
+    for gap, share, pull in product((1e-8, 0.5, 1e4), shares, PULLS):
+        drag, rise = pull * gap, gap * (1.0 + share)  # from 0 towards the lower wall
+        c = constants(alpha=0.0, beta1=0.0, gamma1=drag, wall1=gap, stages=1)
+        y = -math.sqrt(2.0 * drag * rise)
+        t, mesh, side, *_ = impact.next_impact(c, 0.0, 0.0, y, 0.0, 0.0, 1e4)
+        exact, sign, speed = _meet(y, drag, gap)
+        # the wall is known to rounding, so the time to rounding of gap / speed
+        yield farthest(t, exact, exact + gap / speed) if (mesh, side) == (1, sign) else math.inf
 
 
 @truth.in_digits
@@ -281,28 +272,24 @@ def simultaneous() -> Iterator[float]:
 @extreme(allowed=1e-9)
 def chatter_time() -> Iterator[float]:
     """A ball that falls from the middle of the gap completes its chatter after ``(1 + eps) / (1 - eps)`` fall times."""
-    for gap in (2.0**-26, 0.5, 2.0**13):
-        for pull in (0.01, 1.0, 100.0):  # acceleration by drag, in half gaps per unit of time squared
-            drag, fall = pull * gap, math.sqrt(2.0 / pull)
-            for epsilon in (0.0, 1e-12, 0.1, 0.5, 0.9, 0.99):
-                scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, gap1=gap, stages=1, start=Start())
-                phases = orbit.follow(scene, 5000).sticking
-                closed = phases[0].closed if len(phases) == 1 and math.isinf(phases[0].opened) else math.nan
-                exact = fall * (1.0 + epsilon) / (1.0 - epsilon)
-                yield farthest(closed, exact, exact)
+    for gap, pull, epsilon in product((2.0**-26, 0.5, 2.0**13), PULLS, (0.0, 1e-12, 0.1, 0.5, 0.9, 0.99)):
+        scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=pull * gap, gap1=gap, stages=1, start=Start())
+        phases = orbit.follow(scene, 5000).sticking
+        closed = phases[0].closed if len(phases) == 1 and math.isinf(phases[0].opened) else math.nan
+        exact = math.sqrt(2.0 / pull) * (1.0 + epsilon) / (1.0 - epsilon)
+        yield farthest(closed, exact, exact)
 
 
 @extreme(allowed=2.0 * TOUCH)
 def sticking_end() -> Iterator[float]:
     """A mesh that drag keeps closed opens when the driver's acceleration exceeds the drag."""
-    for size in (2.0**-26, 1.0, 2.0**13):
+    shares = (0.3, 0.9, 0.999)  # drag over the largest acceleration of the driver
+    for size, share, beta in product((2.0**-26, 1.0, 2.0**13), shares, spread(1e-6, 1.0, 3, 0.0)):
         start = Start(0.0, 0.5 * size, 0.1 * size, 0.0, 0.0, mesh=1)
-        for share in (0.3, 0.9, 0.999):  # drag over the largest acceleration of the driver
-            for beta in spread(1e-6, 1.0, 3, 0.0):
-                drag = share * math.hypot(1.0, beta) * size  # the driver's is |beta cos tau - sin tau|
-                scene = Scene(alpha=size, epsilon=0.2, beta1=beta, gamma1=drag, gap1=0.5 * size, stages=1, start=start)
-                phases = [p for p in orbit.follow(scene, 60).sticking if p.opened - p.closed > 0.1]
-                # the decreasing zero of share + sin(atan beta - tau)
-                exact = [math.asin(share) + math.atan(beta) + 2.0 * math.pi * n for n in range(200)]
-                yield math.inf if not phases else 0.0
-                yield from (min(abs(p.opened - e) for e in exact) for p in phases)
+        drag = share * math.hypot(1.0, beta) * size  # the driver's is |beta cos tau - sin tau|
+        scene = Scene(alpha=size, epsilon=0.2, beta1=beta, gamma1=drag, gap1=0.5 * size, stages=1, start=start)
+        phases = [p for p in orbit.follow(scene, 60).sticking if p.opened - p.closed > 0.1]
+        # the decreasing zero of share + sin(atan beta - tau)
+        exact = [math.asin(share) + math.atan(beta) + 2.0 * math.pi * n for n in range(200)]
+        yield math.inf if not phases else 0.0
+        yield from (min(abs(p.opened - e) for e in exact) for p in phases)

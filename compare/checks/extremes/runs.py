@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,10 +20,9 @@ from rattle.compare.checks.check import Check, extreme, farthest
 from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
-from rattle.montecarlo import SCHEMES, Record
+from rattle.montecarlo import SCHEMES, Record, Sampling
 from rattle.montecarlo.coupling import long_path
 from rattle.montecarlo.kernel.kernel import PLAIN
-from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
 IMPACTS = 3
@@ -215,19 +216,16 @@ def collapse_drift() -> Iterator[float]:
 @extreme(allowed=1e-9)
 def stay_between_walls() -> Iterator[float]:
     """Paths that collapse onto a wall, or stick to it, stay between the walls and reach the end."""
-    for epsilon in (0.0, 0.05, 0.163, 1.0):
-        for sigma in (1e-3, 1.0, 1e3):
-            scene = Scene.from_gears(replace(DAT21, epsilon=epsilon), sigma=sigma)
-            for scheme in SCHEMES:
-                dt = min(5e-3, 0.1 / (2.0 + sigma))
-                fixed = dt * np.array([64.0, 128.0, 256.0])
-                record = Record(times=fixed, raw=True)
-                run = _run(scene, 256.0 * dt, scheme, paths=32, impacts=4, dt=dt, record=record)
-                means = run.at_times()[["x1", "x2"]].abs().to_numpy()
-                over = max(float(means.max()), _reach(run)) - 0.5
-                plain = SCHEMES[scheme].code == PLAIN  # detects impacts only at the ends of its steps
-                unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
-                yield max(over, 0.0) / unit if len(means) == len(fixed) else math.inf
+    for epsilon, sigma, scheme in product((0.0, 0.05, 0.163, 1.0), (1e-3, 1.0, 1e3), SCHEMES):
+        scene = Scene.from_gears(replace(DAT21, epsilon=epsilon), sigma=sigma)
+        dt = min(5e-3, 0.1 / (2.0 + sigma))
+        fixed = dt * np.array([64.0, 128.0, 256.0])
+        run = _run(scene, 256.0 * dt, scheme, paths=32, impacts=4, dt=dt, record=Record(times=fixed, raw=True))
+        means = run.at_times()[["x1", "x2"]].abs().to_numpy()
+        over = max(float(means.max()), _reach(run)) - 0.5
+        plain = SCHEMES[scheme].code == PLAIN  # detects impacts only at the ends of its steps
+        unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
+        yield max(over, 0.0) / unit if len(means) == len(fixed) else math.inf
 
 
 @extreme(allowed=0.02)
@@ -266,17 +264,13 @@ def large_tolerances() -> Iterator[float]:
         start = replace(plain.start, x1=gap + most, x2=gap + most)
         wide = replace(plain, gap1=gap + most, gap2=gap + most, start=start)
         chosen: dict[str, Any] = {"paths": 32, "impacts": 3, "scheme": "exact-flight", "rng": 1}
-        pairs = [
-            [closure.mean_map(s, impacts=3, closure=name).section for s in (fixed, wide)]
-            for name in ("published", "corrected", "saltation")
-        ]
-        for sampling in (Sampling(control=False), Sampling(control=True)):
-            pairs.append([montecarlo.simulate(s, sampling=sampling, **chosen).section for s in (fixed, wide)])
-        for a, b in pairs:
-            yield farthest(a.select_dtypes("number"), b.select_dtypes("number"), gap)
-        for distribution in ("uniform", "normal"):
-            for draw in ("path", "contact"):
-                tolerance = Tolerance(most, most, distribution=distribution, draw=draw)
-                loose = replace(plain, tolerance=tolerance, start=Start(0.0, 0.0, gap))
-                run = _run(loose, 20.0, "exact-flight", paths=64, impacts=4, rng=2, record=Record(raw=True))
-                yield max(_reach(run) / (gap + most) - 1.0, 0.0)
+        runs: list[Any] = [partial(closure.mean_map, impacts=3, closure=c) for c in CLOSURES if c != "branching"]
+        runs += [partial(montecarlo.simulate, sampling=Sampling(control=c), **chosen) for c in (False, True)]
+        for compute in runs:
+            a, b = (compute(s).section.select_dtypes("number") for s in (fixed, wide))
+            yield farthest(a, b, gap)
+        for distribution, draw in product(("uniform", "normal"), ("path", "contact")):
+            tolerance = Tolerance(most, most, distribution=distribution, draw=draw)
+            loose = replace(plain, tolerance=tolerance, start=Start(0.0, 0.0, gap))
+            run = _run(loose, 20.0, "exact-flight", paths=64, impacts=4, rng=2, record=Record(raw=True))
+            yield max(_reach(run) / (gap + most) - 1.0, 0.0)

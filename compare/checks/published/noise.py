@@ -32,15 +32,13 @@ from scipy.special import betainc, gamma, hyp2f1
 from scipy.stats import truncnorm
 
 from rattle.compare.checks.check import Check, Found, self_test
-from rattle.montecarlo import Ensemble, Record, simulate
+from rattle.montecarlo import Ensemble, Record, Sampling, simulate
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
 from rattle.montecarlo.kernel.block import CROSS
 from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.whole_step import flight_forcing
-from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene import Scene, Start, Tolerance
+from rattle.scene import RattleError, Scene, Start, Tolerance
 from rattle.scene.compiled import jit
-from rattle.scene.errors import RattleError
 from rattle.scene.flight import noise_covariance
 from rattle.scene.impact import struck
 from rattle.scene.moments import STATE
@@ -380,9 +378,8 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
     run, lossy = (_follow(replace(scene, epsilon=e), TIMES, IMPACTS, [seed, 5], workers) for e in (1.0, LOSSY))
 
     def checks(run: Ensemble = run, sigma: float = SIGMA, phase: float = 0.0) -> Iterator[Check]:
-        yield Check(
-            "paths followed to the end", float(run.result.sums["fixed"].n[:, CROSS.index((1, 1))].min()), GAUSSIAN_PATHS
-        )
+        followed = run.result.sums["fixed"].n[:, CROSS.index((1, 1))]
+        yield Check("paths followed to the end", float(followed.min()), GAUSSIAN_PATHS)
         kurtosis = _central(run, "y1", 4) / _central(run, "y1", 2) ** 2 - 3.0
         for time, (_, row), excess in zip(run.fixed_times.tolist(), run.at_times().iterrows(), kurtosis, strict=True):
             decay = math.exp(-2.0 * BETA * time)

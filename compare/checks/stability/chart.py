@@ -16,13 +16,12 @@ from tqdm import tqdm
 
 from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.validation.verdict import Tolerances, at_wall, widest
-from rattle.montecarlo import Ensemble, Record, default_step, largest_step, simulate
+from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE, diagnose_rare_branch, diagnose_short_step, motion_units
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings.plan import is_random, plan_of
-from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import SECTION, STATE
@@ -223,6 +222,7 @@ class Chart(NamedTuple):
     # `Judged`
     table: pd.DataFrame
     z: float  # half width of the intervals in standard errors, for 95 % simultaneous coverage
+    impacts: int = IMPACTS  # of each path
 
     @property
     def admissible(self) -> pd.DataFrame:
@@ -236,9 +236,7 @@ class Chart(NamedTuple):
         return cells[cells["verdict"].isin((BIASED, UNSTABLE)) & ~cells["diagnosed"]]
 
 
-def chart(
-    schemes: Sequence[str], axes: Sequence[str], *, points: int, paths: int, seed: int = 0, workers: int = 2
-) -> Chart:
+def chart(schemes: Sequence[str], axes: Sequence[str], *, points: int, paths: int, seed: int, workers: int) -> Chart:
     """Measure the map.
 
     `points`: Number of values on each axis, up to 7, spread from end to end. `paths`: Largest number of paths of
@@ -295,8 +293,7 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
             run = simulate(scene, paths=paths, impacts=1, sampling=sampling, record=record, **chosen)
             table = run.at_times().iloc[0]
             exact = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
-            found = np.array([table[f"cov_{q}_{q}"] for q in STATE])
-            se = np.array([table[f"se_cov_{q}_{q}"] for q in STATE])
+            found, se = (table[[f"{prefix}cov_{q}_{q}" for q in STATE]].to_numpy() for prefix in ("", "se_"))
             exact = np.where(exact > 1e-12 * exact.max(), exact, np.nan)  # what does not vary has no relative error
             error, half = np.nan_to_num([np.sqrt(found / exact) - 1.0, z * se / (2.0 * exact)])
             within = np.abs(error) + half

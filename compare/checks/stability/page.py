@@ -11,20 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from rattle.compare.checks.check import Result, extreme_record, worst_error
-from rattle.compare.checks.stability.chart import (
-    AXES,
-    BIASED,
-    COLLAPSING,
-    IMPACTS,
-    UNBIASED,
-    UNDECIDED,
-    UNSTABLE,
-    Chart,
-)
+from rattle.compare.checks.check import Result, extreme_record
+from rattle.compare.checks.stability.chart import AXES, BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, Chart
 from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.save import contents, save_report
 from rattle.compare.report.style import legend_above, new_figure
+from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
 
@@ -111,6 +103,8 @@ CONTENTS = contents("stability", figures=["verdicts", "stability"], tables=["sta
 
 MAP_TERMS = ("admissible step", "default step", "diagnostic", "unbiased", "biased", "unstable", "no limit")
 WORDS = (*SCHEME_TERMS, *MAP_TERMS, "standard error", "σ", "ε", "E, sd", "impact", "sticking")
+SAID: dict[str, str] = read_texts("checks.stability")
+"""Sentences of the answer."""
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
 
 
@@ -119,21 +113,13 @@ def answer(found: Chart) -> list[str]:
     cells, undiagnosed = found.admissible, found.without_diagnostic
     counts = {v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)}
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
-    said = [
-        _advice(found),
-        f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased, {counts[UNDECIDED]} undecided, "
-        f"{counts[BIASED]} biased and {counts[UNSTABLE]} unstable; diagnostics report "
-        f"{int(wrong['diagnosed'].sum())} of these {len(wrong)} biased and unstable cells.",
-    ]
+    numbers = counts | {"cells": len(cells), "diagnosed": wrong["diagnosed"].sum(), "wrong": len(wrong)}
+    said = [_advice(found), SAID["cells"].format(**numbers)]
     if len(undiagnosed):
-        said.append(f"{len(undiagnosed)} admissible cells are biased or unstable without a diagnostic: a defect.")
-    for scheme, part in found.table.groupby("scheme", sort=False):
-        own = part[part["default"]]
+        said.append(SAID["undiagnosed"].format(len(undiagnosed)))
+    for scheme, own in found.table[found.table["default"]].groupby("scheme", sort=False):
         good, diagnosed = own["verdict"] == UNBIASED, own["diagnosed"].astype(bool)
-        said.append(
-            f"`{scheme}` at its default step: {int(good.sum())} of {len(own)} cells shown to be unbiased, "
-            f"{int((~good & diagnosed).sum())} others with a diagnostic."
-        )
+        said.append(SAID["scheme"].format(scheme, good.sum(), len(own), (~good & diagnosed).sum()))
     return said
 
 
@@ -144,10 +130,8 @@ def _advice(found: Chart) -> str:
     wrong = own["verdict"].isin((BIASED, UNSTABLE)).groupby(own["scheme"], sort=False).sum()
     best, of = good.index[0], len(own) // len(good)
     others = [f"{n} for `{scheme}`" for scheme, n in good.iloc[1:].items()]
-    return (
-        f"Take `{best}`: at its default step {good.iloc[0]} of {of} scenes, extreme ones among them, are shown to be "
-        f"unbiased and {wrong[best] or 'none'} to be biased{f' (unbiased: {join_words(others)})' if others else ''}."
-    )
+    beside = f" (unbiased: {join_words(others)})" if others else ""
+    return SAID["advice"].format(best, good.iloc[0], of, wrong[best] or "none", beside)
 
 
 def write_stability(
@@ -172,10 +156,12 @@ def write_stability(
     tables = {"stability": found.table, "covariance": covariance}
     if tried:
         extremes = tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
-        shown, _, relative = zip(*map(worst_error, tried), strict=True)
-        mark = np.where(extremes["holds"], "good", "bad")
-        parts["extremes"] = extremes.assign(shown=shown, mark=mark, relative=relative)
-    values = {"impacts": IMPACTS, "z": found.z, "fewest": moments.min(), "most": moments.max()}
+        parts["extremes"] = extremes.assign(
+            shown=[f"{row.worst.found:{'.2f' if row.unit == 'z' else '.1e'}}" for row in tried],
+            mark=np.where(extremes["holds"], "good", "bad"),
+            relative=extremes["unit"].replace("z", "standard errors"),
+        )
+    values = {"impacts": found.impacts, "z": found.z, "fewest": moments.min(), "most": moments.max()}
     content: dict[str, Any] = {"figures": drawn, "tables": tables, "digits": "%.6g", "package": "checks.stability"}
     content |= {"allowed": CONTENTS, "overwrite": overwrite, "values": values | Tolerances()._asdict()}
     return save_report(out, "stability", "Where is each scheme stable and unbiased?", said, record, parts, **content)
