@@ -11,18 +11,19 @@ sqrt(delta / |y|) |N(0, 1)|``, where m is the modulation of the noise (docs/mode
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
 from rattle.montecarlo.coupling.pairs import after_impact, growths
 from rattle.scene.errors import InputError, count
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
-from rattle.scene.types import Floats
+from rattle.scene.types import Floats, Ints
 
 ORBIT = "orbit"
 DRIFT = "drift's linearisation along a noisy path"
@@ -163,6 +164,51 @@ def _measure(
             target = max(found.impacts_for(width), target + least)
         target = min(target, MOST)
     return _exponents(of, scene, blocks, regime)
+
+
+def signs(rows: pd.DataFrame) -> Ints:
+    """Determine the sign of the largest exponent in each row, at 95 % simultaneous coverage (Bonferroni).
+
+    Returns: 1 or -1; 0 if the widened interval contains zero, or there is none. Shapes: result (rows,).
+
+    Examples
+    --------
+    >>> signs(pd.DataFrame({"low": [0.5, -1.0, np.nan], "high": [1.5, 1.0, np.nan]})).tolist()
+    [1, 0, 0]
+    """
+    wider = float(ndtri(0.5 * (1.0 - CONFIDENCE) / len(rows)) / ndtri(0.5 * (1.0 - CONFIDENCE)))
+    middle, half = 0.5 * (rows["high"] + rows["low"]), 0.5 * wider * (rows["high"] - rows["low"])
+    return np.where(middle - half > 0.0, 1, np.where(middle + half < 0.0, -1, 0))
+
+
+def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.DataFrame:
+    """Find where the largest exponent changes its sign along a sweep.
+
+    A change is bracketed by the last value of the field with one sign and the first with the other (see `signs`).
+    Values between whose sign is undecided, or at which the orbit has no exponents, make the bracket wider.
+
+    Returns: Columns: ``of, low, high`` (bracket of the field's value), ``to`` (+1: becomes positive, -1:
+    negative) and ``undecided`` (number of values inside the bracket).
+
+    Examples
+    --------
+    >>> t = pd.DataFrame({"alpha": [1.0, 2.0, 3.0], "of": "orbit", "low": [-2.0, -1, 1], "high": [-1.0, 1, 2]})
+    >>> crossings(t).to_dict("records")
+    [{'of': 'orbit', 'low': 1.0, 'high': 3.0, 'to': 1, 'undecided': 1}]
+    """
+    rows = table[table["of"] == of].sort_values(field)
+    sign = signs(rows)
+    x = rows[field].to_numpy()
+    changes = [(a, b) for a, b in pairwise(np.flatnonzero(sign)) if sign[a] != sign[b]]
+    found = [(of, x[a], x[b], int(sign[b]), int(b - a - 1)) for a, b in changes]
+    return pd.DataFrame(found, columns=["of", "low", "high", "to", "undecided"])
+
+
+def say_crossings(table: pd.DataFrame, field: str, of: str) -> str:
+    """Where the largest exponent changes its sign, in words."""
+    changes = crossings(table, field, of).to_dict("records")
+    where = [f"{'+' if c['to'] > 0 else '-'} between {c['low']:.3g} and {c['high']:.3g}" for c in changes]
+    return "; ".join(where) or "none"
 
 
 def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = None) -> Exponents:

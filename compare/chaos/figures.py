@@ -189,10 +189,8 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
     figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
     label = r"finite-size exponent $\lambda(\delta)$ of the noisy system"
     _intervals(ax, table, "exponent", ls="-", lw=1.0, label=label)
-    for e, style, name in (
-        (orbit, "-", "orbit: largest Lyapunov exponent"),
-        (drift, ":", "drift's linearisation: largest"),
-    ):
+    largest = {"orbit: largest Lyapunov exponent": (orbit, "-"), "drift's linearisation: largest": (drift, ":")}
+    for name, (e, style) in largest.items():
         if e.value[0] > 0.0:
             ax.axhline(float(e.value[0]), color=SIDE[ORBIT]["color"], ls=style, lw=1.3, label=name)
     ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)")
@@ -220,18 +218,14 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
 
 
 def draw(study: ChaosStudy) -> dict[str, Figure]:
-    """Draw all figures of a study of chaos, by name."""
-    found = {}
-    if study.sections:
-        found["section"] = section_figure(study.sections)
-    if study.spectra:
-        found["spectra"] = spectrum_figure(study.spectra)
-    if study.finite_size is not None:
-        found["finite_size"] = finite_size_figure(study.finite_size, study.orbit, study.drift)
-    if study.law is not None:
-        found["sqrt_law"] = sqrt_law_figure(study.law)
-    if study.sweep is not None:
-        found["sweep"] = sweep_figure(study.sweep, study.field, CLAIMED if study.field == "alpha" else None)
-    if study.view is not None:
-        found["bifurcation"] = bifurcation_figure(study.view, study.sweep)
-    return found
+    """Draw all figures of a study of chaos, by name; without those of what was not measured."""
+    sizes, swept, claimed = study.finite_size, study.sweep, CLAIMED if study.field == "alpha" else None
+    drawn: dict[str, Any] = {
+        "section": study.sections and section_figure(study.sections),
+        "spectra": study.spectra and spectrum_figure(study.spectra),
+        "finite_size": None if sizes is None else finite_size_figure(sizes, study.orbit, study.drift),
+        "sqrt_law": study.law and sqrt_law_figure(study.law),
+        "sweep": None if swept is None else sweep_figure(swept, study.field, claimed),
+        "bifurcation": study.view and bifurcation_figure(study.view, swept),
+    }
+    return {name: figure for name, figure in drawn.items() if figure}

@@ -1,20 +1,104 @@
-"""Measures the chaos of a scene in one call: everything that the page and the folder of ``rattle chaos`` show."""
+"""Measures the chaos of a scene in one call: everything that the page and the folder of ``rattle chaos`` show.
+
+Among it the exponents of the closures as iterated maps, and the largest exponent over a field of the scene with its
+sign.  In `corrected`, `saltation` and `branching` the moments depend on the orbit but not the orbit on the moments.
+Such a skew product has a block-triangular Jacobian, so its exponents are those of the orbit together with those of the
+moments along the orbit.  Only `published` feeds the shifts of its means back into the next impact.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
 import pandas as pd
 
-from rattle.compare.chaos.exponents import Exponents, SqrtLaw, drift_exponents, finite_size, lyapunov, sqrt_law
-from rattle.compare.chaos.record import leave_out
-from rattle.compare.chaos.section import Bifurcation, Section, bifurcation, sections
+from rattle.closure import closures_for, mean_map
+from rattle.closure.long_orbit import LongOrbit
+from rattle.compare.chaos.exponents import DRIFT, Exponents, SqrtLaw, drift_exponents, finite_size, lyapunov, sqrt_law
+from rattle.compare.chaos.record import in_threads, leave_out
+from rattle.compare.chaos.section import ORBIT, Bifurcation, Section, bifurcation, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
-from rattle.compare.chaos.sweep import mean_maps, sweep
+from rattle.compare.report.texts import read_texts
 from rattle.scene.scene import Scene
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
-WIDTH = 0.01  # default width of the interval of a largest exponent
+Progress: TypeAlias = Callable[[str], None]
+"""Is told which part begins."""
+PUBLISHED = 30  # impacts through which the published map is followed at each value
+FOLLOWED = 400  # impacts through which moments are followed
+SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
+TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
+COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
+MAPS: dict[str, dict[str, str]] = read_texts("chaos")["maps"]
+"""Of each closure the map that it iterates, the exponents of its means, and how its second moments grow along it."""
+
+
+def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
+    """Iterate each closure as a map, and report its exponents and where it breaks down.
+
+    Returns: Columns: ``closure, map, exponents`` (which exponents its means have), ``largest, low, high``
+    (largest exponent and its 95 % interval), ``moments, not_realizable`` (first impact whose moments are not
+    realizable), ``leaves_gap`` (first impact whose mean lies beyond a wall), ``too_wide`` (first impact whose sd
+    of y1 exceeds the sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed``
+    (impacts requested). Impacts are NaN if there is none.
+    """
+    along = LongOrbit(scene).stretch(SPREAD, tangent=False).before[:, 1]
+    spread = float(along.std()) if along.size else np.inf
+    walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
+    rows = []
+    for closure in closures_for(scene):
+        own = closure == "published"  # its means have dynamics of their own, different from the orbit's
+        value, low, high = (np.nan,) * 3 if own else orbit.largest
+        said = MAPS[closure]
+        row: dict[str, Any] = {"closure": closure, "map": said["map"], "exponents": said["exponents"]}
+        row |= {"largest": value, "low": low, "high": high, "moments": said["moments"]}
+        if closure == "branching":  # its cost grows with every impact, and its components follow different orbits
+            rows.append(row | {"followed": 0})
+            continue
+        m = mean_map(scene, impacts=FOLLOWED, closure=closure, order=4)
+        t, ends = m.trace, m.trace.found
+        beyond = (np.abs(t.mean[1 : ends + 1, : 2 * scene.stages : 2]) > walls).any(axis=1)
+        wide = t.sd[1 : ends + 1, 3] > TOO_WIDE * spread
+        row |= {
+            "not_realizable": m.breakdown.impact if m.breakdown else np.nan,
+            "leaves_gap": beyond.argmax() + 1 if beyond.any() else np.nan,
+            "too_wide": wide.argmax() + 1 if wide.any() and not own else np.nan,
+        }
+        rows.append(row | {"ends": ends, "followed": FOLLOWED})
+    return pd.DataFrame(rows)
+
+
+def _row(of: str, e: Exponents) -> dict[str, object]:
+    numbers = (*e.largest, e.rate, e.sum_error, e.impacts, e.regime.kind, e.regime.reason)
+    return {"of": of} | dict(zip(COLUMNS, numbers, strict=True))
+
+
+def _exponents_at(scene: Scene, width: float, seed: int) -> list[dict[str, object]]:
+    orbit = lyapunov(scene, width=width)
+    drift = drift_exponents(scene, width=width, seed=seed)
+    rows = [_row(ORBIT, orbit), _row("mean map (corrected, saltation)", orbit), _row(DRIFT, drift)]
+    if scene.sigma > 0.0 and "published" in closures_for(scene):
+        m = mean_map(scene, impacts=PUBLISHED, closure="published")
+        how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
+        reason = f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"
+        rows.append({"of": "mean map (published)", "impacts": m.trace.found, "regime": "breaks down", "reason": reason})
+    return rows
+
+
+def sweep(
+    scenes: Mapping[float, Scene], field: str = "alpha", *, width: float = 0.01, seed: int = 0, workers: int = 2
+) -> pd.DataFrame:
+    """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a noisy path.
+
+    `scenes`: As of `rattle.compare.chaos.section.vary`. `width`: Required width of the interval of each largest
+    exponent; wider ones are reported as they are. Returns: Columns: the field, ``of`` (the linearised system),
+    ``largest, low, high`` (largest exponent and its 95 % interval; NaN where there is no record), ``rate, sum_error,
+    impacts`` as of `Exponents`, and ``regime, reason`` as of `Regime`.
+    """
+    found = in_threads(workers, lambda scene: _exponents_at(scene, width, seed), scenes.values())
+    return pd.DataFrame([{field: value, **row} for value, rows in zip(scenes, found, strict=True) for row in rows])
 
 
 @dataclass(frozen=True)
@@ -24,37 +108,36 @@ class ChaosStudy:
     scene: Scene
     orbit: Exponents  # orbit, drift: of the orbit, and of the drift's linearisation along a noisy path
     drift: Exponents
-    maps: pd.DataFrame  # as of `rattle.compare.chaos.sweep.mean_maps`
+    maps: pd.DataFrame  # as of `mean_maps`
     sections: dict[str, Section]  # as of `rattle.compare.chaos.section.sections`
     spectra: dict[tuple[str, str, str], Spectrum]  # as of `rattle.compare.chaos.spectrum.spectra`
     law: SqrtLaw | None  # the measured square-root law
     finite_size: pd.DataFrame | None  # as of `rattle.compare.chaos.exponents.finite_size`
     field: str  # field of the sweep
-    sweep: pd.DataFrame | None  # as of `rattle.compare.chaos.sweep.sweep`
+    sweep: pd.DataFrame | None  # as of `sweep`
     view: Bifurcation | None  # over the same values
     missing: dict[str, str]  # what was left out, with the reason
 
 
-def study(
-    scene: Scene,
-    *,
-    field: str = "alpha",
-    scenes: Mapping[float, Scene],
-    points: int = 1_000_000,
-    impacts: int = 200_000,
-    events: int = 4000,
-    width: float = WIDTH,
-    seed: int = 0,
-    workers: int = 2,
-    progress: Callable[[str], None],
-) -> ChaosStudy:
+class Effort(NamedTuple):
+    """How much a study of chaos computes, and from which seed."""
+
+    points: int = 1_000_000  # of each Poincaré section
+    impacts: int = 200_000  # of the spectra
+    events: int = 4000  # pairs of paths
+    width: float = 0.01  # required width of the interval of each largest exponent; wider ones are reported as they are
+    seed: int = 0
+    workers: int = 2
+
+
+def study(scene: Scene, scenes: Mapping[float, Scene], field: str, effort: Effort, progress: Progress) -> ChaosStudy:
     """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
 
     What its motion does not have, for instance because a mesh sticks in every period, is left out with the reason.
 
-    `scenes`: Those of the sweep by value of the field, as of `rattle.compare.chaos.sweep.vary`. `width`: Required width
-    of the interval of each largest exponent; wider ones are reported as they are.
+    `scenes`: Those of the sweep by value of the field, as of `rattle.compare.chaos.section.vary`.
     """
+    points, impacts, events, width, seed, workers = effort
     missing: dict[str, str] = {}
     law = sizes = swept = view = None
     progress("exponents")

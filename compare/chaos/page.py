@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, SqrtLaw
+from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, crossings, say_crossings, signs
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
-from rattle.compare.chaos.sweep import crossings, say_crossings, signs
 from rattle.compare.report import Figure, Text, table_of
 from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.save import contents, save_report
@@ -19,8 +18,11 @@ from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words
 
-FIGURES: dict[str, str] = read_texts("chaos")["figures"]
+TEXTS = read_texts("chaos")
+FIGURES: dict[str, str] = TEXTS["figures"]
 """Captions of the figures, by name."""
+SAID: dict[str, str] = TEXTS["answer"]
+"""Sentences of the answer."""
 SHOWN = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "crossings")
 """Tables that ``page.md`` lays out."""
 LARGE = ("sections", "spectra", "bifurcation")
@@ -62,10 +64,9 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
     shown: dict[str, Any] = {"words": glossary(*WORDS, gears=found.scene.gears)}
     shown |= {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in FIGURES if name in figures}
     shown["key"] = shown.pop("section" if found.sweep is None else "sweep", ())
+    left_out = {what: Text(f"Left out: {what} ({why}).") for what, why in found.missing.items()}
     for part in ("bifurcation", "Poincaré", "spectra", "square-root", "finite-size"):
-        shown[f"no_{part}"] = [
-            Text(f"Left out: {what} ({why}).") for what, why in found.missing.items() if part in what
-        ]
+        shown[f"no_{part}"] = [text for what, text in left_out.items() if part in what]
     shown |= {name: tables[name] for name in SHOWN if name in tables}
     if found.sweep is not None:
         shown["sweep"] = table_of(found.sweep, ("of", "regime", "reason"), f"All values of {found.field}")
@@ -75,15 +76,10 @@ def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite:
 
 
 def _exponents(e: Exponents, name: str) -> str:
-    if not np.isfinite(e.value[0]):
-        return f"The {name} has no exponents: the path {e.regime.reason}."
     shown = ", ".join(f"{v:.4f} ± {h:.4f}" for v, h in zip(e.value, e.half, strict=True))
-    rounded = abs(e.sum_error) < ROUNDING
-    exact = "is the exact one, to rounding" if rounded else f"differs from the exact one by {abs(e.sum_error):.0e}"
-    return (
-        f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,} impacts, "
-        f"{e.rate:.3f} a unit; their sum {exact}); it {e.regime.reason}."
-    )
+    exact = SAID["exact" if abs(e.sum_error) < ROUNDING else "not exact"].format(abs(e.sum_error))
+    kind = "exponents" if np.isfinite(e.value[0]) else "no exponents"
+    return SAID[kind].format(name=name, shown=shown, e=e, exact=exact)
 
 
 def _first(study: ChaosStudy) -> str:
@@ -92,14 +88,9 @@ def _first(study: ChaosStudy) -> str:
     found = f"largest Lyapunov exponent {value:.3g} ± {0.5 * (high - low):.1g}"
     if gears is not None:
         found += f" per unit of τ, {gears.omega * value:.3g} per second"
-    if not np.isfinite(value):
-        said = f"Without noise this gear pair has no Lyapunov exponents: it {study.orbit.regime.reason}"
-    elif low > 0.0:
-        said = f"Without noise this gear pair rattles chaotically ({found})"
-    elif high < 0.0:
-        said = f"Without noise this gear pair rattles regularly, not chaotically ({found})"
-    else:
-        said = f"Whether this gear pair rattles chaotically without noise is undecided ({found})"
+    kinds = {"silent": not np.isfinite(value), "chaotic": low > 0.0, "regular": high < 0.0, "undecided": True}
+    kind = next(kind for kind, holds in kinds.items() if holds)
+    said = SAID[kind].format(found=found, reason=study.orbit.regime.reason)
     if study.sweep is not None:
         rows, at = study.sweep[study.sweep["of"] == ORBIT], study.sweep[study.field]
         said += f"; over {study.field} from {at.min():.3g} to {at.max():.3g} it is chaotic at "
@@ -127,45 +118,14 @@ def _maps(maps: pd.DataFrame) -> str:
     return f"Exponents of the mean maps: {'; '.join(words)}.{lost}"
 
 
-def _sizes(table: pd.DataFrame) -> str:
-    ends = [
-        f"{row['exponent']:.3g} ± {0.5 * (row['high'] - row['low']):.2g} at {row['delta']:.0e}"
-        for row in table.iloc[[0, -1]].to_dict("records")
-    ]
-    return f"The finite-size exponent is {' and '.join(ends)}."
-
-
-def _law(law: SqrtLaw) -> str:
-    half = 0.5 * (law.high - law.low)
-    return (
-        "The distance of two paths on the same noise after an impact grows as their distance before it to the power "
-        f"{law.exponent:.4f} ± {half:.4f}; its mean square is {law.table['ratio'].min():.3f} to "
-        f"{law.table['ratio'].max():.3f} times that of the square-root law. So the noisy system has no infinitesimal "
-        "exponent."
-    )
-
-
-def _spectra(summary: pd.DataFrame) -> str:
-    rows = summary[summary["kind"] == TIME]
-    parts = [
-        f"{r['side']} {r['velocity']}: {r['lines']} bands ({r['narrow']} as narrow as a single frequency) with "
-        f"{r['line_share']:.1%} of the power"
-        for _, r in rows.iterrows()
-    ]
-    return f"Spectra of the velocities, bands above the continuous floor: {'; '.join(parts)}."
-
-
 def _sweep(table: pd.DataFrame, field: str, of: str, who: str) -> str:
     rows = table[table["of"] == of]
     found, decided = signs(rows), rows["low"].notna()
     counts = ((kind, (rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES))
     sticking = [f"{kind} at {n}" for kind, n in counts if n]
     marked = f"; {who} {join_words(sticking)}" if sticking else ""
-    return (
-        f"Largest exponent, {of}: positive at {(found > 0).sum()}, negative at {(found < 0).sum()} and undecided at "
-        f"{((found == 0) & decided).sum()} of {len(rows)} values of {field}{marked}. Changes of sign: "
-        f"{say_crossings(table, field, of)}."
-    )
+    counts_by_sign = [(found > 0).sum(), (found < 0).sum(), ((found == 0) & decided).sum(), len(rows)]
+    return SAID["sweep"].format(*counts_by_sign, of, field, marked, say_crossings(table, field, of))
 
 
 def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
@@ -175,11 +135,15 @@ def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
         said.append(_exponents(study.orbit, ORBIT))
     said += [_exponents(study.drift, DRIFT), _maps(study.maps)]
     if study.law is not None:
-        said.append(_law(study.law))
+        ratio, half = study.law.table["ratio"], 0.5 * (study.law.high - study.law.low)
+        said.append(SAID["law"].format(study.law.exponent, half, ratio.min(), ratio.max()))
     if study.finite_size is not None:
-        said.append(_sizes(study.finite_size))
+        ends = study.finite_size.iloc[[0, -1]].assign(half=lambda t: 0.5 * (t["high"] - t["low"])).to_dict("records")
+        said.append(SAID["sizes"].format(" and ".join(map(SAID["size"].format_map, ends))))
     if study.spectra:
-        said.append(_spectra(tables["spectra_summary"]))
+        rows = tables["spectra_summary"]
+        spectra = map(SAID["spectrum"].format_map, rows[rows["kind"] == TIME].to_dict("records"))
+        said.append(SAID["spectra"].format("; ".join(spectra)))
     if study.sweep is not None:
         for of, who in ((ORBIT, "the orbit"), (DRIFT, "the noisy path")):
             said.append(_sweep(study.sweep, study.field, of, who))

@@ -14,6 +14,7 @@ import numpy as np
 
 from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
+from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.coupling.long_path import LongPath
 from rattle.scene.errors import InputError, RattleError, count
 from rattle.scene.impact import MISSES, NONE
@@ -35,6 +36,10 @@ RUNS, STICKS_AT_TIMES, STICKS_OFTEN = "runs", "sticks at times", "sticks often"
 STICKS_FOR_GOOD, SILENT, NOT_FOLLOWED = "sticks for good", "silent", "not followed"
 """Kinds of motion: impacts go on; so they do between rare sticking phases; between phases so frequent that there is no
 record of the motion between; a mesh stays closed; there is no further impact; this method cannot follow it."""
+
+
+MOTIONS: dict[str, str] = read_texts("chaos")["motions"]
+"""The kinds of motion as clauses with numbers."""
 
 
 class NoRecord(RattleError):
@@ -90,24 +95,14 @@ class Regime:
     @property
     def reason(self) -> str:
         """The kind of motion as a clause with numbers."""
-        stuck = f"sticks {self.stuck} time{'s' if self.stuck > 1 else ''} in {self.computed:,} impacts"
-        transient = f", the first {self.transient:,} of them a transient" if self.transient else ""
-        if self.steps and self.sticking_steps and self.has_record:
-            part = f"sticks in {self.sticking_steps:,} of {self.steps:,} time steps"
-            return f"ran through all {self.computed:,} impacts{transient}; it {part}"
-        if self.steps and self.end == STICKS_OFTEN:
-            stuck = f"sticks {100.0 * self.sticking_steps / self.steps:.2g} % of the time"
-            return f"completes chatter and {stuck}, too often to follow the motion in between"
-        return {
-            RUNS: f"ran through all {self.computed:,} impacts{transient}",
-            STICKS_AT_TIMES: f"completes chatter and {stuck}; restarted after each, the exponents are those of the "
-            f"motion between{transient}",
-            STICKS_OFTEN: f"completes chatter and {stuck}, too often to follow the motion in between; it "
-            f"comes loose after each, and a mesh is closed {100.0 * self.closed:.2g} % of the time",
-            STICKS_FOR_GOOD: f"completes chatter and sticks for good, from each of {self.starts} starts: impacts end",
-            SILENT: f"ends: {MISSES[NONE]}",
-            NOT_FOLLOWED: self.unfollowed,
-        }[self.kind]
+        noisy = self.steps > 0 and self.sticking_steps > 0 and self.kind in (STICKS_AT_TIMES, STICKS_OFTEN)
+        return MOTIONS[f"{self.kind}, noisy" if noisy else self.kind].format(
+            r=self,
+            times="times" if self.stuck > 1 else "time",
+            transient=f", the first {self.transient:,} of them a transient" if self.transient else "",
+            closed=100.0 * (self.sticking_steps / self.steps if noisy else self.closed),
+            silent=MISSES[NONE],
+        )
 
     @property
     def brief(self) -> str:

@@ -1,13 +1,14 @@
-"""Poincaré sections in the paper's coordinates (Fig. 2) as histograms, and bifurcation diagrams over a field.
+"""Poincaré sections in the paper's coordinates (Fig. 2) as histograms; fields that vary, and bifurcation diagrams.
 
 The section is at the impacts: a point is the flight time since the last impact and the velocity just before this one.
 Points are counted as they come, so memory does not grow with their number.  A bifurcation diagram has the velocity
 alone, as counts or as densities.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ from numpy.typing import NDArray
 from rattle.closure import mean_map
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, leave_out, noisy_record, orbit_record
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
-from rattle.scene.errors import InputError
-from rattle.scene.scene import Scene
+from rattle.scene import Start
+from rattle.scene.errors import InputError, choice, count, finite
+from rattle.scene.scene import SWEPT, Scene
 from rattle.scene.types import Floats, Ints
 
 ORBIT, MAP, NOISY = "orbit", "mean map (corrected)", "noisy system"
@@ -28,6 +30,7 @@ PILOT = 20_000  # points of the pilot run that sets the axes
 PARTS = 8  # noisy paths among which the points are shared, whatever the number of workers
 MARGIN = 0.05  # added to the axes at each end, relative to their length
 MAPPED = 4000  # points of the mean map, which propagates moments as well
+ALPHAS = "0.05:2.5:100"
 DENSITY_BINS = 240
 DENSITY_POINTS = 6000  # impacts of an orbit behind each density without noise
 PATHS, PERIODS = 64, 64  # of the long run behind each density with noise
@@ -129,6 +132,43 @@ def sections(
     return found
 
 
+def values(name: str, text: str) -> tuple[float, ...]:
+    """Read evenly spaced values from ``LOW:HIGH:POINTS``."""
+    words = text.split(":")
+    try:
+        low, high, points = float(words[0]), float(words[1]), int(words[2])
+    except (ValueError, IndexError):
+        raise InputError(name, text, f"give LOW:HIGH:POINTS, as in {ALPHAS}") from None
+    if len(words) > 3 or not finite(f"{name} LOW", low) < finite(f"{name} HIGH", high):
+        raise InputError(name, text, f"give LOW:HIGH:POINTS with LOW below HIGH, as in {ALPHAS}")
+    count(f"{name} POINTS", points, least=2)
+    return tuple(float(v) for v in np.linspace(low, high, points))
+
+
+def paper_noise(scene: Scene) -> Scene:
+    """Return the scene with the paper's noise intensity, ``sigma = sqrt(alpha)``."""
+    return scene.with_sigma(math.sqrt(scene.alpha))
+
+
+def vary(
+    scene: Scene, field: str, at: Iterable[float], noise: Callable[[Scene], Scene] = lambda scene: scene
+) -> dict[float, Scene]:
+    """The same scene at each value of a field; a default start is adapted to new gaps.
+
+    `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> [s.alpha for s in vary(Scene.from_gears(DAT21), "alpha", (0.5, 1.0)).values()]
+    [0.5, 1.0]
+    """
+    choice("field", field, SWEPT)
+    usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
+    fresh: dict[str, Any] = {"start": None} if usual else {}
+    return {value: noise(replace(scene, **(fresh | {field: value}))) for value in at}
+
+
 @dataclass(frozen=True)
 class Bifurcation:
     """A histogram of the velocity before an impact for each value of a field, of the orbit and with noise."""
@@ -157,22 +197,20 @@ def bifurcation(
 ) -> Bifurcation:
     """Count the velocity y1 before the impacts of the orbit and of the noisy system at both meshes.
 
-    `scenes`: By value of the field, as of `rattle.compare.chaos.sweep.vary`.
+    `scenes`: By value of the field, as of `vary`.
     """
 
     def of(s: Scene) -> tuple[tuple[Floats, Regime], tuple[Floats, Regime]]:
-        orbit, path = Regime(), Regime()
-        found = [x.before[:, 1] for x in orbit_record(s, points, orbit, tangent=False)]
-        noisy: list[Floats] = []
+        path, noisy = Regime(), np.empty(0)
         for x, _ in noisy_record(s, 2**30, seed, path, tangent=False):
-            noisy.append(x.before[:, 1])
+            noisy = np.concatenate([noisy, x.before[:, 1]])
             if path.impacts >= points:
                 break
-        return (_join(found if orbit.has_record else []), orbit), (_join(noisy)[:points], path)
+        return _orbit_velocities(s, points, (1, 2)), (noisy[:points], path)
 
     orbits, paths = zip(*in_threads(workers, of, scenes.values()), strict=True)
     found = {ORBIT: orbits, NOISY: paths}
-    every = _join([v for side in found.values() for v, _ in side])
+    every = np.concatenate([v for side in found.values() for v, _ in side])
     if every.size == 0:
         raise NoRecord(f"the noisy path {paths[0][1].brief}")
     low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
@@ -188,13 +226,11 @@ def stationary_bifurcation(
     """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the noisy long run."""
 
     def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats], str]]:
-        regime = Regime()
-        found = [x.before[np.abs(x.code) == 1, 1] for x in orbit_record(s, DENSITY_POINTS, regime, tangent=False)]
-        orbit = (_join(found), "") if regime.has_record else (_join([]), regime.reason)
-        return orbit, _density(s, seed)
+        velocity, regime = _orbit_velocities(s, DENSITY_POINTS, (1,))
+        return (velocity, "" if regime.has_record else regime.reason), _density(s, seed)
 
     orbits, runs = zip(*in_threads(workers, of, scenes.values()), strict=True)
-    ends = _join([*(velocity for velocity, _ in orbits), *(own for (own, _), _ in runs)])
+    ends = np.concatenate([*(velocity for velocity, _ in orbits), *(own for (own, _), _ in runs)])
     if ends.size == 0:
         rest = "mesh 1 is not struck in the long run at any of these values; choose some at which it rattles"
         raise InputError("over", list(scenes), rest)
@@ -207,8 +243,12 @@ def stationary_bifurcation(
     return Bifurcation(field, np.array(list(scenes)), edges, cells, reasons, ("velocity", "density"))
 
 
-def _join(parts: list[Floats]) -> Floats:
-    return np.concatenate([np.empty(0), *parts])
+def _orbit_velocities(scene: Scene, impacts: int, meshes: tuple[int, ...]) -> tuple[Floats, Regime]:
+    """Velocities y1 before the impacts of the orbit at some meshes; none without a record."""
+    regime = Regime()
+    record = orbit_record(scene, impacts, regime, tangent=False)
+    found = [np.empty(0), *(s.before[np.isin(np.abs(s.code), meshes), 1] for s in record)]
+    return np.concatenate(found if regime.has_record else found[:1]), regime
 
 
 def _density(scene: Scene, seed: int) -> tuple[tuple[Floats, Floats], str]:

@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,6 @@ from rattle.compare.cli.shared import Results, say, say_json, say_lines, say_par
 
 if TYPE_CHECKING:
     from rattle.compare.checks.check import Result
-    from rattle.scene import Scene
 
 EXIT_BROKEN = 1
 EXTREMES = "Try extreme values too (rattle check extremes), and put their table on the page."
@@ -154,7 +154,8 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
 
     Exit codes: 0 complete, whatever the verdicts; 2 bad input.
     """
-    from rattle.compare.chaos.sweep import values
+    from rattle.compare.chaos.measure import Effort
+    from rattle.compare.chaos.section import values
     from rattle.compare.checks.claims.evidence import gather
     from rattle.compare.checks.claims.judges import judge
     from rattle.compare.checks.claims.page import write_claims
@@ -170,7 +171,8 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     dat21 = Scene.from_gears(DAT21)
-    found = gather(dat21, sigmas=levels, at=at, spectrum_impacts=impacts, progress=say_part, **settings)
+    effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])
+    found = gather(dat21, levels, at, settings["paths"], effort, say_part)
     judged = judge(found)
     record: dict[str, Any] = {"sigmas": list(levels), "over": list(at), "impacts": impacts, **settings}
     answer = results.write(write_claims, judged, found.chaos, scene=found.scene.to_dict(), **record)
@@ -185,47 +187,42 @@ Task = Callable[[], object]
 
 def tasks() -> dict[str, Task]:
     """Small runs that compile what the commands need, by name: every closure, every scheme, long orbits and runs."""
-    from rattle.closure import CLOSURES
+    import rattle as rt
     from rattle.closure.long_orbit import attractor
     from rattle.closure.stationary import linear_law
     from rattle.compare.chaos.exponents import lyapunov
-    from rattle.montecarlo import SCHEMES, Record, simulate, simulate_rare
     from rattle.montecarlo.branches.search import rare_events
     from rattle.montecarlo.coupling.long_path import LongPath
     from rattle.montecarlo.coupling.pairs import growths
     from rattle.montecarlo.long_run import long_run
-    from rattle.scene import DAT21, Scene, Tolerance
 
-    scene = Scene.from_gears(DAT21, sigma=0.1)
-    single = Scene.from_gears(DAT21, sigma=0.1, stages=1)
-    tolerant = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="contact"))
-    by_path = Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(1e-3, 1e-3, draw="path"))
+    def predict(scene: rt.Scene, closure: str) -> None:
+        """All that a closure can be asked for."""
+        found = rt.mean_map(scene, impacts=IMPACTS, closure=closure)
+        start, end = found.section["tau"].iloc[[0, -1]]
+        found.at_times([0.5 * (start + end)])
+        found.density(IMPACTS, "y1", np.zeros(1))
+
+    scene = rt.Scene.from_gears(rt.DAT21, sigma=0.1)
+    single = rt.Scene.from_gears(rt.DAT21, sigma=0.1, stages=1)
+    tolerant, by_path = (replace(scene, tolerance=rt.Tolerance(1e-3, 1e-3, draw=draw)) for draw in ("contact", "path"))
     kinds = {"": scene, ", one stage": single, ", gaps that vary": by_path}
-    found: dict[str, Task] = {f"closure {c}{k}": partial(_predict, kinds[k], c) for c in CLOSURES for k in kinds}
-    periodic = Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01)
+    found: dict[str, Task] = {f"closure {c}{k}": partial(predict, kinds[k], c) for c in rt.CLOSURES for k in kinds}
+    periodic = rt.Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01)
     found["closures in the long run"] = lambda: linear_law(periodic, attractor(periodic))
-    for name, scheme in SCHEMES.items():
-        record = Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
-        found[f"scheme {name}"] = partial(simulate, tolerant, paths=PATHS, impacts=IMPACTS, scheme=name, record=record)
-    found["paths near rare branches"] = partial(simulate_rare, scene, paths=RARE_PATHS, impacts=3)
+    simulate = partial(rt.simulate, paths=PATHS, impacts=IMPACTS)
+    for name, scheme in rt.SCHEMES.items():
+        record = rt.Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
+        found[f"scheme {name}"] = partial(simulate, tolerant, scheme=name, record=record)
+    found["paths near rare branches"] = partial(rt.simulate_rare, scene, paths=RARE_PATHS, impacts=3)
     for stages, one in (("", scene), (", one stage", single)):
         found[f"rare branches{stages}"] = partial(rare_events, one, 4)
         found[f"the long run{stages}"] = partial(long_run, one, paths=16, periods=64)
-    found["gaps that vary by path"] = partial(simulate, by_path, paths=PATHS, impacts=IMPACTS)
+    found["gaps that vary by path"] = partial(simulate, by_path)
     found["orbits"] = partial(lyapunov, scene, impacts=8192)
     found["long paths"] = partial(LongPath(scene, 0).stretch, 100)
     found["pairs of paths"] = partial(growths, scene, 1e-4, 2, seed=0, settle=10)
     return found
-
-
-def _predict(scene: "Scene", closure: str) -> None:
-    """All that a closure can be asked for."""
-    from rattle.closure import mean_map
-
-    found = mean_map(scene, impacts=IMPACTS, closure=closure)
-    start, end = found.section["tau"].iloc[[0, -1]]
-    found.at_times([0.5 * (start + end)])
-    found.density(IMPACTS, "y1", np.zeros(1))
 
 
 @click.command("warm-up")

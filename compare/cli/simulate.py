@@ -219,8 +219,7 @@ def stationary(
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before the accuracy was
     reached.
     """
-    from rattle.compare.chaos.section import stationary_bifurcation
-    from rattle.compare.chaos.sweep import values, vary
+    from rattle.compare.chaos.section import stationary_bifurcation, values, vary
     from rattle.compare.stationary.measure import stationary as measure
     from rattle.compare.stationary.page import write_stationary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
@@ -265,9 +264,9 @@ def chaos(base: "Scene", begin: Begin, over: str, keep_sigma: bool, no_sweep: bo
 
     Exit codes: 0 complete; 2 bad input.
     """
-    from rattle.compare.chaos.measure import study
+    from rattle.compare.chaos.measure import Effort, study
     from rattle.compare.chaos.page import write_chaos
-    from rattle.compare.chaos.sweep import paper_noise, values, vary
+    from rattle.compare.chaos.section import paper_noise, values, vary
     from rattle.scene.errors import positive
 
     field, at = settings["field"], () if no_sweep else values("over", over)
@@ -276,7 +275,7 @@ def chaos(base: "Scene", begin: Begin, over: str, keep_sigma: bool, no_sweep: bo
     positive("width", settings["width"])
     shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
     results = begin()
-    found = study(base, scenes=scenes, progress=say_part, **settings)
+    found = study(base, scenes, field, Effort(**{name: settings[name] for name in Effort._fields}), say_part)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     answer = results.write(write_chaos, found, scene=base.to_dict(), **settings, over=list(at), noise=said)
     results.say(answer, "chaos.html")

@@ -1,25 +1,24 @@
 """The evidence for all claims, every simulation and measurement made once."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, ratio_mean
-from rattle.compare.chaos.measure import ChaosStudy, study
+from rattle.compare.chaos.measure import ChaosStudy, Effort, Progress, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
-from rattle.compare.chaos.sweep import paper_noise, vary
+from rattle.compare.chaos.section import paper_noise, vary
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import widest
-from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene.parts import Start
-from rattle.scene.scene import Scene
+from rattle.montecarlo import Ensemble, Record, Sampling, simulate
+from rattle.scene import Scene, Start
 from rattle.scene.tangent import Stretch
 
+IMPACTS = 12  # of each validation
 FLIGHTS = np.array([0.5, 1.5, 3.0])  # times after the start at which a flight without walls is compared
 STEP = 2e-3  # its time step
 LEAST = 2000  # paths whose mean velocity is followed in time, if `paths` are few
@@ -63,27 +62,13 @@ class Evidence:
 
 
 def gather(
-    scene: Scene,
-    *,
-    sigmas: Sequence[float],
-    at: Sequence[float],
-    paths: int = 100_000,
-    impacts: int = 12,
-    seed: int = 0,
-    workers: int = 2,
-    points: int = 1_000_000,
-    spectrum_impacts: int = 200_000,
-    events: int = 4000,
-    progress: Callable[[str], None] = lambda part: None,
+    scene: Scene, sigmas: Sequence[float], at: Sequence[float], paths: int, effort: Effort, progress: Progress
 ) -> Evidence:
-    """Make all measurements that the claims need.
-
-    `points`, `spectrum_impacts`, `events`: Points of the sections, impacts of the spectra and pairs of paths, see
-    `rattle.compare.chaos.measure.study`.
-    """
+    """Make all measurements that the claims need: validations with so many paths, and a study of chaos over alpha."""
+    seed, workers = effort.seed, effort.workers
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]
-    settings: dict[str, Any] = {"impacts": impacts, "paths": paths, "rng": seed, "workers": workers}
+    settings: dict[str, Any] = {"impacts": IMPACTS, "paths": paths, "rng": seed, "workers": workers}
     progress(f"closures compared with {paths:,} paths at {len(levels)} noise intensities")
     validations = [validate(scene.with_sigma(s), scheme="exact-flight", **settings) for s in levels]
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
@@ -91,8 +76,7 @@ def gather(
     sampling, record = Sampling(horizon=FLIGHTS[-1] + 1.0), Record(step_bias=True, times=open_space.start.tau + FLIGHTS)
     free: dict[str, Any] = {"dt": STEP, "scheme": "euler-maruyama", "sampling": sampling, "record": record}
     flight = simulate(open_space, **(settings | {"impacts": 1}), **free)
-    asked: dict[str, Any] = {"points": points, "impacts": spectrum_impacts, "events": events, "progress": progress}
-    chaos = study(scene, scenes=vary(scene, "alpha", at, paper_noise), seed=seed, workers=workers, **asked)
+    chaos = study(scene, vary(scene, "alpha", at, paper_noise), "alpha", effort, progress)
     progress("a single stage, repeated flanks, the mean motion")
     alone = {"orbit": lyapunov(single, width=0.02), "noisy": drift_exponents(single, width=0.02, seed=seed)}
     noisy = (s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False))
@@ -105,11 +89,8 @@ def gather(
 def _repeats(stretches: Iterable[Stretch], stages: int) -> Mean:
     """Share of consecutive impacts at one mesh that are on the same flank."""
     code = np.concatenate([s.code for s in stretches])
-    same = []
-    for mesh in range(1, stages + 1):
-        own = np.sign(code[np.abs(code) == mesh])
-        same.append((own[1:] == own[:-1]).astype(float))
-    repeated = np.concatenate(same)
+    flanks = [np.sign(code[np.abs(code) == mesh]) for mesh in range(1, stages + 1)]
+    repeated = np.concatenate([own[1:] == own[:-1] for own in flanks]).astype(float)
     return ratio_mean(repeated, np.ones(repeated.size))
 
 

@@ -13,12 +13,11 @@ import pandas as pd
 
 from rattle.closure import mean_map
 from rattle.closure.published import after_flight, plain_covariance
-from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents
+from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, say_crossings
 from rattle.compare.chaos.measure import CLAIMED
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import NOISY
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
-from rattle.compare.chaos.sweep import say_crossings
 from rattle.compare.checks.claims.evidence import Evidence
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import Comparison, rows_to_judge
@@ -32,8 +31,6 @@ from rattle.scene.types import Floats
 REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
 HOLDS_ONLY = "holds only for {}"
 PART = "holds in part"
-KINDS = (NOT_REPRODUCED, UNDECIDED, PART, REPRODUCED)
-"""Kinds of verdicts, from the worst to the best for the claim."""
 
 
 class PaperClaim(NamedTuple):
@@ -48,7 +45,7 @@ class PaperClaim(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """The kind of its verdict, one of `KINDS`."""
+        """The kind of its verdict: `REPRODUCED`, `NOT_REPRODUCED`, `UNDECIDED` or `PART`."""
         return PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
 
 
@@ -56,10 +53,9 @@ TEXTS = read_texts("checks.claims")
 """What is said of each claim, by the name of the function that judges it, in the order of the paper."""
 
 
-def claim(judged: str, evidence: str, verdict: str, **numbers: float) -> PaperClaim:
-    """A judged claim; `numbers` are those in its texts."""
-    name, where, says, test = (TEXTS[judged][part].format(**numbers) for part in PaperClaim._fields[:4])
-    return PaperClaim(name, where, says, test, evidence, verdict)
+def claim(judged: str, verdict: str, **found: Any) -> PaperClaim:
+    """A judged claim; `found` is what its texts say."""
+    return PaperClaim._make([*(TEXTS[judged][part].format(**found) for part in PaperClaim._fields[:5]), verdict])
 
 
 def judge_parts(found: list[str], sought: int, otherwise: str = NOT_REPRODUCED) -> str:
@@ -142,12 +138,8 @@ def solvable(e: Evidence) -> PaperClaim:
             error = abs(np.arctanh(rho) - np.arctanh(correlation(q[j : j + 2, j : j + 2])))  # Fisher's z
             worst = max(worst, float((error - step_bias / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]))
     allowed = widest(2 * len(fixed))
-    return claim(
-        "solvable",
-        f"{e.flight.paths:,} paths, {len(fixed)} fixed times, both stages: the largest error beyond the measured step "
-        f"bias is {worst:.1f} standard errors, {allowed:.1f} allowed.",
-        NOT_REPRODUCED if worst <= allowed else UNDECIDED,
-    )
+    verdict = NOT_REPRODUCED if worst <= allowed else UNDECIDED
+    return claim("solvable", verdict, paths=e.flight.paths, times=len(fixed), worst=worst, allowed=allowed)
 
 
 def beyond_one(e: Evidence) -> PaperClaim:
@@ -161,17 +153,11 @@ def beyond_one(e: Evidence) -> PaperClaim:
         only_published &= bool((most[["corrected", SIMULATED]] <= 1.0).all())
     by_rule = failures(e.validations[-1].scene)
     rules = "; ".join(f"{rule}: {join_words([_describe_failure(f) for f in at])}" for rule, at in by_rule.items())
-    guilty = [
-        f"Eq. {eq} alone breaks stage {f.stage} at impact {f.impact}"
-        for eq, rule in ((17, MEND_15), (15, MEND_17))
-        for f in by_rule[rule][:1]
-        if f.impact
-    ]
-    return claim(
-        "beyond_one",
-        "; ".join(shown) + f". By which rule, {_at(e.validations[-1])}: {rules}.",
-        HOLDS_ONLY.format(f"the published rules at impacts: {join_words(guilty)}") if only_published else REPRODUCED,
-    )
+    first = {17: by_rule[MEND_15][0], 15: by_rule[MEND_17][0]}  # with one equation alone as published
+    guilty = [f"Eq. {eq} alone breaks stage {f.stage} at impact {f.impact}" for eq, f in first.items() if f.impact]
+    only = HOLDS_ONLY.format(f"the published rules at impacts: {join_words(guilty)}")
+    said = {"shown": "; ".join(shown), "at": _at(e.validations[-1]), "rules": rules}
+    return claim("beyond_one", only if only_published else REPRODUCED, **said)
 
 
 def _describe_failure(f: Failure) -> str:
@@ -190,7 +176,7 @@ def not_gaussian(e: Evidence) -> PaperClaim:
             f"{_at(v)}: skewness of τ significantly non-zero at {many} of {len(skew)} impacts, largest "
             f"{skew[worst]:.2f} ± {1.96 * se[worst]:.2f}"
         )
-    return claim("not_gaussian", "; ".join(shown) + ".", REPRODUCED if beyond else UNDECIDED, z=z)
+    return claim("not_gaussian", REPRODUCED if beyond else UNDECIDED, shown="; ".join(shown), z=z)
 
 
 def stages_apart(e: Evidence) -> PaperClaim:
@@ -204,7 +190,7 @@ def stages_apart(e: Evidence) -> PaperClaim:
         coupled += many
         largest = rho[np.abs(rho).argmax()]
         shown.append(f"{_at(v)}: non-zero at {many} of {len(rho)} fixed times, largest {largest:.3f}")
-    return claim("stages_apart", "; ".join(shown) + ".", NOT_REPRODUCED if coupled else UNDECIDED)
+    return claim("stages_apart", NOT_REPRODUCED if coupled else UNDECIDED, shown="; ".join(shown))
 
 
 def describes(e: Evidence) -> PaperClaim:
@@ -226,38 +212,27 @@ def describes(e: Evidence) -> PaperClaim:
         verdict = UNDECIDED
     elif accurate:
         verdict = HOLDS_ONLY.format(f"closures right to first order ({accurate}), at {_at(e.validations[0])}")
-    return claim("describes", text + ".", verdict)
+    return claim("describes", verdict, shown=text)
 
 
 def counter_meshes(e: Evidence) -> PaperClaim:
     """Judge section 4: consecutive impacts are at counter meshes."""
     orbit, noisy = e.repeats["orbit"], e.repeats["noisy"]
     none = all(m.value - m.half <= 0.0 for m in (orbit, noisy))
-    return claim(
-        "counter_meshes",
-        f"Orbit {orbit.value:.1%} ± {orbit.half:.1%}, noisy system {noisy.value:.1%} ± {noisy.half:.1%}.",
-        REPRODUCED if none else NOT_REPRODUCED,
-    )
+    return claim("counter_meshes", REPRODUCED if none else NOT_REPRODUCED, orbit=orbit, noisy=noisy)
 
 
 def fuzzy(e: Evidence) -> PaperClaim:
     """Judge Fig. 2: the mean Poincaré map is a fuzzy set of points."""
     sections = e.chaos.sections
     filled = {side: int((s.counts[0] > 0).sum()) for side, s in sections.items()}
-    noisy = filled["noisy system"]
+    orbit, noisy = filled.get("orbit", 0), filled["noisy system"]
     published = e.chaos.maps.set_index("closure").loc["published"]
     text = ", ".join(f"{side} {n:,} of {sections[side].counts[0].size:,} bins" for side, n in filled.items())
-    orbit = filled.get("orbit", 0)
-    return claim(
-        "fuzzy",
-        f"{text}. The published map is not realizable from impact {published['not_realizable']:g} and ends at impact "
-        f"{published['ends']:g}, so it has no section.",
-        HOLDS_ONLY.format("the orbit under the corrected map; the published map ends before it has a section")
-        if orbit > max(FINITE, FUZZY * noisy)
-        else (UNDECIDED if orbit > FINITE else NOT_REPRODUCED),
-        finite=FINITE,
-        fuzzy=FUZZY,
-    )
+    verdict = UNDECIDED if orbit > FINITE else NOT_REPRODUCED
+    if orbit > max(FINITE, FUZZY * noisy):
+        verdict = HOLDS_ONLY.format("the orbit under the corrected map; the published map ends before it has a section")
+    return claim("fuzzy", verdict, shown=text, published=published, finite=FINITE, fuzzy=FUZZY)
 
 
 def chaotic_range(e: Evidence) -> PaperClaim:
@@ -274,7 +249,7 @@ def chaotic_range(e: Evidence) -> PaperClaim:
         )
         if positive[inside].all():
             chaotic.append(f"the {of}")
-    return claim("chaotic_range", "; ".join(shown) + ".", judge_parts(chaotic, 2))
+    return claim("chaotic_range", judge_parts(chaotic, 2), shown="; ".join(shown))
 
 
 def _systems(e: Evidence) -> Iterator[tuple[str, pd.DataFrame, pd.Series, pd.Series]]:
@@ -305,7 +280,7 @@ def both_models(e: Evidence) -> PaperClaim:
     }
     text = "; ".join(f"{name}: {_exponent(x)}" for name, x in found.items())
     chaotic = [name for name, x in found.items() if x.largest[1] > 0.0]
-    return claim("both_models", text + ".", judge_parts(chaotic, len(found)))
+    return claim("both_models", judge_parts(chaotic, len(found)), shown=text)
 
 
 def _exponent(x: Exponents) -> str:
@@ -327,36 +302,31 @@ def control(e: Evidence) -> PaperClaim:
             both_signs.append(f"the {of}")
         sticks |= bool(positive.any() and sticking.any())
     transition = HOLDS_ONLY.format("the transition from sticking to chaos") if sticks else UNDECIDED
-    return claim("control", "; ".join(shown) + ".", judge_parts(both_signs, 2, transition))
+    return claim("control", judge_parts(both_signs, 2, transition), shown="; ".join(shown))
 
 
 def narrow_bands(e: Evidence) -> PaperClaim:
     """Judge Fig. 3: narrow-band spectra."""
-    form = "{side} {velocity}: {narrow} narrow of {lines} bands, {line_share:.1%} of the power"
-    return _judge_spectra(e, "narrow_bands", form, lambda rows: rows["narrow"] > 0, e.mean.periodic)
+    return _judge_spectra(e, "narrow_bands", lambda rows: rows["narrow"] > 0, e.mean.periodic)
 
 
 def continuous(e: Evidence) -> PaperClaim:
     """Judge section 5: continuous spectra."""
-    form = "{side} {velocity}: {floor_share:.1%}"
-    return _judge_spectra(e, "continuous", form, lambda rows: rows["floor_share"] > 0.5, not e.mean.periodic)
+    return _judge_spectra(e, "continuous", lambda rows: rows["floor_share"] > 0.5, not e.mean.periodic)
 
 
-def _judge_spectra(
-    e: Evidence, judged: str, form: str, has: Callable[[pd.DataFrame], Any], mean_has: bool
-) -> PaperClaim:
+def _judge_spectra(e: Evidence, judged: str, has: Callable[[pd.DataFrame], Any], mean_has: bool) -> PaperClaim:
     """Judge a claim on the mean velocity of the published map: which of orbit, single paths and their mean show it."""
     summary = spectra_tables(e.chaos.spectra)[2]
     rows = summary[summary["kind"] == TIME]
-    shown = "; ".join(form.format_map(row) for row in rows.to_dict("records"))
+    shown = "; ".join(map(TEXTS[judged]["spectrum"].format_map, rows.to_dict("records")))
     shows = has(rows).groupby(rows["side"], sort=False).all()
     found = ["single noisy paths" if side == NOISY else f"the {side}" for side in shows.index[shows]]
     found += ["the ensemble's mean"] if mean_has else []
     (published,) = e.chaos.maps[e.chaos.maps["closure"] == "published"].to_dict("records")
     ended = published["ends"] < published["followed"]
-    said = "The published map does not end; its spectrum is not measured here."
-    if ended:
-        said = f"The published map ends at impact {published['ends']:g} and has no spectrum."
+    ends = f"ends at impact {published['ends']:g} and has no spectrum"
+    said = ends if ended else "does not end; its spectrum is not measured here"
     if not found:
         verdict = NOT_REPRODUCED if ended else UNDECIDED
     elif not ended and len(found) > len(shows):
@@ -364,18 +334,10 @@ def _judge_spectra(
     else:
         clause = "; the published map ends before it has a spectrum" if ended else ""
         verdict = HOLDS_ONLY.format(f"{join_words(found)}{clause}")
-    return claim(judged, f"{said} {_ensemble_mean(e)} {shown[0].upper()}{shown[1:]}.", verdict)
-
-
-def _ensemble_mean(e: Evidence) -> str:
     share = join_words([f"{part:.1%} of the variance of y{stage}" for stage, part in enumerate(e.mean.share, start=1)])
-    found = "does not repeat itself with the excitation"
+    repeats = "does not repeat itself with the excitation"
     if e.mean.periodic:
-        found = (
-            "repeats itself with the excitation, so that its spectrum is lines at multiples of that frequency and "
-            "nothing between"
-        )
-    return (
-        f"The mean over {e.mean.paths:,} paths {found} (largest change from period to period {e.mean.largest:.1f} "
-        f"standard errors, {e.mean.allowed:.1f} allowed); it is {share}."
-    )
+        lines = "so that its spectrum is lines at multiples of that frequency and nothing between"
+        repeats = f"repeats itself with the excitation, {lines}"
+    shown = f"{shown[0].upper()}{shown[1:]}"
+    return claim(judged, verdict, published=said, mean=e.mean, repeats=repeats, share=share, shown=shown)

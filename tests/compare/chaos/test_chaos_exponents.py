@@ -5,10 +5,10 @@ import pytest
 
 from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
-from rattle.compare.chaos.exponents import drift_exponents, lyapunov, ratio_mean
+from rattle.compare.chaos.exponents import crossings, drift_exponents, lyapunov, ratio_mean
+from rattle.compare.chaos.measure import mean_maps, sweep
 from rattle.compare.chaos.record import Regime, noisy_record
-from rattle.compare.chaos.section import NOISY, sections
-from rattle.compare.chaos.sweep import crossings, mean_maps, paper_noise, sweep, vary
+from rattle.compare.chaos.section import NOISY, paper_noise, sections, vary
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.flight import jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rattle.compare.chaos.section import NOISY, ORBIT, bifurcation, sections
+from rattle.compare.chaos.section import NOISY, ORBIT, bifurcation, paper_noise, sections, vary
 from rattle.compare.chaos.spectrum import FALSE_ALARM, SEQUENCE, TIME, spectra, spectra_tables, welch
-from rattle.compare.chaos.sweep import paper_noise, vary
 from rattle.scene import DAT21, Scene
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)

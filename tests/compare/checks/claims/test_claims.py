@@ -11,10 +11,10 @@ from click.testing import CliRunner
 
 from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import Mean
-from rattle.compare.chaos.sweep import paper_noise
+from rattle.compare.chaos.section import paper_noise
 from rattle.compare.checks.claims import evidence as of_evidence
 from rattle.compare.checks.claims import judges
-from rattle.compare.checks.claims.evidence import gather
+from rattle.compare.checks.claims.evidence import Effort, gather
 from rattle.compare.checks.claims.judges import NOT_REPRODUCED, REPRODUCED, TEXTS, UNDECIDED, failures, judge
 from rattle.compare.checks.claims.page import answer, write_claims
 from rattle.compare.cli.main import main
@@ -28,10 +28,10 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 
 @pytest.fixture(scope="module")
 def evidence():
-    return gather(
-        Scene.from_gears(DAT21), sigmas=(0.02,), at=(0.3, 1.0, 2.0), paths=4000, points=20_000,
-        spectrum_impacts=20_000, events=128, impacts=6,
-    )  # fmt: skip
+    effort = Effort(points=20_000, impacts=20_000, events=128)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(of_evidence, "IMPACTS", 6)
+        return gather(Scene.from_gears(DAT21), (0.02,), (0.3, 1.0, 2.0), 4000, effort, lambda part: None)
 
 
 @pytest.fixture(scope="module")
