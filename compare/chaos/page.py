@@ -11,10 +11,9 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
-from rattle.compare.report import Figure, Text, table_of
-from rattle.compare.report.glossary import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary
+from rattle.compare.report import Figure, Text
 from rattle.compare.report.save import contents, save_report
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.texts import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary, read_texts, table_of
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words
 

@@ -1,15 +1,16 @@
 """The commands ``rattle boundary`` and ``rattle sensitivity``."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, real, several, whole
+from rattle.scene import Scene
 from rattle.scene.errors import InputError
 
-if TYPE_CHECKING:
-    from rattle.scene import Scene
+REACH = "Its range. [default: half its value to twice it]"
+JUDGED = "In place of quantities: judge what it predicts."
 
 
 @click.command()
@@ -20,9 +21,7 @@ if TYPE_CHECKING:
 @click.option("--over", default="sigma", show_default=True, metavar="NAME", help="Parameter of the gears or the scene.")
 @click.option("--between", nargs=2, type=float, metavar="LOW HIGH", help="Range. [default: 0.001 2 for sigma]")
 @click.option("--and", "along", metavar="NAME", help="A second parameter: trace the boundary over both.")
-@click.option(
-    "--reach", nargs=2, type=float, metavar="LOW HIGH", help="Its range. [default: half its value to twice it]"
-)
+@click.option("--reach", nargs=2, type=float, metavar="LOW HIGH", help=REACH)
 @whole("values", 9, "How many values of it.")
 @shared.SCHEDULER
 @whole("impacts", 12, "Impacts that must be accurate.")
@@ -32,20 +31,16 @@ if TYPE_CHECKING:
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-boundary", "parameters.page", shared.JSON_ALONE)
 def boundary(
-    base: "Scene",
+    base: Scene,
     begin: Begin,
     closure: str | None,
     quantity: str | None,
     level: float | None,
     along: str | None,
-    reach: tuple[float, float] | None,
-    values: int,
     scheduler: str | None,
-    impacts: int,
-    budget: float | None,
     seed: int,
     workers: int,
-    **settings: Any,
+    **asked: Any,
 ) -> None:
     """Find where along a parameter a closure stops holding.
 
@@ -59,6 +54,7 @@ def boundary(
     from rattle.compare.parameters.page import write_report
     from rattle.compare.study.cluster import check_address, silence
 
+    reach, budget = asked["reach"], asked["budget"]
     if quantity is not None and closure is not None:
         raise InputError("quantity", quantity, "takes the place of a closure; give one of them")
     if (quantity is None) != (level is None):
@@ -73,8 +69,9 @@ def boundary(
         check_address(scheduler)
         silence()
     results = begin()
+    settings = {name: value for name, value in asked.items() if name in ("over", "between", "points", "width")}
     settings |= {"quantity": quantity, "level": level} if quantity else {"closure": closure or "saltation"}
-    settings |= {} if quantity else {"impacts": impacts}
+    settings |= {} if quantity else {"impacts": asked["impacts"]}
     # beside the report, which is replaced as a whole
     cells = results.out.with_name(f"{results.out.name}-cells") if results.writes else None
     common: dict[str, Any] = {"folder": cells, "rng": seed, "workers": workers}
@@ -82,7 +79,7 @@ def boundary(
         settings |= {"budget": budget}
         found: Any = (find if quantity is None else crossing)(base, **settings, **common, progress="boundary")
     else:
-        settings |= {"along": along, "reach": reach, "values": values}
+        settings |= {"along": along, "reach": reach, "values": asked["values"]}
         found = boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
     results.write(write_report, found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "boundary.html", found.to_dict)
@@ -92,11 +89,7 @@ def boundary(
 @shared.SCENE_AND_SIGMA
 @several("quantity", "quantities", str, "Quantity; repeatable. [default: energy, impacts and speeds, by mesh]")
 @several("parameter", "parameters", str, "Parameter; repeatable. [default: all]")
-@click.option(
-    "--closure",
-    type=shared.ClosureName("closure", shared.CLOSURES),
-    help="In place of quantities: judge what it predicts.",
-)
+@click.option("--closure", type=shared.ClosureName("closure", shared.CLOSURES), help=JUDGED)
 @whole("impacts", 4, "Impacts at which a closure is judged.")
 @whole("paths", 16_384, "Simulated paths beside a closure, for each change.")
 @real("accuracy", "Half width of the widest 95 % interval of an effect of 1 %.", 0.001)
@@ -105,7 +98,7 @@ def boundary(
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-sensitivity", "parameters.page", shared.JSON_ALONE)
 def sensitivity(
-    base: "Scene",
+    base: Scene,
     begin: Begin,
     quantities: tuple[str, ...],
     parameters: tuple[str, ...],

@@ -46,17 +46,17 @@ class RattleGroup(click.Group):
         except click.ClickException as error:  # the message may quote a file name with control characters
             setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)
             raise
-        except RattleError as error:
-            say(f"rattle: {error}", err=True)
-            ctx.exit(EXIT_BAD_INPUT)
-        except OSError as error:
-            if any(sign in str(error) for sign in NO_TEMPORARY):
-                say("rattle: no folder for temporary files; set TMPDIR to one that can be written", err=True)
-                ctx.exit(EXIT_BAD_INPUT)
-            if error.errno not in STORAGE:
+        except (RattleError, OSError) as error:
+            if isinstance(error, RattleError):
+                why = str(error)
+            elif any(sign in str(error) for sign in NO_TEMPORARY):
+                why = "no folder for temporary files; set TMPDIR to one that can be written"
+            elif error.errno in STORAGE:
+                where = line(str(error.filename or "a file"))
+                why = f"{where}: {error.strerror}; {STORAGE[error.errno]}, and repeat the command"
+            else:
                 raise
-            where = line(str(error.filename or "a file"))
-            say(f"rattle: {where}: {error.strerror}; {STORAGE[error.errno]}, and repeat the command", err=True)
+            say(f"rattle: {why}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
             said.set()
@@ -79,22 +79,8 @@ def main() -> None:
 
 
 for command in (
-    animate,
-    boundary,
-    chaos,
-    check,
-    claims,
-    drive,
-    init,
-    order,
-    sensitivity,
-    show,
-    simulate,
-    stationary,
-    study,
-    tradeoff,
-    validate,
-    warm_up,
+    *(simulate, stationary, chaos, validate, tradeoff, order, boundary, sensitivity, study, check, claims, warm_up),
+    *(show, animate, drive, init),
 ):
     main.add_command(command)
 

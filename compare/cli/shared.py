@@ -6,16 +6,15 @@ from decimal import Decimal, InvalidOperation
 from functools import partial, reduce, wraps
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from rattle.compare.report.folder import check_free, default_place, name_of
 from rattle.compare.report.json_text import json_text
+from rattle.scene import DAT21, Scene
 from rattle.scene.errors import choice, count
 from rattle.scene.text import harmless
-
-if TYPE_CHECKING:
-    from rattle.scene import Scene
 
 PATH = click.Path(path_type=Path)
 Option = Callable[[Any], Any]
@@ -121,10 +120,8 @@ def name_option(
     option: str, names: Sequence[str], meaning: str, *, many: str = "", default: str | None = None
 ) -> Option:
     """An option that takes a name from a list; with `many`, its name in the plural, any number of them."""
-    kind, several = Name(option, names), bool(many)
-    return click.option(
-        f"--{option}", many or option, type=kind, multiple=several, default=default, show_default=True, help=meaning
-    )
+    shown: dict[str, Any] = {"default": default, "show_default": True, "help": meaning}
+    return click.option(f"--{option}", many or option, type=Name(option, names), multiple=bool(many), **shown)
 
 
 def join(*options: Option) -> Option:
@@ -178,15 +175,9 @@ def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGM
 
     def decorate(command: Callable[..., None]) -> Any:
         @wraps(command)
-        def run(
-            scene: Path | None,
-            sigma: float | None,
-            out: Path | None,
-            overwrite: bool,
-            as_json: bool = False,
-            **asked: Any,
-        ) -> None:
-            begin = partial(Results, scene, out, default.removeprefix("reports/NAME"), page, overwrite, as_json)
+        def run(scene: Path | None, sigma: float | None, **asked: Any) -> None:
+            written = {name: asked.pop(name) for name in ("out", "overwrite", "as_json") if name in asked}
+            begin = partial(Results, scene, suffix=default.removeprefix("reports/NAME"), page=page, **written)
             command(load_scene(scene, sigma, otherwise), begin, **asked)
 
         return folder_options(default, *more)(run)
@@ -203,7 +194,6 @@ class Results:
     def __init__(
         self, scene: Path | None, out: Path | None, suffix: str, page: str, overwrite: bool, as_json: bool = False
     ) -> None:
-        from rattle.compare.report.folder import check_free, default_place, name_of
         from rattle.compare.report.provenance import Stopwatch
 
         self.name, self.overwrite, self.as_json = name_of(scene) if scene else "DAT21", overwrite, as_json
@@ -217,9 +207,9 @@ class Results:
         """Write the folder, with the settings in its manifest."""
         from rattle.compare.report.provenance import provenance
 
-        if self.writes:
-            return writer(self.out, *found, {"name": self.name, **settings, **provenance(self.watch)}, self.overwrite)
-        return ()
+        if not self.writes:
+            return ()
+        return writer(self.out, *found, {"name": self.name, **settings, **provenance(self.watch)}, self.overwrite)
 
     def say(self, sentences: Iterable[str], page: str, data: Callable[[], dict[str, Any]] = dict) -> None:
         """Print the answer and the place of the page, or the data as JSON."""
@@ -256,10 +246,8 @@ def check_counts(settings: Mapping[str, Any], **least: int) -> None:
         count(name, settings[name], least=number)
 
 
-def load_scene(path: Path | None, sigma: float | None, otherwise: float = PAPER_SIGMA) -> "Scene":
+def load_scene(path: Path | None, sigma: float | None, otherwise: float = PAPER_SIGMA) -> Scene:
     """Load a scene file, or DAT21 at the noise intensity `otherwise`; `sigma` replaces either's noise."""
-    from rattle.scene import DAT21, Scene
-
     scene = Scene.load(path) if path else Scene.from_gears(DAT21, sigma=otherwise)
     if sigma is not None:
         return scene.with_sigma(sigma)

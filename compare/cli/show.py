@@ -8,14 +8,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import Results, load_scene, say
-from rattle.compare.report import NUMBER, Block, Code, Figure, Glossary, Page, PageSection, Table, TableCell, Text
+from rattle.compare.report import NUMBER, Block, Code, Figure, Glossary, Page, PageSection, Table, Text
+from rattle.compare.report.folder import default_place, name_of
+from rattle.compare.report.json_text import NAME, read_page
 from rattle.compare.report.render import parts
 from rattle.scene.errors import FileError, InputError, OutputError, count, nearest
+from rattle.scene.files import read_text, read_toml
+from rattle.scene.gears_input import find_measured, read_measured
 from rattle.scene.text import harmless, line
 
 NARROWEST = 20
@@ -36,7 +41,7 @@ def page_lines(page: Page, width: int) -> Iterator[str]:
 
 def section_lines(section: PageSection, width: int, level: int = 2) -> Iterator[str]:
     """The lines of a section and its subsections."""
-    yield from _heading(section.title, level, width)
+    yield from (*_bold(section.title, width, underline=level < 3 or None), "")
     for block in section.blocks:
         yield from _block(block, width)
     for inner in section.sections:
@@ -47,37 +52,28 @@ def _words(text: str) -> str:
     return "".join(piece for piece, _ in parts(text))
 
 
-def _heading(title: str, level: int, width: int) -> Iterator[str]:
-    for words in textwrap.wrap(_words(title), width):
-        yield click.style(words, bold=True, underline=level < 3 or None)
-    yield ""
-
-
-def _paragraph(text: str, width: int) -> Iterator[str]:
-    yield from textwrap.wrap(_words(text), width)
-    yield ""
+def _bold(text: str, width: int, **style: Any) -> Iterator[str]:
+    yield from (click.style(row, bold=True, **style) for row in textwrap.wrap(_words(text), width))
 
 
 def _block(block: Block, width: int) -> Iterator[str]:
     match block:
         case Text(text):
-            yield from _paragraph(text, width)
+            yield from textwrap.wrap(_words(text), width)
         case Figure(path, caption):
-            yield from _paragraph(f"[{path}] {caption}", width)
+            yield from textwrap.wrap(_words(f"[{path}] {caption}"), width)
         case Glossary(title, terms):
-            yield from (click.style(row, bold=True) for row in textwrap.wrap(_words(title), width))
+            yield from _bold(title, width)
             for term, meaning in terms:
                 yield from textwrap.wrap(f"{_words(term)}: {_words(meaning)}", width, subsequent_indent="    ")
-            yield ""
         case Code(text):
             yield from ("    " + row for row in harmless(text).expandtabs().splitlines())
-            yield ""
         case Table():
-            if block.summary:
-                yield from (click.style(row, bold=True) for row in textwrap.wrap(_words(block.summary), width))
-            for columns, widths in _panels(block, width):
+            yield from _bold(block.summary, width)
+            for number, (columns, widths) in enumerate(_panels(block, width)):
+                yield from [""] * bool(number)
                 yield from _panel(block, columns, widths)
-                yield ""
+    yield ""
 
 
 def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
@@ -117,30 +113,26 @@ def _extent(table: Table, column: int) -> tuple[int, int]:
 
 
 def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Iterator[str]:
+    """The lines of some columns of a table: heads, which stand on the lowest of their lines, a rule, and rows."""
     heads = [textwrap.wrap(_words(table.columns[c].head), w) for c, w in zip(columns, widths, strict=True)]
-    deepest = max(len(h) for h in heads)
-    lowered = [[""] * (deepest - len(h)) + h for h in heads]
-    yield from _rows(table, columns, widths, lowered, [TableCell("")] * len(columns))
+    deepest, kinds = max(map(len, heads)), [table.columns[c].kind for c in columns]
+    yield from _lines(kinds, widths, [[""] * (deepest - len(h)) + h for h in heads], [""] * len(columns))
     yield GAP.join("─" * w for w in widths)
     for row in table.rows:
         cells = [row[c] for c in columns]
         wrapped = [textwrap.wrap(_words(cell.display), w) for cell, w in zip(cells, widths, strict=True)]
-        yield from _rows(table, columns, widths, wrapped, cells)
+        yield from _lines(kinds, widths, wrapped, [cell.mark for cell in cells])
 
 
-def _rows(
-    table: Table,
-    columns: Sequence[int],
-    widths: Sequence[int],
-    wrapped: Sequence[list[str]],
-    cells: Sequence[TableCell],
+def _lines(
+    kinds: Sequence[str], widths: Sequence[int], wrapped: Sequence[list[str]], marks: Sequence[str]
 ) -> Iterator[str]:
     for pieces in zip_longest(*wrapped, fillvalue=""):
         shown = []
-        for piece, column, width, cell in zip(pieces, columns, widths, cells, strict=True):
+        for piece, kind, width, mark in zip(pieces, kinds, widths, marks, strict=True):
             room = " " * (width - len(piece))
-            styled = click.style(piece, fg=COLOUR[cell.mark]) if cell.mark and piece else piece
-            shown.append(room + styled if table.columns[column].kind == NUMBER else styled + room)
+            styled = click.style(piece, fg=COLOUR[mark]) if mark and piece else piece
+            shown.append(room + styled if kind == NUMBER else styled + room)
         yield GAP.join(shown).rstrip()
 
 
@@ -155,8 +147,6 @@ def show(report: Path, section: str | None, width: int | None) -> None:
 
     Exit codes: 0 shown; 2 no report is there.
     """
-    from rattle.compare.report.json_text import NAME, read_page
-
     path = report / NAME if report.is_dir() else report
     if report.is_dir() and not path.exists():
         why = f"holds no {NAME}; give a folder into which this version of rattle has written a report"
@@ -195,7 +185,6 @@ def animate(
     """
     from rattle.compare.animation.page import check_file, write_animation
     from rattle.compare.animation.record import check_recording, record
-    from rattle.compare.report.folder import default_place, name_of
     from rattle.compare.report.provenance import command_line
 
     base = load_scene(scene, sigma, 0.1)
@@ -249,16 +238,14 @@ def init(file: Path) -> None:
 @click.command()
 @click.argument("measured", type=shared.PATH, metavar="SCENE")
 @shared.folder_options("reports/NAME-drive", shared.JSON_ALONE)
-def drive(measured: Path, out: Path | None, overwrite: bool, as_json: bool) -> None:
+def drive(measured: Path, **written: Any) -> None:
     """Show the measured drive of a scene file.
 
     SCENE is a TOML file whose table [drive] has a file: its orders, its noise with an interval, and what is left out.
     """
-    from rattle.compare.report.measured_drive import write_drive
-    from rattle.scene.files import read_text, read_toml
-    from rattle.scene.gears_input import find_measured, read_measured
+    from rattle.compare.report.save import write_drive
 
-    results = Results(measured, out, "-drive", "report.measured_drive", overwrite, as_json)
+    results = Results(measured, suffix="-drive", page="report.save", **written)
     base = load_scene(measured, None)
     data = find_measured(read_toml(read_text("scene file", measured)), measured.parent)
     if not isinstance(data.get("drive"), Mapping):

@@ -10,23 +10,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from numpy.typing import NDArray
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines, say_part
-from rattle.scene.errors import InputError
+from rattle.compare.report.folder import write_whole
+from rattle.scene import Gears, Scene
+from rattle.scene.errors import InputError, positive
 from rattle.scene.units import RATE, UNITS, check_units, in_units
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from rattle.montecarlo.diagnostics.reach import Reach, Row
-    from rattle.scene import Gears, Scene
 
 MOST_NAMED = 8  # rows that miss an accuracy which are named
 TABLE_UNITS = "Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears]."
 JSON_UNITS = "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
+STEP_BIAS = "Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work)."
 COMPARED = "Closure to compare; repeatable. [default: all]"
 QUANTITY = "Quantity that the accuracy is for; repeatable. [default: rate, speed, energy_per_period]"
+BUDGET = (
+    "Processor seconds of the simulation, all threads together; compiling, closures and figures are not counted. "
+    "[default: refused above an hour]"
+)
 AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 
 
@@ -37,12 +42,7 @@ AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 @shared.whole("paths", None, "Number of paths, in place of an accuracy.")
 @shared.real("dt", "Step, with --paths. [default: the scheme's, 0.002 for Euler-Maruyama]")
 @shared.name_option("scheme", shared.SCHEMES, "Scheme. [default: what costs least; exact-flight with --paths]")
-@click.option(
-    "--step-bias/--no-step-bias",
-    default=True,
-    show_default=True,
-    help="Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work).",
-)
+@click.option("--step-bias/--no-step-bias", default=True, show_default=True, help=STEP_BIAS)
 @shared.real("budget", f"Processor seconds that an accuracy may take, all threads together. [default: {AN_HOUR}]")
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, TABLE_UNITS, default="dimensionless")
@@ -70,7 +70,6 @@ def simulate(
 
     Exit codes: 0 done; 2 bad input; 3 a mean or an sd misses the accuracy.
     """
-    from rattle.compare.report.folder import write_whole
     from rattle.montecarlo import Record, simulate, simulate_to
 
     base = load_scene(scene, sigma)
@@ -115,7 +114,7 @@ def simulate(
 
 
 @contextmanager
-def _estimates_shown() -> "Iterator[None]":
+def _estimates_shown() -> Iterator[None]:
     """Context in which estimates of the time are printed, and the warning of a missed accuracy is not.
 
     The command itself prints that the accuracy was not reached.
@@ -127,8 +126,7 @@ def _estimates_shown() -> "Iterator[None]":
     ESTIMATES.addHandler(handler)
     ESTIMATES.setLevel(logging.INFO)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", AccuracyWarning)
+        with warnings.catch_warnings(action="ignore", category=AccuracyWarning):
             yield
     finally:
         ESTIMATES.removeHandler(handler)
@@ -144,7 +142,7 @@ SHOWN = (
 )
 
 
-def columns_in(units: str, gears: "Gears | None") -> dict[str, str]:
+def columns_in(units: str, gears: Gears | None) -> dict[str, str]:
     """Names, in a system of units, of the columns that are shown on a terminal if they are there."""
     physical = gears.units.columns_of if gears is not None and units == "physical" else {}
     return {name: physical[name][0] if name in physical else name for name in SHOWN}
@@ -158,13 +156,12 @@ def _stars(missed: "Iterable[Row]", shown: Mapping[str, str]) -> Set[tuple[str, 
 
 def _list_missed(reach: "Reach", rows: int) -> list[str]:
     """The means and sds that miss the accuracy, the worst by name."""
-    named = [row.sentence for row in reach.missed[:MOST_NAMED]]
-    more = len(reach.missed) - len(named)
     said = f"{len(reach.missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):"
-    return [said, *(f"  {sentence}" for sentence in named), *([f"  and {more} more"] if more else [])]
+    named, more = [f"  {row.sentence}" for row in reach.missed[:MOST_NAMED]], len(reach.missed) - MOST_NAMED
+    return [said, *named, *([f"  and {more} more"] if more > 0 else [])]
 
 
-def _table(columns: "Mapping[str, NDArray[Any]]", shown: Iterable[str], stars: Set[tuple[str, int]]) -> str:
+def _table(columns: Mapping[str, NDArray[Any]], shown: Iterable[str], stars: Set[tuple[str, int]]) -> str:
     """The columns shown on a terminal, without absent and empty ones; pandas would take as long to load as sampling."""
     texts = [["impact", *(str(k) for k in range(1, len(columns["mesh"]) + 1))]]
     for name in (name for name in shown if name in columns):
@@ -187,11 +184,7 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: Iterable[str], stars: S
 @shared.whole("paths", 256, "Independent paths.")
 @shared.whole("burn-in", None, "Periods of burn-in, left out. [default: found by tests]")
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
-@shared.real(
-    "budget",
-    "Processor seconds of the simulation, all threads together; "
-    "compiling, closures and figures are not counted. [default: refused above an hour]",
-)
+@shared.real("budget", BUDGET)
 @click.option("--closure", "closures", type=shared.CLOSURE, multiple=True, help=COMPARED)
 @click.option("--no-closures", is_flag=True, help="Compare no closure.")
 @shared.name_option("field", shared.FIELDS, "Field of --over.", default="alpha")
@@ -200,7 +193,7 @@ def _table(columns: "Mapping[str, NDArray[Any]]", shown: Iterable[str], stars: S
 @shared.name_option("units", UNITS, JSON_UNITS)
 @shared.report("reports/NAME-stationary", "stationary.page", shared.JSON_ALONE)
 def stationary(
-    base: "Scene",
+    base: Scene,
     begin: Begin,
     quantities: tuple[str, ...],
     closures: tuple[str, ...],
@@ -241,7 +234,7 @@ def stationary(
     more = {"scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at)}
     said = results.write(write_stationary, found, view, **more)
     results.say(said, "stationary.html", lambda: found.to_dict(units or "dimensionless"))
-    if found.run is not None and found.run.reach is not None and not found.run.reach.reached:
+    if found.run and found.run.reach and not found.run.reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
 
@@ -257,7 +250,7 @@ def stationary(
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-chaos", "chaos.page")
-def chaos(base: "Scene", begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
+def chaos(base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
     """Measure Lyapunov exponents, Poincare sections and spectra.
 
     They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over a sweep.
@@ -267,7 +260,6 @@ def chaos(base: "Scene", begin: Begin, over: str, keep_sigma: bool, no_sweep: bo
     from rattle.compare.chaos.measure import Effort, study
     from rattle.compare.chaos.page import write_chaos
     from rattle.compare.chaos.section import paper_noise, values, vary
-    from rattle.scene.errors import positive
 
     field, at = settings["field"], () if no_sweep else values("over", over)
     noise = None if keep_sigma or field == "sigma" else paper_noise

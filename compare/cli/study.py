@@ -10,7 +10,8 @@ import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
-from rattle.scene.errors import InputError, OutputError, RattleError
+from rattle.compare.report.folder import ANY_TEXT, sweep, within, write_whole
+from rattle.scene.errors import InputError, OutputError, RattleError, count
 from rattle.scene.text import line
 
 if TYPE_CHECKING:
@@ -39,11 +40,9 @@ def study(
     Exit codes: 0 complete; 1 complete except for results that cannot be computed at some points, with the reasons; 2
     bad input, or nothing that could be computed; 130 interrupted.
     """
-    from rattle.compare.report.folder import within
     from rattle.compare.study.design import Study
     from rattle.compare.study.folder import CELLS, group_failures
     from rattle.compare.study.store import Store
-    from rattle.scene.errors import count
 
     count("workers", workers)
     if scheduler is not None:
@@ -69,9 +68,7 @@ def study(
     if as_json:
         say_json(record)
     else:
-        say_lines(record["answer"])
-        if "files" in record:
-            say(f"Page: {folder / 'study.html'}")
+        say_lines((*record["answer"], *[f"Page: {folder / 'study.html'}"] * ("files" in record)))
     failures = group_failures(wanted.points, record.get("failed", {}))
     for failure in failures:
         say(f"rattle: {failure}", err=True)
@@ -81,7 +78,6 @@ def study(
 
 def _compute(wanted: "Study", seen: "Store", folder: Path, workers: int, scheduler: str | None) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
-    from rattle.compare.report.folder import write_whole
     from rattle.compare.study.design import combine, page_of, read_results
     from rattle.compare.study.engine import Runner, run
     from rattle.compare.study.folder import FILE, write_page
@@ -104,12 +100,8 @@ def _compute(wanted: "Study", seen: "Store", folder: Path, workers: int, schedul
         silence()
         runner = Cluster(scheduler)
     outcome = run(wanted.cells, store, runner, show=True)
-    facts = {
-        "computed": outcome.computed,
-        "failed": outcome.failed,
-        "wall_seconds": round(outcome.wall_seconds, 2),
-        "cell_seconds": round(outcome.cell_seconds, 2),
-    }
+    facts: dict[str, Any] = {"computed": outcome.computed, "failed": outcome.failed}
+    facts |= {name: round(getattr(outcome, name), 2) for name in ("wall_seconds", "cell_seconds")}
     results = read_results(wanted, store)
     tables = combine(wanted, results)
     if outcome.failed and tables.empty:
@@ -125,7 +117,6 @@ def _compute(wanted: "Study", seen: "Store", folder: Path, workers: int, schedul
 
 def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
     """The record of a study whose cells and page are complete; None if something is to be computed or written."""
-    from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
     from rattle.compare.report.save import file_digest
     from rattle.compare.study.folder import FILE, PAGE, is_current
 

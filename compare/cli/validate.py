@@ -2,15 +2,15 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Begin, load_scene, say, say_json, say_lines
-
-if TYPE_CHECKING:
-    from rattle.scene import Scene
+from rattle.compare.report.folder import check_free, default_place, name_of
+from rattle.scene import Scene
+from rattle.scene.errors import choice, count, positive
 
 EXIT_FAILED, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 4, 5
 CLOSURE = "Closure, or package.module:function of your own; repeatable. [default: all that can be applied]"
@@ -68,14 +68,12 @@ def validate(
     from rattle.closure import closures_for
     from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
-    from rattle.compare.report.folder import check_free, default_place, name_of
     from rattle.compare.report.manifest import DIFFERENT, ROUNDED, SAME, compare, tables_beside
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
     from rattle.compare.validation.page import CONTENTS, write_report
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
     from rattle.compare.validation.validate import validate as compare_closures
     from rattle.montecarlo import SCHEMES, check_settings, default_step
-    from rattle.scene.errors import choice, count
 
     recorded, earlier = None, {}
     if repeat is not None:
@@ -116,19 +114,17 @@ def validate(
         compare_closures(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
         for s in settings.scenes
     ]
-    swept = (
-        sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers) if settings.validity else None
-    )
+    swept = None
+    if settings.validity:
+        swept = sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers)
     schemes = compare_schemes(validations, settings.beside, workers) if settings.beside else None
     origin = {"repeat": command_line(["validate", "--repeat", str(out / "manifest.json")])} | provenance(watch)
     record = write_report(out, settings, validations, swept, origin, overwrite, schemes)
     repeated = None if recorded is None else compare(recorded, earlier, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
-        summary = {"report": out, "answer": record["answer"], "accurate": accurate, "repeated": None}
-        if repeated:
-            summary |= {"repeated": repeated.outcome == SAME, "repeat": repeated.to_dict()}
-        say_json(summary)
+        again = {"repeated": repeated.outcome == SAME, "repeat": repeated.to_dict()} if repeated else {"repeated": None}
+        say_json({"report": out, "answer": record["answer"], "accurate": accurate, **again})
     else:
         comparison = repeated.sentences if repeated else []
         say_lines((*record["answer"], f"Report: {out / 'report.html'}", *comparison))
@@ -155,7 +151,7 @@ def validate(
 @click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @shared.whole("workers", 2, "Threads.")
 @shared.report("reports/NAME-tradeoff", "tradeoff.page", otherwise=0.1)
-def tradeoff(base: "Scene", begin: Begin, accuracies: tuple[float, ...], orders: bool, **settings: Any) -> None:
+def tradeoff(base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: bool, **settings: Any) -> None:
     """Measure what an accuracy costs by each scheme and closure.
 
     SCENE is a TOML file, DAT21 if none is given.
@@ -165,7 +161,6 @@ def tradeoff(base: "Scene", begin: Begin, accuracies: tuple[float, ...], orders:
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
     from rattle.compare.tradeoff.page import write_tradeoff
     from rattle.montecarlo import SCHEMES, check_settings
-    from rattle.scene.errors import positive
 
     positive("sigma", base.sigma)
     asked = check_accuracies(accuracies or ACCURACIES)

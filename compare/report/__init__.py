@@ -5,12 +5,9 @@ Texts are plain: between two backticks stands code, everything else is shown lit
 
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
-
-if TYPE_CHECKING:
-    import pandas as pd
+from typing import TypeAlias
 
 TEXT, NUMBER = "text", "number"
 """Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and sorted by value."""
@@ -194,21 +191,3 @@ class Page:
             section = waiting.pop(0)
             yield section
             waiting[:0] = section.sections
-
-
-def table_of(frame: "pd.DataFrame", texts: Collection[str] = (), summary: str = "") -> Table:
-    """A table of all columns as they are; those in `texts` are text.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = table_of(pd.DataFrame({"scheme": ["exact-flight"], "paths": [4000]}), ["scheme"])
-    >>> [cell.text for cell in table.rows[0]]
-    ['exact-flight', '4,000']
-    """
-    names = [str(name) for name in frame.columns]
-    rows = (
-        [str(v) if n in texts else float(v) for n, v in zip(names, row, strict=True)]
-        for row in frame.itertuples(index=False)
-    )
-    return Table.of([Column(name, TEXT if name in texts else NUMBER) for name in names], rows, summary)

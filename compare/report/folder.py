@@ -8,6 +8,7 @@ import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from rattle.scene.errors import OutputError
@@ -41,10 +42,9 @@ def describe_refusal(out: Path, error: OSError) -> OutputError:
     >>> print(describe_refusal(Path("a"), OSError(errno.ENOSPC, "No space left on device")))
     out = 'a': the disk is full; nothing is half written, what was there is untouched: make room and try again
     """
+    why = f"cannot be written ({error.strerror or error}); choose another place"
     if error.errno in FULL:
         why = "the disk is full; nothing is half written, what was there is untouched: make room and try again"
-    else:
-        why = f"cannot be written ({error.strerror or error}); choose another place"
     return OutputError(f"out = {str(out)!r}: {why}")
 
 
@@ -146,9 +146,7 @@ def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> Non
     except OSError as error:
         if not (isinstance(error, OutputError) or error.errno in (errno.ENOTEMPTY, errno.EEXIST)):
             raise
-        number = 2
-        while (beside := out.with_name(f"{out.name}-{number}")).exists():
-            number += 1
+        beside = next(p for n in count(2) if not (p := out.with_name(f"{out.name}-{n}")).exists())
         os.rename(scratch, beside)
         raise OutputError(
             f"out = {str(out)!r}: has been taken by another run meanwhile; this report is kept as {str(beside)!r}"

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from traceback import walk_stack
 from types import FrameType
 
 EXIT_INTERRUPTED = 130
@@ -75,11 +76,8 @@ def stop_after(seconds: float) -> Iterator[None]:
 
 
 def _loses_exceptions(frame: FrameType | None) -> bool:
-    while frame is not None:
-        if frame.f_code.co_filename.endswith(LOSES_EXCEPTIONS):
-            return True
-        frame = frame.f_back
-    return False
+    stack = () if frame is None else walk_stack(frame)
+    return any(part.f_code.co_filename.endswith(LOSES_EXCEPTIONS) for part, _ in stack)
 
 
 def _end(text: str, seconds: float = 0.0) -> None:

@@ -256,14 +256,12 @@ def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference
 def _differences(one: pd.DataFrame, other: pd.DataFrame, name: str, paths: int) -> tuple[Floats, Floats]:
     """Differences of a column in sds and in standard errors."""
     a, b = one[name], other[name]
-    same = ((a == b) | (a.isna() & b.isna())).to_numpy(bool)
-    none = np.full(len(one), math.nan)
+    same, none = ((a == b) | (a.isna() & b.isna())).to_numpy(bool), np.full(len(one), math.nan)
     if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):  # text and counts must be equal
         return np.where(same, 0.0, math.inf), none
-    nothing = pd.Series(0.0, index=one.index)
-    simulated = one.get("simulated", nothing).abs()
-    sizes = [RELATIVE * a.abs(), RELATIVE * b.abs(), one.get("unit", nothing), RELATIVE * simulated]
-    error = one.get("se", nothing).to_numpy(float) if name != "agreement" else paths**-0.5
+    simulated, unit, se = (one.get(of, pd.Series(0.0, index=one.index)) for of in ("simulated", "unit", "se"))
+    sizes = [RELATIVE * a.abs(), RELATIVE * b.abs(), unit, RELATIVE * simulated.abs()]
+    error = se.to_numpy(float) if name != "agreement" else paths**-0.5
     gap = np.where(same, 0.0, (a - b).abs())
     with np.errstate(invalid="ignore", divide="ignore"):
         sds = np.where(same, 0.0, gap / np.fmax.reduce([s.to_numpy(float) for s in sizes]))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -83,20 +84,19 @@ def versions() -> dict[str, str]:
         "vectors": _vectors(),
     }
     for package in PACKAGES:
-        try:
+        found[package] = "not installed"
+        with suppress(importlib.metadata.PackageNotFoundError):
             found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            found[package] = "not installed"
     return found
 
 
 def _processor() -> str:
     """Model name of the processor."""
-    try:
-        found = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(errors="replace"), re.MULTILINE)
-    except OSError:
-        found = None
-    return found[1] if found else platform.processor() or "unknown"
+    with suppress(OSError):
+        said = Path("/proc/cpuinfo").read_text(errors="replace")
+        if found := re.search(r"^model name\s*:\s*(.+)$", said, re.MULTILINE):
+            return found[1]
+    return platform.processor() or "unknown"
 
 
 def _vectors() -> str:

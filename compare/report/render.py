@@ -4,7 +4,7 @@ import base64
 import hashlib
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
-from functools import cache, partial
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -35,11 +35,7 @@ def parts(text: str) -> list[tuple[str, bool]]:
     return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
 
-def _escape_only(piece: str, _: bool) -> Markup:
-    return escape(piece)
-
-
-def as_html(text: str, files: Collection[str] = (), words: Words = _escape_only) -> Markup:
+def as_html(text: str, files: Collection[str] = (), words: Words = lambda piece, _: escape(piece)) -> Markup:
     """A text as HTML; code between backticks becomes a ``<code>`` element.
 
     `files`: Names of files beside the page; code that is such a name becomes a link to the file. `words`: Makes a
@@ -185,24 +181,18 @@ def make_environment(package: str, escaped: bool) -> "Environment":
 
 def render_html(package: str, name: str, filters: Mapping[str, Any], /, **values: Any) -> str:
     """Render a package's template ``NAME.html.j2`` with ``NAME.css`` and ``NAME.js``, and no other style or script."""
-    style, script = (_read_part(package, f"{name}.{kind}") for kind in ("css", "js"))
-    policy = (
-        f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
-        "base-uri 'none'; form-action 'none'"
-    )
+    parts = files(package).joinpath("templates")
+    style, script = (parts.joinpath(f"{name}.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    allowed = (f"'sha256-{_base64(hashlib.sha256(text.encode()).digest())}'" for text in (style, script))
+    policy = "default-src 'none'; img-src data:; style-src {}; script-src {}; base-uri 'none'; form-action 'none'"
     environment = make_environment(package, True)
     environment.filters |= filters
     template = environment.get_template(f"{name}.html.j2")
-    return template.render(policy=policy, style=Markup(style), script=Markup(script), **values)
+    return template.render(policy=policy.format(*allowed), style=Markup(style), script=Markup(script), **values)
 
 
-@cache
-def _read_part(package: str, name: str) -> str:
-    return files(package).joinpath("templates", name).read_text(encoding="utf-8")
-
-
-def _hash(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode()
 
 
 PACKAGE = "rattle.compare.report"  # of the templates
@@ -240,7 +230,8 @@ def markdown(page: Page, files: Collection[str] = ()) -> str:
 
 def html(page: Page, folder: Path) -> str:
     """A page as one HTML file that needs no other; figures are embedded, and table files in the folder are linked."""
-    anchors, files, terms = _anchors(page), data_files(folder), Terms(_glossaries(page))
+    blocks = [*page.blocks, *(block for section in page.all_sections() for block in section.blocks)]
+    anchors, files, terms = _anchors(page), data_files(folder), Terms(b for b in blocks if isinstance(b, Glossary))
     plain = partial(as_html, files=files)
     filters = {
         "inline": plain,
@@ -251,14 +242,8 @@ def html(page: Page, folder: Path) -> str:
         "anchor": lambda section: anchors[id(section)],
         "embed": lambda figure: _data_address(folder / figure.path),
     }
-    return render_html(
-        PACKAGE, "page", filters, page=page, kind=_kind, NUMBER=NUMBER, MARKS=MARKS, files=files, LONG=LONG
-    )
-
-
-def _glossaries(page: Page) -> list[Glossary]:
-    blocks = [*page.blocks, *(block for section in page.all_sections() for block in section.blocks)]
-    return [block for block in blocks if isinstance(block, Glossary)]
+    shown: dict[str, Any] = {"page": page, "kind": _kind, "NUMBER": NUMBER, "MARKS": MARKS, "files": files}
+    return render_html(PACKAGE, "page", filters, **shown, LONG=LONG)
 
 
 def _kind(block: Block) -> str:
@@ -266,7 +251,7 @@ def _kind(block: Block) -> str:
 
 
 def _data_address(path: Path) -> str:
-    return f"data:{TYPES[path.suffix]};base64," + base64.b64encode(path.read_bytes()).decode()
+    return f"data:{TYPES[path.suffix]};base64,{_base64(path.read_bytes())}"
 
 
 def _anchors(page: Page) -> dict[int, str]:

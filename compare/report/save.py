@@ -6,6 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -16,6 +17,7 @@ from rattle.compare.report.manifest import seal
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.render import pages, write_page
 from rattle.compare.report.texts import lay_out
+from rattle.scene.measured_drive import CHANCE, SMALL, MeasuredDrive
 from rattle.scene.text import harmless
 
 
@@ -118,3 +120,19 @@ def write_files(
     sealed = seal({**record, "answer": list(page.answer), **files})
     (folder / MANIFEST).write_text(json_text(sealed) + "\n", encoding="utf-8")
     return sealed
+
+
+CONTENTS = contents("drive", figures=("drive",), tables=("orders",))
+"""Names of all files in such a folder; a folder with any other file is not overwritten."""
+
+
+def write_drive(out: Path, found: MeasuredDrive, record: dict[str, Any], overwrite: bool) -> None:
+    """Write the folder of a measured drive."""
+    orders = pd.DataFrame(found.table)
+    shown = {"orders": orders.assign(said=np.where(orders["kept"], "kept", "left out"))}
+    names = ("amplitude", "omega", "periods", "sigma_ratio", "low", "high", "memory", "left_out")
+    title, record = f"The measured drive of {record['name']}", record | {name: getattr(found, name) for name in names}
+    page: dict[str, Any] = {"package": "report", "layout": "drive.md", "values": {"small": SMALL, "chance": CHANCE}}
+    files: dict[str, Any] = {"figures": {"drive": found.plot()}, "tables": {"orders": orders}, "digits": "%.6g"}
+    files |= {"allowed": CONTENTS, "overwrite": overwrite}
+    save_report(out, "drive", title, found.answer, record, shown, **page, **files)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rattle.closure import CLOSURES
+from rattle.scene.moments import STATE
 from rattle.scene.plot import ShownFigure
 
 OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")
@@ -30,16 +31,8 @@ class Styles(dict[str, Any]):
 STYLE = Styles({name: {"color": closure.color, "marker": closure.marker} for name, closure in CLOSURES.items()})
 STYLE["monte carlo"] = {"color": "#000000", "marker": "D"}
 ACCURATE, FORBIDDEN = "#56B4E9", "#CC79A7"
-SYMBOL = {
-    "tau": r"$\tau$",
-    "flight": r"$\Delta\tau$",
-    "x1": "$x_1$",
-    "y1": "$y_1$",
-    "x2": "$x_2$",
-    "y2": "$y_2$",
-    "rho1": r"$\rho_1$",
-    "rho2": r"$\rho_2$",
-}
+SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$", "rho1": r"$\rho_1$", "rho2": r"$\rho_2$"}
+SYMBOL |= {name: f"${name[0]}_{name[1]}$" for name in STATE}
 
 SETTINGS: Any = {
     "svg.hashsalt": "rattle",

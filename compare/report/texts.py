@@ -1,16 +1,20 @@
-"""Texts of the pages as data: each folder keeps them in ``texts.toml``, and the layout of its page in ``page.md``."""
+"""Texts of the pages as data: each folder keeps them in ``texts.toml``, and the layout of its page in ``page.md``.
+
+The words and symbols of the pages are explained once; the glossary of a page shows those that it uses.
+"""
 
 import re
 import tomllib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from importlib.resources import files
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, PageSection, Table, TableCell, Text
+import pandas as pd
 
-if TYPE_CHECKING:
-    import pandas as pd
+from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, Glossary, PageSection, Table, TableCell, Text
+from rattle.scene.errors import InputError
+from rattle.scene.gears import Gears
 
 FIGURE, PART, PLAIN = (re.compile(form) for form in (r"!\[(.*?)\]\((.*?)\) ?(.*)", r"\[([\w-]+)\]", r"\{[^{}:]+\}"))
 
@@ -43,7 +47,8 @@ def lay_out(
     """The blocks above the sections of a page, and the sections, as ``page.md`` of its folder says, or another layout.
 
     ``# Title`` begins a section, ``[name]`` stands for the block or blocks of that name in `parts`, or for a table of
-    that frame if heads, alignment and forms of its columns follow; ``![alternative](NAME.svg) caption`` for a figure
+    that frame if heads, alignment and forms of its columns follow, or, if it is True there, for the text that follows
+    on its line; ``![alternative](NAME.svg) caption`` for a figure
     that is `drawn`; `values` are put between braces.  A paragraph with ``>`` is a note to the part that follows it.  A
     part or figure that is not there is left out with its note, and so is a section without blocks.
     """
@@ -73,6 +78,8 @@ def _blocks(
         return [Figure(path, caption, alternative or caption)] if path.removesuffix(".svg") in drawn else []
     if found := PART.match(piece):
         part, (first, *rows) = parts.get(found[1], ()), paragraph.strip().splitlines()
+        if part is True:
+            return [Text(piece.partition("] ")[2].format(**values))]
         if rows and not isinstance(part, Sequence):
             rows[0] = rows[0].format(**values)
             return [_table(part, rows, first.partition("] ")[2].format(**values))]
@@ -80,7 +87,7 @@ def _blocks(
     return [Text(piece.format(**values))]
 
 
-def _table(frame: "pd.DataFrame", rows: Sequence[str], summary: str) -> Table:
+def _table(frame: pd.DataFrame, rows: Sequence[str], summary: str) -> Table:
     """A table of a frame by three rows: heads, alignment (``--:`` for numbers), and the forms of its cells."""
     heads, rule, forms = ([cell.strip() for cell in row.strip().strip("|").split("|")] for row in rows)
     columns = [Column(head, NUMBER if mark.endswith(":") else TEXT) for head, mark in zip(heads, rule, strict=True)]
@@ -94,3 +101,67 @@ def _form(form: str, kind: str) -> Callable[[Any], TableCell | str | float]:
     if mark:
         return lambda row: TableCell(text.format_map(row), row[mark])
     return itemgetter(form[1:-1]) if kind == NUMBER and PLAIN.fullmatch(form) else form.format_map
+
+
+TITLE = "Symbols and words of this page"
+
+TERMS: dict[str, str] = read_texts("report")
+"""Meaning of each term, in plain words, in the order in which a page lists them."""
+
+CLOSURE_TERMS = ("closure", "`published`", "`corrected`", "`saltation`", "`branching`", "simulation")
+SCHEME_TERMS = ("scheme", "`euler-maruyama`", "`euler-maruyama-located`", "`exact-flight`", "exact flight", "dt")
+SECTION_TERMS = ("τ", "x1, x2", "y1, y2", "E, sd", "impact", "itinerary")
+EXPONENT_TERMS = ("Lyapunov exponent", "drift's linearisation", "finite-size exponent")
+CHAOS_TERMS = ("orbit", "mean map", *EXPONENT_TERMS, "square-root law", "band", "sticking")
+VERDICT_TERMS = ("accurate", "inaccurate", "undecided", "range of validity")
+
+
+IN_UNITS = {
+    **dict.fromkeys(("α", "x1, x2"), "{length:.4g} mm"),
+    **dict.fromkeys(("τ", "Δτ", "dt"), "{time:.4g} ms"),
+    "y1, y2": "{speed:.4g} mm/s",
+    "Lyapunov exponent": "{each_second:.4g} per second",
+}
+"""What 1 is in physical units, of the quantities that have a dimension."""
+
+
+def glossary(*names: str, gears: Gears | None = None) -> Glossary:
+    """The glossary of a page.
+
+    `*names`: Terms that the page uses, keys of `TERMS`; they are listed in the order of `TERMS`. `gears`: Those
+    of the page's scene: the glossary then says what 1 is in their units.
+
+    Examples
+    --------
+    >>> [term for term, _ in glossary("τ", "σ").terms]
+    ['σ', 'τ']
+    >>> from rattle.scene import DAT21
+    >>> print(glossary("Δτ", gears=DAT21).terms[0][1])
+    time of flight between two impacts; 1 is 3.333 ms for these gears
+    """
+    if unknown := set(names) - TERMS.keys():
+        raise InputError("names", unknown.pop(), "is not explained; add it to TERMS")
+    terms = {name: meaning for name, meaning in TERMS.items() if name in names}
+    if gears is not None:
+        units = gears.units._asdict() | {"each_second": 1e3 / gears.units.time}
+        ones = {name: one.format(**units) for name, one in IN_UNITS.items() if name in terms}
+        terms |= {name: f"{terms[name]}; 1 is {one} for these gears" for name, one in ones.items()}
+    return Glossary(TITLE, tuple(terms.items()))
+
+
+def table_of(frame: pd.DataFrame, texts: Collection[str] = (), summary: str = "") -> Table:
+    """A table of all columns as they are; those in `texts` are text.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = table_of(pd.DataFrame({"scheme": ["exact-flight"], "paths": [4000]}), ["scheme"])
+    >>> [cell.text for cell in table.rows[0]]
+    ['exact-flight', '4,000']
+    """
+    names = [str(name) for name in frame.columns]
+    rows = (
+        [str(v) if n in texts else float(v) for n, v in zip(names, row, strict=True)]
+        for row in frame.itertuples(index=False)
+    )
+    return Table.of([Column(name, TEXT if name in texts else NUMBER) for name in names], rows, summary)

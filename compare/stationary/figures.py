@@ -68,13 +68,11 @@ def speed_unit(gears: Gears | None) -> tuple[float, str]:
 def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: float) -> None:
     """Mean speed of a closure's law on both sides, as lines: its law is one of speeds."""
     part = law.mesh == mesh
-    if not part.any():
-        return
     weight = law.weight[part] / law.weight[part].sum()
     mean = factor * float((weight * law.speed[part]).sum())
-    for sign in (-1.0, 1.0):
-        if edges[0] <= sign * mean <= edges[-1]:
-            ax.axvline(sign * mean, ymax=0.12, color=STYLE[closure]["color"], lw=2.0, label=f"{closure}: mean speed")
+    for at in (-mean, mean):
+        if part.any() and edges[0] <= at <= edges[-1]:
+            ax.axvline(at, ymax=0.12, color=STYLE[closure]["color"], lw=2.0, label=f"{closure}: mean speed")
 
 
 def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> Figure:
@@ -89,12 +87,11 @@ def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> 
         with np.errstate(invalid="ignore", divide="ignore"):
             relative = np.ma.masked_invalid(d.se.T / d.density.T)
         error = right.pcolormesh(phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True)
-        for ax in (left, right):
+        for ax, what in ((left, "density"), (right, "standard error / density")):
             ax.grid(False)
             ax.set_xlabel(r"phase of the excitation ($\pi$ rad)")
+            ax.set_title(f"mesh {d.mesh}: {what}", loc="left")
         left.set_ylabel(rf"velocity before the impact $y_{d.mesh}$ ({unit})")
-        left.set_title(f"mesh {d.mesh}: density", loc="left")
-        right.set_title(f"mesh {d.mesh}: standard error / density", loc="left")
         figure.colorbar(image, ax=left, pad=0.01, label=f"1 / (rad · {unit})")
         figure.colorbar(error, ax=right, pad=0.01, label="share of the density")
     return figure
@@ -126,13 +123,12 @@ def memory_figure(table: pd.DataFrame) -> Figure:
     rows = rows[[not name.startswith("contact") for name in rows.index]][::-1]
     figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
     at = np.arange(len(rows))
-    for k, value in enumerate(rows["autocorrelation"]):
-        ax.plot([1.0, value], [k, k], color="0.75", lw=1.0)
+    ax.plot(np.array([np.ones(len(rows)), rows["autocorrelation"]]), [at, at], color="0.75", lw=1.0)
     ax.plot(rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=STYLE["corrected"]["color"])
     ax.axvline(1.0, color="k", lw=0.9)
     ax.set_yticks(at, rows.index, fontsize=7)
-    label = "autocorrelation time (impacts); 1: as if impacts were independent"
-    ax.set(xscale="log", ylim=(-1.0, len(rows)), xlabel=label)
+    ax.set(xscale="log", ylim=(-1.0, len(rows)))
+    ax.set_xlabel("autocorrelation time (impacts); 1: as if impacts were independent")
     return figure
 
 

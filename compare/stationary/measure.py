@@ -135,11 +135,11 @@ def _exact_table(values: dict[str, float]) -> pd.DataFrame:
 def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary:
     """A motion without impacts."""
     none = ("rate_above", "rate", "energy_per_period", "power")
-    zero = {f"{name}{s}": 0.0 for name in none for _, s in groups(scene.stages)}
-    contact = {f"contact_share_mesh{m}": a.contact[m - 1] for m in range(1, scene.stages + 1)}
-    contact |= {f"open_share_mesh{m}": 0.0 for m in range(1, scene.stages + 1)}
+    values = {f"{name}{s}": 0.0 for name in none for _, s in groups(scene.stages)}
+    for share, by_mesh in (("contact_share", a.contact), ("open_share", (0.0, 0.0))):
+        values |= {f"{share}_mesh{m}": by_mesh[m - 1] for m in range(1, scene.stages + 1)}
     said = f"At rest: the motion {a.reason}; there are no impacts and no energy is lost."
-    return Stationary(scene, "rest", said, _exact_table(zero | contact), None, a, slow, closures)
+    return Stationary(scene, "rest", said, _exact_table(values), None, a, slow, closures)
 
 
 def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary | None:
@@ -164,8 +164,7 @@ def _attractors(scene: Scene, own: Attractor) -> list[list[Attractor]]:
     """The attractors without noise, each as found from some of the starts, that of the scene's own start first."""
     kinds: list[list[Attractor]] = []
     for end in (own, *(attractor(scene, n) for n in range(1, STARTS))):
-        same = [kind for kind in kinds if kind[0].same(end)]
-        if same:
+        if same := [kind for kind in kinds if kind[0].same(end)]:
             same[0].append(end)
         else:
             kinds.append([end])

@@ -8,12 +8,13 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.chaos.section import Bifurcation
-from rattle.compare.report import Table, table_of
-from rattle.compare.report.glossary import CLOSURE_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.report import Table
 from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary, table_of
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
-from rattle.compare.stationary.verdicts import TOLERANCES
+from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
+from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.long_run import LongRun
 from rattle.scene.scene import Scene
 from rattle.scene.threshold import rattle_threshold
@@ -27,16 +28,7 @@ CONTENTS = contents(
 WORDS: tuple[str, ...] = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "τ", "Δτ", "y1, y2", "E, sd")
 WORDS += ("orbit", "mean map", "sticking")
 MASS = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
-BY_MESH = {
-    "power": "energy lost per {}",
-    "rate_above": "impacts per {}",
-    "speed_above": "their mean speed",
-    "rms_speed_above": "root of their mean square speed",
-    "q95_speed_above": "speed that 5 % of them exceed",
-    "contact_share": "share of time closed",
-    "open_share": "share of time open",
-}
-"""What the first table of the page says of each mesh, per unit of time; impacts are those that are not slow."""
+BY_MESH: dict[str, str] = TEXTS["by_mesh"]
 MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
 MAIN = ("rate_above", "speed_above", "energy_per_period")
 NAMED = 4  # quantities with few effective paths that are named
@@ -45,7 +37,7 @@ FEW = 0.5  # ratio of standard errors, from paths and from batches, from which b
 
 
 def _units(found: Stationary) -> str:
-    return "dimensionless" if found.scene.gears is None else "physical"
+    return "physical" if found.scene.gears else "dimensionless"
 
 
 def _by_mesh(table: pd.DataFrame, name: str, mesh: int, stages: int) -> str:
@@ -70,13 +62,12 @@ def write_stationary(
     """Write the folder of a long run."""
     units, gears, figures = _units(found), found.scene.gears, found.figures()
     tables = {"stationary": found.table.reset_index()}
-    own, meshes = found.table_in(units), range(1, found.scene.stages + 1)
+    own, stages = found.table_in(units), found.scene.stages
     rows = [
-        [words.format("second" if gears else "unit of time")]
-        + [_by_mesh(own, name, m, found.scene.stages) for m in meshes]
-        for name, words in BY_MESH.items()
+        [words.format("second" if gears else "unit of time"), *(_by_mesh(own, n, m + 1, stages) for m in range(stages))]
+        for n, words in BY_MESH.items()
     ]
-    parts: dict[str, Any] = {"by_mesh": Table.of(["", *(f"mesh {m}" for m in meshes)], rows)}
+    parts: dict[str, Any] = {"by_mesh": Table.of(["", "mesh 1", "mesh 2"][: stages + 1], rows)}
     parts["quantities"] = table_of(own.reset_index(), ("quantity", "unit"))
     parts["words"] = glossary(*WORDS, gears=gears)
     values = {"slow": speed_text(found.slow, gears, units), "mass": "" if gears else MASS, "field": record["field"]}
@@ -102,11 +93,11 @@ def write_stationary(
 
 def answer(found: Stationary) -> list[str]:
     """Summarise a long run in sentences."""
-    units, run = _units(found), found.run
-    said = [*_impacts(found, found.table_in(units), units), found.said, threshold_sentence(found.scene)]
+    run = found.run
+    said = [*_impacts(found), found.said, threshold_sentence(found.scene)]
     if run is not None:
         said += [run.burn_in.sentence, run.reach.sentence if run.reach else ""]
-        said += [_memory(found.table), _few(found, run), _compare_errors(found.table), *_closures(found, units)]
+        said += [_memory(found.table), _few(found, run), _compare_errors(found.table), *_closures(found)]
     return [sentence for sentence in said if sentence]
 
 
@@ -124,8 +115,7 @@ def threshold_sentence(scene: Scene) -> str:
 def _show(table: pd.DataFrame, name: str) -> str:
     row = table.loc[name].to_dict()
     half = 0.5 * (row["high"] - row["low"])
-    value = float(row["value"])
-    exact = _number(value, 5) if half == 0.0 else f"{_number(value, 4)} ± {_number(half, 1)}"
+    exact = _number(row["value"], 5) if half == 0.0 else f"{_number(row['value'], 4)} ± {_number(half, 1)}"
     return f"{exact} {row['unit']!s}".rstrip()
 
 
@@ -134,25 +124,23 @@ def _number(value: float, digits: int) -> str:
     return f"{float(f'{value:.{digits}g}'):,.6g}"
 
 
-def _impacts(found: Stationary, table: pd.DataFrame, units: str) -> list[str]:
+def _impacts(found: Stationary) -> list[str]:
     """The impacts that are not slow, and the others, in a sentence each."""
+    table, gears = found.table_in(_units(found)), found.scene.gears
     value = {str(name): float(v) for name, v in table["value"].items()}
     if value["rate"] == 0.0:
         return ["There are no impacts in the long run: the motion comes to rest for good."]
-    second = " a second" if units == "physical" else " per unit of dimensionless time"
-    least = speed_text(found.slow, found.scene.gears, units)
-    lost = f"all impacts lose {_show(table, 'energy_per_period')} a period"
-    lost += f", {_show(table, 'power')}" if units == "physical" else ""
+    second, power = (" a second", f", {_show(table, 'power')}") if gears else (" per unit of dimensionless time", "")
+    least = speed_text(found.slow, gears, _units(found))
+    lost = f"all impacts lose {_show(table, 'energy_per_period')} a period{power}."
     if value["rate_above"] == 0.0:
-        said = f"In the long run no impact is faster than {least}; {lost}."
-    else:
-        speeds = f"half of them faster than {value['q50_speed_above']:.3g}, one in twenty faster than "
-        speeds += f"{value['q95_speed_above']:.3g} {table.loc['speed_above', 'unit']!s}".rstrip()
-        rate = _show(table, "rate_above").removesuffix(" 1/s")
-        said = (
-            f"In the long run there are {rate} impacts{second} faster than {least}, {speeds} (mean "
-            f"{_show(table, 'speed_above')}); {lost}."
-        )
+        return [f"In the long run no impact is faster than {least}; {lost}", _slow(found, value, second)]
+    most = f"{value['q95_speed_above']:.3g} {table.loc['speed_above', 'unit']!s}".rstrip()
+    said = (
+        f"In the long run there are {_show(table, 'rate_above').removesuffix(' 1/s')} impacts{second} faster than "
+        f"{least}, half of them faster than {value['q50_speed_above']:.3g}, one in twenty faster than {most} (mean "
+        f"{_show(table, 'speed_above')}); {lost}"
+    )
     return [said, _slow(found, value, second)]
 
 
@@ -175,9 +163,8 @@ def _slow(found: Stationary, value: dict[str, float], second: str) -> str:
 
 def _memory(table: pd.DataFrame) -> str:
     """Autocorrelations that matter."""
-    own = table["autocorrelation"].dropna()
-    own = own[[name for name in own.index if not name.startswith(("contact", "skew_"))]]
-    own = own[own > 0.0]  # 0 where all paths have the same
+    own = table["autocorrelation"]
+    own = own[(own > 0.0) & ~own.index.str.startswith(("contact", "skew_"))]  # 0 where all paths have the same
     if own.empty:
         return "All paths have the same sums: there is no sampling error."
     most, least = own.max(), own.min()
@@ -215,20 +202,20 @@ def _compare_errors(table: pd.DataFrame) -> str:
     return f"{said}."
 
 
-def _closures(found: Stationary, units: str) -> list[str]:
+def _closures(found: Stationary) -> list[str]:
     """What each closure says of the long run, and whether it is right."""
-    said, verdicts = [], found.verdicts_in(units)
+    said, verdicts = [], found.verdicts_in(_units(found))
     for closure, rows in verdicts.groupby("closure", sort=False) if len(verdicts) else ():
         name = f"`{closure}` ({rows['kind'].iloc[0]})"
         if rows["reason"].iloc[0]:
             said.append(f"{name}: not predicted, {rows['reason'].iloc[0]}.")
             continue
-        n = rows["verdict"].value_counts()
+        good, bad, undecided = ((rows["verdict"] == verdict).sum() for verdict in JUDGED)
         each = [
             f"{quantity} {row['predicted']:.4g} against {row['simulated']:.4g} {row['unit']}".rstrip()
             + f" ({row['verdict']})"
             for quantity, row in rows.set_index("quantity").loc[list(MAIN)].iterrows()
         ]
-        counts = ", ".join(f"{n.get(verdict, 0)} {verdict}" for verdict in ("inaccurate", "undecided"))
-        said.append(f"{name}: {n.get('accurate', 0)} quantities accurate, {counts}; {', '.join(each)}.")
+        counts = f"{good} quantities accurate, {bad} inaccurate, {undecided} undecided"
+        said.append(f"{name}: {counts}; {', '.join(each)}.")
     return said

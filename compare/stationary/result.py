@@ -1,5 +1,6 @@
 """The result of a long run, which holds its numbers, and its quantities in physical units."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from rattle.scene.gears import Gears
 from rattle.scene.scene import Scene
 from rattle.scene.text import as_html
 from rattle.scene.threshold import rattle_threshold
-from rattle.scene.units import DIMENSIONLESS, check_units
+from rattle.scene.units import DIMENSIONLESS, Units, check_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,15 +31,20 @@ SPREAD = ("", "sd_", "rms_", *(f"q{percent:02d}_" for percent in QUANTILES))
 NUMERIC = ["value", "se", "low", "high", "se_batches", "predicted", "simulated", "error", "tolerance"]
 
 
-PLAIN = {
-    "rate": "omega",
-    "flight": DIMENSIONLESS["ms"],
-    "speed": DIMENSIONLESS["mm_per_s"],
-    "energy": DIMENSIONLESS["mJ"],
-    "energy_per_period": DIMENSIONLESS["mJ"],
-    "power": f"{DIMENSIONLESS['mJ']} omega",
+UNITS: dict[str, tuple[str, Callable[[Units], float], str]] = {
+    "rate": ("1/s", lambda u: 1000.0 / u.time, "omega"),
+    "flight": ("ms", lambda u: u.time, DIMENSIONLESS["ms"]),
+    "speed": ("mm/s", lambda u: u.speed, DIMENSIONLESS["mm_per_s"]),
+    **dict.fromkeys(("energy", "energy_per_period"), ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"])),
+    "power": ("mW", lambda u: 1000.0 * u.energy / u.time, f"{DIMENSIONLESS['mJ']} omega"),
 }
-"""What dimensionless quantities count in, by their kind."""
+"""The physical unit of each kind of quantities, the factor to it, and what dimensionless ones count in."""
+
+
+def plain_unit(quantity: str) -> str:
+    """What a dimensionless quantity counts in; "1" without a unit."""
+    kind = kind_of(quantity)
+    return UNITS[kind][2] if kind in UNITS else "1"
 
 
 def kind_of(quantity: str) -> str:
@@ -53,18 +59,11 @@ def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]
     The energy is that of both wheels in relative motion.  Its unit is the mass of wheel 1 at its rim, ``I1 / R1^2``,
     times the square of ``backlash1 omega``; at mesh 2 the reduced mass of both wheels counts.
     """
-    if gears is None or check_units(units, gears) == "dimensionless":
+    kind = kind_of(quantity)
+    if gears is None or check_units(units, gears) == "dimensionless" or kind not in UNITS:
         return "", 1.0
-    u = gears.units
-    found = {
-        "rate": ("1/s", 1000.0 / u.time),
-        "flight": ("ms", u.time),
-        "speed": ("mm/s", u.speed),
-        "energy": ("mJ", u.energy),
-        "energy_per_period": ("mJ", u.energy),
-        "power": ("mW", 1000.0 * u.energy / u.time),
-    }
-    return found.get(kind_of(quantity), ("", 1.0))
+    unit, factor, _ = UNITS[kind]
+    return unit, factor(gears.units)
 
 
 def speed_text(speed: float, gears: Gears | None, units: str) -> str:
@@ -133,11 +132,9 @@ class Stationary:
     def __repr__(self) -> str:
         """The main quantities, on a few lines."""
         shown = [n for n in ("rate_above", "speed_above", "energy_per_period", "slow_share") if n in self.table.index]
-        lines = [f"Stationary: {self.said}"]
-        for name in shown:
-            row = self.table.loc[name]
-            lines.append(f"  {name} = {row['value']:.5g} ± {0.5 * (row['high'] - row['low']):.2g}")
-        return "\n".join(lines)
+        rows = self.table.loc[shown]
+        each = zip(shown, rows["value"], 0.5 * (rows["high"] - rows["low"]), strict=True)
+        return "\n".join([f"Stationary: {self.said}", *(f"  {name} = {v:.5g} ± {half:.2g}" for name, v, half in each)])
 
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.table.to_html(max_rows=12))
@@ -240,7 +237,7 @@ class Stationary:
         table = self.table_in(units)
         data = table.drop(columns="unit").T.rename_axis("statistic").to_xarray()
         for name, unit in table["unit"].items():
-            data[name].attrs["units"] = unit or PLAIN.get(kind_of(str(name)), "1")
+            data[name].attrs["units"] = unit or plain_unit(str(name))
         return data
 
     def verdicts_in(self, units: str) -> pd.DataFrame:
@@ -263,14 +260,8 @@ class Stationary:
         facts: dict[str, Any] = {"kind": self.kind, "said": self.said, "slow": self.slow, "units": units}
         facts["threshold"] = [t._asdict() for t in rattle_threshold(self.scene)]
         if run is not None:
-            facts |= {
-                "paths": run.paths,
-                "periods": run.periods,
-                "impacts": run.impacts,
-                "burn_in": run.burn_in.periods,
-                "seconds": round(run.wall_seconds, 3),
-                "reach": None if run.reach is None else run.reach.sentence,
-                "reached": run.reach is None or run.reach.reached,
-            }
+            facts |= {"paths": run.paths, "periods": run.periods, "impacts": run.impacts}
+            facts |= {"burn_in": run.burn_in.periods, "seconds": round(run.wall_seconds, 3)}
+            facts |= {"reach": run.reach and run.reach.sentence, "reached": run.reach is None or run.reach.reached}
         table = self.table_in(units).reset_index().to_dict("records")
         return facts | {"table": table, "verdicts": self.verdicts_in(units).to_dict("records")}

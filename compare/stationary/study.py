@@ -1,18 +1,25 @@
-"""Studies of the long run, at each point of a grid: its cells, its tables, and the kind ``stationary``."""
+"""Studies of the long run at each point of a grid: cells, tables, what their page says, and the kind ``stationary``."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
+from rattle.compare.report import Block, Column, PageSection, Table, Text, numbers
+from rattle.compare.report.style import STYLE, new_figure
+from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.measure import COLUMNS, stationary
-from rattle.compare.stationary.result import PLAIN, kind_of
-from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, PREDICTED, judge_predictions, predictions
+from rattle.compare.stationary.result import plain_unit
+from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, PREDICTED, TEXTS, judge_predictions, predictions
 from rattle.compare.study.design import Study, list_reasons, with_coordinates
+from rattle.compare.study.figures import label_field, panels
+from rattle.compare.study.folder import Drawing
 from rattle.compare.study.folder import load_study as load
 from rattle.compare.study.store import Cell, Content
-from rattle.compare.validation.verdict import Tolerances
+from rattle.compare.validation.verdict import JUDGED, Tolerances, span
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import ACCURACY, PATHS, check_long_run
@@ -21,7 +28,6 @@ from rattle.scene.scene import Scene
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
 
 __all__ = ["load"]  # earlier pages say that `load` loads a study of the long run
 
@@ -31,7 +37,7 @@ TABLES = ("quantities", "verdicts", "cost", "reasons")
 """Tables of such a study, each a Parquet file."""
 SMALL = ("cost", "reasons")  # those of them that are written as CSV too
 KEYS = ("closures", *SETTINGS, "seed")
-TITLE, PAGE = "study of the long run", "rattle.compare.stationary.study_page"
+TITLE, PAGE = "study of the long run", "rattle.compare.stationary.study"
 SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
@@ -126,27 +132,22 @@ class LongTables:
         """Whether there is no result at all."""
         return self.cost.empty
 
-    def plot(self, **at: Any) -> "Figure":
+    def plot(self, **at: Any) -> Figure:
         """Draw the figure of the study's page; a notebook shows it.
 
         Keywords are values of the fields that vary besides the first; the table's first where one is left out.
         """
-        from rattle.compare.stationary.study_page import study_figure
-        from rattle.compare.study.figures import panels
-
-        rows = self.quantities
-        for fixed, part in panels(self.study, rows, len(rows)):
+        for fixed, part in panels(self.study, self.quantities, len(self.quantities)):
             if at.items() <= fixed.items():
                 own = self.verdicts
-                for name, value in fixed.items() if len(own) else ():
-                    own = own[own[name] == value]
-                return study_figure(self.study.along, part, own)
+                here = (own[list(fixed)] == pd.Series(fixed, dtype=object)).all(axis=1) if len(own) else slice(None)
+                return study_figure(self.study.along, part, own[here])
         raise InputError("study", self.study.title, "no field varies over numbers, or nothing could be computed")
 
     def to_xarray(self) -> "xr.Dataset":
         """Convert the quantities to a dataset, with the unit of each in ``["quantity"].attrs``; needs ``xarray``."""
         data = self.quantities.set_index([*(axis.names[0] for axis in self.study.axes), "quantity"]).to_xarray()
-        data["quantity"].attrs |= {name: PLAIN.get(kind_of(name), "1") for name in data["quantity"].values}
+        data["quantity"].attrs |= {name: plain_unit(name) for name in data["quantity"].values}
         return data
 
 
@@ -200,3 +201,125 @@ def _closures(given: Any) -> tuple[str, ...]:
     if isinstance(given, str | Mapping) or not hasattr(given, "__iter__"):
         raise InputError("study.closures", given, "give a list of " + ", ".join(CLOSURES_JUDGED))
     return tuple(dict.fromkeys(choice("study.closures", name, CLOSURES_JUDGED) for name in given))
+
+
+ALL_AND_MESHES = ("{}", "{}_mesh1", "{}_mesh2")
+PANELS = (
+    ("impacts", r"per $1/\omega$", "rate", ALL_AND_MESHES),
+    ("energy lost", r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period", "energy_per_period", ALL_AND_MESHES),
+    ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", "speed", ("q05_{}", "q50_{}", "q95_{}")),
+    ("slow impacts", "share", "slow_share", ALL_AND_MESHES),
+)
+"""Title of each panel, its unit, and the quantities in it."""
+AVERAGES = ("speed", "slow_share", "energy_per_period")
+"""Quantities whose autocorrelation is drawn."""
+STYLES: Any = [
+    {"color": color, "marker": marker, "ms": 3, "lw": 1.0}
+    for color, marker in (("#000000", "D"), ("#0072B2", "o"), ("#D55E00", "s"))
+]
+
+
+def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -> Figure:
+    """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that varies."""
+    figure, axes = new_figure(10.0, 6.0, 2, 3)
+    of = dict(iter(quantities.groupby("quantity")))
+    for ax, (title, unit, quantity, forms) in zip(axes, PANELS, strict=False):
+        for form, style in zip(forms, STYLES, strict=True):
+            if (name := form.format(quantity)) in of:
+                rows = of[name].sort_values(along)
+                ax.fill_between(rows[along], rows["low"], rows["high"], color=style["color"], alpha=0.25, lw=0)
+                ax.plot(rows[along], rows["value"], label=name, **style)
+        ax.set_title(title, loc="left")
+        ax.set_ylabel(unit)
+    memory, shown = axes[4:]
+    averages = [name for name in quantities["quantity"].unique() if name in AVERAGES]
+    for name, style in zip(averages, STYLES, strict=False):
+        memory.plot(of[name][along], of[name]["autocorrelation"], label=name, **style)
+    memory.set(yscale="log", ylabel="impacts")
+    memory.set_title("autocorrelation time", loc="left")
+    good = shares(verdicts, along).dropna(axis="columns", how="all")
+    for closure in good:
+        shown.plot(good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)])
+    shown.set(ylabel="share", ylim=(-0.05, 1.05), visible=not good.empty)
+    shown.set_title("accurate quantities", loc="left")
+    for ax in axes:
+        label_field(ax, along, quantities[along])
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(fontsize=6)
+    return figure
+
+
+def shares(verdicts: pd.DataFrame, along: str) -> pd.DataFrame:
+    """How many quantities of each closure are accurate at each value of a field.
+
+    Returns: Index the field; for each closure the share of its judged quantities that are accurate, NaN without
+    any.
+    """
+    if verdicts.empty:
+        return pd.DataFrame()
+    judged = verdicts[verdicts["verdict"].isin(JUDGED)]
+    good = judged.assign(good=judged["verdict"] == "accurate").groupby([along, "closure"])["good"].mean().unstack()
+    return good.reindex(sorted(verdicts[along].unique()))
+
+
+def answer(r: LongTables) -> list[str]:
+    """Summarise a study of the long run in a few sentences."""
+    if r.empty:
+        return ["No point could be computed; the command says why."]
+    name, said = r.study.along or "the points", []
+    for quantity, words in (("rate", "impacts per unit of time"), ("energy_per_period", "energy lost per period")):
+        rows = r.quantities[r.quantities["quantity"] == quantity].sort_values("value").iloc[[0, -1]]
+        ends = [f"{value:.4g}" for value in rows["value"]]
+        if ends[0] != ends[1] and r.study.along:
+            ends = [f"{e} (at {name} = {value:.4g})" for e, value in zip(ends, rows[name], strict=True)]
+        said.append(f"{words}: {ends[0]}" if ends[0] == ends[1] else f"{words}: from {' to '.join(ends)}")
+    sentences = [f"In the long run, {said[0]}.", f"{said[1][0].upper()}{said[1][1:]}."]
+    if r.study.along and not r.verdicts.empty:
+        good = shares(r.verdicts, r.study.along)
+        for closure in r.study.closures:
+            own = good[closure].dropna() if closure in good else pd.Series(dtype=float)
+            if own.empty:
+                why = r.verdicts[r.verdicts["closure"] == closure]["reason"].iloc[0]
+                sentences.append(f"`{closure}` predicts nothing of the long run at any value: {why}.")
+                continue
+            sentences.append(
+                f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and is fully "
+                f"accurate at {(own == 1.0).sum() or 'none'} of them; {span(own, '.0%')} of its quantities are "
+                "accurate."
+            )
+    other = r.cost[r.cost["kind"] != "simulated"]
+    if len(other):
+        sentences.append(f"At {len(other)} of {len(r.cost)} points nothing is random and the values are exact.")
+    return sentences
+
+
+def draw(r: LongTables) -> list[Drawing]:
+    """Draw the figure, where a field varies, once for all values of the others."""
+    drawn = []
+    for number, (fixed, _) in enumerate(panels(r.study, r.quantities), 1):
+        own = f"figures/long-run-{number}" if fixed else "figures/long-run"
+        at = "".join(f" {field} = {v}." for field, v in fixed.items())
+        drawn.append(Drawing(own, r.plot(**fixed), TEXTS["study"] + at))
+    return drawn
+
+
+def blocks(
+    r: Any, record: Mapping[str, Any], seconds: Mapping[str, float]
+) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
+    """The main quantities at every point and the words above the sections of the page."""
+    words = glossary(*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit", gears=r.study.gears)
+    return (_main(r), Text(TEXTS["tolerances"], note=True), words), ()
+
+
+def _main(r: LongTables) -> Table:
+    """The main quantities at every point, with half widths of their intervals."""
+    names = r.study.names
+    shown = ("rate", "speed", "energy_per_period", "slow_share")
+    heads = [Column(n) for n in names] + list(numbers(*(x for n in shown for x in (n, "±")), "burn-in", "periods"))
+    rows = []
+    for _, point in r.cost.iterrows():
+        own = r.quantities[(r.quantities[names] == point[names]).all(axis="columns")].set_index("quantity")
+        half = 0.5 * (own["high"] - own["low"])
+        main = (column.get(name, np.nan) for name in shown for column in (own["value"], half))
+        rows.append([*(f"{point[n]}" for n in names), *main, float(point["burn_in"]), float(point["periods"])])
+    return Table.of(heads or ["the only point"], rows, "Every point" if len(rows) > 12 else "")

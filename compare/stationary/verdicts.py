@@ -5,6 +5,7 @@ A law is a mixture of normal distributions over impacts.
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.special import ndtr
 
 from rattle.closure.long_orbit import Attractor, attractor
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
+from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.verdict import judge, widest
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
 from rattle.montecarlo.statistics.intervals import half_width
@@ -27,11 +29,8 @@ CLOSURES_JUDGED = {
 }
 """The closures, and what each takes for the stationary law."""
 
-TOLERANCES = (
-    "Accurate: rates and energies within 5 %, means within 5 % of an sd, sds and quantiles within 10 % of an sd, "
-    "skewness within 0.1, shares within 0.01, each with its whole interval (95 % simultaneous coverage over all rows "
-    "of the table)."
-)
+TEXTS = read_texts("stationary")
+TOLERANCES: str = TEXTS["tolerances"]
 """What counts as accurate, as pages state it."""
 
 RATES = ("rate", "energy", "power")
@@ -44,17 +43,12 @@ HALVINGS = 80  # of an interval that holds a quantile
 
 def laws(scene: Scene, closures: tuple[str, ...], a: Attractor | None = None) -> dict[str, Law | str]:
     """The stationary law of each closure, or the reason why it has none."""
-    end = attractor(scene) if a is None else a
-    by: dict[str, Callable[[], Law]] = {
-        "saltation": lambda: linear_law(scene, end),
-        "published": lambda: orbit_average(scene, "published"),
-        "corrected": lambda: orbit_average(scene, "corrected"),
-        "branching": lambda: branching_law(scene),
-    }
+    linear = partial(linear_law, a=attractor(scene) if a is None else a)
+    by: dict[str, Callable[[Scene], Law]] = {"saltation": linear, "branching": branching_law}
     found: dict[str, Law | str] = {}
     for closure in closures:
         try:
-            found[closure] = by[closure]()
+            found[closure] = by.get(closure, partial(orbit_average, closure=closure))(scene)
         except NotPredicted as why:
             found[closure] = str(why)
     return found
@@ -235,6 +229,4 @@ def values_of(law: Law, scene: Scene, slow: float, contact: tuple[float, float] 
             found |= {f"q{q:02d}_{name}": _quantile(0.01 * q, weight, mean, sd) for q in QUANTILES}
         found["rms_speed"] = math.hypot(found.get("speed", math.nan), found.get("sd_speed", math.nan))
         out |= {name + suffix: value for name, value in found.items()}
-    for mesh in range(1, scene.stages + 1):
-        out[f"contact_share_mesh{mesh}"] = contact[mesh - 1]
-    return out
+    return out | {f"contact_share_mesh{mesh}": contact[mesh - 1] for mesh in range(1, scene.stages + 1)}

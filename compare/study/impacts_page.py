@@ -6,8 +6,7 @@ from typing import Any
 import pandas as pd
 
 from rattle.compare.report import Block, PageSection
-from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.report.texts import lay_out
+from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary, lay_out
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import FIGURES, panels
 from rattle.compare.study.folder import Drawing

@@ -145,12 +145,11 @@ class Claim:
 
 def read_markers(markers: Iterable[Any], folder: Path) -> Claim:
     """Read a claim from the markers of a test, its class and its module, see `read_claim`."""
-    options = []
-    for mark in markers:
+    marks = list(markers)
+    for mark in marks:
         if mark.args:
             raise InputError("marker rattle", mark.args, "name every option, as in scene='dat21.toml'")
-        options.append(mark.kwargs)
-    return read_claim(merge(options), folder)
+    return read_claim(merge([mark.kwargs for mark in marks]), folder)
 
 
 def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -15,7 +16,7 @@ import tomli_w
 from rattle.compare.report.folder import write_whole
 from rattle.compare.thresholds import messages
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.thresholds.decision import Decision, Model, Thresholds, decide, predict
+from rattle.compare.thresholds.decision import Decision, Model, Thresholds, decide, decide_long, predict, predict_long
 from rattle.compare.validation.errors import NamedSection
 from rattle.scene.errors import FileError, RattleError
 from rattle.scene.files import read_text
@@ -142,33 +143,21 @@ class Rattle:
         prediction = self._guard(predict, model, self.claim)
         decision = self._guard(decide, prediction, self.claim, self._session)
         run = decision.runs[-1].run
-        return self._judge(
-            prediction.closure,
-            decision,
-            lambda rows: messages.moment_rows(rows, run, decision.z),
-            lambda: self._figure(prediction.closure, decision.table),
-            kind="check",
-            not_judged=len(self.claim.rows) - len(decision.table),
-            by_size=int((decision.table["still"] > 0.0).sum()),
-            size=f"{run.paths:,} paths",
-        )
+        shown = partial(messages.moment_rows, run=run, z=decision.z)
+        figure = partial(self._figure, prediction.closure, decision.table)
+        facts: dict[str, Any] = {"kind": "check", "by_size": int((decision.table["still"] > 0.0).sum())}
+        facts |= {"not_judged": len(self.claim.rows) - len(decision.table), "size": f"{run.paths:,} paths"}
+        return self._judge(prediction.closure, decision, shown, figure, **facts)
 
     def _check_long(self, model: Any, quantities: Sequence[str]) -> pd.DataFrame:
         """Compare a model with the long run."""
-        from rattle.compare.thresholds.decision import decide_long, predict_long
-
         prediction = self._guard(predict_long, model, self.claim.scene, quantities)
         decision = self._guard(decide_long, prediction, self.claim, self._session)
-        facts = decision.runs[-1].run.facts
-        return self._judge(
-            f"{prediction.name} in the long run",
-            decision,
-            lambda rows: messages.long_rows(rows, decision.z),
-            kind="long check",
-            not_judged=0,
-            by_size=0,
-            size=f"{facts['paths']:,} paths of {facts['periods']:,} periods",
-        )
+        run = decision.runs[-1].run.facts
+        facts: dict[str, Any] = {"kind": "long check", "not_judged": 0, "by_size": 0}
+        facts["size"] = f"{run['paths']:,} paths of {run['periods']:,} periods"
+        name, shown = f"{prediction.name} in the long run", partial(messages.long_rows, z=decision.z)
+        return self._judge(name, decision, shown, **facts)
 
     def _judge(
         self,
@@ -182,21 +171,11 @@ class Rattle:
         table, runs, settings = decision.table, decision.runs, self._session.settings
         failed, undecided = (int((table["outcome"] == outcome).sum()) for outcome in ("fail", "undecided"))
         folder = self._session.folder
-        self._record(
-            model=model,
-            rows=len(table),
-            failed=failed,
-            undecided=undecided,
-            z=decision.z,
-            rate=settings.false_alarm,
-            widened=float(table["widened"].max()) if "widened" in table else decision.z,
-            drawn=len(runs),
-            computed=sum(run.computed for run in runs),
-            seconds=sum(run.seconds for run in runs),
-            decide=messages.paths_to_decide(table),
-            folder="" if folder is None else self._shorten(folder),
-            **facts,
-        )
+        facts |= {"model": model, "rows": len(table), "failed": failed, "undecided": undecided}
+        facts |= {"z": decision.z, "rate": settings.false_alarm, "decide": messages.paths_to_decide(table)}
+        facts |= {"widened": float(table["widened"].max()) if "widened" in table else decision.z, "drawn": len(runs)}
+        facts |= {"computed": sum(run.computed for run in runs), "seconds": sum(run.seconds for run in runs)}
+        self._record(folder="" if folder is None else self._shorten(folder), **facts)
         if failed:
             self._fail(messages.failure_text(model, table, shown) + figure())
         if undecided:
@@ -220,16 +199,14 @@ class Rattle:
             self._guard(write_baseline, path, now, prediction.closure)
             self._record(kind="baseline", done=f"recorded {name}")
             return
-        recorded = self._guard(read_baseline, path)
-        changes = find_changes(recorded, now, relative, absolute)
-        lines = format_changes(changes)
-        if changes and mode != "regenerate":
+        lines = format_changes(find_changes(self._guard(read_baseline, path), now, relative, absolute))
+        if lines and mode != "regenerate":
             bound = f"{absolute:g} + {relative:g} of a value"
             said = f"{prediction.closure} differs from its baseline {name} by more than {bound}:"
             self._fail("\n".join([said, *lines, f"If that is meant: {again}=regenerate"]))
-        if changes:
+        if lines:
             self._guard(write_baseline, path, now, prediction.closure)
-        self._record(kind="baseline", done="\n".join([f"regenerated {name}", *lines]) if changes else "")
+        self._record(kind="baseline", done="\n".join([f"regenerated {name}", *lines]) if lines else "")
 
     def _once(self, kind: str) -> None:
         """Refuse a second call: rows are counted once at collection, and a test has one baseline file."""

@@ -10,6 +10,7 @@ import pandas as pd
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.validation.errors import BY_SIZE
+from rattle.compare.validation.verdict import span
 from rattle.scene.text import line
 
 if TYPE_CHECKING:
@@ -70,32 +71,29 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
 
 def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, simulations: str) -> Iterator[str]:
     """The same of one kind of checks."""
-    rows, failed, undecided = (sum(f[name] for _, f in checks) for name in ("rows", "failed", "undecided"))
-    drawn, computed = (sum(f[name] for _, f in checks) for name in ("drawn", "computed"))
-    rate, folder = checks[0][1]["rate"], checks[0][1]["folder"]
+    facts = pd.DataFrame([f for _, f in checks])
+    rows, failed, undecided, drawn, computed = facts[["rows", "failed", "undecided", "drawn", "computed"]].sum()
+    rate, folder, widest = facts["rate"][0], facts["folder"][0], facts["widened"].max()
     yield (
         f"{title:10} {rows} rows in {len(checks)} test{'s' * (len(checks) > 1)}: "
         f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
     )
-    if excluded := sum(f["not_judged"] for _, f in checks):
+    if excluded := int(facts["not_judged"].sum()):
         rows_more = f"{excluded} row{'s' * (excluded > 1)} more"
         yield f"excluded   {rows_more} (at the wall): displacements that are the position of the wall"
-    if by_size := sum(f["by_size"] for _, f in checks):
+    if by_size := facts["by_size"].sum():
         yield f"by size    {by_size} of the rows: {BY_SIZE}"
-    widths = sorted({f"{f['z']:.2f}" for _, f in checks}, key=float)
     yield (
-        f"intervals  {' to '.join(dict.fromkeys((widths[0], widths[-1])))} standard errors, so that a test whose claim "
-        f"is true fails with a probability of at most {rate:g}"
+        f"intervals  {span(facts['z'], '.2f')} standard errors, so that a test whose claim is true fails with a "
+        f"probability of at most {rate:g}"
     )
-    if any(f["widened"] > WIDER * f["z"] for _, f in checks):
-        most = max(f["widened"] for _, f in checks)
-        yield f"widened    up to {most:.3g} standard errors where a standard error rests on few paths"
+    if (facts["widened"] > WIDER * facts["z"]).any():
+        yield f"widened    up to {widest:.3g} standard errors where a standard error rests on few paths"
     kept = f"the cache {folder}" if folder else "memory; they are kept only with a cache (--rattle-cache)"
-    took = sum(f["seconds"] for _, f in checks)
-    yield f"{simulations:10} {computed} simulated in {took:.1f} s, {drawn - computed} from {kept}"
-    for test, facts in checks:
-        if facts["undecided"] and not facts["failed"]:
-            yield f"undecided  {test} ({facts['model']}) after {facts['size']}: {describe_remedy(facts['decide'])}"
+    yield f"{simulations:10} {computed} simulated in {facts['seconds'].sum():.1f} s, {drawn - computed} from {kept}"
+    for test, f in checks:
+        if f["undecided"] and not f["failed"]:
+            yield f"undecided  {test} ({f['model']}) after {f['size']}: {describe_remedy(f['decide'])}"
 
 
 MARGIN = 2.0
@@ -124,18 +122,11 @@ def row_table(rows: pd.DataFrame) -> str:
                  model simulated error/sd      low     high  allowed on itinerary
     E y1 at 2     1.13      1.03  +1.0000  +0.8000  +1.2000   0.0500       1.0000
     """
-    unit = rows["unit"]
-    shown = pd.DataFrame(
-        {
-            "model": rows["predicted"].map("{:.7g}".format),
-            "simulated": rows["simulated"].map("{:.7g}".format),
-            "error/sd": (rows["error"] / unit).map(_format_signed),
-            "low": (rows["low"] / unit).map(_format_signed),
-            "high": (rows["high"] / unit).map(_format_signed),
-            "allowed": (rows["tolerance"] / unit).map(lambda v: _format_signed(v)[1:]),
-            "on itinerary": rows["agreement"].map("{:.4f}".format),
-        }
-    )
+    signed = {"error/sd": "error", "low": "low", "high": "high", "allowed": "tolerance"}
+    shown = rows[["predicted", "simulated"]].rename(columns={"predicted": "model"}).map("{:.7g}".format)
+    shown = shown.assign(**{head: (rows[name] / rows["unit"]).map(_format_signed) for head, name in signed.items()})
+    shown["allowed"] = shown["allowed"].str[1:]
+    shown["on itinerary"] = rows["agreement"].map("{:.4f}".format)
     names = [f"{'E' if r.moment == 'mean' else 'sd'} {r.quantity} at {r.impact}" for r in rows.itertuples()]
     return shown.set_axis(names, axis=0).to_string(col_space=8)
 
@@ -163,8 +154,7 @@ def long_rows(rows: pd.DataFrame, z: float) -> str:
 
 def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
     """Say which rows failed; `shown` formats them."""
-    failed = table[table["outcome"] == "fail"]
-    undecided = int((table["outcome"] == "undecided").sum())
+    failed, undecided = table[table["outcome"] == "fail"], (table["outcome"] == "undecided").sum()
     beside = f", {undecided} undecided" if undecided else ""
     return f"{model} exceeds the allowed error in {len(failed)} of {len(table)} rows{beside}\n{shown(failed)}"
 
@@ -226,30 +216,21 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
         own = (rows["outcome"] == outcome).to_numpy()
         ax.hlines(place[own], low[own], high[own], color=colour, lw=1.6)
         ax.plot(error[own], place[own], ls="none", marker=marker, ms=6, color=colour)
-    reach = float(np.nanmax(np.abs([low, high, allowed])))
-    far = reach > WIDE * allowed.min()
-    if far:
+    reach, room = float(np.nanmax(np.abs([low, high, allowed]))), 1.15
+    if reach > WIDE * allowed.min():
         ax.set_xscale("symlog", linthresh=2.0 * float(allowed.max()), linscale=2.0)
-    room = 2.0 if far else 1.15
-    ax.set_xlim(-room * reach, room * reach)
+        room = 2.0
     ax.axvline(0.0, color="0.3", lw=0.8)
-    names = [
-        rf"{'E' if r.moment == 'mean' else 'sd'} {SYMBOL[str(r.quantity)]}, impact {r.impact}"
-        for r in rows.itertuples()
-    ]
-    ax.set_yticks(place, names)
-    ax.set_ylim(-0.7, len(rows) - 0.3)
+    shown = zip(rows["moment"], rows["quantity"], rows["impact"], strict=True)
+    ax.set_yticks(place, [f"{'E' if m == 'mean' else 'sd'} {SYMBOL[q]}, impact {k}" for m, q, k in shown])
+    ax.set(xlim=(-room * reach, room * reach), ylim=(-0.7, len(rows) - 0.3))
     ax.grid(False, axis="y")
     ax.set_xlabel("error and its interval, in sds of the quantity")
     worst = f" (the worst {MOST} of {len(table)} rows)" if len(table) > MOST else ""
     colour = STYLE[model]["color"]
     ax.set_title(f"{line(model)[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour)
-    shown = [o for o in MARKS if (rows["outcome"] == o).any()]
-    handles = [Line2D([], [], color=MARKS[o][0], marker=MARKS[o][1], ms=6, label=o) for o in shown]
-    figure.legend(
-        handles=[*handles, Patch(color=ACCURATE, alpha=0.35, lw=0, label="allowed")],
-        loc="outside upper center",
-        ncols=4,
-        frameon=False,
-    )
+    drawn = {o: MARKS[o] for o in MARKS if (rows["outcome"] == o).any()}
+    handles = [Line2D([], [], color=c, marker=m, ms=6, label=o) for o, (c, m) in drawn.items()]
+    allowance = Patch(color=ACCURATE, alpha=0.35, lw=0, label="allowed")
+    figure.legend(handles=[*handles, allowance], loc="outside upper center", ncols=4, frameon=False)
     return figure

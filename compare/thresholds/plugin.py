@@ -73,13 +73,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def read_options(config: pytest.Config) -> dict[str, str]:
     """The user's choice of every option as text, by key."""
-    chosen = {}
-    for option in OPTIONS:
-        given = config.getoption(option.key)
-        if given is None:
-            given = config.getini(option.key) if option.lasting else option.default
-        chosen[option.key] = str(given)
-    return chosen
+    given = {option: config.getoption(option.key) for option in OPTIONS}
+    kept = {option: config.getini(option.key) if option.lasting else option.default for option in OPTIONS}
+    return {option.key: str(kept[option] if given[option] is None else given[option]) for option in OPTIONS}
 
 
 def pytest_configure(config: pytest.Config) -> None:

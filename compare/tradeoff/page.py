@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.report import Row, Table, TableCell, Text, numbers
-from rattle.compare.report.glossary import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary
 from rattle.compare.report.save import contents, save_report
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.texts import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary, read_texts
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Tradeoff, bound_of_means, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate

@@ -5,10 +5,12 @@ Accuracy decides, and where a closure is accurate the counted work of both sides
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import partial
 
 import pandas as pd
 
 from rattle.closure import refusals
+from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import (
     WANTED,
     Comparison,
@@ -97,26 +99,18 @@ def cost_sentence(
         for row in simulation.to_dict("records")
     ]
     whole = speed[speed["impacts"] == impacts]
-    closures, timed = (_longest(whole[which]) for which in (whole["speed_up"].notna(), whole["speed_up"].isna()))
     said = f"Nominal time on one core, from counted work: a simulation of {what} takes {join_words(each)}"
-    said += f"; {closures}" if closures else ""
-    said += f"; measured on this machine, not counted: {timed}" if timed else ""
+    timed = whole["speed_up"].isna()
+    for rows, prefix in ((whole[~timed], "; "), (whole[timed], "; measured on this machine, not counted: ")):
+        longest = rows.groupby("closure", sort=False)["closure_seconds"].max()
+        times = [f"`{name}` {duration_text(seconds, 2)}" for name, seconds in longest.items()]
+        said += f"{prefix}{join_words(times)}" if times else ""
     if over is not None:
         slower = over[over["resolved"] & (over["speed_up"] < 1.0) & (over["impacts"] == impacts)]
         for closure, rows in slower.groupby("closure", sort=False):
             at = join_words([f"{sigma:.4g}" for sigma in rows["sigma"]])
             said += f"; at σ = {at} an equally accurate simulation takes less than `{closure}`"
     return f"{said}."
-
-
-def _longest(speed: pd.DataFrame) -> str:
-    """The longest time of each closure in some rows, in words; empty without rows."""
-    longest = speed.groupby("closure", sort=False)["closure_seconds"].max()
-    return (
-        join_words([f"`{name}` {duration_text(seconds, 2)}" for name, seconds in longest.items()])
-        if len(longest)
-        else ""
-    )
 
 
 def _paths(paths: float) -> str:
@@ -157,12 +151,11 @@ def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
         on, every = (unbroken(at.index, at[name] == impacts) for name in ("itinerary_accurate", "accurate"))
-        if on is None:
-            continue
-        reach = "" if alone else f" up to σ = {on:.4g}"
-        together = "it is not" if every is None else "it is too" if alone else f"up to σ = {every:.4g}"
-        share = f"On the itinerary, which {_all_but(float(at['leaving'].loc[on]))} paths follow"
-        said.append(f"{share}, `{closure}` is accurate{reach}; all paths together: {together}.")
+        if on is not None:
+            reach = "" if alone else f" up to σ = {on:.4g}"
+            together = "it is not" if every is None else "it is too" if alone else f"up to σ = {every:.4g}"
+            share = f"On the itinerary, which {_all_but(float(at['leaving'].loc[on]))} paths follow"
+            said.append(f"{share}, `{closure}` is accurate{reach}; all paths together: {together}.")
     least = validity.groupby("sigma")["leaving"].min()
     lost = least.index[least > 1.0 - HALF]
     if len(lost):
@@ -207,23 +200,13 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
     units), where paths leave the itinerary, and where closures cannot be applied to the scene.
     """
     first, impacts = validations[0], validations[0].run.impacts
-    shares = []
-    for v in validations:
-        each = []
-        for closure in v.predictions:
-            counts = v.section_rows(closure)["verdict"].value_counts().reindex(list(JUDGED), fill_value=0)
-            undecided = f" ({counts['undecided']} undecided)" if counts["undecided"] else ""
-            each.append(f"`{closure}` {counts['accurate']} of {counts.sum()}{undecided}")
-        shares.append(f"at σ = {sigma_text(v)} {join_words(each)}")
     broken, realizable = [], []
     for closure in first.predictions:
         failures = [(v, f) for v in validations if (f := first_failure(v.correlation, closure))]
         if failures:
             v, (impact, stage, why) = failures[-1]
-            broken.append(
-                f"the moments of `{closure}` are impossible from impact {impact} on "
-                f"(at σ = {sigma_text(v)}, stage {stage}: {why})"
-            )
+            where = f"from impact {impact} on (at σ = {sigma_text(v)}, stage {stage}: {why})"
+            broken.append(f"the moments of `{closure}` are impossible {where}")
         elif any(closure in set(v.correlation["closure"]) for v in validations):  # a mixture always is, and not there
             realizable.append(f"`{closure}`")
     if realizable:
@@ -237,7 +220,7 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         *motion_sentence(validations),
         f"Accurate section moments{'' if swept else SECTION} among those that a closure predicts over {impacts} "
         f"impacts (within {first.tolerances.mean:.0%} of an sd for means and {first.tolerances.sd:.0%} for sds, with "
-        f"the whole interval): {'; '.join(shares)}.",
+        f"the whole interval): {'; '.join(map(_shares, validations))}.",
         *by_size_sentence(validations),
         f"Correlation of position and velocity: {'; '.join(broken)}; in the simulation |ρ| never exceeds "
         f"{_largest_rho(validations, SIMULATED):.4f}.",
@@ -246,6 +229,16 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         *explain_missing(first.scene, first.predictions),
         *([UNSEARCHED] if first.scene.correlation_time else []),
     ]
+
+
+def _shares(v: Comparison) -> str:
+    """How many section moments of each closure are accurate."""
+    each = []
+    for closure in v.predictions:
+        good, bad, undecided = ((v.section_rows(closure)["verdict"] == verdict).sum() for verdict in JUDGED)
+        beside = f" ({undecided} undecided)" if undecided else ""
+        each.append(f"`{closure}` {good} of {good + bad + undecided}{beside}")
+    return f"at σ = {sigma_text(v)} {join_words(each)}"
 
 
 def _failures(validations: Sequence[Comparison]) -> list[str]:
@@ -287,24 +280,11 @@ def correlation_claim(validations: Sequence[Comparison]) -> str:
     evidence = []
     for v in validations:
         rows = v.correlation[(v.correlation["closure"] == "published") & ~v.correlation["realizable"]]
-        impacts = sorted(set(rows["impact"]))
-        if not impacts:
-            evidence.append(f"at σ = {sigma_text(v)} nowhere")
-            continue
-        beyond = rows["rho"].abs().max()
+        impacts, beyond = rows["impact"], rows["rho"].abs().max()
         excess = f", |ρ| up to {beyond:.3g}" if beyond > 1.0 else ""
-        evidence.append(f"at σ = {sigma_text(v)} at {len(impacts)} impacts, the first being {impacts[0]}{excess}")
-    behind = (
-        "The rule behind it is Eq. 15, −ε m_np for every power p, which gives a variance the sign of −ε"
-        if validations[0].scene.stages == 1
-        else "Two rules are behind it, and each of them fails alone: Eq. 17, λ_np − κ m_np, which makes variances of "
-        "stage 1 negative, and Eq. 15, −ε m_np for every power p, which gives a variance of stage 2 the sign of −ε"
-    )
-    return (
-        "The paper argues that the density cannot be Gaussian because |ρ| may exceed 1. In the `published` closure "
-        f"second moments belong to no distribution {'; '.join(evidence)}. {behind}; with (−ε)^p and the joint moments, "
-        f"all else alike, the `corrected` closure keeps |ρ| ≤ {_largest_rho(validations, 'corrected'):.4f}, and the "
-        f"simulation shows |ρ| ≤ {_largest_rho(validations, SIMULATED):.4f}. The excess is an artefact of the "
-        "published formulas. The densities are not Gaussian all the same: impacts skew them and split them into "
-        "several modes, as the section histograms show."
-    )
+        where = f"at {impacts.nunique()} impacts, the first being {impacts.min()}{excess}" if len(rows) else "nowhere"
+        evidence.append(f"at σ = {sigma_text(v)} {where}")
+    texts, largest = read_texts("validation"), partial(_largest_rho, validations)
+    rule = texts["one_stage" if validations[0].scene.stages == 1 else "two_stages"]
+    sizes = {"corrected": largest("corrected"), "simulated": largest(SIMULATED)}
+    return str(texts["claim"].format(evidence="; ".join(evidence), rule=rule, **sizes))

@@ -187,12 +187,11 @@ def _worst(v: Comparison, closure: str, impact: int) -> str:
 
 def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
     """The first impact up to a given one whose mean speed is below `SLOW` of its own sds, and that ratio."""
-    for k in range(1, impact + 1):
-        column = 1 if prediction.trace.mesh[k] == 1 else 3
-        speed, sd = abs(prediction.trace.mean[k, column]), prediction.trace.sd[k, column + 2]
-        if speed < SLOW * sd < np.inf:
-            return k, float(speed / sd)
-    return None
+    each = range(1, impact + 1)
+    column = np.where(prediction.trace.mesh[each] == 1, 1, 3)
+    speed, sd = np.abs(prediction.trace.mean[each, column]), prediction.trace.sd[each, column + 2]
+    slow = np.flatnonzero((speed < SLOW * sd) & (SLOW * sd < np.inf))
+    return (int(slow[0]) + 1, float(speed[slow[0]] / sd[slow[0]])) if slow.size else None
 
 
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
@@ -250,14 +249,10 @@ def measure_speed(v: Comparison, closure: str) -> Speed | None:
     if rows.empty:
         return None
     errors = rows["error"].abs() / rows["unit"]
-    worst = rows.iloc[int(errors.argmax())]
-    own = prediction.method.own
+    worst, own = rows.iloc[int(errors.argmax())], prediction.method.own
     if reached < prediction.impacts or own:  # one's own again: its first call may have compiled something
         prediction = predict(v.scene, prediction.method, reached, prediction.order)
     paths = paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), float(errors.max()))
     seconds, cost = closure_seconds(prediction), cost_of(v.run, paths).core_seconds * reached / v.run.impacts
-    resolved = bool(worst["low"] > 0.0 or worst["high"] < 0.0)
-    own_errors = float(errors.max()), float(errors.median()), resolved
-    return Speed(
-        closure, v.scene.sigma, reached, *own_errors, seconds, paths, cost, math.nan if own else cost / seconds
-    )
+    size = float(errors.max()), float(errors.median()), bool(worst["low"] > 0.0 or worst["high"] < 0.0)
+    return Speed(closure, v.scene.sigma, reached, *size, seconds, paths, cost, math.nan if own else cost / seconds)

@@ -26,8 +26,6 @@ from rattle.scene.moments import SECTION, Realizability, realizability
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
 
-SIDES = ("predicted", "simulated")  # columns that hold a value of the closure and of the simulation
-
 WORTH_A_WORD = 0.05
 """Share of a tolerance from which on what a branch could change is told."""
 
@@ -241,15 +239,12 @@ def judge_again(
     """
     waits = [waits_for_branch(table) for table in tables]
     plain = SCHEMES[run.scheme].has_step_bias or run.scene.correlation_time
-    if plain or not any(rows.any() for rows in waits):
-        return tables
-    rare = begin_rare(run, max(run.paths, LEAST), in_threads(workers))
+    some = not plain and any(rows.any() for rows in waits)
+    rare = begin_rare(run, max(run.paths, LEAST), in_threads(workers)) if some else None
     if rare is None:
         return tables
-    out = []
-    for table, rows, prediction in zip(tables, waits, predictions, strict=True):
-        out.append(take_decided(table, rows, section_errors(prediction, rare, z, tolerances)))
-    return out
+    again = [section_errors(prediction, rare, z, tolerances) for prediction in predictions]
+    return list(map(take_decided, tables, waits, again))
 
 
 def take_decided(table: pd.DataFrame, rows: "pd.Series[bool]", again: pd.DataFrame) -> pd.DataFrame:
@@ -264,8 +259,8 @@ def widen_for_skewness(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame,
     Shapes: result (rows,).
     """
     gains = np.array([[skewness_gain(columns, q, of_sd, z) for q in SECTION] for of_sd in (False, True)])
-    of_sd = (steps["moment"] == "sd").to_numpy(int)
-    return np.asarray(gains[of_sd, _number(steps["quantity"]), steps["impact"].to_numpy() - 1])
+    at = _number(steps["quantity"]), steps["impact"].to_numpy() - 1
+    return np.asarray(gains[(steps["moment"] == "sd").to_numpy(int), *at])
 
 
 def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[Floats, ...]:
@@ -284,7 +279,8 @@ def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
     times.
     """
     late = (table["quantity"] == "tau") & (table["moment"] == "mean")
-    columns = {name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name]) for name in SIDES}
+    sides = ("predicted", "simulated")
+    columns = {name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name]) for name in sides}
     if "time" in table:
         columns["time"] = scene.to_absolute_time(table["time"].to_numpy(float))
     return table.assign(**columns)
@@ -337,10 +333,8 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
 def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | None:
     """The first impact, and there the first stage, at which a closure's second moments are not realizable."""
     failed = table[(table["closure"] == closure) & ~table["realizable"]].sort_values(["impact", "stage"])
-    if failed.empty:
-        return None
-    row = failed.iloc[0]
-    return int(row["impact"]), int(row["stage"]), str(row["reason"])
+    rows = failed[["impact", "stage", "reason"]].itertuples(index=False, name=None)
+    return next(rows, None)
 
 
 def mid_flight_errors(

@@ -1,11 +1,11 @@
 """Figures of a validation: errors, correlation, section histograms, agreement, ranges of validity."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from rattle.compare.report.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure, whole_impacts
+from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import CAUSES, Comparison
 from rattle.compare.validation.verdict import ACCURATE as ACCURATE_TO
 from rattle.compare.validation.verdict import NOT_WRONG, WRONG
@@ -31,9 +32,7 @@ def error_figure(v: Comparison) -> Figure:
     """Errors of section means and sds per impact and closure, in units of the quantity's sd, with intervals."""
     quantities = ("tau", "y1", "y2")[: 1 + v.scene.stages]
     figure, axes = new_figure(3.4 * len(quantities), 5.4, 2, len(quantities))
-    section = v.table[
-        (v.table["kind"] == "section") & (v.table["verdict"] != "not predicted") & (v.table["unit"] > 0.0)
-    ]
+    section = v.table.query("kind == 'section' and verdict != 'not predicted' and unit > 0.0")
     accurate = f"accurate: means within {v.tolerances.mean:.0%}, sds within {v.tolerances.sd:.0%} of an sd"
     panels = [(moment, quantity) for moment in ("mean", "sd") for quantity in quantities]
     for ax, (moment, quantity) in zip(axes, panels, strict=True):
@@ -50,23 +49,25 @@ def error_figure(v: Comparison) -> Figure:
             ax.text(0.5, 0.75, "no closure predicts it", transform=ax.transAxes, ha="center", color="0.35")
         ax.set_yscale("symlog", linthresh=LINEAR)
         limit = max(10.0, *(abs(t) for t in ax.get_ylim()))
-        ax.set_ylim(-limit, limit)
-        ax.set_xlim(0.5, len(v.run.section) + 0.5)
+        ax.set(ylim=(-limit, limit), xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact")
         whole_impacts(ax)
         ax.set_title(f"{moment} of {SYMBOL[quantity]}", loc="left")
-        ax.set_xlabel("impact")
-        if quantity == "tau":
-            ax.set_ylabel("error / sd of the quantity")
+        ax.set_ylabel("error / sd of the quantity" if quantity == "tau" else "")
     legend_above(figure, axes, 5)
     return figure
 
 
-def correlation_figure(v: Comparison) -> Figure:
-    """Correlation of displacement and velocity per stage: closures before impacts, all of them mid-flight."""
+def correlation_figure(v: Comparison) -> Figure | None:
+    """Correlation of displacement and velocity per stage: closures before impacts, all of them mid-flight.
+
+    None without closures but `branching`: a mixture has no moments of a perturbation, hence no correlation.
+    """
+    closures = [name for name, prediction in v.predictions.items() if prediction.trace.parts is None]
+    if not closures:
+        return None
     stages = range(1, v.scene.stages + 1)
     figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
     limit, impossible = 1.9, r"impossible: $|\rho| > 1$"
-    closures = [name for name, prediction in v.predictions.items() if prediction.trace.parts is None]
     for stage, ax in zip(stages, axes, strict=True):
         for sign in (-1.0, 1.0):
             ax.axhspan(sign, sign * limit, color=FORBIDDEN, alpha=0.22, lw=0, label=impossible)
@@ -90,11 +91,9 @@ def correlation_figure(v: Comparison) -> Figure:
             bars = np.abs(np.where(known, [mean - low, high - mean], v.z * rows["se"]))
             style = {"label": "Monte Carlo, mid-flight", **STYLE["monte carlo"]}
             ax.errorbar(rows["impact"] - 0.5, mean, bars, ls="none", ms=3.5, capsize=2, **style)
-        ax.set_ylim(-limit, limit)
-        ax.set_xlim(0.0, len(v.run.section) + 0.5)
+        ax.set(ylim=(-limit, limit), xlim=(0.0, len(v.run.section) + 0.5), ylabel=SYMBOL[f"rho{stage}"])
         whole_impacts(ax)
         ax.set_xlabel("impact (mid-flight: in the flight before it)")
-        ax.set_ylabel(SYMBOL[f"rho{stage}"])
         ax.set_title(f"stage {stage}", loc="left")
     legend_above(figure, axes, 4)
     return figure
@@ -124,8 +123,7 @@ def section_figure(v: Comparison) -> Figure:
         ax.xaxis.set_major_locator(MaxNLocator(4))
         ax.set_title(f"impact {impact}", loc="left")
         ax.set_xlabel(rf"{SYMBOL[quantity]} before impact ($\nu_1\omega$)")
-        if impact == 1:
-            ax.set_ylabel(r"density ($1/\nu_1\omega$)")
+        ax.set_ylabel(r"density ($1/\nu_1\omega$)" if impact == 1 else "")
     legend_above(figure, axes, 4)
     return figure
 
@@ -144,10 +142,8 @@ def agreement_figure(validations: Sequence[Comparison]) -> Figure:
             ax.plot(share.index, share, marker=marker, ms=4, lw=1.2, color=shade, label=label)
             if "branching" in closures and "agreement" in v.predictions["branching"].section:
                 ax.plot(share.index, v.predictions["branching"].section["agreement"], color=shade, ls="--", lw=1.0)
-        ax.set_ylim(-0.03, 1.05)
+        ax.set(ylim=(-0.03, 1.05), xlabel="impact", ylabel="share of paths on it")
         whole_impacts(ax)
-        ax.set_xlabel("impact")
-        ax.set_ylabel("share of paths on it")
         ax.set_title("itinerary of " + ", ".join(closures), loc="left")
     axes[0].legend(loc="best")
     return figure
@@ -156,23 +152,7 @@ def agreement_figure(validations: Sequence[Comparison]) -> Figure:
 FIGURES = {"errors": error_figure, "correlation": correlation_figure, "section": section_figure}
 """Figures of one validation, by name."""
 
-
-def has_something(kind: str, v: Comparison) -> bool:
-    """Whether a figure has something to show: a mixture has no moments of a perturbation, hence no correlation."""
-    return kind != "correlation" or any(m.trace.parts is None for m in v.predictions.values())
-
-
-MARKER = {
-    "undecided": "$?$",
-    "fixed time": "o",
-    "off itinerary": "X",
-    "grazing": "^",
-    "second order": "s",
-    "own": "*",
-    "mixture": "D",
-    "not realizable": "v",
-    "ended": "|",
-}
+MARKER: dict[str, str] = read_texts("validation")["markers"]
 """Markers of the causes; a closure that is accurate to the last impact has none."""
 ROOM = 0.9  # height, in impacts, that a marker takes above the band that it explains
 
@@ -185,8 +165,7 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
     figure, axes = new_figure(4.7 * columns, 1.3 + 2.3 * rows, rows, columns)
     for number, (closure, ax) in enumerate(zip(closures, axes, strict=False)):
         _panel(ax, table[table["closure"] == closure].sort_values("sigma"), closure, impacts)
-        if number % columns == 0:
-            ax.set_ylabel("impact")
+        ax.set_ylabel("" if number % columns else "impact")
     for ax in axes[len(closures) :]:
         ax.set_visible(False)
     accurate, not_inaccurate = table["accurate"], table["not_inaccurate"]
@@ -195,14 +174,13 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
         (not_inaccurate > accurate, Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here")),
         (not_inaccurate < impacts, Patch(facecolor="none", edgecolor="0.6", label=WRONG)),
     ]
-    handles: list[Artist] = [patch for drawn, patch in areas if drawn.any()]
-    handles.append(Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"))
-    handles.append(Line2D([], [], color="k", lw=1.0, label=f"on its itinerary: {ACCURATE_TO} here"))
-    handles += [
-        Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=CAUSES[cause])
-        for cause, marker in MARKER.items()
-        if (table["cause"] == cause).any()
+    lines = [
+        Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"),
+        Line2D([], [], color="k", lw=1.0, label=f"on its itinerary: {ACCURATE_TO} here"),
     ]
+    marked = [(marker, CAUSES[cause]) for cause, marker in MARKER.items() if (table["cause"] == cause).any()]
+    lines += [Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=label) for marker, label in marked]
+    handles = [*(patch for drawn, patch in areas if drawn.any()), *lines]
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
 
@@ -213,9 +191,8 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     edges = np.concatenate([[sigma[0] ** 2 / middle[0]], middle, [sigma[-1] ** 2 / middle[-1]]])
     accurate, not_inaccurate = rows["accurate"].to_numpy(), rows["not_inaccurate"].to_numpy()
     colour = STYLE[closure]["color"]
-    ax.stairs(
-        not_inaccurate, edges, baseline=accurate, fill=True, facecolor="none", edgecolor=colour, hatch="////", lw=0
-    )
+    hatched: Any = {"fill": True, "facecolor": "none", "edgecolor": colour, "hatch": "////", "lw": 0}
+    ax.stairs(not_inaccurate, edges, baseline=accurate, **hatched)
     ax.stairs(accurate, edges, fill=True, color=colour)
     ax.stairs(not_inaccurate, edges, color=colour, lw=1.2)
     ax.stairs(rows["on_itinerary"].to_numpy(), edges, baseline=None, color="k", ls=":", lw=1.4)
@@ -224,11 +201,8 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     for x, y, cause in zip(sigma, place, rows["cause"], strict=True):
         if cause in MARKER:
             ax.plot(x, y, ls="none", marker=MARKER[cause], color="k", ms=5, zorder=5)
-    ax.set_xscale("log")
+    ax.set(xscale="log", xlim=(edges[0], edges[-1]), ylim=(0.0, impacts + 0.5 * ROOM), axisbelow=True)
     ax.xaxis.set_major_formatter("{x:g}")
-    ax.set_axisbelow(True)
-    ax.set_xlim(edges[0], edges[-1])
-    ax.set_ylim(0.0, impacts + 0.5 * ROOM)
     ax.yaxis.set_major_locator(MaxNLocator(7, integer=True))
     ax.set_xlabel(r"noise intensity $\sigma$")
     ax.set_title(closure, loc="left", fontweight="bold", color=colour)
@@ -247,7 +221,6 @@ def drive_figure(scene: Scene) -> Figure:
             ax.plot(tau, part, lw=0.9, color="0.6")
             ax.annotate(str(one.order), (tau[part.argmax()], part.max()), fontsize=7, color="0.3", ha="center")
         ax.plot([], [], lw=0.9, color="0.6", label="each order")
-        ax.set_xlabel(SYMBOL["tau"])
-        ax.set_ylabel(name)
+        ax.set(xlabel=SYMBOL["tau"], ylabel=name)
     legend_above(figure, axes, 2)
     return figure

@@ -1,6 +1,7 @@
 """The report of a validation: a folder with its page, figures, tables and a manifest."""
 
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,14 @@ from matplotlib.figure import Figure as Drawing
 from rattle.compare.report import MARKS as SIGNS
 from rattle.compare.report import Block, Code, Figure, Page, PageSection, Text, manifest
 from rattle.compare.report.folder import name_of
-from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.provenance import command_line, provenance, source_of
 from rattle.compare.report.save import contents, csv_text, save
 from rattle.compare.report.style import caption_of
-from rattle.compare.report.texts import lay_out, read_texts
+from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary, lay_out, read_texts
 from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.comparison import Comparison, Sweep
-from rattle.compare.validation.figures import FIGURES, agreement_figure, drive_figure, has_something, validity_figure
+from rattle.compare.validation.figures import FIGURES, agreement_figure, drive_figure, validity_figure
 from rattle.compare.validation.tables import motion_blocks
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 from rattle.scene.parts import SINE_ALONE
@@ -30,14 +30,11 @@ CONTENTS = contents(
 ) | {"figures"}
 """Names of all files in a report folder; a folder with any other file is not overwritten."""
 
+TABLES = {"table": "table", "correlation": "correlation", "leaving": "run.leaving"}
+"""Tables of a validation by the name of their file."""
 WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
 CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
 """Of each figure the parts of its caption, with a word of the legend that each needs."""
-NO_BRANCH = (
-    "No path leaves the itinerary of the orbit without noise, and the search along it finds no branch that one in a "
-    "billion paths take."
-)
-NO_SPEED = "No closure is shown to be accurate up to the first impact at any of these noise intensities; {} undecided."
 UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
 TIMED = " The time of a closure of one's own is measured on this machine; it is not compared with counted work."
 
@@ -61,12 +58,12 @@ def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSe
         "counts": tables.count_verdicts(v),
         "motion": motion_blocks(v),
         "figures": [
-            _add(drawings, draw(v), f"{kind}-{number}-sigma-{sigma}", CAPTIONS[kind])
+            _add(drawings, figure, f"{kind}-{number}-sigma-{sigma}", CAPTIONS[kind])
             for kind, draw in FIGURES.items()
-            if has_something(kind, v)
+            if (figure := draw(v))
         ],
-        **({"leaving": left} if len(left) else {"no_leaving": Text(NO_BRANCH)}),
-        **({"failures": failures} if len(failures) else {"no_failures": Text("Every check holds.")}),
+        **({"leaving": left} if len(left) else {"no_leaving": True}),
+        **({"failures": failures} if len(failures) else {"no_failures": True}),
         "distances": tables.find_distances(v),
         "errors": errors,
     }
@@ -77,13 +74,10 @@ def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSe
 def _own_closures(v: Comparison) -> list[Block]:
     """What each closure of one's own is, where there is one."""
     found: list[Block] = []
-    for name, prediction in v.predictions.items():
-        if prediction.method.own:
-            function = prediction.method.function
-            meaning = (getattr(function, "__doc__", None) or "no description").strip().split("\n")[0]
-            where = f" (`{prediction.method.reference}`)" if prediction.method.reference else ""
-            digest = prediction.method.digest[:12]
-            found.append(Text(f"`{name}`{where} is a closure of one's own, source {digest}: {meaning}", note=True))
+    for name, method in ((name, m.method) for name, m in v.predictions.items() if m.method.own):
+        meaning = (getattr(method.function, "__doc__", None) or "no description").strip().split("\n")[0]
+        where, digest = f" (`{method.reference}`)" if method.reference else "", method.digest[:12]
+        found.append(Text(f"`{name}`{where} is a closure of one's own, source {digest}: {meaning}", note=True))
     return found
 
 
@@ -102,14 +96,8 @@ def _page(
     words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=first.scene.gears)
     explained, parts = [*_own_closures(first), words], dict[str, Any]()
     marks = ", ".join(f"{SIGNS[m] or '–'} {verdict}" for verdict, m in tables.MARKS.items() if verdict != NOT_JUDGED)
-    values: dict[str, Any] = {
-        "rule": RULE,
-        "marks": marks,
-        "validity_paths": settings.validity_paths,
-        "unresolved": "",
-        "timed": "",
-    }
-    values["beside"] = 0 if schemes is None else schemes["paths"].max()
+    values: dict[str, Any] = {"rule": RULE, "marks": marks, "unresolved": "", "timed": "", "none": ""}
+    values |= {"validity_paths": settings.validity_paths, "beside": 0 if schemes is None else schemes["paths"].max()}
     if swept:
         figure = _add(drawings, validity_figure(swept.validity, settings.impacts), "validity", CAPTIONS["validity"])
         parts |= {"validity_figure": figure, "validity": tables.merge_sigmas(swept.validity)}
@@ -117,9 +105,8 @@ def _page(
         values |= {} if swept.speed["resolved"].all() else {"unresolved": UNRESOLVED}
         values |= {"timed": TIMED} if swept.speed["speed_up"].isna().any() else {}
         if swept.speed.empty:
-            del parts["speed"]
-            none = "some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"
-            parts["no_speed"] = Text(NO_SPEED.format(none))
+            values["none"] = "some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"
+            parts |= {"speed": (), "no_speed": True}
     else:
         parts |= {"agreement_alone": agreement, "words_alone": explained}
     if schemes is not None:
@@ -149,25 +136,17 @@ def write_report(
     schemes: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
     """Write the report folder, whole or not at all."""
-    frames = {
-        name: pd.concat([getattr(v, name).assign(sigma=v.scene.sigma) for v in validations])
-        for name in ("table", "correlation")
-    }
+    own = {name: attrgetter(place) for name, place in TABLES.items()}
+    frames = {n: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations]) for n, table in own.items()}
     frames["table"] = frames["table"][["sigma", *validations[0].table]]
-    frames["leaving"] = pd.concat([v.run.leaving.assign(sigma=v.scene.sigma) for v in validations])
     frames |= swept._asdict() if swept else {}
     frames |= {} if schemes is None else {"schemes": schemes}
     digests = {
-        name: manifest.digest(csv_text(frames[name], index=False)) for name in ("table", "validity") if name in frames
+        f"{name}_sha256": manifest.digest(csv_text(frames[name], index=False)) if name in frames else None
+        for name in ("table", "validity")
     }
-    record = {
-        "version": manifest.VERSION,
-        "settings": settings.to_dict(),
-        "table_sha256": digests["table"],
-        "validity_sha256": digests.get("validity"),
-        **origin,
-        "answer": answer(validations, swept),
-    }
+    record = {"version": manifest.VERSION, "settings": settings.to_dict(), **digests, **origin}
+    record["answer"] = answer(validations, swept)
     drawings: dict[str, Drawing] = {}
     page = _page(settings, validations, swept, record, drawings, schemes)
     save(out, "report", page, record, allowed=CONTENTS, figures=drawings, tables=frames, overwrite=overwrite)
@@ -183,13 +162,10 @@ def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
         name_of(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, seed or 0, order, closures
     )
     here = "validate(...).report(...), in Python"
-    by_command = seed is not None and v.tolerances == Tolerances() and all(closures)
     again = command_line(["validate", "--repeat", str(out / "manifest.json")])
-    origin = provenance() | {
-        "command": here,
-        "repeat": again if by_command else f"{here}, with the same seed and tolerances",
-        "wall_seconds": round(run.wall_seconds, 1),
-        "cpu_seconds": None,
-    }
+    if seed is None or v.tolerances != Tolerances() or not all(closures):
+        again = f"{here}, with the same seed and tolerances"
+    time = {"wall_seconds": round(run.wall_seconds, 1), "cpu_seconds": None}
+    origin = provenance() | {"command": here, "repeat": again, **time}
     write_report(out, settings, [v], None, origin, overwrite)
     return out / "report.html"

@@ -116,7 +116,10 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     prediction, run = prediction.phase_reduced, run.phase_reduced
     predicted, sampled, histograms = prediction.section, run.section, run.histograms
     assert histograms is not None
-    limit = _limits(run)
+    limit: dict[Any, list[float]] = {}  # mean and sd corrected for the step bias, by impact and quantity
+    if "fine_coarse" in run.result.sums:
+        places = run.step_bias.pivot(index="moment", columns=["impact", "quantity"], values="corrected")
+        limit = places.to_dict("list")
     records = []
     for impact in range(1, min(prediction.trace.found, run.impacts) + 1):
         for quantity in find_varying(predicted, impact):
@@ -141,13 +144,6 @@ def find_varying(section: pd.DataFrame, impact: int) -> list[str]:
     return [q for q in SECTION if sds[q] > VARIES * np.nanmax([0.0, *sds.values()])]
 
 
-def _limits(run: Ensemble) -> dict[Any, list[float]]:
-    """Mean and sd corrected for the step bias, by impact and quantity; empty if the run did not measure it."""
-    if "fine_coarse" not in run.result.sums:
-        return {}
-    return run.step_bias.pivot(index="moment", columns=["impact", "quantity"], values="corrected").to_dict("list")
-
-
 QUADRATURE = 1e-6
 """Negative mass below which a density counts as positive: less than one path in a million.
 
@@ -159,16 +155,11 @@ SPREAD, POINTS = 8.0, 481  # sds on both sides of the mean, and points per axis,
 
 NAN = float("nan")
 
-
 CHECKS = {
-    "variance of displacement": (0.0, 1, 0.0),
-    "variance of velocity": (0.0, 1, 0.0),
+    **dict.fromkeys(("variance of displacement", "variance of velocity"), (0.0, 1, 0.0)),
     "|rho|": (1.0, -1, ROUNDING),
-    "covariance eigenvalue": (0.0, 1, ROUNDING),
-    "kurtosis": (0.0, 1, ROUNDING),
-    "moment matrix": (0.0, 1, ROUNDING),
-    "negative mass": (0.0, -1, QUADRATURE),
-    "section negative mass": (0.0, -1, QUADRATURE),
+    **dict.fromkeys(("covariance eigenvalue", "kurtosis", "moment matrix"), (0.0, 1, ROUNDING)),
+    **dict.fromkeys(("negative mass", "section negative mass"), (0.0, -1, QUADRATURE)),
 }
 """Bound, sign and slack of each: moments of a distribution satisfy ``sign * (value - bound) >= 0`` but for rounding."""
 
@@ -241,14 +232,13 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
     >>> moment_matrix_eigenvalue(raw).value < 0.0
     True
     """
-    order = len(raw) - 1
-    monomials = [(n, p) for n in range(order // 2 + 1) for p in range(order // 2 + 1 - n)]
-    scales = []
-    for marginal in (raw[:, 0], raw[0, :]):
-        # |variance| as scale keeps the sign of a negative variance; if it is 0, the other moments set the scale
-        other = max(abs(m) ** (1.0 / n) for n, m in enumerate(marginal) if n > 0)
-        scales.append(float(np.sqrt(abs(marginal[2])) or other or 1.0))
-    sd_x, sd_y = scales
+    half = (len(raw) - 1) // 2
+    monomials = [(n, p) for n in range(half + 1) for p in range(half + 1 - n)]
+    # |variance| as scale keeps the sign of a negative variance; if it is 0, the other moments set the scale
+    sd_x, sd_y = (
+        float(np.sqrt(abs(marginal[2])) or max(abs(m) ** (1.0 / n) for n, m in enumerate(marginal) if n > 0) or 1.0)
+        for marginal in (raw[:, 0], raw[0, :])
+    )
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = np.array(
             [[raw[n + m, p + q] / sd_x ** (n + m) / sd_y ** (p + q) for m, q in monomials] for n, p in monomials]

@@ -101,12 +101,12 @@ class Validation(Comparison):
         >>> len(v.plot("errors").axes)
         6
         """
-        from rattle.compare.validation.figures import FIGURES, has_something
+        from rattle.compare.validation.figures import FIGURES
 
-        draw = FIGURES[choice("kind", kind, FIGURES)]
-        if not has_something(kind, self):
+        figure = FIGURES[choice("kind", kind, FIGURES)](self)
+        if figure is None:
             raise InputError("kind", kind, "needs a closure other than branching")
-        return draw(self)
+        return figure
 
     def to_xarray(self) -> "xr.Dataset":
         """Convert the section moments of closures and simulation to a dataset.

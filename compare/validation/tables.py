@@ -26,14 +26,11 @@ SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", 
 
 def count_verdicts(v: Comparison) -> pd.DataFrame:
     """Number of moments with each verdict, by closure and kind of moment."""
-    names = {
-        "fixed time": "ρ at mid-flight",
-        ON_ITINERARY: "section {}s, paths on its itinerary",
-        "section": "section {}s",
-    }
+    names = {"section": "section {}s", ON_ITINERARY: "section {}s, paths on its itinerary"}
     groups = v.table.groupby(["closure", "kind", "moment"], sort=False)["verdict"]
     return pd.DataFrame(
-        {"closure": closure, "what": names[str(kind)].format(moment)} | {w: int((said == w).sum()) for w in VERDICTS}
+        {"closure": closure, "what": names.get(str(kind), "ρ at mid-flight").format(moment)}
+        | {w: int((said == w).sum()) for w in VERDICTS}
         for (closure, kind, moment), said in groups
     )
 
@@ -43,9 +40,9 @@ def _cell(row: pd.Series) -> TableCell:
         return TableCell("–")
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
     error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit
-    if half != half:  # too few paths for an interval
-        return TableCell(f"{error:+.3g}", MARKS[row["verdict"]], float(error))
     text = f"{error:+.3f} ± {half:.3f}" if abs(error) < 1e3 else f"{error:+.2g} ± {half:.2g}"
+    if half != half:  # too few paths for an interval
+        text = f"{error:+.3g}"
     return TableCell(text, MARKS[row["verdict"]], float(error))
 
 
@@ -159,14 +156,11 @@ def motion_table(v: Comparison) -> Table:
     """The simulated section means and sds in both systems of units."""
     plain, physical = v.run.section, v.run.section_in("physical")
     speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
-    columns = {
-        "impact": [str(impact) for impact in plain.index],
-        "τ": _spreads(plain, "tau"),
-        **{name: _spreads(plain, name) for name in speeds},
-        "time [ms]": _spreads(physical, "tau_ms"),
-        "impacts per second": [f"{rate:.4g}" for rate in physical[RATE]],
-        **{f"{name} [mm/s]": _spreads(physical, f"{name}_mm_per_s") for name in speeds},
-    }
+    columns = {"impact": [str(impact) for impact in plain.index], "τ": _spreads(plain, "tau")}
+    columns |= {name: _spreads(plain, name) for name in speeds}
+    columns |= {"time [ms]": _spreads(physical, "tau_ms")}
+    columns |= {"impacts per second": [f"{rate:.4g}" for rate in physical[RATE]]}
+    columns |= {f"{name} [mm/s]": _spreads(physical, f"{name}_mm_per_s") for name in speeds}
     if "energy_mJ" in physical:
         columns["energy [mJ]"] = [f"{energy:.3g}" for energy in physical["energy_mJ"]]
     return Table.of(numbers(*columns), zip(*columns.values(), strict=True))

@@ -12,17 +12,8 @@ from tqdm import tqdm
 
 from rattle.closure import Closure, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
+from rattle.compare.validation import errors
 from rattle.compare.validation.comparison import Comparison, Sweep, find_validities, measure_speeds, simulation_costs
-from rattle.compare.validation.errors import (
-    AGAIN,
-    NamedSection,
-    itinerary_errors,
-    judge_again,
-    judge_correlation,
-    mid_flight_errors,
-    section_errors,
-    to_absolute_time,
-)
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
@@ -103,8 +94,8 @@ def validate(
     given, scene = scene, scene.phase_reduced
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
-    common: dict[str, Any] = {"impacts": impacts, "dt": dt, "scheme": scheme, "rng": rng}
-    check_settings(scene, paths=paths, workers=workers, step_bias=biased, **common)
+    common: dict[str, Any] = {"impacts": impacts, "dt": dt, "scheme": scheme, "rng": rng, "workers": workers}
+    check_settings(scene, paths=paths, step_bias=biased, **common)
     predictions = {method.name: predict(scene, method, impacts, order) for method in methods}
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
@@ -114,7 +105,6 @@ def validate(
     run = simulate(
         scene,
         paths=paths,
-        workers=workers,
         sampling=Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last),
         progress=progress,
         **common,
@@ -129,23 +119,24 @@ def validate(
     )
     # the impact that ends the flight of each fixed time
     flights = np.searchsorted(tau, run.at_times().index.to_numpy(float))
-    per_impact = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) + scene.stages
-    checks = per_impact * impacts * len(predictions)
+    moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
+    checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
-    parts = [section_errors(m, run, z, limits) for m in predictions.values()]
-    parts = judge_again(parts, list(predictions.values()), run, widest(checks, AGAIN * 0.05), limits, workers)
+    maps = list(predictions.values())
+    parts = [errors.section_errors(m, run, z, limits) for m in maps]
+    again = widest(checks, errors.AGAIN * 0.05)
+    parts = errors.judge_again(parts, maps, run, again, limits, workers)
     if scene.sigma > 0.0 and len(run.at_times()):
-        parts += [mid_flight_errors(m, run, flights, z, limits) for m in predictions.values()]
-    own = widest(2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions))
-    parts += [itinerary_errors(m, run, own, limits) for m in predictions.values()]
+        parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
+    parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
     table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
     raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
     said = zip(table["closure"], table["remark"].fillna(""), strict=True)
     table["remark"] = [raised.get(name, remark) for name, remark in said]
-    valid = judge_correlation(list(predictions.values()), run, flights)
+    valid = errors.judge_correlation(maps, run, flights)
     predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
     run = replace(run, plan=run.plan._replace(scene=given))
-    return Validation(given, predictions, run, to_absolute_time(table, given), valid, z, limits)
+    return Validation(given, predictions, run, errors.to_absolute_time(table, given), valid, z, limits)
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:
@@ -225,7 +216,8 @@ def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], w
             began = time.process_time()
             run = simulate(v.scene.phase_reduced, paths=BESIDE_PATHS, **common)
             took = time.process_time() - began
-            table = section_errors(NamedSection(scheme, run.section), v.run.phase_reduced, v.z, v.tolerances)
+            sampled = errors.NamedSection(scheme, run.section)
+            table = errors.section_errors(sampled, v.run.phase_reduced, v.z, v.tolerances)
             rows.append(
                 (v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *_biases(run, table), *_largest(table, "error"), took)
             )

@@ -6,11 +6,15 @@ beyond the first limit some are *undecided*: too few paths, or too long a step, 
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import takewhile
+from operator import itemgetter
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
 from scipy.special import ndtri
+
+from rattle.compare.report.texts import read_texts
 
 __all__ = ["Tolerances"]
 
@@ -20,11 +24,7 @@ JUDGED = ("accurate", "inaccurate", "undecided")
 NOT_JUDGED = "not judged"
 VERDICTS = (*JUDGED, "not predicted", NOT_JUDGED)
 
-RULE = (
-    "At each impact the displacement at the mesh that most simulated paths strike is excluded (at the wall) from "
-    "verdicts, counts and sentences: it is the known position of the wall, and its spread tells only how many paths "
-    "have left the itinerary (and, with a random tolerance, how the gaps were drawn)."
-)
+RULE: str = read_texts("validation")["rule"]
 """Which rows `at_wall` excludes, and why, as pages state it."""
 
 UNSEEN = ("unseen_low", "unseen_high", "unseen_paths")
@@ -139,12 +139,8 @@ def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
     >>> unbroken([0.1, 0.2, 0.4, 0.8], [True, True, False, True])
     0.2
     """
-    reached = None
-    for value, true_here in zip(values, holds, strict=True):
-        if not true_here:
-            break
-        reached = value
-    return reached
+    reached = [value for value, _ in takewhile(itemgetter(1), zip(values, holds, strict=True))]
+    return reached[-1] if reached else None
 
 
 def want(rows: pd.DataFrame) -> str:

@@ -6,8 +6,8 @@ import pytest
 from markupsafe import Markup, escape
 
 from rattle.compare.report import Figure, Glossary, Page, PageSection, Source, Table, Text, numbers
-from rattle.compare.report.glossary import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.report.render import Terms, as_html, write_page
+from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 from rattle.scene import DAT21
 
 GLOSSARY = Glossary(

@@ -13,10 +13,10 @@ from rattle.compare.chaos.page import FIGURES
 from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
 from rattle.compare.checks.claims.judges import NOT_REPRODUCED, PART, REPRODUCED, TEXTS, UNDECIDED, PaperClaim
 from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text
-from rattle.compare.report.glossary import glossary
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.save import contents, save
 from rattle.compare.report.style import new_figure
+from rattle.compare.report.texts import glossary
 from rattle.compare.validation.verdict import join_words
 
 SHOWN = [text.get("figure", "") for text in TEXTS.values()]

@@ -13,10 +13,9 @@ from matplotlib.lines import Line2D
 
 from rattle.compare.checks.check import Result, extreme_record
 from rattle.compare.checks.stability.chart import AXES, BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, Chart
-from rattle.compare.report.glossary import SCHEME_TERMS, glossary
 from rattle.compare.report.save import contents, save_report
 from rattle.compare.report.style import legend_above, new_figure
-from rattle.compare.report.texts import read_texts
+from rattle.compare.report.texts import SCHEME_TERMS, glossary, read_texts
 from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
 
