@@ -153,7 +153,12 @@ def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
     if sampled:
         lines.append(f"  estimated from {len(points)} points, chosen at random; --status counts all")
-    lines += [f"  {axis_text}" for axis_text in _axes_text(wanted)]
+    lines += [
+        f"  {name}: {len(axis.values)} values, {line(str(axis.values[0][i]))} to {line(str(axis.values[-1][i]))}"
+        + (f" (with {', '.join(n for n in axis.names if n != name)})" if len(axis.names) > 1 else "")
+        for axis in wanted.axes
+        for i, name in enumerate(axis.names)
+    ]
     lines += [f"  {line(str(failure))}" for failure in group_failures(points, {})]
     lines.append(
         f"About {work.core_seconds:.0f} core-seconds of counted work at nominal costs ({work.path_steps:.2g} "
@@ -164,15 +169,6 @@ def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     seconds = {key: one.core_seconds for key, one in each.items()}
     lines.append(scaling(todo, seconds, times).to_string(index=False, float_format="{:.3g}".format))
     return "\n".join(lines)
-
-
-def _axes_text(wanted: "Study") -> list[str]:
-    return [
-        f"{name}: {len(axis.values)} values, {line(str(axis.values[0][i]))} to {line(str(axis.values[-1][i]))}"
-        + (f" (with {', '.join(n for n in axis.names if n != name)})" if len(axis.names) > 1 else "")
-        for axis in wanted.axes
-        for i, name in enumerate(axis.names)
-    ]
 
 
 def _status(wanted: "Study", seen: "Store") -> str:

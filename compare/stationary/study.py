@@ -140,8 +140,9 @@ class LongTables:
         for fixed, part in panels(self.study, self.quantities, len(self.quantities)):
             if at.items() <= fixed.items():
                 own = self.verdicts
-                here = (own[list(fixed)] == pd.Series(fixed, dtype=object)).all(axis=1) if len(own) else slice(None)
-                return study_figure(self.study.along, part, own[here])
+                for name, value in fixed.items() if len(own) else ():
+                    own = own[own[name] == value]
+                return study_figure(self.study.along, part, own)
         raise InputError("study", self.study.title, "no field varies over numbers, or nothing could be computed")
 
     def to_xarray(self) -> "xr.Dataset":
@@ -281,12 +282,10 @@ def answer(r: LongTables) -> list[str]:
             if own.empty:
                 why = r.verdicts[r.verdicts["closure"] == closure]["reason"].iloc[0]
                 sentences.append(f"`{closure}` predicts nothing of the long run at any value: {why}.")
-                continue
-            sentences.append(
-                f"`{closure}` predicts the long run at {len(own)} of {len(good)} values of {name}, and is fully "
-                f"accurate at {(own == 1.0).sum() or 'none'} of them; {span(own, '.0%')} of its quantities are "
-                "accurate."
-            )
+            else:
+                full = f"is fully accurate at {(own == 1.0).sum() or 'none'} of them"
+                reach = f"predicts the long run at {len(own)} of {len(good)} values of {name}, and {full}"
+                sentences.append(f"`{closure}` {reach}; {span(own, '.0%')} of its quantities are accurate.")
     other = r.cost[r.cost["kind"] != "simulated"]
     if len(other):
         sentences.append(f"At {len(other)} of {len(r.cost)} points nothing is random and the values are exact.")

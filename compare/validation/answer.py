@@ -11,14 +11,8 @@ import pandas as pd
 
 from rattle.closure import refusals
 from rattle.compare.report.texts import read_texts
-from rattle.compare.validation.comparison import (
-    WANTED,
-    Comparison,
-    Sweep,
-    find_validities,
-    measure_speeds,
-    simulation_costs,
-)
+from rattle.compare.validation import comparison
+from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import BY_SIZE, HALF, SIMULATED, first_failure
 from rattle.compare.validation.tables import duration_words, motion_sentence
 from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
@@ -91,9 +85,8 @@ def cost_sentence(
 
     `duration`: How long the motion is in physical units, as "24 ms of rattling", if that is known.
     """
-    what = (
-        f"{impacts} impact{'s' if impacts > 1 else ''}{f' ({duration})' if duration else ''} to {WANTED:.0%} of an sd"
-    )
+    number, motion = f"{impacts} impact{'s' if impacts > 1 else ''}", f" ({duration})" if duration else ""
+    what = f"{number}{motion} to {comparison.WANTED:.0%} of an sd"
     each = [
         f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'])})"
         for row in simulation.to_dict("records")
@@ -211,12 +204,13 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
             realizable.append(f"`{closure}`")
     if realizable:
         broken.append(f"the moments of {join_words(realizable)} stay possible")
-    speed, over, validity = measure_speeds(validations), swept.speed if swept else None, find_validities(validations)
+    speed, over = comparison.measure_speeds(validations), swept.speed if swept else None
+    validity = comparison.find_validities(validations)
     return [
         advice(validity, impacts, speed),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         *itinerary_sentence(swept.validity if swept else validity, impacts),
-        cost_sentence(simulation_costs(validations), speed, impacts, duration_words(first), over),
+        cost_sentence(comparison.simulation_costs(validations), speed, impacts, duration_words(first), over),
         *motion_sentence(validations),
         f"Accurate section moments{'' if swept else SECTION} among those that a closure predicts over {impacts} "
         f"impacts (within {first.tolerances.mean:.0%} of an sd for means and {first.tolerances.sd:.0%} for sds, with "

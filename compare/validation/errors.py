@@ -351,6 +351,9 @@ def mid_flight_errors(
     fixed = run.at_times()
     reached = fixed.index.to_numpy(float)
     predicted, remark = _at_times(prediction, reached[reached <= prediction.trace.span[1]])
+    common: dict[str, Any] = {"closure": prediction.closure, "kind": "fixed time", "moment": "rho", "unit": 1.0}
+    common |= {"impact": flights, "time": fixed.index, "tolerance": tolerances.rho, "paths": run.paths}
+    common["agreement"] = run.agreement[prediction.closure].to_numpy()[flights - 1]
     parts = []
     for stage in range(1, run.scene.stages + 1):
         rho = fixed[f"rho{stage}"]
@@ -360,32 +363,11 @@ def mid_flight_errors(
         value = predicted[f"rho{stage}"].reindex(fixed.index)
         low = value - each(math.tanh, fisher + half) - bias.abs()
         high = value - each(math.tanh, fisher - half) + bias.abs()
-        parts.append(
-            pd.DataFrame(
-                {
-                    "closure": prediction.closure,
-                    "kind": "fixed time",
-                    "impact": flights,
-                    "time": fixed.index,
-                    "quantity": f"rho{stage}",
-                    "moment": "rho",
-                    "predicted": value,
-                    "simulated": rho,
-                    "se": fixed[f"se_rho{stage}"],
-                    "bias": bias,
-                    "error": value - rho,
-                    "noise": 0.5 * (high - low) - bias.abs(),
-                    "rest": bias.abs(),
-                    "unit": 1.0,
-                    "tolerance": tolerances.rho,
-                    "agreement": run.agreement[prediction.closure].to_numpy()[flights - 1],
-                    "paths": run.paths,
-                    "low": low,
-                    "high": high,
-                    "remark": np.where(half.isna() & value.notna() & rho.notna(), TOO_FEW, remark),
-                }
-            )
-        )
+        own: dict[str, Any] = {"quantity": f"rho{stage}", "predicted": value, "simulated": rho, "error": value - rho}
+        own |= {"se": fixed[f"se_rho{stage}"], "bias": bias, "rest": bias.abs(), "low": low, "high": high}
+        own |= {"noise": 0.5 * (high - low) - bias.abs()}
+        own["remark"] = np.where(half.isna() & value.notna() & rho.notna(), TOO_FEW, remark)
+        parts.append(pd.DataFrame(common | own))
     return judge(pd.concat(parts, ignore_index=True))
 
 

@@ -79,12 +79,8 @@ def distances(masses: Floats, counts: Ints) -> Distances:
     # A count is binomial, nearly normal: E|N(0, s^2)| = s sqrt(2/pi) with s^2 = p (1 - p) / n, and half of the sum.
     # The sampled shares stand for the unknown p.
     tv_floor = np.sqrt(shares * (1.0 - shares) / (2.0 * np.pi * n)).sum()
-    return Distances(
-        float(np.abs(np.cumsum(gap)[:-1]).max()),
-        float(kolmogi(1.0 - CONFIDENCE) / np.sqrt(n)),
-        float(0.5 * np.abs(gap).sum()),
-        float(tv_floor),
-    )
+    kolmogorov = np.abs(np.cumsum(gap)[:-1]).max(), kolmogi(1.0 - CONFIDENCE) / np.sqrt(n)
+    return Distances(*map(float, (*kolmogorov, 0.5 * np.abs(gap).sum(), tv_floor)))
 
 
 def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:

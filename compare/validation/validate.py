@@ -16,7 +16,7 @@ from rattle.compare.validation import errors
 from rattle.compare.validation.comparison import Comparison, Sweep, find_validities, measure_speeds, simulation_costs
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
-from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
+from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.montecarlo.settings.sampling import Sampling
 from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.moments import SECTION
@@ -102,21 +102,12 @@ def validate(
     grid = (4.0 if biased else 1.0) * dt  # fixed times are rounded to it; a flight shorter than it may contain none
     middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
     last = _last_impact(scene, **common)
-    run = simulate(
-        scene,
-        paths=paths,
-        sampling=Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last),
-        progress=progress,
-        **common,
-        record=Record(
-            step_bias=biased,
-            histogram=True,
-            energy=scene.gears is not None,
-            times=middle[(middle - scene.phase > grid) & (middle <= last)],
-            on_itinerary=True,
-            itineraries={name: m.itinerary for name, m in predictions.items()},
-        ),
-    )
+    times = middle[(middle - scene.phase > grid) & (middle <= last)]
+    shown: dict[str, Any] = {"step_bias": biased, "histogram": True, "energy": scene.gears is not None, "times": times}
+    followed = {name: m.itinerary for name, m in predictions.items()}
+    record = Record(**shown, on_itinerary=True, itineraries=followed)
+    sampling = Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last)
+    run = simulate(scene, paths=paths, sampling=sampling, progress=progress, **common, record=record)
     # the impact that ends the flight of each fixed time
     flights = np.searchsorted(tau, run.at_times().index.to_numpy(float))
     moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
@@ -218,21 +209,15 @@ def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], w
             took = time.process_time() - began
             sampled = errors.NamedSection(scheme, run.section)
             table = errors.section_errors(sampled, v.run.phase_reduced, v.z, v.tolerances)
-            rows.append(
-                (v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *_biases(run, table), *_largest(table, "error"), took)
-            )
+            at = ["impact", "quantity", "moment"]
+            bias = _largest(table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias")
+            rows.append((v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *bias, *_largest(table, "error"), took))
         for closure, prediction in v.predictions.items():
             table = v.section_rows(closure)
             own = table.assign(judged=table["verdict"] != "not judged")
             took = closure_seconds(prediction)
             rows.append((v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took))
     return pd.DataFrame(rows, columns=SCHEME_COLUMNS)
-
-
-def _biases(run: Ensemble, table: pd.DataFrame) -> list[float]:
-    """The largest measured bias of a mean and of an sd."""
-    at = ["impact", "quantity", "moment"]
-    return _largest(table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias")
 
 
 def _largest(table: pd.DataFrame, column: str) -> list[float]:
