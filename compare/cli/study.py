@@ -68,7 +68,8 @@ def study(
     if as_json:
         say_json(record)
     else:
-        say_lines((*record["answer"], *[f"Page: {folder / 'study.html'}"] * ("files" in record)))
+        page = [f"Page: {folder / 'study.html'}"] if "files" in record else []
+        say_lines((*record["answer"], *page))
     failures = group_failures(wanted.points, record.get("failed", {}))
     for failure in failures:
         say(f"rattle: {failure}", err=True)

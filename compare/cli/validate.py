@@ -68,7 +68,6 @@ def validate(
     from rattle.closure import closures_for
     from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
-    from rattle.compare.report.manifest import DIFFERENT, ROUNDED, SAME, compare, tables_beside
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
     from rattle.compare.validation.page import CONTENTS, write_report
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
@@ -78,7 +77,7 @@ def validate(
     recorded, earlier = None, {}
     if repeat is not None:
         recorded = manifest.read_settings(repeat)
-        settings, earlier = recorded.settings, tables_beside(repeat, recorded)
+        settings, earlier = recorded.settings, manifest.tables_beside(repeat, recorded)
         out = out or default_place(settings.name, "-repeated")
     else:
         base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
@@ -120,15 +119,17 @@ def validate(
     schemes = compare_schemes(validations, settings.beside, workers) if settings.beside else None
     origin = {"repeat": command_line(["validate", "--repeat", str(out / "manifest.json")])} | provenance(watch)
     record = write_report(out, settings, validations, swept, origin, overwrite, schemes)
-    repeated = None if recorded is None else compare(recorded, earlier, record, out)
+    repeated = None if recorded is None else manifest.compare(recorded, earlier, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
-        again = {"repeated": repeated.outcome == SAME, "repeat": repeated.to_dict()} if repeated else {"repeated": None}
-        say_json({"report": out, "answer": record["answer"], "accurate": accurate, **again})
+        summary = {"report": out, "answer": record["answer"], "accurate": accurate, "repeated": None}
+        if repeated:
+            summary |= {"repeated": repeated.outcome == manifest.SAME, "repeat": repeated.to_dict()}
+        say_json(summary)
     else:
         comparison = repeated.sentences if repeated else []
         say_lines((*record["answer"], f"Report: {out / 'report.html'}", *comparison))
-    if repeated and repeated.outcome == DIFFERENT:
+    if repeated and repeated.outcome == manifest.DIFFERENT:
         sys.exit(EXIT_NOT_REPEATED)
     failed = {f"closure {name} {why}" for v in validations for name, why in v.failed.items()}
     for why in sorted(failed):
@@ -137,7 +138,7 @@ def validate(
         sys.exit(EXIT_FAILED)
     if require and not accurate:
         sys.exit(EXIT_NOT_MET)
-    if repeated and repeated.outcome == ROUNDED:
+    if repeated and repeated.outcome == manifest.ROUNDED:
         sys.exit(EXIT_ROUNDED)
 
 
