@@ -79,8 +79,8 @@ def main() -> None:
 
 
 for command in (
-    *(simulate, stationary, chaos, validate, tradeoff, order, boundary, sensitivity, study, check, claims, warm_up),
-    *(show, animate, drive, init),
+    *(animate, boundary, chaos, check, claims, drive, init, order),
+    *(sensitivity, show, simulate, stationary, study, tradeoff, validate, warm_up),
 ):
     main.add_command(command)
 
