@@ -1,7 +1,6 @@
 """Scene files and study files through the command line, and what was written read back."""
 
 import contextlib
-import json
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 import pandas as pd
 import tomli_w
 from click.testing import CliRunner, Result
+from commands import strict
 from fuzz_must import Ended, has_verdicts, must, refused
 
 from rattle.compare.cli.main import main
@@ -90,15 +90,6 @@ def study_file(scene: Scene, settings: dict[str, Any]) -> Ended:
         share = tables.sections["agreement"].dropna()
         must((share >= 0.0) & (share <= 1.0), "agreement", share)
     return ("complete", "") if done.exit_code == 0 else ("stopped", "points that cannot be computed")
-
-
-def strict(text: str) -> Any:
-    """JSON as its standard has it: without NaN and without infinity."""
-
-    def none(word: str) -> Any:
-        raise AssertionError(f"{word} is no JSON")
-
-    return json.loads(text, parse_constant=none)
 
 
 def _on_file(place: Path, command: str, scene: Scene, settings: dict[str, Any], *more: str) -> Any:

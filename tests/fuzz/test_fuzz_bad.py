@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from click.testing import CliRunner
+from commands import rattle, study
 from fuzz_must import finite, refused
 from fuzz_plan import built, job
 from hypothesis import HealthCheck, Phase, given, settings
@@ -24,7 +24,6 @@ from settings import recorded
 
 from rattle import validate
 from rattle.closure import mean_map
-from rattle.compare.cli.main import main
 from rattle.compare.report import manifest
 from rattle.compare.report.json_text import read_page
 from rattle.compare.study import store
@@ -130,28 +129,9 @@ def test_bad_settings_are_refused_by_name(place, value):
 
 # --- files
 
-STUDY = """
-[study]
-impacts = 1
-closures = ["saltation", "corrected"]
-paths = 64
-seed = 3
-within = { mean = 0.05, sd = 0.1 }
-
-[scene]
-alpha = 1.5
-epsilon = 0.9
-beta1 = 0.083
-gamma1 = 0.057
-stages = 1
-
-[[axes]]
-sigma = { log = [0.01, 0.1, 2] }
-
-[[axes]]
-gap1 = [0.4, 0.5]
-"tolerance.c1_max" = [0.0, 0.01]
-"""
+SETTINGS = "seed = 3\nwithin = { mean = 0.05, sd = 0.1 }"
+STUDY = study("bad", closures=("saltation", "corrected"), sigma="{ log = [0.01, 0.1, 2] }", more=SETTINGS)
+STUDY += '\n[[axes]]\ngap1 = [0.4, 0.5]\n"tolerance.c1_max" = [0.0, 0.01]\n'
 
 
 @pytest.fixture(scope="module")
@@ -162,14 +142,11 @@ def place(tmp_path_factory):
     (place / "bad.toml").write_text("[scene]\nalpha = 'x'\n", encoding="utf-8")
     (place / "study.toml").write_text(STUDY, encoding="utf-8")
     (place / "baseline.toml").write_text("[values.y1]\n1 = 0.5\n\n" + DAT.to_toml(), encoding="utf-8")
-    small = ["--paths", "64", "--impacts", "1", "--sigma", "0.1", "--no-validity", "--workers", "1", "--out"]
+    small = "--paths 64 --impacts 1 --sigma 0.1 --no-validity --workers 1 --out"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path, **settings: path.touch())
-        for words in (
-            ["study", str(place / "study.toml"), "--workers", "1"],
-            ["validate", *small, str(place / "report")],
-        ):
-            CliRunner().invoke(main, words, catch_exceptions=False)
+        rattle("study", place / "study.toml", "--workers", 1)
+        rattle("validate", *small.split(), place / "report")
     return place
 
 

@@ -1,36 +1,52 @@
-"""The command line as a user types it, and a study that is soon computed."""
+"""The command line as a user types it, and studies that are soon computed."""
+
+import json
 
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
 
-__all__ = ["rattle", "study"]
+__all__ = ["rattle", "strict", "study"]
 
 STUDY = """
 [study]
 title = "{title}"
 impacts = {impacts}
-closures = ["corrected"]
+closures = {closures}
 paths = {paths}
+{more}
 [scene]
 alpha = 1.5
 epsilon = 0.9
 beta1 = 0.083
 gamma1 = 0.057
-stages = 1
+{second}
+
 [[axes]]
 sigma = {sigma}
 """
+SECOND = "beta2 = 0.133\ngamma2 = 0.029\nmu = 0.6"
 
 
-def study(title="small", impacts=1, paths=64, sigma=(0.1,)):
-    """The text of a study file: one stage, one closure that costs nothing, some noise intensities."""
-    return STUDY.format(title=title, impacts=impacts, paths=paths, sigma=list(sigma))
+def study(title="small", impacts=1, closures=("corrected",), paths=64, sigma=(0.1,), more="", stages=1):
+    """The text of a study file over sigma; its scene is small, and `more` are lines of its table ``[study]``."""
+    second = SECOND if stages == 2 else "stages = 1"
+    lists = {"closures": json.dumps(closures), "sigma": sigma if isinstance(sigma, str) else list(sigma)}
+    return STUDY.format(title=title, impacts=impacts, paths=paths, more=more, second=second, **lists)
 
 
-def rattle(*words, code=0):
+def rattle(*words, code=0, **settings):
     """Run a command, which ends with this exit code and no traceback."""
-    found = CliRunner().invoke(main, [str(word) for word in words])
+    found = CliRunner().invoke(main, [str(word) for word in words], **settings)
     assert found.exit_code == code, found.output
     assert "Traceback" not in found.output
     return found
+
+
+def strict(text):
+    """JSON as its standard has it: without NaN and without infinity."""
+
+    def refused(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(text, parse_constant=refused)

@@ -5,10 +5,9 @@ import json
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 from sample_page import NASTY, figures, sample
 
-from rattle.compare.cli.main import main
 from rattle.compare.report import Page, Source, Table
 from rattle.compare.report.render import write_page
 from rattle.compare.report.style import STYLE
@@ -37,8 +36,7 @@ def report(tmp_path_factory):
     """A report of the command itself."""
     out = tmp_path_factory.mktemp("report") / "r"
     words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --validity 0.01:1:2 --validity-paths 600 --out"
-    found = CliRunner().invoke(main, ["validate", *words.split(), str(out)])
-    assert found.exit_code == 0, found.output
+    rattle("validate", *words.split(), out)
     return out / "report.html"
 
 

@@ -1,19 +1,15 @@
 """``rattle show``, as a user meets it."""
 
 import json
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 from sample_page import figures, sample
 
-from rattle.compare.cli.main import main
 from rattle.compare.report.render import write_page
 
-
-def show(*words, code=0, **settings):
-    result = CliRunner().invoke(main, ["show", *map(str, words)], **settings)
-    assert result.exit_code == code, result.output
-    return result
+show = partial(rattle, "show")
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 
 from rattle import InputError, Scene, measure_drive
-from rattle.compare.cli.main import main
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 OMEGA, RADIUS = 167.6, 32.0
 ORDERS = ((1, 0.45, 0.3), (2, 0.08, 1.1), (5, 0.002, -0.4))  # amplitudes in mm
 GEARS = """
@@ -139,10 +139,7 @@ def broken(change, rows=400):
         (lambda rows: rows.__setitem__(slice(None), ["# nothing"]), "is empty"),
         (lambda rows: rows.__setitem__(0, "time,speed"), "name two columns with their units"),
         (lambda rows: rows.__setitem__(0, "time [s],torque [N mm]"), "torque': is no such column"),
-        (
-            lambda rows: rows.__setitem__(0, "time [min],speed [mm/s]"),
-            "has an unknown unit; give s, ms",
-        ),
+        (lambda rows: rows.__setitem__(0, "time [min],speed [mm/s]"), "has an unknown unit; give s, ms"),
         (lambda rows: rows.__setitem__(0, "time [s],speed [km/h]"), "has an unknown unit; give rad/s, rpm"),
         (lambda rows: rows.__setitem__(9, "0.01,nan"), "line 10 = '0.01,nan': needs two numbers"),
         (lambda rows: rows.__setitem__(9, "0.01"), "line 10 = '0.01': needs two numbers"),
@@ -195,20 +192,14 @@ def test_a_motion_in_rad_needs_the_radius_of_the_driver():
 
 
 def test_the_command_writes_its_page_and_refuses_a_scene_without_a_measurement(tmp_path):
-    examples = Path(__file__).parents[2] / "examples"
-    done = CliRunner().invoke(main, ["drive", str(examples / "measured-drive.toml"), "--out", str(tmp_path / "out")])
-    assert done.exit_code == 0, done.output
-    assert "order 3" in done.output
+    assert "order 3" in rattle("drive", EXAMPLES / "measured-drive.toml", "--out", tmp_path / "out").output
     assert {"drive.html", "drive.svg", "orders.csv"} <= {path.name for path in (tmp_path / "out").iterdir()}
-    refused = CliRunner().invoke(main, ["drive", str(examples / "gearbox.toml")])
-    assert refused.exit_code == 2
-    assert "has no measured drive" in refused.output
+    assert "has no measured drive" in rattle("drive", EXAMPLES / "gearbox.toml", code=2).output
 
 
 def test_the_example_is_found_again():
     """Within four of its standard errors, and in its interval: what make_driver_speed.py put into the file."""
-    examples = Path(__file__).parents[2] / "examples"
-    found = measure_drive(examples / "driver-speed.csv", omega=167.0, driver_radius=RADIUS)
+    found = measure_drive(EXAMPLES / "driver-speed.csv", omega=167.0, driver_radius=RADIUS)
     assert [one.order for one in found.drive] == [1, 2, 3]
     for k, amplitude in enumerate((0.014, 0.0025, 0.0006)):
         off = found.table["amplitude_mm"][k] - amplitude * RADIUS

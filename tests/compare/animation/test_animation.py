@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 from matplotlib.path import Path as Polygon
 
 from rattle.closure.orbit import follow
 from rattle.compare.animation.page import GENERATOR, LARGEST, PLAY, TOOTH, Wheel, animation, check_file, outline
 from rattle.compare.animation.record import FEWEST, MOST_IMPACTS, SCHEME, record
-from rattle.compare.cli.main import main
 from rattle.montecarlo import Record, default_step, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.errors import InputError, OutputError
@@ -171,16 +170,13 @@ def test_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "<b>mine.toml").write_text(GEARS.to_toml())
     words = ["animate", "<b>mine.toml", "--sigma", "0.05", "--impacts", "3", "--seed", "2"]
-    done = CliRunner().invoke(main, words)
-    assert done.exit_code == 0, done.output
+    done = rattle(*words)
     out = tmp_path / "reports" / "<b>mine-animation.html"
     assert "3 impacts without noise" in done.output
     assert "σ = 0.05" in out.read_text()
     assert "<b>" not in out.read_text()
-    again = CliRunner().invoke(main, words)
-    assert again.exit_code == 2
-    assert "overwrite it (--overwrite)" in again.output
-    assert CliRunner().invoke(main, [*words, "--overwrite"]).exit_code == 0
+    assert "overwrite it (--overwrite)" in rattle(*words, code=2).output
+    rattle(*words, "--overwrite")
     assert [p.name for p in out.parent.iterdir()] == [out.name]
 
 

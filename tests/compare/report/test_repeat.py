@@ -3,28 +3,23 @@
 import json
 import math
 import shutil
+from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 
-from rattle.compare.cli.main import main
 from rattle.compare.cli.validate import EXIT_NOT_REPEATED, EXIT_ROUNDED
 from rattle.compare.report import manifest, provenance
 from rattle.compare.report.manifest import EXACT, ROUNDING, difference
 from rattle.compare.validation import validate as work
 
+validate = partial(rattle, "validate")
 SWEPT = [
     "--paths", "600", "--impacts", "2", "--dt", "0.01", "--validity", "0.1:1:2", "--validity-paths", "600",
     "--closure", "published", "--closure", "saltation",
 ]  # fmt: skip
-
-
-def validate(*words, code=0):
-    result = CliRunner().invoke(main, ["validate", *map(str, words)])
-    assert result.exit_code == code, result.output
-    return result
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -144,7 +139,7 @@ def test_without_the_tables_only_digests_are_compared(first, tmp_path, left):
 
 
 def test_the_codes_are_documented():
-    said = " ".join(CliRunner().invoke(main, ["validate", "--help"]).output.split())
+    said = " ".join(validate("--help").output.split())
     assert "4 --repeat differs; 5 --repeat is the same but for rounding" in said
 
 

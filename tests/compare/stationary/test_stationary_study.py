@@ -6,10 +6,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 
 import rattle as rt
-from rattle.compare.cli.main import main
 from rattle.compare.thresholds.decision import predict_long
 from rattle.scene import InputError, Scene
 
@@ -46,10 +45,7 @@ def titles_apart(figure):
 def test_study_runs_and_is_kept(tmp_path):
     file = tmp_path / "pair.toml"
     file.write_text(STUDY)
-    done = CliRunner().invoke(main, ["study", str(file), "--json"])
-    assert done.exit_code == 0, done.output + done.stderr
-    record = json.loads(done.stdout)
-    assert record["complete"]
+    assert json.loads(rattle("study", file, "--json").stdout)["complete"]
     folder = tmp_path / "pair"
     for name in ("study.html", "quantities.parquet", "verdicts.parquet", "figures/long-run.svg", "manifest.json"):
         assert (folder / name).stat().st_size > 0
@@ -62,14 +58,11 @@ def test_study_runs_and_is_kept(tmp_path):
     assert linear[0.3] == "inaccurate"
     assert float(tables.to_xarray()["value"].sel(sigma=0.0, quantity="rate")) == rate.loc[0.0, "value"]
     assert tables.to_xarray()["quantity"].attrs["rate"] == "omega"
-    again = CliRunner().invoke(main, ["study", str(file)])
-    assert again.exit_code == 0
-    assert "up to date" in again.stderr
+    assert "up to date" in rattle("study", file).stderr
     titles_apart(tables.plot())
     nothing = replace(tables, verdicts=tables.verdicts.assign(verdict="not predicted")).plot()
     assert [ax.get_title("left") for ax in nothing.axes if ax.get_visible() and not ax.lines] == []
-    explained = CliRunner().invoke(main, ["study", str(file), "--explain"])
-    assert "3 points, 3 cells, 0 to compute" in explained.output
+    assert "3 points, 3 cells, 0 to compute" in rattle("study", file, "--explain").output
 
 
 def test_a_study_over_two_fields_has_a_figure_for_each_value_of_the_second():

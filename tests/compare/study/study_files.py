@@ -4,34 +4,17 @@ import os
 import signal
 from dataclasses import dataclass
 
+from commands import study
+
 from rattle.compare.study.cells import Prediction
 from rattle.compare.study.design import combine, read_results
 from rattle.scene.errors import InputError
 
-HEAD = """
-[study]
-title = "small"
-impacts = {impacts}
-closures = ["saltation", "corrected"]
-paths = {paths}
-seed = 3
-common_noise = {common}
-
-[scene]
-alpha = 1.5
-epsilon = 0.9
-beta1 = 0.083
-gamma1 = 0.057
-beta2 = 0.133
-gamma2 = 0.029
-mu = 0.6
-"""
-
 
 def study_text(sigmas=(0.01, 0.02, 0.05), paths=4096, impacts=2, common="true", more=""):
-    """A study over sigma; `more` is appended."""
-    head = HEAD.format(paths=paths, impacts=impacts, common=common)
-    return head + f"\n[[axes]]\nsigma = {list(sigmas)}\n" + more
+    """A study over sigma of two stages and closures; `more` is appended."""
+    closures, lines = ("saltation", "corrected"), f"seed = 3\ncommon_noise = {common}"
+    return study("small", impacts, closures, paths, sigmas, lines, stages=2) + more
 
 
 def tables_of(study, store):

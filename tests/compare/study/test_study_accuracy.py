@@ -4,11 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 from study_files import study_text
 
 from rattle import validate
-from rattle.compare.cli.main import main
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work, scaling
 from rattle.montecarlo import simulate_to
@@ -19,16 +18,15 @@ from rattle.scene import DAT21, Scene
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
-def asked(folder, accuracy, sigmas):
+def asked(folder, accuracy, sigmas, code=0):
     text = study_text(sigmas=sigmas).replace("paths = 4096", f"accuracy = {accuracy}")
     (folder / "study.toml").write_text(text)
-    return CliRunner().invoke(main, ["study", str(folder / "study.toml")])
+    return rattle("study", folder / "study.toml", code=code)
 
 
 @pytest.mark.slow
 def test_a_point_without_noise_comes_to_the_page(tmp_path):
-    found = asked(tmp_path, 0.1, (0.0, 0.1, 0.2))
-    assert found.exit_code == 0, found.output
+    asked(tmp_path, 0.1, (0.0, 0.1, 0.2))
     sections = pd.read_parquet(tmp_path / "study" / "sections.parquet")
     assert sections["agreement"].between(0.0, 1.0).all()
     assert set(sections[sections["sigma"] == 0.0]["paths"]) == {1}
@@ -37,8 +35,7 @@ def test_a_point_without_noise_comes_to_the_page(tmp_path):
 
 
 def test_a_cell_that_would_take_more_than_an_hour_is_told_and_not_kept(tmp_path):
-    found = asked(tmp_path, 1e-9, (0.1,))
-    assert found.exit_code == 2  # it is the only point
+    found = asked(tmp_path, 1e-9, (0.1,), code=2)  # it is the only point
     assert "accuracy = 1e-09: is expected to take" in found.output
     assert not [p for p in (tmp_path / "study" / "cells").glob("*.parquet") if "se_tau" in pd.read_parquet(p)]
 
@@ -54,27 +51,13 @@ def test_what_is_not_random_is_expected_to_take_one_path():
     assert expect_work([beyond])[beyond.key].core_seconds > 1e100
 
 
-PAIR = """
-[gears]
-amplitude_rad = 0.05
-driver_radius = 35.0
-epsilon = 0.7
-omega = 157.0
-inertia1 = 2000.0
-radius1 = 60.0
-backlash1 = 0.12
-torque1 = 500.0
-[scene]
-sigma = 0.03
-stages = 1
-"""
 SCENES = {
     "quiet": (Scene.from_gears(DAT21, sigma=0.01), 0.02, 12),
     "loud": (Scene.from_gears(DAT21, sigma=0.3), 0.02, 12),
     "gearbox": (Scene.load(EXAMPLES / "gearbox.toml"), 0.03, 12),
     "tolerances": (Scene.load(EXAMPLES / "drawing-tolerances.toml"), 0.03, 12),
     "single stage": (Scene.load(EXAMPLES / "single-stage.toml"), 0.02, 12),
-    "chatter": (Scene.from_toml(PAIR), 0.05, 6),
+    "chatter": (Scene.load(EXAMPLES.parent / "tests" / "compare" / "cli" / "pair.toml"), 0.05, 6),
 }
 
 

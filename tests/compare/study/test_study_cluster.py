@@ -15,10 +15,9 @@ from types import SimpleNamespace
 import pandas as pd
 import processes
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 from study_files import Deadly, Refused, study_text, tables_of
 
-from rattle.compare.cli.main import main
 from rattle.compare.study import cluster as module
 from rattle.compare.study.cluster import SHARE, Cluster, Lost
 from rattle.compare.study.design import Study
@@ -208,8 +207,7 @@ def test_a_server_that_is_no_scheduler_is_named(small, tmp_path):
 def test_an_address_of_another_form_is_refused_before_anything_is_made(tmp_path, address):
     file = tmp_path / "s.toml"
     file.write_text(study_text())
-    found = CliRunner().invoke(main, ["study", str(file), "--scheduler", address])
-    assert found.exit_code == 2
+    found = rattle("study", file, "--scheduler", address, code=2)
     assert f"scheduler = {address!r}: give tcp://HOST:PORT, or tls://HOST:PORT" in found.output
     assert not (tmp_path / "s").exists()
 

@@ -101,6 +101,7 @@ def test_a_closure_that_cannot_take_a_scene_is_left_out_with_its_reason():
         (("paths = 4096", "paths = 4096\naccuracy = 0.1"), "study.paths", "either paths or accuracy"),
         (("paths = 4096", "accuracy = 0.1\ndt = 0.01"), "study.dt", "leave it out"),
         (('["saltation", "corrected"]', '["saltations"]'), "study.closures", "did you mean 'saltation'"),
+        (('["saltation", "corrected"]', '["nowhere:mine"]'), "study.closures = 'nowhere:mine'", "cannot be imported"),
         (("seed = 3", "seed = 3\nwithin = { means = 0.1 }"), "study.within", "did you mean 'mean'"),
         (("common_noise = true", "common_noise = 1"), "study.common_noise", "true or false"),
         (("epsilon = 0.9", "epsilon = 1.9"), "epsilon", "between 0 and 1"),

@@ -4,11 +4,10 @@ import pickle
 import sys
 
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 from study_files import study_text
 
-from rattle import InputError, Study
-from rattle.compare.cli.main import main
+from rattle import Study
 
 STUDY = study_text(sigmas=(0.01, 0.1), paths=512).replace('"corrected"', '"{}"')
 OWN = """from rattle import mean_map
@@ -54,18 +53,7 @@ def test_a_cell_goes_to_another_process(own):
 
 def test_where_it_fails_the_study_is_complete_but_for_that(own):
     own("0.0")
-    done = CliRunner().invoke(main, ["study", "study.toml"])
-    assert done.exit_code == 1
+    done = rattle("study", "study.toml", code=1)
     assert "mine cannot be computed at 1 of 2 points" in done.stderr
     assert "raised ValueError: too strong" in done.stderr
     assert "`mine`: accurate up to sigma = 0.01" in done.stdout
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [("nowhere:mine", "study.closures = 'nowhere:mine': cannot be imported"), ("saltaton", "did you mean 'saltation'")],
-)
-def test_what_names_no_closure_is_refused_before_anything_is_written(own, name, message):
-    own("0.0")
-    with pytest.raises(InputError, match=message):
-        _ = Study.from_toml(STUDY.format(name)).points

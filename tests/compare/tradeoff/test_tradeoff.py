@@ -3,13 +3,13 @@
 import json
 import math
 import re
+from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
+from commands import rattle as command
 
-from rattle.compare.cli.main import main
 from rattle.compare.tradeoff.measure import CostModel, CostPoint, _compare, closure_points, slope
 from rattle.compare.tradeoff.multilevel import Levels, Rate, control_table, fit, giles_cost, levels_of
 from rattle.compare.tradeoff.page import CONTENTS, cheapest
@@ -192,10 +192,7 @@ def test_the_control_is_worth_most_at_small_noise():
 # the command
 
 
-def rattle(*words, code=0):
-    result = CliRunner().invoke(main, ["tradeoff", *map(str, words)])
-    assert result.exit_code == code, result.output
-    return result
+rattle = partial(command, "tradeoff")
 
 
 @pytest.mark.usefixtures("undrawn")

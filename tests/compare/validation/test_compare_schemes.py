@@ -2,17 +2,14 @@
 
 import pandas as pd
 import pytest
-from click.testing import CliRunner
-
-from rattle.compare.cli.main import main
+from commands import rattle
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reports") / "dat21"
     words = "validate --sigma 0.01 --impacts 2 --paths 4096 --closure saltation --no-validity --out"
-    result = CliRunner().invoke(main, [*words.split(), str(folder)])
-    assert result.exit_code == 0, result.output
+    rattle(*words.split(), folder)
     return folder
 
 

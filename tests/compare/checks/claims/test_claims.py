@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
+from commands import rattle
 
 from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import Mean
@@ -17,7 +17,6 @@ from rattle.compare.checks.claims import judges
 from rattle.compare.checks.claims.evidence import Effort, gather
 from rattle.compare.checks.claims.judges import NOT_REPRODUCED, REPRODUCED, TEXTS, UNDECIDED, failures, judge
 from rattle.compare.checks.claims.page import answer, write_claims
-from rattle.compare.cli.main import main
 from rattle.compare.report.json_text import read_page
 from rattle.scene import DAT21, Scene
 
@@ -196,9 +195,8 @@ def test_the_page_holds_every_claim(evidence, claims, tmp_path):
     assert {"`saltation`", "Lyapunov exponent", "reproduced"} <= dict(words.terms).keys()
     assert [s.title.split(". ", 1)[1] for s in page.sections] == [c.name for c in claims.values()]
     assert pd.read_csv(tmp_path / "o" / "claims.csv")["verdict"].tolist() == [c.verdict for c in claims.values()]
-    shown = CliRunner().invoke(main, ["show", str(tmp_path / "o")])
-    assert shown.exit_code == 0
-    assert all(c.name in shown.output for c in claims.values())
+    shown = rattle("show", tmp_path / "o").output
+    assert all(c.name in shown for c in claims.values())
 
 
 def test_the_answer_counts_the_verdicts_and_names_what_failed(claims):
@@ -215,6 +213,4 @@ def test_the_answer_counts_the_verdicts_and_names_what_failed(claims):
 
 def test_bad_input_of_the_command_is_refused_before_any_work(tmp_path):
     for words in (["--paths", "10"], ["--over", "1:0:3"], ["--sigma", "-1"], ["--impacts", "5"]):
-        found = CliRunner().invoke(main, ["claims", *words, "--out", str(tmp_path / "o")])
-        assert found.exit_code == 2
-        assert words[0][2:] in found.output
+        assert words[0][2:] in rattle("claims", *words, "--out", tmp_path / "o", code=2).output
