@@ -26,7 +26,6 @@ from rattle.scene.types import Floats
 if TYPE_CHECKING:  # loading it takes as long as all the rest
     import pandas as pd
 
-__all__ = ["Closure"]
 
 RHO = ("rho1", "rho2")
 PREDICTED = (*SECTION, *(f"{what}_{name}" for what in ("sd", "skew") for name in SECTION), *RHO)
@@ -216,12 +215,14 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
         values = table[name].to_numpy(float) if name in table else np.full(impacts, np.nan)
         return np.concatenate([[start], values])
 
+    def columns(names: Iterable[str]) -> Floats:
+        return np.column_stack([column(name) for name in names])
+
     tau = column("tau", scene.phase)
     if "tau" not in table and "flight" in table:
         tau = np.cumsum(column("flight", scene.phase))
-    sd = np.column_stack([column(f"sd_{name}") for name in SECTION])
+    sd, rho = columns([f"sd_{name}" for name in SECTION]), columns(RHO)
     covariance = np.full((impacts + 1, 4, 4), np.nan)
-    rho = np.column_stack([column(name) for name in RHO])
     state = sd[:, 2:]
     covariance[:, range(4), range(4)] = state * np.abs(state)  # a negative sd is a negative variance
     for j in (0, 2):
@@ -232,22 +233,10 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
         np.append(along[0], table[name].fillna(0).astype(int)) if name in table else along
         for name, along in (("mesh", orbit.mesh), ("side", orbit.side))
     )
-    return Trace(
-        tau=tau,
-        mesh=mesh,
-        side=side,
-        mean=np.column_stack([column(name) for name in STATE]),
-        sd=sd,
-        skew=np.column_stack([column(f"skew_{name}") for name in SECTION]),
-        covariance=covariance,
-        raw=np.full((impacts + 1, 2, 3, 3), np.nan),
-        at=nothing_known,
-        found=found,
-        stopped="" if found == impacts else UNPREDICTED.format(found),
-        until=np.inf,
-        rho=rho,
-        seconds=seconds,
-    )
+    mean, skew = columns(STATE), columns([f"skew_{name}" for name in SECTION])
+    raw, stopped = np.full((impacts + 1, 2, 3, 3), np.nan), "" if found == impacts else UNPREDICTED.format(found)
+    whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, nothing_known, found, stopped)
+    return replace(whole, until=np.inf, rho=rho, seconds=seconds)
 
 
 def read_table(

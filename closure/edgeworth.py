@@ -12,9 +12,6 @@ from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST
 from rattle.scene.types import Floats
 
-__all__ = ["Edgeworth", "coefficients", "has_series", "mixture_density", "section_density", "window_shift"]
-
-
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
 NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre quadrature
 FARTHEST = 40.0  # sds beyond which the normal density underflows to 0

@@ -12,8 +12,6 @@ from rattle.closure.result import MeanMap
 from rattle.scene.errors import InputError, choice, count, positive
 from rattle.scene.scene import Scene, check_scene
 
-__all__ = ["CLOSURES", "Closure", "closures_for", "mean_map", "refusals"]
-
 
 @dataclass(frozen=True)
 class BuiltIn(Closure):

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rattle.scene.errors import InputError
+from rattle.scene import InputError, Scene
 from rattle.scene.moments import SECTION, fill_gaussian_moments
-from rattle.scene.scene import Scene
 from rattle.scene.types import Bools, Floats, Ints
 
 
@@ -164,11 +163,6 @@ def within(error: Floats, tolerance: float) -> Bools:
     return np.asarray(~(error > limits).any(axis=(1, 2)))
 
 
-def hopeless(found: Trace, tolerance: float) -> bool:
-    """Whether slow impacts alone put the bounds above a tolerance: more components would not help."""
-    return found.slow is not None and bool(SLOW * found.slow.max() > tolerance)
-
-
 def largest_error(errors: Floats) -> float:
     """The largest of some errors, leaving out those that are NaN.
 
@@ -199,21 +193,15 @@ def advice(found: Trace, tolerance: float) -> str:
         return f"{said}, above the tolerance {tolerance:g} from impact 1 on: simulate"
     if wrong.size > 0:
         return f"{said}, within the tolerance {tolerance:g} up to impact {wrong[0]}; beyond it simulate"
-    paths = paths_as_accurate(found, float(max(np.fmax(means, sds), SMALLEST)))
+    # all means and sds are within an error by so many paths, with 95 % probability: the standard error of a mean is
+    # ``1 / sqrt(n)`` sds, that of an sd ``sqrt((kurtosis - 1) / 4 n)``
+    heaviest = float(np.fmax.reduce(kurtosis(found), axis=None, initial=3.0))
+    paths = (ALL / float(max(np.fmax(means, sds), SMALLEST))) ** 2 * max(1.0, 0.25 * (heaviest - 1.0))
     work, simulated = 1e-6 * COMPONENT_MICROSECONDS * found.work, 1e-6 * FLIGHT_MICROSECONDS * paths * found.found
     if work > simulated:
         said += f", within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate at less work"
         return f"{said} ({simulated:.1g} s against {work:.1g} s of a core): simulate"
     return f"{said}, within the tolerance {tolerance:g}"
-
-
-def paths_as_accurate(found: Trace, error: float) -> float:
-    """Paths whose means and sds are all within an error, in sds, with 95 % probability.
-
-    The standard error of a mean is ``1 / sqrt(n)`` sds, that of an sd ``sqrt((kurtosis - 1) / 4 n)``.
-    """
-    heaviest = float(np.fmax.reduce(kurtosis(found), axis=None, initial=3.0))
-    return (ALL / error) ** 2 * max(1.0, 0.25 * (heaviest - 1.0))
 
 
 def kurtosis(found: Trace) -> Floats:

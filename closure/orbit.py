@@ -13,20 +13,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rattle.scene.compiled import lean
-from rattle.scene.constants import Constants
 from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.moments import STATE
 from rattle.scene.scene import Scene
 from rattle.scene.sticking import complete_chatter, find_sticking, may_chatter, next_contact, stick_on, stuck
-from rattle.scene.types import Floats, Ints
+from rattle.scene.types import Constants, Floats, Ints
 from rattle.scene.units import as_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
-
-__all__ = ["HORIZON", "Orbit", "StickingPhase", "follow"]
 
 
 HORIZON = 1e4  # longest flight or sticking phase that is followed, in units of 1 / omega

@@ -22,8 +22,6 @@ from rattle.scene.units import at_times_in, check_units
 if TYPE_CHECKING:  # tables are made when they are asked for, see `SectionResult`
     import pandas as pd
 
-__all__ = ["Breakdown", "MeanMap"]
-
 
 TOLERANCE = 0.05
 """Error of a mean, in sds, above which a bound says "simulate" where no tolerance is given; twice that of an sd."""
@@ -181,16 +179,11 @@ class MeanMap(SectionResult):
         vx, vy = covariance.diagonal()
         return Realizability(not reasons, ", ".join(reasons), float(vx), float(vy), rho, float("nan"))
 
-    def stage_rho(self, impact: int, stage: int) -> float:
-        """Correlation of displacement and velocity of a stage just before an impact; NaN where there is none."""
-        own = self.trace.rho
-        return correlation(self.stage_covariance(impact, stage)) if own is None else float(own[impact, stage - 1])
-
     @cached_property
     def breakdown(self) -> Breakdown | None:
         """The first impact at which the moments are not realizable, or None; those of a mixture always are."""
         for k in range(1, self.trace.found + 1):
-            for stage in self._stages if self.trace.parts is None else ():
+            for stage in range(1, self.scene.stages + 1) if self.trace.parts is None else ():
                 judged = self.stage_realizability(k, stage)
                 if not judged.realizable:
                     return Breakdown(k, stage, judged.reason)
@@ -226,11 +219,13 @@ class MeanMap(SectionResult):
         columns |= {f"skew_{name}": t.skew[1:, i] for i, name in enumerate(SECTION)}
         impacts = range(1, self.impacts + 1)
         for stage in (1, 2):
-            columns[f"rho{stage}"] = [self.stage_rho(k, stage) for k in impacts]
+            rho = [correlation(self.stage_covariance(k, stage)) for k in impacts]
+            columns[f"rho{stage}"] = rho if t.rho is None else t.rho[1:, stage - 1]
+        stages = range(1, self.scene.stages + 1) if t.parts is None else ()
         columns["realizable"] = [
             k <= t.found
             and not t.tau[k] < t.tau[k - 1]
-            and (t.parts is not None or all(self.stage_realizability(k, s).realizable for s in self._stages))
+            and all(self.stage_realizability(k, stage).realizable for stage in stages)
             for k in impacts
         ]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
@@ -258,10 +253,6 @@ class MeanMap(SectionResult):
     @property
     def _title(self) -> str:
         return self.closure
-
-    @property
-    def _stages(self) -> range:
-        return range(1, self.scene.stages + 1)
 
     def at_times(self, times: Sequence[float] | Floats, units: str = "dimensionless") -> pd.DataFrame:
         """Means, covariances and ``rho1, rho2`` of the state at fixed times between the start and the last impact.
@@ -344,10 +335,8 @@ class MeanMap(SectionResult):
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
         count("impact", impact, least=1, most=self.impacts)
-        if impact > self.trace.found:
-            return None
-        if self.trace.sd[impact, i] ** 2 < SMALLEST:
-            return None  # the displacement at the wall that is struck: one value, no density
+        if impact > self.trace.found or self.trace.sd[impact, i] ** 2 < SMALLEST:
+            return None  # the displacement at the wall that is struck is one value, which has no density
         if self.trace.parts is not None:
             weights, means, variances = (a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact])
             return mixture_density(values, weights, means, variances)
@@ -402,16 +391,10 @@ def _as_list(times: Sequence[float] | Floats) -> list[float]:
         raise InputError("times", times, "give a sequence of times") from None
 
 
-def row_of_moments(mean: Floats, covariance: Floats, stages: int) -> dict[str, float]:
-    """One row of a table of moments at fixed times, as closures and simulation share them; NaN of an absent stage."""
+def row_of_moments(mean: Floats, covariance: Floats, stages: int) -> list[float]:
+    """One row of a table of moments at fixed times, `AT_TIMES`; NaN of an absent stage."""
     if stages == 1:
         mean, covariance = mean.copy(), covariance.copy()
         mean[2:] = covariance[2:] = covariance[:, 2:] = np.nan
-    row = {name: float(mean[i]) for i, name in enumerate(STATE)}
-    for i, a in enumerate(STATE):
-        for j in range(i, 4):
-            row[f"cov_{a}_{STATE[j]}"] = float(covariance[i, j])
-    for stage in (1, 2):
-        j = 2 * (stage - 1)
-        row[f"rho{stage}"] = correlation(covariance[j : j + 2, j : j + 2])
-    return row
+    rho = (correlation(covariance[j : j + 2, j : j + 2]) for j in (0, 2))
+    return [*mean.tolist(), *covariance[np.triu_indices(4)].tolist(), *rho]

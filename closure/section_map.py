@@ -18,15 +18,13 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from rattle.scene import Scene, Tolerance
 from rattle.scene.compiled import jit, shared
-from rattle.scene.constants import CUT, Constants
 from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.impact import contact_matrix
 from rattle.scene.linear_algebra import apply, times, transform
-from rattle.scene.parts import Tolerance
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
+from rattle.scene.types import CUT, Constants, Floats, Ints
 
 Number = TypeVar("Number", int, Ints)
 

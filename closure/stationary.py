@@ -18,9 +18,8 @@ from scipy.linalg import solve_discrete_lyapunov
 from rattle.closure.long_orbit import PERIODIC, Attractor
 from rattle.closure.mean_map import mean_map, refusals
 from rattle.closure.orbit import Impacts
-from rattle.closure.saltation import SLOWEST, propagate
+from rattle.closure.saltation import SLOWEST, propagate, section_derivatives
 from rattle.closure.section_map import PLAIN, hit_matrix
-from rattle.closure.section_step import section_derivatives
 from rattle.scene.flight import noise_covariance
 from rattle.scene.linear_algebra import transform
 from rattle.scene.moments import SECTION

@@ -10,10 +10,8 @@ from rattle.montecarlo.branches.simulate_rare import simulate_rare
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import simulate
-from rattle.montecarlo.schemes.step_size import default_step, largest_step
-from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.plan import check_settings
-from rattle.montecarlo.settings.sampling import Record, Sampling
+from rattle.montecarlo.schemes.step_size import SCHEMES, default_step, largest_step
+from rattle.montecarlo.settings.plan import Record, Sampling, check_settings
 
 __all__ = [
     "SCHEMES",

@@ -18,14 +18,10 @@ import pandas as pd
 from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
 from rattle.montecarlo.schemes.euler import plain_lanes, step_forcing
-from rattle.montecarlo.settings.plan import plan_of
-from rattle.montecarlo.settings.sampling import Record, Sampling
+from rattle.montecarlo.settings.plan import Record, Sampling, plan_of
+from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.compiled import jit, lean
-from rattle.scene.constants import Constants
-from rattle.scene.gears import DAT21
-from rattle.scene.parts import Start, Tolerance
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene.types import Constants, Floats
 
 REPEATS = 25  # turns of slices
 STEP = 2.0 * math.pi / 1000.0
@@ -109,7 +105,8 @@ def slices(calls: Mapping[str, tuple[Callable[[], Any], float]], turns: int) -> 
 def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
     """A normal and the arithmetic of a step as they are here, and the loop and the generator that others take."""
     c = scene.constants
-    key, paths, generator = key_of(np.random.SeedSequence(1)), np.arange(LANES, dtype=np.uint64), _generator()
+    key, paths = key_of(np.random.SeedSequence(1)), np.arange(LANES, dtype=np.uint64)
+    generator = np.random.Generator(np.random.SFC64(1))  # the fastest of numpy's
     (z, walls, state), beyond = np.zeros((3, 4, LANES + 8)), np.zeros(LANES, np.bool_)
     still, steps = np.zeros(LANES), [step_forcing(c, i * STEP, STEP) for i in range(LOOP_STEPS)]
     forcing = np.array(steps)
@@ -119,11 +116,6 @@ def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
         NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * LANES * LOOPS),
         ARITHMETIC: (lambda: _steps(c, steps[0], walls, state, still, beyond, LOOPS), float(LANES * LOOPS)),
     }
-
-
-def _generator() -> np.random.Generator:
-    """The fastest of numpy's generators."""
-    return np.random.Generator(np.random.SFC64(1))
 
 
 def _case(scene: Scene, statistics: bool = True, **settings: Any) -> tuple[Callable[[], Any], int]:

@@ -1,10 +1,10 @@
 """The model (parameters, start, noise, tolerances) and the physics that closures and simulation share."""
 
-from rattle.scene.constants import Constants
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.gears import DAT21, Gears
 from rattle.scene.parts import Order, Start, Tolerance
 from rattle.scene.scene import Scene
+from rattle.scene.types import Constants
 
 __all__ = [
     "DAT21",

@@ -36,11 +36,8 @@ from numba.extending import intrinsic, register_jitable
 from numba.np import linalg
 
 PACKAGES = ("scene", "closure", "montecarlo")
-TAKEN = (  # beside the sources that import the compiler, what compiled code takes
-    "scene/compiled.py",
-    "scene/constants.py",
-    "montecarlo/schemes/step_state.py",
-)
+TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
+"""Beside the sources that import the compiler, what compiled code takes."""
 COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this source is not compiled
 UNCOMPILED = re.compile(rb'"{3}(?:.|\n)*?"{3}|[ \t]*\x23[^\n]*')  # docstrings and comments
 NUMBAS_PLACE: Any = UserProvidedCacheLocator  # typed as Any: numba has no type hints

@@ -112,10 +112,8 @@ def jerk(drive: Any, tau: float) -> float:
 def velocity_acceleration(drive: Any, tau: float) -> tuple[float, float]:
     """``f'`` and ``f''``."""
     if len(drive) == 0:
-        cosine = math.cos(tau)
-        return cosine, -math.sin(tau)
-    first, second, _ = _derivatives(drive, tau)
-    return first, second
+        return math.cos(tau), -math.sin(tau)
+    return _derivatives(drive, tau)[:2]
 
 
 @shared_inline

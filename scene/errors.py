@@ -13,8 +13,6 @@ from typing import Any, ParamSpec, TypeVar
 
 from rattle.scene.text import harmless
 
-__all__ = ["FileError", "InputError", "OutputError", "RattleError"]
-
 C = TypeVar("C")
 P = ParamSpec("P")
 R = TypeVar("R")

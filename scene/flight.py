@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from rattle.scene.compiled import internal, jit, shared, splice
-from rattle.scene.constants import Constants
 from rattle.scene.damping import Pair, pair
 from rattle.scene.drive import acceleration, excite, highest_order, jerk, velocity, velocity_acceleration
 from rattle.scene.elementary import gauss_legendre
 from rattle.scene.linear_algebra import congruence
-from rattle.scene.types import Floats
+from rattle.scene.types import Constants, Floats
 
 State = tuple[float, float, float, float]
 
@@ -137,20 +136,9 @@ def noise_rate(c: Constants, tau: float) -> tuple[float, float]:
     return second + c.beta1 * first, (c.beta1 - c.beta2) * first
 
 
-@shared
-def _relative_coordinates(c: Constants, t: float) -> bool:
-    """Whether noise is integrated in ``(x1, y1, x2 - x1, y2 - y1)``, which decouples the two wheels.
-
-    True where the dampings differ much over the time for which speeds last.  Otherwise x2 and y2 are integrated
-    themselves: their small variances would be lost as a difference.
-    """
-    most = max(c.beta1, c.beta2)
-    return c.stages == 2 and abs(c.beta1 - c.beta2) * (min(t, 1.0 / most) if most > 0.0 else t) > 0.5
-
-
 @internal
 def _responses(c: Constants, p: Pair, sine: float, cosine: float, relative: bool) -> State:
-    """Response of ``(x1, y1, x2, y2)`` to unit noise a lag earlier (`relative`: see `_relative_coordinates`).
+    """Response of ``(x1, y1, x2, y2)`` to unit noise a lag earlier (`relative`: see `noise_covariance`).
 
     `sine` and `cosine` are of the phase at which the noise acts, or ``-f''`` and ``f'`` of several orders there.
     """
@@ -292,6 +280,10 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     Eq. 5.  The flight is halved until Gauss-Legendre quadrature is exact to rounding, then doubled again: a flight of
     time 1e6 takes twenty doublings.  With several orders a period is summed panel by panel, and then doubled.
 
+    Where the dampings differ much over the time for which speeds last, noise is integrated in relative coordinates
+    ``(x1, y1, x2 - x1, y2 - y1)``, which decouple the two wheels.  Elsewhere x2 and y2 are integrated themselves: their
+    small variances would be lost as a difference.
+
     Shapes: result (4, 4).
 
     Examples
@@ -301,7 +293,8 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     >>> float(noise_covariance(c, 0.0, 0.5)[1, 1].round(8))
     0.00023253
     """
-    relative = _relative_coordinates(c, t)
+    most = max(c.beta1, c.beta2)
+    relative = c.stages == 2 and abs(c.beta1 - c.beta2) * (min(t, 1.0 / most) if most > 0.0 else t) > 0.5
     out = _covariance(c.drive, c, tau, t, relative)
     if relative:  # back to x2 and y2
         for i in range(2):

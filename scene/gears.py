@@ -8,8 +8,6 @@ from rattle.scene.errors import InputError, check_range, finite, non_negative, p
 from rattle.scene.text import as_call
 from rattle.scene.units import Units
 
-__all__ = ["DAT21", "Gears"]
-
 KG_MM_PER_S2_PER_N = 1000.0  # 1 N = 1000 kg mm / s^2
 SIZES = (1e-12, 1e12)  # admissible range of every dimensional value, in the units below
 DRIVES = ("alpha", "amplitude", "amplitude_rad")

@@ -6,10 +6,9 @@ from typing import TypeVar
 import numpy as np
 
 from rattle.scene.compiled import internal, jit, shared
-from rattle.scene.constants import Constants
 from rattle.scene.drive import acceleration, most_acceleration, most_jerk, most_velocity
 from rattle.scene.flight import flow, wheel_speeds
-from rattle.scene.types import Floats
+from rattle.scene.types import Constants, Floats
 
 Number = TypeVar("Number", float, Floats)
 

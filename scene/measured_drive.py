@@ -27,7 +27,6 @@ from rattle.scene.types import Floats
 if TYPE_CHECKING:
     from rattle.scene.plot import ShownFigure
 
-__all__ = ["MeasuredDrive", "measure_drive"]
 
 ALONG = {"time": {"s": 1.0, "ms": 1e-3}, "angle": {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}}
 RPM = 2.0 * math.pi / 60.0
@@ -321,60 +320,47 @@ def _analyse(
     from scipy.stats import chi2
 
     cycles, spline = _cut(x, y, omega)
-    whole, samples = cycles.shape
+    periods, samples = cycles.shape
     highest = min(highest, samples // 4)
     orders = np.arange(1, samples // 2)
     c = np.fft.rfft(cycles, axis=1)[:, 1 : samples // 2] / samples
-    edges = x[0] + 2.0 * math.pi / omega * np.arange(whole + 1)
+    edges = x[0] + 2.0 * math.pi / omega * np.arange(periods + 1)
     power = list(VALUES).index(quantity)  # how often a displacement is differentiated
     for degree in range(2 - power):
         jump = np.diff(spline(edges, degree)) * omega / (2.0 * math.pi)
         c = 1j * omega * orders * c + jump[:, None]
     mean = c.mean(axis=0)
-    error = np.sqrt((np.abs(c - mean) ** 2).sum(axis=0) / (whole - 1) / whole / 2.0)
+    error = np.sqrt((np.abs(c - mean) ** 2).sum(axis=0) / (periods - 1) / periods / 2.0)
     size = np.abs(mean)
     looked = orders <= highest
     kept = looked & (size > SMALL * size.max()) & (size > CHANCE * error)
     if not kept.any():
         raise InputError("gears.omega", omega, "is not in the file: no order of it is larger than its error")
     displacement = -mean / (omega * orders) ** 2
-    amplitude, phase = 2.0 * np.abs(displacement), np.angle(displacement) + 0.5 * math.pi
-    largest = float(amplitude[kept].max())
+    sizes, phase = 2.0 * np.abs(displacement), np.angle(displacement) + 0.5 * math.pi
+    amplitude = float(sizes[kept].max())
     drive = tuple(
-        Order(int(j), float(a / largest), float(math.remainder(p, 2.0 * math.pi)))
-        for j, a, p in zip(orders[kept], amplitude[kept], phase[kept], strict=True)
+        Order(int(j), float(a / amplitude), float(math.remainder(p, 2.0 * math.pi)))
+        for j, a, p in zip(orders[kept], sizes[kept], phase[kept], strict=True)
     )
     share = np.real((c[:, kept] * np.conj(mean[kept])).sum(axis=1)) / (size[kept] ** 2).sum()
     tau = 2.0 * math.pi * np.arange(16 * samples) / (16 * samples)
     second = 2.0 * np.real(mean[kept] @ np.exp(1j * np.outer(orders[kept], tau)))
     density = share.var(ddof=1) * 2.0 * math.pi * (second**2).mean() ** 2 / (second**4).mean()
-    spread = [math.sqrt(density * (whole - 1) / chi2.ppf(q, whole - 1)) for q in (0.975, 0.025)]
+    low, high = (math.sqrt(density * (periods - 1) / chi2.ppf(q, periods - 1)) for q in (0.975, 0.025))
     rest = share - share.mean()
     memory = float((rest[1:] * rest[:-1]).sum() / max((rest**2).sum(), 1e-300))
     factor = VALUES[quantity][unit] * (radius or 1.0 if not unit.startswith("mm") else 1.0)
     own = cycles - cycles.mean(axis=1, keepdims=True)
     times = np.exp(1j * np.outer(orders[kept], 2.0 * math.pi * np.arange(samples) / samples))
     summed = 2.0 * np.real((displacement[kept] * (1j * omega * orders[kept]) ** power) @ times)
-    return MeasuredDrive(
-        drive=drive,
-        amplitude=largest,
-        omega=omega,
-        periods=whole,
-        sigma_ratio=math.sqrt(density),
-        low=spread[0],
-        high=spread[1],
-        memory=memory,
-        left_out=float(np.sqrt((size[~kept] ** 2).sum() / (size**2).sum())),
-        table={
-            "order": orders[looked].tolist(),
-            "amplitude_mm": amplitude[looked].tolist(),
-            "phase": [math.remainder(p, 2.0 * math.pi) for p in phase[looked]],
-            "se_mm": (2.0 * error / (omega * orders) ** 2)[looked].tolist(),
-            "kept": kept[looked].tolist(),
-        },
-        quantity=quantity,
-        unit=unit,
-        cycle=own.mean(axis=0) / factor,
-        spread=own.std(axis=0, ddof=1) / factor,
-        sum_of_orders=summed / factor,
-    )
+    left_out = float(np.sqrt((size[~kept] ** 2).sum() / (size**2).sum()))
+    table = {
+        "order": orders[looked].tolist(),
+        "amplitude_mm": sizes[looked].tolist(),
+        "phase": [math.remainder(p, 2.0 * math.pi) for p in phase[looked]],
+        "se_mm": (2.0 * error / (omega * orders) ** 2)[looked].tolist(),
+        "kept": kept[looked].tolist(),
+    }
+    found = drive, amplitude, omega, periods, math.sqrt(density), low, high, memory, left_out, table, quantity, unit
+    return MeasuredDrive(*found, own.mean(axis=0) / factor, own.std(axis=0, ddof=1) / factor, summed / factor)

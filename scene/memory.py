@@ -9,11 +9,10 @@ import math
 import numpy as np
 
 from rattle.scene.compiled import internal, jit
-from rattle.scene.constants import Constants
 from rattle.scene.drive import acceleration, highest_order, jerk
 from rattle.scene.flight import NODES, PANEL, WEIGHTS, jacobian, noise_rate, system_matrix
 from rattle.scene.linear_algebra import congruence, times, times_transposed
-from rattle.scene.types import Floats
+from rattle.scene.types import Constants, Floats
 
 
 @internal

@@ -173,12 +173,6 @@ def central_from_raw(raw: Floats) -> Floats:
     >>> central_from_raw(np.array([1.0, 2.0, 5.0])).tolist()
     [1.0, 0.0, 1.0]
     """
-    from math import comb
-
     mean, shift = raw[1], powers(-raw[1], len(raw))
-    return np.stack(
-        [
-            sum((comb(p, k) * shift[p - k] * raw[k] for k in range(p + 1)), start=np.zeros_like(mean))
-            for p in range(len(raw))
-        ]
-    )
+    terms = ([math.comb(p, k) * shift[p - k] * raw[k] for k in range(p + 1)] for p in range(len(raw)))
+    return np.stack([sum(of_order, start=np.zeros_like(mean)) for of_order in terms])

@@ -3,10 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from rattle.scene.constants import CUT
 from rattle.scene.errors import check_range, choice, count, finite, non_negative, suggesting
-
-__all__ = ["DRAWS", "GAPS", "SINE_ALONE", "SPEED", "TIME", "TINY", "UNIT_VARIANCE", "Order", "Start", "Tolerance"]
+from rattle.scene.types import CUT
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
 UNIT_VARIANCE = {

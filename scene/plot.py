@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from rattle.scene.constants import Constants
-from rattle.scene.types import Floats, Ints
+from rattle.scene.types import Constants, Floats, Ints
 
 
 class ShownFigure(Figure):

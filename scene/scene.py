@@ -10,15 +10,12 @@ import numpy as np
 import tomli_w
 
 from rattle.scene import errors, gears_input
-from rattle.scene.constants import SINE, Constants, Orders
 from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears
 from rattle.scene.parts import GAPS, MEMORY, SINE_ALONE, TINY, Order, Start, Tolerance
 from rattle.scene.text import as_call, as_html
-from rattle.scene.types import Floats
-
-__all__ = ["LARGEST", "Scene"]
+from rattle.scene.types import SINE, Constants, Floats, Orders
 
 Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")

@@ -18,9 +18,9 @@ from typing import Any
 
 from rattle.scene import drive as motion
 from rattle.scene.compiled import shared
-from rattle.scene.constants import Constants
 from rattle.scene.flight import State, flow, wheel_speeds
 from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
+from rattle.scene.types import Constants
 
 Sides = tuple[int, int]
 """Sides on which mesh 1 and mesh 2 stick, +1 or -1; 0 for an open mesh."""

@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.scene.compiled import internal, jit
-from rattle.scene.constants import Constants
 from rattle.scene.damping import pair
 from rattle.scene.flight import field
 from rattle.scene.impact import contact_matrix, struck
-from rattle.scene.linear_algebra import apply, dot, norm, put_scaled
-from rattle.scene.types import Floats, Ints
+from rattle.scene.linear_algebra import apply, dot, norm, put_row, put_scaled
+from rattle.scene.types import Constants, Floats, Ints
 
 SLOWEST = 1e-150
 """Impact speeds below this are replaced by it in the saltation matrix, whose squares would overflow."""
@@ -144,7 +143,5 @@ def strike_frame(c: Constants, mesh: int, tau: float, y1: float, y2: float, fram
     _orthonormalise(frame, size, growth)
     xi = saltation_matrix(c, mesh, tau, y1, y2)
     for k in range(size):
-        moved = apply(xi, frame[k])
-        for i in range(size):
-            frame[k, i] = moved[i]
+        put_row(frame[k, :size], apply(xi, frame[k]))
     _orthonormalise(frame, size, growth)

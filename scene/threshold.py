@@ -4,12 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.scene.constants import Constants
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.gears import KG_MM_PER_S2_PER_N
 from rattle.scene.scene import Scene, check_scene
-
-__all__ = ["RattleThreshold", "rattle_threshold"]
+from rattle.scene.types import Constants
 
 GRID = 32  # points for each order of the drive, among which the largest pull is looked for
 ZOOMS = 6  # times that the place of the largest pull is looked for sixteen times as closely

@@ -21,7 +21,7 @@ import numpy as np
 from rattle.closure.branching.advance import Level
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
-from rattle.closure.moments import Trace, bounds, hopeless, within
+from rattle.closure.moments import SLOW, Trace, bounds, within
 from rattle.closure.orbit import follow
 from rattle.closure.section_map import PLAIN
 from rattle.scene.scene import Scene
@@ -67,7 +67,9 @@ def _refine(scene: Scene, impacts: int, order: int, tolerance: float | None) -> 
         found = replace(found, error=error, work=coarse.work + found.work)
         if tolerance is None:
             continue
-        if within(error, tolerance)[1 : found.found + 1].all() or hopeless(found, tolerance):
+        # slow impacts alone put the bounds above the tolerance: more components would not help
+        hopeless = found.slow is not None and SLOW * found.slow.max() > tolerance
+        if within(error, tolerance)[1 : found.found + 1].all() or hopeless:
             break
     return found
 

@@ -19,10 +19,9 @@ from rattle.closure.orbit import Orbit
 from rattle.closure.section_map import PLAIN, column, hit_matrix, redrawn_variances, start_pieces
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit
-from rattle.scene.constants import Constants
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
+from rattle.scene.types import Constants, Floats, Ints
 
 NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
 LIGHT = 1e-4  # weight of a component above which boundaries are searched for
@@ -267,9 +266,7 @@ class Advance:
         """Fly to the next impact; returns the components before they were split, with the noise of the flight."""
         self.discarded += add_noise(self.constants, self.live, self.buffers)
         start, n = self.buffers.start, self.live
-        whole = Mixture(
-            start.weight[:n].copy(), start.mean[:n].copy(), start.covariance[:n].copy(), start.label[:n].copy()
-        )
+        whole = Mixture._make(part[:n].copy() for part in start)
         self.flown = fly(self.constants, self.live, self.buffers, self.level)
         return whole
 

@@ -19,7 +19,7 @@ import pandas as pd
 from scipy.special import ndtri, stdtrit
 
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
-from rattle.montecarlo.coupling.pairs import after_impact, growths
+from rattle.montecarlo.coupling.paths import after_impact, growths
 from rattle.scene.errors import InputError, count
 from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
@@ -229,7 +229,7 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
 def drift_exponents(
     scene: Scene, *, impacts: int | None = None, width: float | None = None, seed: int = 0
 ) -> Exponents:
-    """Compute the exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.long_path`).
+    """Compute the exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.paths`).
 
     These are not Lyapunov exponents of the noisy system, which has none (docs/model.md section 8).  Tangent vectors
     along the noisy path are propagated by the Jacobian of the flight and by the saltation matrix of the drift.

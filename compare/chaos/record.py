@@ -15,7 +15,7 @@ import numpy as np
 from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
 from rattle.compare.report.texts import read_texts
-from rattle.montecarlo.coupling.long_path import LongPath
+from rattle.montecarlo.coupling.paths import LongPath
 from rattle.scene.errors import InputError, RattleError, count
 from rattle.scene.impact import MISSES, NONE
 from rattle.scene.scene import Scene

@@ -192,8 +192,7 @@ def tasks() -> dict[str, Task]:
     from rattle.closure.stationary import linear_law
     from rattle.compare.chaos.exponents import lyapunov
     from rattle.montecarlo.branches.search import rare_events
-    from rattle.montecarlo.coupling.long_path import LongPath
-    from rattle.montecarlo.coupling.pairs import growths
+    from rattle.montecarlo.coupling.paths import LongPath, growths
     from rattle.montecarlo.long_run import long_run
 
     def predict(scene: rt.Scene, closure: str) -> None:

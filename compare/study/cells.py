@@ -17,7 +17,7 @@ from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default
 from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, small_noise
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene.errors import InputError, choice, positive
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene

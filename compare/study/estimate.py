@@ -18,8 +18,8 @@ from rattle.montecarlo import SCHEMES, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import choose_scheme
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.kernel.kernel import COLUMNS
-from rattle.montecarlo.settings.budget import Budget
 from rattle.montecarlo.settings.plan import count_followed
 
 PROBED = 64  # paths whose steps stand for those of all where the number of paths is given

@@ -34,8 +34,7 @@ from rattle.montecarlo.diagnostics.reach import Candidate, Row
 from rattle.montecarlo.diagnostics.unseen import Added, branches_between, find_unseen, share_of
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.schemes.step_size import neglected_noise
-from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
 from rattle.montecarlo.settings.plan import count_followed, exact_orbit, is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.text import duration_text

@@ -19,12 +19,9 @@ from rattle.montecarlo.diagnostics.accuracy import LEAST, share_of_look, small_n
 from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.kernel.blocks import Blocks
-from rattle.montecarlo.schemes.step_size import COARSEST, LEFT_OUT, largest_step, resolve_start
-from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.budget import Budget, clock
-from rattle.montecarlo.settings.plan import count_followed, default_horizon, is_random
-from rattle.montecarlo.settings.sampling import Record, Sampling
+from rattle.montecarlo.kernel.blocks import Blocks, Budget, clock
+from rattle.montecarlo.schemes.step_size import COARSEST, LEFT_OUT, SCHEMES, largest_step, resolve_start
+from rattle.montecarlo.settings.plan import Record, Sampling, count_followed, default_horizon, is_random
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene
 

@@ -25,12 +25,17 @@ from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.kernel.blocks import Blocks, in_threads
-from rattle.montecarlo.schemes.step_size import COARSEST
-from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.budget import HOUR, Budget, clock
-from rattle.montecarlo.settings.plan import MOST_STEPS, check_settings, count_followed, default_horizon, is_random
-from rattle.montecarlo.settings.sampling import Record, Sampling
+from rattle.montecarlo.kernel.blocks import HOUR, Blocks, Budget, clock, in_threads
+from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
+from rattle.montecarlo.settings.plan import (
+    MOST_STEPS,
+    Record,
+    Sampling,
+    check_settings,
+    count_followed,
+    default_horizon,
+    is_random,
+)
 from rattle.scene.errors import InputError, moved, positive
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text

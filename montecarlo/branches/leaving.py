@@ -86,13 +86,9 @@ def _sample_near(run: Any) -> Floats:
     if not shifts:
         return left
     mixture = mixture_of(shifts, [NEAR / len(shifts)] * len(shifts), np.zeros((run.plan.impacts, 6)), BLOCK)
-    plan = run.plan._replace(
-        scene=scene.phase_reduced,
-        scheme=EXACT,
-        dt=dt,
-        most_steps=math.ceil(run.plan.most_steps * run.plan.dt / dt),
-        seed=np.random.SeedSequence(run.plan.seed.entropy, spawn_key=(*run.plan.seed.spawn_key, LEFT)),
-    )
+    seed = np.random.SeedSequence(run.plan.seed.entropy, spawn_key=(*run.plan.seed.spawn_key, LEFT))
+    most = math.ceil(run.plan.most_steps * run.plan.dt / dt)
+    plan = run.plan._replace(scene=scene.phase_reduced, scheme=EXACT, dt=dt, most_steps=most, seed=seed)
     itinerary = np.array(run.plan.itineraries[NOISE_FREE], dtype=float)
     blocks = max(LEAST_BLOCKS, BLOCKS * len(shifts))
     for block in range(blocks):

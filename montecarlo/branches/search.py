@@ -15,9 +15,8 @@ import numpy as np
 
 from rattle.montecarlo.branches.rare_events import Event, Gaussian, SearchedFlight, events, onward
 from rattle.montecarlo.schemes.short_flight import first_state
-from rattle.scene.constants import Constants
 from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene.types import Constants, Floats
 
 MOST = 12  # paths that are searched: the orbit, and the most probable branches
 FLIGHTS = 300  # flights that are searched, so that orbits of many impacts take no more than about a second
@@ -178,9 +177,8 @@ class BranchSearch:
             added[n, k:] = np.nan_to_num(shares[:, None, None] * (gap - before)).sum(axis=0)
             gap, before = gap * gap, before * before
         what = event.mesh, event.side, event.missed, event.beta
-        self._branches.append(
-            Branch(k + 1, *what, probability, shares, rows, added[0], added[1], added[2], event.shift)
-        )
+        mean, square, fourth = added
+        self._branches.append(Branch(k + 1, *what, probability, shares, rows, mean, square, fourth, event.shift))
 
 
 search_of = lru_cache(maxsize=32)(BranchSearch)

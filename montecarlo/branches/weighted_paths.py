@@ -154,6 +154,5 @@ def run_mixture(plan: block.Plan, mixture: BranchMixture, number: int) -> tuple[
         kept = np.where(np.arange(plan.impacts) < stays[:, None], weights, 0.0)
         followers[name] = block.Followers({"weighted": weighted(kept)}, left)
     unfinished = int(np.isnan(rows[:, -1, 0]).sum())
-    return block.BlockResult(
-        {"weighted": weighted(weights)}, codes, followed, steps, sticking, unfinished, followers
-    ), None
+    sums = {"weighted": weighted(weights)}
+    return block.BlockResult(sums, codes, followed, steps, sticking, unfinished, followers), None

@@ -16,15 +16,14 @@ import numpy as np
 from rattle.montecarlo.noise.brownian import Noise, split
 from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
+from rattle.montecarlo.schemes.exact_flight import FlightForcing, flight_forcing
 from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
 from rattle.montecarlo.schemes.step_size import accurate_flight
-from rattle.montecarlo.schemes.whole_step import FlightForcing, flight_forcing
+from rattle.scene import InputError, Scene
 from rattle.scene.compiled import internal, jit
-from rattle.scene.constants import Constants
-from rattle.scene.errors import InputError
 from rattle.scene.impact import struck
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
+from rattle.scene.linear_algebra import put_row
+from rattle.scene.types import Constants, Floats, Ints
 
 Pair = tuple[float, float]
 
@@ -47,7 +46,7 @@ class Clockwork(NamedTuple):
     # for each step of a period: drift, effect of a unit normal of the increment and of the area (4 each), margins of
     # both stages; (steps, 14)
     forcing: Floats
-    carry: Floats  # of a step, see `rattle.montecarlo.schemes.whole_step.FlightForcing`; (6,)
+    carry: Floats  # of a step, see `rattle.montecarlo.schemes.exact_flight.FlightForcing`; (6,)
 
 
 def step_time(scene: Scene) -> float:
@@ -119,17 +118,9 @@ def fly(c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats
     Shapes: `s` (4,); `end` (4,).
     """
     phase = phase_at(c.drive, tau)
-    (end[0], end[1], end[2], end[3]), _ = short_flight(
-        c, phase, h, (s[0], s[1], s[2], s[3]), noise.increment, noise.area
-    )
+    state = s[0], s[1], s[2], s[3]
+    (end[0], end[1], end[2], end[3]), _ = short_flight(c, phase, h, state, noise.increment, noise.area)
     return margins(c, phase[0], phase[1], h)
-
-
-@internal
-def put(state: Floats, into: Floats) -> None:
-    """Copy a state.  Numba compiles a second for its own assignment, whose message about shapes takes text."""
-    for i in range(4):
-        into[i] = state[i]
 
 
 @internal
@@ -174,15 +165,15 @@ def _leaf(
             j = 2 * (abs(code) - 1)
             side = 1 if code > 0 else -1
             end[j] = side * (c.wall1 if j == 0 else c.wall2)
-            put(end, s)
+            put_row(s, end)
             gone, left = gone + t, left - t
             if side * s[j + 1] > 0.0:
                 hits[n, 0], hits[n, 1] = offset + gone, code
-                put(s, hits[n, 2:])
+                put_row(hits[n, 2:], s)
                 n += 1
                 s[1], s[3] = struck(c, abs(code), s[1], s[3])
             continue
-        put(end, s)
+        put_row(s, end)
         left = 0.0
         break
     s[0] = min(max(s[0], -c.wall1), c.wall1)
@@ -210,7 +201,7 @@ def walk_step(tree: Tree, room: TreeRoom, path: Word, step: int, z: Pair, s: Flo
         end[2] = s[2] + m[2] * s[1] + m[3] * s[3] + (f[2] + f[6] * a + f[10] * b)
         end[3] = m[4] * s[1] + m[5] * s[3] + (f[3] + f[7] * a + f[11] * b)
     if not _is_near(c, w.h, s, end, f[12], f[13]):
-        put(end, s)
+        put_row(s, end)
         return 0, False
     tau, offset, n = row * w.h, 0.0, 0
     pending[0, 0], pending[0, 1] = a * math.sqrt(w.h), b * math.sqrt(w.h / 12.0)
@@ -229,7 +220,7 @@ def walk_step(tree: Tree, room: TreeRoom, path: Word, step: int, z: Pair, s: Flo
         if not first:  # of the whole step it is known
             margin1, margin2 = fly(c, tau + offset, s, h, noise, end)
             if not _is_near(c, h, s, end, margin1, margin2):
-                put(end, s)
+                put_row(s, end)
                 offset += h
                 continue
         first = False

@@ -15,13 +15,10 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from rattle.montecarlo.cuda.launch import ROUNDS, follow, launch_size, prepare, resident_threads
+from rattle.montecarlo.cuda.launch import ROUNDS, follower, launch_size, resident_threads
 from rattle.montecarlo.kernel.block import Plan
-from rattle.montecarlo.settings.plan import check_gpu, plan_of
-from rattle.montecarlo.settings.sampling import Sampling
-from rattle.scene.errors import InputError
-from rattle.scene.gears import DAT21
-from rattle.scene.scene import Scene
+from rattle.montecarlo.settings.plan import Sampling, check_gpu, plan_of
+from rattle.scene import DAT21, InputError, Scene
 
 FP64_LANES = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}
 """Float64 fused multiply-adds that a multiprocessor can start per clock, by compute capability; 2 on all others."""
@@ -50,12 +47,12 @@ COSTS = {
 
 def speed(plan: Plan, repeats: int = 3) -> float:
     """Path-steps per second of a plan's first launch: the best of several, after one that compiles."""
-    gpu, paths = prepare(plan), launch_size(plan)
-    follow(gpu, 0, paths)
+    follow, paths = follower(plan), launch_size(plan)
+    follow(0, paths)
     best = 0.0
     for _ in range(repeats):
         begin = time.perf_counter()
-        *_, counts = follow(gpu, 0, paths)  # fetching the counts waits for the paths
+        *_, counts = follow(0, paths)  # fetching the counts waits for the paths
         best = max(best, float(counts[0]) / (time.perf_counter() - begin))
     return best
 

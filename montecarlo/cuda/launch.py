@@ -8,14 +8,14 @@ summation depends on the numbers of threads and paths only: a run is repeatable 
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import config, cuda
 
 from rattle.montecarlo.cuda.paths import STEPS, STICKING, UNFINISHED, path_kernel
 from rattle.montecarlo.kernel.block import CODES, CROSS, SECTION_PAIRS, BlockResult, Plan, begin_block, start_state
-from rattle.montecarlo.kernel.kernel import COLUMNS, Job
+from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
 from rattle.scene.moments import SECTION
 from rattle.scene.types import Floats, Ints
@@ -181,38 +181,29 @@ def launch_size(plan: Plan) -> int:
     return min(ROUNDS * resident_threads(), room, plan.paths)
 
 
-class _Resources(NamedTuple):
-    """What stays the same from launch to launch."""
+def follower(plan: Plan) -> Callable[[int, int], tuple[Any, Any, Ints]]:
+    """Compile the kernel of a plan, and copy to the GPU what all launches share.
 
-    plan: Plan
-    job: Job
-    start: tuple[float, ...]
-    flanks: tuple[int, ...]
-    follow: Callable[..., Any]
-    fixed_steps: Any
-
-
-def prepare(plan: Plan) -> _Resources:
-    """Compile the kernel of a plan, and copy to the GPU what all launches share."""
+    Returns: A function that follows paths, of the number of the first one and of how many: it gives impacts and states
+    at fixed times (on the GPU), and counts of the work.
+    """
     scene, (job, _, _) = plan.scene, begin_block(plan, 0, 1)
     noise = "none" if scene.sigma == 0.0 else "two-point" if plan.two_point else "gaussian"
     sides = ((scene.start.x1, scene.gap1), (scene.start.x2, scene.gap2))
     gaps = np.repeat([[scene.gap1], [scene.gap2]], 2, axis=0)
-    start, flanks = start_state(scene, gaps)[:, 0].tolist(), (int(np.sign(x)) * (abs(x) == gap) for x, gap in sides)
+    start = tuple(start_state(scene, gaps)[:, 0].tolist())
+    flanks = tuple(int(np.sign(x)) * (abs(x) == gap) for x, gap in sides)
     kernel = path_kernel(job.scheme, noise, job.backlash.random, job.backlash.redrawn)
-    return _Resources(plan, job, tuple(start), tuple(flanks), kernel, cuda.to_device(plan.fixed_steps))
+    fixed_steps, threads = cuda.to_device(plan.fixed_steps), SIMULATED // 2 if SIMULATOR else THREADS
 
+    def follow(first: int, paths: int) -> tuple[Any, Any, Ints]:
+        rows = cuda.device_array((plan.impacts, COLUMNS, paths), np.float64)
+        fixed = cuda.device_array((plan.fixed_steps.size, 4, paths), np.float64)
+        counts = cuda.to_device(np.zeros(3, np.int64))
+        launch(kernel, -(-paths // threads), threads, job, first, start, flanks, rows, fixed_steps, fixed, counts)
+        return rows, fixed, counts.copy_to_host()
 
-def follow(gpu: _Resources, first: int, paths: int) -> tuple[Any, Any, Ints]:
-    """Follow paths from number `first` on: impacts and states at fixed times (on the GPU), and counts of the work."""
-    plan = gpu.plan
-    threads = SIMULATED // 2 if SIMULATOR else THREADS
-    rows = cuda.device_array((plan.impacts, COLUMNS, paths), np.float64)
-    fixed = cuda.device_array((plan.fixed_steps.size, 4, paths), np.float64)
-    counts = cuda.to_device(np.zeros(3, np.int64))
-    asked = gpu.job, first, gpu.start, gpu.flanks
-    launch(gpu.follow, -(-paths // threads), threads, *asked, rows, gpu.fixed_steps, fixed, counts)
-    return rows, fixed, counts.copy_to_host()
+    return follow
 
 
 def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None]]:
@@ -220,9 +211,9 @@ def launches(plan: Plan, size: int) -> Iterator[tuple[BlockResult, Floats | None
 
     Shapes: `rows` (paths, impacts, COLUMNS), or None.
     """
-    gpu = prepare(plan)
+    follow = follower(plan)
     for first in range(0, plan.paths, size):
-        rows, fixed, counts = follow(gpu, first, min(size, plan.paths - first))
+        rows, fixed, counts = follow(first, min(size, plan.paths - first))
         kept = np.ascontiguousarray(rows.copy_to_host().transpose(2, 0, 1)) if plan.keep else None
         if kept is not None and plan.scene.stages == 1:
             kept[:, :, 4:6] = np.nan

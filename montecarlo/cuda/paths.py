@@ -20,11 +20,10 @@ from rattle.montecarlo.noise.philox import STEP, Word, bits_of, normals, sign_of
 from rattle.montecarlo.schemes.crossing import near_wall
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.euler_located import leaves
-from rattle.montecarlo.schemes.exact_flight import PARTS
+from rattle.montecarlo.schemes.exact_flight import PARTS, FlightForcing, first_stage, flight_forcing, second_stage
 from rattle.montecarlo.schemes.short_flight import no_phase, phase_at
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
-from rattle.montecarlo.schemes.whole_step import FlightForcing, first_stage, flight_forcing, second_stage
 from rattle.scene.impact import struck
 
 TABLE = 64  # steps whose forcing a thread block tabulates together, one thread a step; also the bits of a Word
@@ -144,14 +143,11 @@ def path_kernel(scheme: int, noise: str, random: bool, redrawn: bool) -> Callabl
                         else:
                             z0, z1 = z2, z3
                     a1, b1, a2, b2 = x1, y1, x2, y2
+                    own = table[s & (TABLE - 1)]
                     if scheme == EXACT:
-                        x1, y1, x2, y2, meets = _flight(
-                            c, h, whole, table[s & (TABLE - 1)], a1, b1, a2, b2, z0, z1, walls
-                        )
+                        x1, y1, x2, y2, meets = _flight(c, h, whole, own, a1, b1, a2, b2, z0, z1, walls)
                     else:
-                        x1, y1, x2, y2, meets = _euler(
-                            scheme == LOCATED, c, h, table[s & (TABLE - 1)], a1, b1, a2, b2, z0, walls
-                        )
+                        x1, y1, x2, y2, meets = _euler(scheme == LOCATED, c, h, own, a1, b1, a2, b2, z0, walls)
                     if not meets:
                         continue
                     begin, whole_end = job.tau + (n + s) * h, (x1, y1, x2, y2)

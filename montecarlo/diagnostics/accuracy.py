@@ -122,9 +122,8 @@ def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, 
         fourth = 3.0 + np.asarray(columns["kurt_" + quantity], float)
         with np.errstate(invalid="ignore", over="ignore"):
             # the variance of the skewness is that of z^3 - 3 z, and E z^6 >= (E z^4)^2 as E z^2 = 1
-            sixth = np.maximum(
-                n * np.asarray(columns["se_skew_" + quantity], float) ** 2 - 9.0 + 6.0 * fourth, fourth**2
-            )
+            se = np.asarray(columns["se_skew_" + quantity], float)
+            sixth = np.maximum(n * se**2 - 9.0 + 6.0 * fourth, fourth**2)
             gamma = (sixth - 3.0 * fourth + 2.0) / np.maximum(fourth - 1.0, 1e-12) ** 1.5
     gain: Floats = np.nan_to_num(gamma * (2.0 * z**2 + 1.0) / (6.0 * z * np.sqrt(n)))
     return gain

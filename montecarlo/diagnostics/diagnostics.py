@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.diagnostics.accuracy import error_bound
-from rattle.montecarlo.schemes.step_size import trusted_step, usual_step
+from rattle.montecarlo.schemes.step_size import SCHEMES, trusted_step, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.montecarlo.settings.plan import STEPS, is_random, noise_free_path
 from rattle.scene.moments import SECTION
 from rattle.scene.scene import Scene

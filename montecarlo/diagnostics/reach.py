@@ -9,8 +9,6 @@ from rattle.scene.text import duration_text
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
 
-__all__ = ["AccuracyWarning", "Candidate", "Reach"]
-
 
 class AccuracyWarning(UserWarning):
     """An answer is less accurate than was asked for."""

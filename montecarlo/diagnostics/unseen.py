@@ -49,9 +49,8 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     """
     if "unseen_tau" not in columns:
         return find_unseen(scene, columns, paths)
-    mean, sd, share, needed = (
-        np.column_stack([columns[f"unseen_{name}{q}"] for q in SECTION]) for name in ("", "sd_", "share_", "paths_")
-    )
+    parts = ("", "sd_", "share_", "paths_")
+    mean, sd, share, needed = (np.column_stack([columns[f"unseen_{name}{q}"] for q in SECTION]) for name in parts)
     return Unseen(mean, mean, sd, sd, share, needed, len(mean))
 
 

@@ -12,8 +12,7 @@ import numpy as np
 from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, SECTION_PAIRS, BlockResult, Plan
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
-from rattle.montecarlo.schemes.step_size import COARSEST
-from rattle.montecarlo.schemes.table import SCHEMES
+from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
 from rattle.montecarlo.statistics import section_statistics as statistics
 from rattle.montecarlo.statistics.records import Batches, Histograms
@@ -27,7 +26,6 @@ from rattle.scene.units import at_times_in
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
 
-__all__ = ["Ensemble"]
 
 NOT_APART = "ask for it: simulate(..., record=Record(on_itinerary=True))"
 
@@ -94,11 +92,8 @@ class Ensemble(SectionResult):
     @cached_property
     def phase_reduced(self) -> Ensemble:
         """The same result for the phase-reduced scene (`Scene.phase_reduced`): tau has all its digits, however late."""
-        return (
-            self
-            if self.scene.phase_reduced is self.scene
-            else replace(self, plan=self.plan._replace(scene=self.scene.phase_reduced))
-        )
+        scene = self.scene.phase_reduced
+        return self if scene is self.scene else replace(self, plan=self.plan._replace(scene=scene))
 
     @property
     def scene(self) -> Scene:
@@ -233,10 +228,8 @@ class Ensemble(SectionResult):
         """Share of paths whose impacts so far had the meshes and sides of each itinerary given (columns)."""
         import pandas as pd
 
-        return pd.DataFrame(
-            {name: self._share(a) for name, a in self.result.agreeing.items()},
-            index=pd.RangeIndex(1, self.impacts + 1, name="impact"),
-        )
+        shares = {name: self._share(a) for name, a in self.result.agreeing.items()}
+        return pd.DataFrame(shares, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
 
     def on_itinerary(self, name: str = NOISE_FREE) -> Ensemble:
         """The same result for the paths alone that have followed an itinerary up to each impact.
@@ -427,10 +420,8 @@ class Ensemble(SectionResult):
             value, se = self.columns[name], self.columns["se_" + name]
             return {"bias": 0.0, "se_bias": 0.0, "corrected": value, "se_corrected": se, "rest": 0.0}
         estimable = self._estimable(self._arrivals, moment)
-        found = {
-            n: v[:, i] * (estimable if n.startswith("se_") else 1.0)
-            for n, v in self._step_biases[moment]._asdict().items()
-        }
+        every = self._step_biases[moment]._asdict()
+        found = {n: v[:, i] * (estimable if n.startswith("se_") else 1.0) for n, v in every.items()}
         if self.plan.apart and not self.result.followers:  # paths that follow at one step may not at another
             own = self._statistics[moment][:, i]
             found["rest"] = found["rest"] + 2.0 * np.abs(own - found["corrected"] - found["bias"])

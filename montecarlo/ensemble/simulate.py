@@ -12,17 +12,13 @@ from tqdm import tqdm
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
-from rattle.montecarlo.schemes.step_size import COARSEST, default_step, is_admissible
-from rattle.montecarlo.schemes.table import SCHEMES
-from rattle.montecarlo.settings.plan import count_followed, plan_of
-from rattle.montecarlo.settings.sampling import Record, Sampling
+from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step, is_admissible
+from rattle.montecarlo.settings.plan import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene.errors import InputError, choice, moved
 from rattle.scene.scene import Scene, check_scene
 from rattle.scene.text import line
 from rattle.scene.types import Floats
-
-__all__ = ["extend", "simulate"]
 
 
 @moved({name: f"is now in sampling=Sampling({name}=...)" for name in Sampling.__dataclass_fields__})

@@ -1,13 +1,21 @@
-"""Who runs the blocks of a plan: threads of this process, or workers that other runs share."""
+"""Who runs the blocks of a plan, threads of this process or workers that other runs share, and for how long.
 
+A time budget is in seconds of processor time, and is looked at between blocks.
+"""
+
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
 from rattle.montecarlo.branches.weighted_paths import run_mixture
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
 from rattle.scene.types import Floats
+
+HOUR = 3600.0
+"""Seconds that an accuracy may take where no budget is given."""
 
 Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
 """Runs the blocks of a plan from one on, and gives their results in block order; may end before the last."""
@@ -48,3 +56,50 @@ def run_blocks(plan: Plan, first: int, end: int) -> list[tuple[BlockResult, Floa
     """On a worker: the results of blocks `first` to `end`, one each, so that they can be merged in order."""
     mixture = plan.mixture
     return [run(plan, n) if mixture is None else run_mixture(plan, mixture, n) for n in range(first, end)]
+
+
+def clock() -> float:
+    """Processor time of this process so far, all threads together, in seconds: other work on the machine is none."""
+    return time.process_time()
+
+
+class Budget:
+    """A time budget that starts now, and what is left of it.
+
+    `seconds`: the whole budget. `ends`: `clock` at which it is spent.
+
+    Examples
+    --------
+    >>> budget = Budget(60.0)
+    >>> 0.0 < budget.remaining <= 60.0
+    True
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.ends = seconds, clock() + seconds
+
+    @property
+    def remaining(self) -> float:
+        """Seconds that are left; negative once overspent."""
+        return self.ends - clock()
+
+    @contextmanager
+    def pause(self) -> Iterator[None]:
+        """Context whose duration is not charged to the budget."""
+        began = clock()
+        yield
+        self.ends += clock() - began
+
+    def limit(self, blocks: Blocks) -> Blocks:
+        """The same blocks, but none is started after the budget is spent.
+
+        The first block is run in any case, and no block is interrupted.
+        """
+
+        def until_spent(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
+            for result in blocks(plan, first):
+                yield result
+                if self.remaining <= 0.0:
+                    return
+
+        return until_spent

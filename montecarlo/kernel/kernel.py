@@ -16,15 +16,13 @@ from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
 from rattle.montecarlo.schemes.euler import at_end, plain_lanes, step_forcing
 from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, step_located_lanes
-from rattle.montecarlo.schemes.exact_flight import advance_exactly
+from rattle.montecarlo.schemes.exact_flight import advance_exactly, flight_forcing, flight_lanes
 from rattle.montecarlo.schemes.short_flight import Phase, State, no_phase, phase_at
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
-from rattle.montecarlo.schemes.whole_step import flight_forcing, flight_lanes
 from rattle.scene.compiled import lean, splice, widest_vectors
-from rattle.scene.constants import Constants
 from rattle.scene.impact import struck
-from rattle.scene.types import Bools, Floats, Ints
+from rattle.scene.types import Bools, Constants, Floats, Ints
 
 COLUMNS = 7  # recorded of an impact: tau, flight, x1, y1, x2, y2, mesh * side
 SPLITS = Word(1 << 16)  # indices of random numbers reserved for the splits of one step
@@ -92,12 +90,6 @@ def next_event(
 
 
 @splice
-def walls_of(lanes: Lanes, p: int) -> Walls:
-    """Walls of the path in lane p."""
-    return Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
-
-
-@splice
 def record(
     job: Job, level: int, p: int, code: int, tau: float, state: State, lanes: Lanes, room: Room, out: Output
 ) -> None:
@@ -149,7 +141,7 @@ def finish_inside(
     for met in range(MOST_IN_A_STEP + 1):
         if at.left <= 0.0 or lanes.impacts[p] >= enough:
             break
-        walls = walls_of(lanes, p)
+        walls = Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
         sides = sticking_sides(job.c, at, walls) if scheme == EXACT else OPEN
         if sides[0] == 0 and sides[1] == 0:
             at, phase = next_event(scheme, job.c, job.key, path, step, level, met, at, phase, whole, walls, ahead)

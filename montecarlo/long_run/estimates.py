@@ -118,11 +118,14 @@ class StationaryEstimate(NamedTuple):
     effective_paths: float = math.nan
 
 
-def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> Spread:
-    """A function of sums over paths, shape (paths, sums), with its spread over paths."""
+def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> list[Spread]:
+    """Functions of sums over paths, each with its spread over paths.
+
+    Shapes: `sums` (paths, sums); of what the function returns (values, paths).
+    """
     total, n = sums.sum(axis=0), len(sums)
-    value = float(function(total[None])[0])
-    return spread(n * value - (n - 1) * function(total - sums), value)
+    whole, without = function(total[None])[:, 0].tolist(), function(total - sums)
+    return [spread(n * value - (n - 1) * rest, value) for value, rest in zip(whole, without, strict=True)]
 
 
 def _root(square: float, n: float) -> float:
@@ -171,7 +174,7 @@ class _Maker:
 
     def _ratio(self, top: int, bottom: int) -> tuple[Spread, float]:
         """A ratio of two columns, and its standard error from batches."""
-        found = _jackknife(self.main[:, [top, bottom]], lambda s: s[:, 0] / s[:, 1])
+        (found,) = _jackknife(self.main[:, [top, bottom]], lambda s: s[None, :, 0] / s[:, 1])
         return found, self._batch_se(self.c.main[:, :, top], bottom)
 
     def impacts(self, g: int) -> dict[str, StationaryEstimate]:
@@ -202,34 +205,31 @@ class _Maker:
         """Mean, sd and skewness of flight or of a speed, and the root of its mean square of a speed."""
         power, scale, centre = self.c.power[:, g, i], float(self.c.scales.scale[g, i]), self.c.scales.centre[g, i]
 
-        def standardise(s: Floats) -> tuple[Floats, Floats, Floats]:
+        def figures(s: Floats) -> Floats:  # mean, sd and skewness in units of the scale, and the root mean square
             with np.errstate(invalid="ignore", divide="ignore"):
                 m = s / s[:, :1]
                 variance = np.maximum(m[:, 2] - m[:, 1] ** 2, 0.0)
                 third = m[:, 3] - 3.0 * m[:, 1] * m[:, 2] + 2.0 * m[:, 1] * m[:, 1] ** 2
-                return m[:, 1], np.sqrt(variance), third / (variance * np.sqrt(variance))
+                sd = np.sqrt(variance)
+                return np.stack([m[:, 1], sd, third / (variance * sd), np.hypot(scale * m[:, 1] + centre, scale * sd)])
 
         m = power.sum(axis=0)
-        mean, sd, skew = (float(a[0]) for a in standardise(m[None]))
+        mean, sd, skew, rms = figures(m[None])[:, 0].tolist()
         n = float(m[0])
         unit_powers = np.array([sd**k for k in range(tally.POWERS)])
         central = _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(tally.POWERS, math.nan)
         along = scale * mean + float(centre)  # the mean
 
-        def root(s: Floats) -> Floats:
-            one, spread_of, _ = standardise(s)
-            return np.asarray(np.hypot(scale * one + centre, scale * spread_of))
-
-        influence = {  # function, polynomial in the standardised value, its unit, and unit and origin of the estimate
-            "": (lambda s: standardise(s)[0], np.array([0.0, 1.0]), scale * sd, scale, float(centre)),
-            "sd_": (lambda s: standardise(s)[1], np.array([-0.5, 0.0, 0.5]), scale * sd, scale, 0.0),
-            "skew_": (lambda s: standardise(s)[2], np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0, 1.0, 0.0),
+        influence = {  # polynomial in the standardised value, its unit, and unit and origin of the estimate
+            "": (np.array([0.0, 1.0]), scale * sd, scale, float(centre)),
+            "sd_": (np.array([-0.5, 0.0, 0.5]), scale * sd, scale, 0.0),
+            "skew_": (np.array([0.5 * skew, -3.0, -1.5 * skew, 1.0]), 1.0, 1.0, 0.0),
         }
         if i != tally.FLIGHT:
-            slope = np.array([-sd * scale, 2.0 * along, sd * scale]) / (2.0 * float(root(m[None])[0]))
-            influence["rms_"] = root, slope, scale * sd, 1.0, 0.0
-        for prefix, (function, polynomial, unit, factor, origin) in influence.items():
-            found = _jackknife(power, function)
+            slope = np.array([-sd * scale, 2.0 * along, sd * scale]) / (2.0 * rms)
+            influence["rms_"] = slope, scale * sd, 1.0, 0.0
+        found_of = zip(influence.items(), _jackknife(power, figures), strict=False)
+        for (prefix, (polynomial, unit, factor, origin)), found in found_of:
             square = sum(a * b * central[p + q] for p, a in enumerate(polynomial) for q, b in enumerate(polynomial))
             naive = unit * _root(square, n) if sd > 0.0 else math.nan
             batches = math.nan

@@ -11,10 +11,9 @@ import math
 
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.scene.compiled import inline, internal
-from rattle.scene.constants import Constants
 from rattle.scene.drive import sine_cosine
 from rattle.scene.impact import struck
-from rattle.scene.types import Floats, Ints
+from rattle.scene.types import Constants, Floats, Ints
 
 CONTROLS = 4
 """Work of the noise on both wheels as seen from the driver; its impulse on wheel 1, times 1, cosine and sine."""

@@ -7,12 +7,11 @@ from typing import NoReturn
 import numpy as np
 from tqdm import tqdm
 
+from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
 from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import Collected, Scales, Sums
 from rattle.montecarlo.long_run.walk import LANES, Walk
-from rattle.montecarlo.settings.budget import HOUR, Budget, clock
-from rattle.scene.errors import InputError
-from rattle.scene.scene import Scene
+from rattle.scene import InputError, Scene
 from rattle.scene.text import duration_text
 from rattle.scene.types import Floats
 
@@ -93,8 +92,7 @@ class LongPaths:
 
     def _merge(self) -> None:
         for sums in self.sums:
-            half = sums.main[:, 0::2] + sums.main[:, 1::2]
-            sums.main[:, : BATCHES // 2] = half
+            sums.main[:, : BATCHES // 2] = sums.main[:, 0::2] + sums.main[:, 1::2]
             sums.main[:, BATCHES // 2 :] = 0.0
         self.length *= 2
 

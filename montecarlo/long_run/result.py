@@ -1,5 +1,6 @@
-"""The result of a long run: its quantities, the density of its section, its energy balance, and how far it got."""
+"""The result of a long run: its quantities, the density of its section, its energy balance, its burn-in and reach."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -7,13 +8,43 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.montecarlo.long_run.burn_in import BurnIn, Contrast
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.sums import ENERGY, NOISE, NUMBER, PERIOD, PHASES, VELOCITIES, WORK, Collected
 from rattle.scene.drive import mean_square
 from rattle.scene.scene import Scene
 from rattle.scene.text import duration_text
 from rattle.scene.types import Floats
+
+
+class Contrast(NamedTuple):
+    """The largest difference between two parts of a run, or between its paths."""
+
+    quantity: str  # where it is largest
+    size: float  # in standard errors; or the variance between paths over that expected from the parts of each
+    allowed: float  # the largest that is put down to chance
+    share: float = math.nan  # difference between the parts over the mean
+
+    @property
+    def reached(self) -> bool:
+        """Whether the parts, or the paths, agree."""
+        return abs(self.size) <= self.allowed
+
+
+class BurnIn(NamedTuple):
+    """The burn-in of a run."""
+
+    periods: int  # periods of the excitation that were left out
+    drift: Contrast  # of the test that it passed
+    # of the other test; None where paths differ for good, because each has a backlash of its own
+    apart: Contrast | None
+
+    @property
+    def sentence(self) -> str:
+        """What was left out, and why it suffices, as text."""
+        return (
+            f"Burn-in: {self.periods} periods; its second quarter and its second half agree within "
+            f"{abs(self.drift.size):.1f} standard errors (allowed {self.drift.allowed:.1f})."
+        )
 
 
 class LongReach(NamedTuple):

@@ -19,7 +19,8 @@ from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.step_size import default_step, time_scales
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import jit
+from rattle.scene.linear_algebra import put, put_row
 from rattle.scene.scene import Scene
 from rattle.scene.types import Floats, Ints
 
@@ -76,14 +77,6 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     return out
 
 
-@internal
-def _put(values: Floats, into: Floats) -> None:
-    """Copy a table.  Numba compiles seconds for its own assignment, whose message about shapes takes text."""
-    for i in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            into[i, j] = values[i, j]
-
-
 @jit
 def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until: int, length: int, sums: Sums) -> int:
     """Follow a block for some stretches.
@@ -112,16 +105,16 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
         for p in range(own.size):
             most = max(most, own[p])
         if most >= rows.shape[2]:
-            _put(walls, b.every.walls[0])
-            _put(last, b.every.last)
-            _put(eta.reshape(1, -1), b.room.eta.reshape(1, -1))
-            _put(b.state.T, b.every.state[0])
+            put(b.every.walls[0], walls)
+            put(b.every.last, last)
+            put_row(b.room.eta, eta)
+            put(b.every.state[0, :, : own.size], b.state.T)
             return int(most)
         states, at = b.samples[0, :, :samples], tau + between
         if b.controls and len(sums.power) > 0:
             out = sums.main[:, sums.batch[0], NOISE:]
             add_noise_work(b.job.c, rows[0], own, b.state, states, at, between, out)
-        _put(states[:, samples - 1], b.state)
+        put(b.state, states[:, samples - 1])
         add_stretch(b.job.c, rows[0], own, b.struck, states, b.every.walls[0], at, between, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
@@ -180,19 +173,10 @@ class Walk:
         job, every, room = begin_block(plan, first, paths)
         state = every.state[0, :, :paths]
         _spread_starts(scene, state, every.walls[0, :, :paths], seed, first)
+        controls, struck = has_controls(scene.constants), np.full((paths, 2), scene.phase)
+        samples, none, counters = np.empty((1, paths, SAMPLES + 1, 4)), np.zeros((0, 1, COLUMNS)), np.zeros(4, np.int64)
         self._block = Block(
-            job,
-            plan.control,
-            has_controls(scene.constants),
-            first,
-            self.steps,
-            every,
-            room,
-            state=state.T.copy(),
-            struck=np.full((paths, 2), scene.phase),
-            samples=np.empty((1, paths, SAMPLES + 1, 4)),
-            none=np.zeros((0, 1, COLUMNS)),
-            counters=np.zeros(4, np.int64),
+            job, plan.control, controls, first, self.steps, every, room, state.T.copy(), struck, samples, none, counters
         )
         self._fixed, self._rows = self._instants(self.steps), np.empty((1, paths, ROOM, COLUMNS))
 

@@ -10,9 +10,9 @@ import math
 
 from rattle.montecarlo.schemes.short_flight import Phase, State
 from rattle.montecarlo.schemes.step_state import Walls
-from rattle.scene.compiled import inline, lean, splice
-from rattle.scene.constants import Constants
+from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import highest_order, most_acceleration, most_modulation, most_modulation_rate, most_velocity
+from rattle.scene.types import Constants
 
 MARGIN_SDS = 6.0  # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
 CLOSE = 1e-10  # distance to the wall, in half gaps, at which an impact is accepted at any speed
@@ -41,16 +41,14 @@ def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, 
     return spread * first + bend, spread * second + bend
 
 
-@splice
-def _near(a: float, b: float, end: float, high: float, low: float, margin: float) -> bool:
-    """Whether an inner Bernstein coefficient a, b of a cubic is within the margin of a wall, or its end beyond one."""
-    return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (end > high) | (end < -low)
-
-
 @inline
 def near_wall(third: float, x0: float, y0: float, x: float, y: float, high: float, low: float, margin: float) -> bool:
-    """Whether the cubic through both end states of a stage comes within its margin of a wall."""
-    return _near(x0 + third * y0, x - third * y, x, high, low, margin)
+    """Whether the cubic through both end states of a stage comes within its margin of a wall.
+
+    That is, whether an inner Bernstein coefficient a, b of it is, or its end is beyond one.
+    """
+    a, b = x0 + third * y0, x - third * y
+    return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (x > high) | (x < -low)
 
 
 @lean

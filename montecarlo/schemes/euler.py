@@ -9,9 +9,8 @@ from typing import NamedTuple
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene.compiled import fma, inline, lean, splice, widest_vectors
-from rattle.scene.constants import Constants
 from rattle.scene.flight import noise_rate
-from rattle.scene.types import Bools, Floats
+from rattle.scene.types import Bools, Constants, Floats
 
 
 class StepForcing(NamedTuple):

@@ -11,8 +11,7 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
 from rattle.scene.compiled import inline, lean
-from rattle.scene.constants import Constants
-from rattle.scene.types import Bools, Floats
+from rattle.scene.types import Bools, Constants, Floats
 
 
 @inline

@@ -1,8 +1,10 @@
 """``exact-flight``: the exact Gaussian distribution of the flight, and impacts located by refining the Brownian path.
 
-The state after a step is exact in distribution (`rattle.montecarlo.schemes.whole_step`): the noise of a step is
-represented by its increment and area (`rattle.montecarlo.noise.brownian`).  The kernels' projections on higher Legendre
-polynomials are of relative size ``h^2`` and are neglected (their share of the variance is about ``h^4 / 720``).
+Between impacts Eq. 5 is linear: the state after a step is the flight of Eq. 3 plus a Gaussian displacement, the
+increment and area of the step's noise (`rattle.montecarlo.noise.brownian`) times vectors that are the same for all
+paths.  So a whole step is taken of all paths side by side (`flight_lanes`), and it is exact in distribution.  The
+kernels' projections on higher Legendre polynomials are of relative size ``h^2`` and are neglected (their share of the
+variance is about ``h^4 / 720``).
 
 A step that may have an impact (`rattle.montecarlo.schemes.crossing`) is cut where the cubic through its ends meets the
 wall, its noise is split there (`split`), its first part is flown as a trial (`rattle.montecarlo.schemes.short_flight`),
@@ -14,17 +16,17 @@ the section: where the variance grows from zero the step is shortened (`rattle.m
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import Key, Word, normals
-from rattle.montecarlo.schemes.crossing import CLOSE, cut_share
-from rattle.montecarlo.schemes.short_flight import Phase, State, phase_at, shift_phase, short_flight, third_of
+from rattle.montecarlo.schemes.crossing import CLOSE, cut_share, margins, near_wall
+from rattle.montecarlo.schemes.short_flight import Phase, State, kick, phase_at, shift_phase, short_flight, third_of
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
-from rattle.scene.compiled import inline, splice
-from rattle.scene.constants import Constants
+from rattle.scene.compiled import inline, lean, splice
+from rattle.scene.damping import pair
 from rattle.scene.drive import most_modulation, most_velocity
-from rattle.scene.types import Floats
+from rattle.scene.types import Bools, Constants, Floats
 
 NEAR = 1e-6  # distance to the wall, in half gaps, that a fast path flies without noise
 STEADY = 30.0  # least speed of such a path, in sds of what the noise makes of it on the way
@@ -32,6 +34,85 @@ STRAIGHT = 1e-4  # and largest relative change of that speed by excitation and d
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
 TICK = 5e-16  # shortest trial, relative to the time: two units in its last place, so that time goes on
 PARTS = 200  # most parts of a step that wait at once: the depth of the stack of cuts
+
+
+class FlightForcing(NamedTuple):
+    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls."""
+
+    # entries of the flight's Jacobian J that are neither 0 nor 1: of x1 and y1 by y1, x2 by y1 and y2, y2 by y1 and y2
+    carry: tuple[float, float, float, float, float, float]
+    drift: State  # effect of excitation and drag on ``(x1, y1, x2, y2)``
+    along: State  # along, across: effect of a unit normal for the increment, and for the area
+    across: State
+    margin1: float  # margin1, margin2: of both stages, see `rattle.montecarlo.schemes.crossing.margins`
+    margin2: float
+
+
+@lean
+def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
+    """Everything in a step that is the same for all paths."""
+    p = pair(c.beta1, c.beta2, h)
+    phase = phase_at(c.drive, tau)
+    margin1, margin2 = margins(c, phase[0], phase[1], h)
+    drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
+    along, across = kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(h / 12.0))
+    return FlightForcing((p.e1, p.d1, p.e12, p.e2, p.d12, p.d2), drift, along, across, margin1, margin2)
+
+
+@inline
+def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -> tuple[float, float]:
+    """Stage 1 after a step, ignoring the walls."""
+    return (
+        x1 + f.carry[0] * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
+        f.carry[1] * y1 + (f.drift[1] + f.along[1] * z + f.across[1] * area),
+    )
+
+
+@inline
+def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float) -> tuple[float, float]:
+    """Stage 2 after a step, ignoring the walls."""
+    return (
+        x2 + (f.carry[2] * y1 + f.carry[3] * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
+        f.carry[4] * y1 + f.carry[5] * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
+    )
+
+
+@lean
+def flight_lanes(
+    c: Constants,
+    f: FlightForcing,
+    h: float,
+    toleranced: bool,
+    walls: Floats,
+    state: Floats,
+    before: Floats,
+    z: Floats,
+    area: Floats,
+    near: Bools,
+    lanes: int,
+) -> None:
+    """One step of all lanes in place, ignoring the walls; marks those that may have an impact.  Vectorises.
+
+    `walls`, `state`: Flanks and states of the paths; `walls` is read only if they are toleranced. Shapes:
+    `walls`, `state` (4, lanes or more); `before` (4, lanes or more).
+    """
+    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
+    x1_before, y1_before, x2_before, y2_before = before[0], before[1], before[2], before[3]
+    high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
+    third = h / 3.0
+    for p in range(lanes):
+        x, y = x1[p], y1[p]
+        end, speed = first_stage(f, x, y, z[p], area[p])
+        high, low = (high1[p], low1[p]) if toleranced else (c.wall1, c.wall1)
+        meets = near_wall(third, x, y, end, speed, high, low, f.margin1)
+        x1_before[p], y1_before[p], x1[p], y1[p] = x, y, end, speed
+        if c.stages == 2:
+            u, v = x2[p], y2[p]
+            end, speed = second_stage(f, u, y, v, z[p], area[p])
+            high, low = (high2[p], low2[p]) if toleranced else (c.wall2, c.wall2)
+            meets |= near_wall(third, u, v, end, speed, high, low, f.margin2)
+            x2_before[p], y2_before[p], x2[p], y2[p] = u, v, end, speed
+        near[p] = meets
 
 
 @inline
@@ -51,11 +132,8 @@ def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> 
     if mesh == 1:
         force = c.alpha * math.sqrt(most) + c.gamma1 + c.beta1 * abs(speed)
     else:
-        force = (
-            abs(c.beta1 - c.beta2) * (c.alpha * most_velocity(c.drive) + abs(other))
-            + abs(c.gamma1 - c.gamma2)
-            + c.beta2 * abs(speed)
-        )
+        pull = abs(c.beta1 - c.beta2) * (c.alpha * most_velocity(c.drive) + abs(other))
+        force = pull + abs(c.gamma1 - c.gamma2) + c.beta2 * abs(speed)
     noisy, bent = (STEADY * STEADY) * c.sigma * c.sigma * most, force / STRAIGHT
     square = speed * speed
     near = NEAR * wall
@@ -117,12 +195,6 @@ def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, wa
     return Progress(code, at.tau + lead, at.left - lead, at.noise, x1, y1, x2, y2), phase
 
 
-@splice
-def _put_inside(s: State, walls: Walls) -> State:
-    """The path clipped to its walls: for a step that has used up its cuts."""
-    return min(max(s[0], -walls.low1), walls.high1), s[1], min(max(s[2], -walls.low2), walls.high2), s[3]
-
-
 @inline
 def _join(ahead: Floats, top: int) -> Noise:
     """Noise of all waiting parts below `top` of the stack."""
@@ -171,14 +243,14 @@ def advance_exactly(
         if flown:
             end, turned = short_flight(c, phase, h, s, noise.increment, noise.area)
         known = False
-        cut = cut_share(
-            c, phase, s, end, h, walls, _close(c, 1, end[1], end[3], c.wall1), _close(c, 2, end[3], end[1], c.wall2)
-        )
+        close1, close2 = _close(c, 1, end[1], end[3], c.wall1), _close(c, 2, end[3], end[1], c.wall2)
+        cut = cut_share(c, phase, s, end, h, walls, close1, close2)
         tick = TICK * (1.0 + abs(tau))
         used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead) or h <= tick
         if cut == 1.0 or used_up:
-            if used_up:
-                end = _put_inside(end, walls)
+            if used_up:  # clip the path to its walls
+                x1, x2 = min(max(end[0], -walls.low1), walls.high1), min(max(end[2], -walls.low2), walls.high2)
+                end = x1, end[1], x2, end[3]
             tau, left = tau + h, left - h if top > 0 else 0.0
             code, lead, reach = _due(c, end, walls)
             if code != 0 and lead <= left:

@@ -10,10 +10,10 @@ carries them along calls no other function.
 from typing import Any
 
 from rattle.scene.compiled import inline, lean
-from rattle.scene.constants import Constants
 from rattle.scene.drive import begin_derivatives, highest_order, next_derivative, phase_of_orders, sine_cosine
 from rattle.scene.impact import struck
 from rattle.scene.scene import Scene
+from rattle.scene.types import Constants
 
 State = tuple[float, float, float, float]
 """``x1, y1, x2, y2``."""
@@ -85,67 +85,37 @@ def short_flight(c: Constants, phase: Phase, h: float, s: State, increment: floa
 def _fly(
     drive: Any, c: Constants, phase: Phase, h: float, s: State, increment: float, area: float
 ) -> tuple[State, Phase]:
-    """`short_flight` for the drive at hand."""
+    """`short_flight` for the drive at hand.
+
+    Of ``f = sin tau``, sine and cosine are carried along as two of the series; of several orders, Taylor coefficients
+    of ``f'``: its derivative k - 1, and the two after it.
+    """
+    sine = cosine = first = second = third = 0.0
     if len(drive) == 0:
-        return _fly_by_sine(c, phase, h, s, increment, area)
-    return _fly_by_orders(c, phase, h, s, increment, area)
-
-
-@inline
-def _fly_by_sine(c: Constants, phase: Phase, h: float, s: State, increment: float, area: float) -> tuple[State, Phase]:
-    """`short_flight` for ``f = sin tau``: sine and cosine are carried along as two of the series."""
-    odd = 12.0 * c.sigma * area
-    even = c.alpha * h + (c.sigma * increment - 0.5 * odd)
-    drag1, drag2 = h * c.gamma1, h * (c.gamma1 - c.gamma2)
-    apart, fastest = c.beta2 - c.beta1, abs(h) * (1.0 + max(c.beta1, c.beta2))
-    sine, cosine = phase
-    y1, y2 = s[1], s[3]
-    sine_end, cosine_end, y1_end, y2_end, moved1, moved2 = sine, cosine, y1, y2, 0.0, 0.0
-    m1_before, m2_before, size = 0.0, 0.0, 1.0
-    for k in range(1, MOST_TERMS):  # from the terms in u^(k - 1) to those in u^k
-        share = 1.0 / k
-        hk = h * share
-        m1, m2 = c.beta1 * cosine - sine, -apart * cosine
-        moved1 += hk * y1
-        if c.stages == 2:
-            moved2 += hk * y2
-            y2 = (share * (drag2 + (even * m2 + odd * m2_before)) + (hk * apart) * y1) - (hk * c.beta2) * y2
-            y2_end += y2
-        y1 = share * (drag1 + (even * m1 + odd * m1_before)) - (hk * c.beta1) * y1
-        y1_end += y1
-        sine, cosine = hk * cosine, -hk * sine
-        sine_end += sine
-        cosine_end += cosine
-        m1_before, m2_before, drag1, drag2 = m1, m2, 0.0, 0.0
-        size *= fastest * share
-        if size < NEGLIGIBLE:
-            break
-    return (s[0] + moved1, y1_end, s[2] + moved2, y2_end), (sine_end, cosine_end)
-
-
-@inline
-def _fly_by_orders(
-    c: Constants, phase: Phase, h: float, s: State, increment: float, area: float
-) -> tuple[State, Phase]:
-    """`short_flight` for several orders, by the Taylor coefficients of ``f'``."""
-    drive = c.drive
-    # derivative k - 1 of f', and the two after it
-    first, second, third = begin_derivatives(drive, phase[3])
+        sine, cosine = phase
+    else:
+        first, second, third = begin_derivatives(drive, phase[3])
     odd = 12.0 * c.sigma * area
     even = c.alpha * h + (c.sigma * increment - 0.5 * odd)
     drag1, drag2 = h * c.gamma1, h * (c.gamma1 - c.gamma2)
     apart, fastest = c.beta2 - c.beta1, abs(h) * (highest_order(drive) + max(c.beta1, c.beta2))
     y1, y2 = s[1], s[3]
     y1_end, y2_end, moved1, moved2 = y1, y2, 0.0, 0.0
-    first_end, second_end, third_end = 0.0, 0.0, 0.0
+    sine_end, cosine_end, first_end, second_end, third_end = sine, cosine, 0.0, 0.0, 0.0
     m1_before, m2_before, size, power = 0.0, 0.0, 1.0, 1.0
     for k in range(1, MOST_TERMS):  # from the terms in u^(k - 1) to those in u^k
         share = 1.0 / k
         hk = h * share
-        first_end += power * first
-        second_end += power * second
-        third_end += power * third
-        m1, m2 = power * (c.beta1 * first + second), -apart * (power * first)
+        if len(drive) == 0:
+            m1, m2 = c.beta1 * cosine - sine, -apart * cosine
+            sine, cosine = hk * cosine, -hk * sine
+            sine_end += sine
+            cosine_end += cosine
+        else:
+            first_end += power * first
+            second_end += power * second
+            third_end += power * third
+            m1, m2 = power * (c.beta1 * first + second), -apart * (power * first)
         moved1 += hk * y1
         if c.stages == 2:
             moved2 += hk * y2
@@ -157,9 +127,13 @@ def _fly_by_orders(
         size *= fastest * share
         if size < NEGLIGIBLE:
             break
-        power *= hk
-        first, second, third = second, third, next_derivative(drive, k)
-    return (s[0] + moved1, y1_end, s[2] + moved2, y2_end), (-second_end, first_end, -third_end, phase[3] + h)
+        if len(drive) != 0:
+            power *= hk
+            first, second, third = second, third, next_derivative(drive, k)
+    end = s[0] + moved1, y1_end, s[2] + moved2, y2_end
+    if len(drive) == 0:
+        return end, (sine_end, cosine_end)
+    return end, (-second_end, first_end, -third_end, phase[3] + h)
 
 
 @lean

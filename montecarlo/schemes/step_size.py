@@ -1,9 +1,10 @@
-"""The longest admissible step of a scheme, beyond which it is unstable or misses impacts; and its default step.
+"""The schemes, the longest admissible step of each, beyond which it is unstable or misses impacts, and its default.
 
 `rattle check stability` measures both sides of these limits (reports/stability).
 """
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -12,14 +13,40 @@ import numpy as np
 from rattle.montecarlo.kernel.control_variate import orbit_impacts
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.short_flight import first_state, kick
-from rattle.montecarlo.schemes.table import SCHEMES
 from rattle.scene.drive import highest_order, most_modulation, most_velocity
 from rattle.scene.errors import InputError, finite
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.linear_algebra import transform
 from rattle.scene.scene import Scene
 
-__all__ = ["default_step", "largest_step"]
+
+@dataclass(frozen=True)
+class Scheme:
+    """A way to advance paths and to detect impacts."""
+
+    code: int  # its number in compiled code
+    file: str  # module of this package that implements it
+    weak_order: int | None  # weak order of convergence in the step; None for a scheme without step bias
+    normals: int  # standard normals of a path per step without an impact
+    step: float  # default step
+    # step_ns, impact_ns: cost model for the choice of a scheme: time of a path-step and of an impact on one core in
+    # ns, with statistics. Measured once, on an Intel Xeon with AVX-512 (12 impacts on DAT21 with two steps each, the
+    # least of interleaved slices), and constant, so that the choice does not depend on the machine
+    step_ns: float
+    impact_ns: float
+
+    @property
+    def has_step_bias(self) -> bool:
+        """Whether its results are biased by the length of the step; ``exact-flight`` has no such bias."""
+        return self.weak_order is not None
+
+
+SCHEMES = {
+    "euler-maruyama": Scheme(0, "euler", 1, 1, 2e-3, 3.9, 130.0),
+    "euler-maruyama-located": Scheme(1, "euler_located", 1, 1, 2e-3, 5.1, 250.0),
+    "exact-flight": Scheme(2, "exact_flight", None, 2, math.pi / 96.0, 5.1, 740.0),
+}
+"""All schemes by name, in the order of increasing accuracy."""
 
 Limit = tuple[float, str]
 
@@ -67,16 +94,12 @@ def time_scales(scene: Scene) -> TimeScales:
         narrow = min(tolerance.c1_max, 0.9 * c.wall1), min(tolerance.c2_max, 0.9 * c.wall2)
     gap = min((c.wall1 - narrow[0], c.wall2 - narrow[1])[: c.stages])
     damping = _over(1.0, max(c.beta1, c.beta2))
-    most = (
-        math.hypot(1.0, c.beta1) if not c.drive else most_modulation(c.drive, c.beta1)
-    )  # largest modulation of excitation and noise in y1 (Eq. 5)
-    driven = min(
-        c.alpha * most_velocity(c.drive), 2.0 * math.sqrt(c.alpha * most * gap)
-    )  # a narrow gap bounds the relative speed
-    dragged = (
-        min(_over(gamma, beta), 2.0 * math.sqrt(gamma * gap))
-        for gamma, beta in ((c.gamma1, c.beta1), (c.gamma2, c.beta2))
-    )
+    # largest modulation of excitation and noise in y1 (Eq. 5)
+    most = math.hypot(1.0, c.beta1) if not c.drive else most_modulation(c.drive, c.beta1)
+    # a narrow gap bounds the relative speed
+    driven = min(c.alpha * most_velocity(c.drive), 2.0 * math.sqrt(c.alpha * most * gap))
+    drags = (c.gamma1, c.beta1), (c.gamma2, c.beta2)
+    dragged = (min(_over(gamma, beta), 2.0 * math.sqrt(gamma * gap)) for gamma, beta in drags)
     typical = max(driven, *dragged, *(abs(start.y1), abs(start.y2))[: c.stages])
     noise = c.sigma * most
     shaking = _over(gap, noise) ** (2.0 / 3.0)
@@ -160,15 +183,14 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     if not SCHEMES[scheme].has_step_bias:
         accurate, why = accurate_flight(scene)
         return _least({why: accurate, "a longer step holds too many impacts": 2.0 * min(t.crossing, t.shaking)})
-    return _least(
-        {
-            "a longer step makes the damping unstable": t.damping,
-            MEMORY: _memory(scene),
-            "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0 / highest_order(scene.constants.drive),
-            "a longer step may jump across the gap": 0.5 * t.crossing,
-            "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
-        }
-    )
+    limits = {
+        "a longer step makes the damping unstable": t.damping,
+        MEMORY: _memory(scene),
+        "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0 / highest_order(scene.constants.drive),
+        "a longer step may jump across the gap": 0.5 * t.crossing,
+        "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
+    }
+    return _least(limits)
 
 
 def trusted_step(scene: Scene, scheme: str) -> Limit:
@@ -187,13 +209,12 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     if not SCHEMES[scheme].has_step_bias:
         return largest_step(scene, scheme)
     t, (late, reversal) = time_scales(scene), TRUSTED_SHARES[scheme]
-    return _least(
-        {
-            "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
-            "a longer step detects the impacts of a noisy path late": late * t.shaking,
-            "a longer step misses paths that the noise returns to the wall they leave": reversal * t.turning,
-        }
-    )
+    limits = {
+        "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
+        "a longer step detects the impacts of a noisy path late": late * t.shaking,
+        "a longer step misses paths that the noise returns to the wall they leave": reversal * t.turning,
+    }
+    return _least(limits)
 
 
 TRUSTED_SHARES = {"euler-maruyama": (0.01, 0.03), "euler-maruyama-located": (0.04, 0.05)}
@@ -300,11 +321,10 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
     if not finite("dt", dt) > 0.0:
         raise InputError("dt", dt, "must be greater than 0")
     largest, reason = largest_step(scene, scheme)
-    if dt < largest / MOST_PER_STEP:
-        why = (
-            f"must be at least {largest / MOST_PER_STEP:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default limit of "
-        )
-        raise InputError("dt", dt, why + "a path, do not add up to one longest admissible step")
+    least = largest / MOST_PER_STEP
+    if dt < least:
+        why = f"must be at least {least:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default limit of a path, "
+        raise InputError("dt", dt, why + "do not add up to one longest admissible step")
     coarsest = 1 if not SCHEMES[scheme].has_step_bias else coarsest
     if dt * coarsest > largest:
         with_bias = f" ({coarsest} dt is run beside it for the step bias)" if coarsest > 1 else ""

@@ -124,13 +124,9 @@ def extrapolate(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
         values = np.where(fine.n > 0, values, np.nan)
         bias, se = values[1] - values[0], np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n)
         before = values[2] - values[1]
-        found[moment] = StepBias(
-            bias,
-            se,
-            values[0] - bias,
-            np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n),
-            estimate_remainder(bias, before, se) if moment == "sd" else np.abs(2.0 * bias - before) / 3.0,
-        )
+        se_corrected = np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n)
+        rest = estimate_remainder(bias, before, se) if moment == "sd" else np.abs(2.0 * bias - before) / 3.0
+        found[moment] = StepBias(bias, se, values[0] - bias, se_corrected, rest)
     return found
 
 

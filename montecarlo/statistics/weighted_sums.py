@@ -98,7 +98,8 @@ class WeightedSums:
         Shapes: result (impacts, variables).
         """
         with np.errstate(invalid="ignore", divide="ignore"):
-            about = _shift(self.sums, self.sums[..., 1].sum(axis=0) / self.weight)
+            off = self.sums[..., 1].sum(axis=0) / self.weight
+            about = _shift(self.sums, off)
             m2, m3, m4 = (about[..., o].sum(axis=0) / self.weight for o in (2, 3, 4))
             m2 = np.where(m2 > NOTHING, m2, np.nan)
             one, nil = np.ones_like(m2), np.zeros_like(m2)
@@ -112,9 +113,7 @@ class WeightedSums:
             of_kurt = [2.0 * kurt, -4.0 * skew / m2**0.5, -2.0 * kurt / m2, nil, one / m2**2]
             se_square = np.sqrt(self._covariance(about, of_square, of_square))
             return {
-                "mean": self.centre
-                + self.sums[..., 1].sum(axis=0) / self.weight
-                + self._covariance(about, of_mean, [one]),
+                "mean": self.centre + off + self._covariance(about, of_mean, [one]),
                 "se_mean": np.sqrt(error),
                 "sd": sd,
                 "se_sd": np.where(sd > 0.0, se_square / (2.0 * sd), 0.0 * sd),

@@ -22,16 +22,13 @@ from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _ste
 from rattle.montecarlo.branches.mixture import mixture_of
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.branches.weighted_paths import run_mixture
-from rattle.montecarlo.coupling.long_path import LongPath
-from rattle.montecarlo.coupling.pairs import after_impact, growths
+from rattle.montecarlo.coupling.paths import LongPath, after_impact, growths
 from rattle.montecarlo.long_run.sums import new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.euler import step_forcing
-from rattle.montecarlo.settings.plan import plan_of
-from rattle.montecarlo.settings.sampling import Sampling
-from rattle.montecarlo.statistics.central_sums import CentralSums
-from rattle.montecarlo.statistics.fixed_order import columns_of
+from rattle.montecarlo.settings.plan import Sampling, plan_of
+from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Order, Scene, Start, Tolerance
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
 from rattle.scene.impact import contact_matrix, energy_loss

@@ -8,6 +8,7 @@ from scipy import stats
 from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, normals
 from rattle.montecarlo.schemes.euler import euler_step, step_forcing
+from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.compiled import jit
 from rattle.scene.impact import next_impact, struck
@@ -25,6 +26,12 @@ def agrees(value, truth, se, slack=0.0) -> bool:
     """Whether all values lie within the corrected limit of the truth, after a stated systematic `slack`."""
     value, truth, se, slack = np.broadcast_arrays(value, truth, se, slack)
     return bool((np.abs(value - truth) <= limit(value.size) * se + slack).all())
+
+
+def central_sums(a, b, orders) -> CentralSums:
+    """Sums of one block of paths; `a` and `b` have the shape (paths, ...)."""
+    cells = np.tile(np.arange(a[0].size), (2, 1))
+    return CentralSums.of_columns(columns_of(a), columns_of(b), cells, orders, a.shape[1:])
 
 
 def stepped(scene: Scene, record: Record | None = None, **settings) -> Ensemble:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mc_checks import central_sums
 from scipy import stats
 
-from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums
+from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE
 from rattle.montecarlo.statistics.section_statistics import pair_statistics, single_statistics
 
 ORDERS = {"SINGLE": SINGLE, "PAIR": PAIR, "COVARIANCE": COVARIANCE, "cross": ((0, 2),)}
@@ -36,7 +37,7 @@ def by_numpy(a, b, orders):
 
 
 def merged(a, b, orders, cuts, order=None):
-    parts = [CentralSums.of(u, v, orders) for u, v in zip(np.split(a, cuts), np.split(b, cuts), strict=True)]
+    parts = [central_sums(u, v, orders) for u, v in zip(np.split(a, cuts), np.split(b, cuts), strict=True)]
     parts = [parts[i] for i in order] if order is not None else parts
     total = parts[0]
     for part in parts[1:]:
@@ -72,7 +73,7 @@ def test_comparison_of_sums_sees_a_lost_row():
 
 def test_single_statistics_equal_scipy():
     a, _ = sample(3, 500, gone=0.0)
-    found = single_statistics(CentralSums.of(a, a, SINGLE))
+    found = single_statistics(central_sums(a, a, SINGLE))
     truth = {"mean": a.mean(axis=0), "sd": a.std(axis=0), "skew": stats.skew(a), "kurt": stats.kurtosis(a)}
     truth["se_mean"] = a.std(axis=0) / math.sqrt(500)
     for name, value in truth.items():
@@ -87,7 +88,7 @@ def z_scores():
     """(value - truth) / se over replicated samples of a Beta(1, 8): skew 1.4, excess kurtosis 2.3."""
     distribution = stats.beta(1.0, 8.0)
     a = distribution.rvs((SIZE, REPLICAS), random_state=4)
-    s = single_statistics(CentralSums.of(a, a, SINGLE))
+    s = single_statistics(central_sums(a, a, SINGLE))
     mean, variance, skew, kurt = distribution.stats("mvsk")
     truth = {"mean": mean, "sd": math.sqrt(variance), "skew": skew, "kurt": kurt}
     return {name: (s[name] - t) / s["se_" + name] for name, t in truth.items()}
@@ -121,7 +122,7 @@ def pair(kind, shape, seed):
 @pytest.mark.parametrize("kind", ["gaussian", "heavy"])
 def test_standard_error_of_fisher_z_has_the_size_it_claims(kind):
     a, b = pair(kind, (2000, REPLICAS), 6)
-    s = pair_statistics(CentralSums.of(a, b, PAIR))
+    s = pair_statistics(central_sums(a, b, PAIR))
     np.testing.assert_allclose(s["rho"][0], np.corrcoef(a[:, 0], b[:, 0])[0, 1], rtol=1e-12)
     z = (np.arctanh(s["rho"]) - math.atanh(0.6)) / s["se_z"]
     assert abs(z.std() - 1.0) < 0.08
@@ -131,7 +132,7 @@ def test_standard_error_of_fisher_z_has_the_size_it_claims(kind):
 
 def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
     a, b = np.random.default_rng(2).standard_normal((2, 100, 1))
-    s = pair_statistics(CentralSums.of(1e-90 * a, 1e-80 * b, PAIR))
+    s = pair_statistics(central_sums(1e-90 * a, 1e-80 * b, PAIR))
     assert s["cov"] != 0.0
     assert np.isnan([s["rho"], s["se_rho"], s["se_z"]]).all()
 
@@ -140,9 +141,9 @@ def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
 @pytest.mark.parametrize("parts", [1, 3])
 def test_what_does_not_vary_has_no_spread_and_no_skewness(value, parts):
     a = np.full((1000, 1), value)
-    total = CentralSums.of(a, a, SINGLE)
+    total = central_sums(a, a, SINGLE)
     for _ in range(parts - 1):
-        total = total.merge(CentralSums.of(a, a, SINGLE))
+        total = total.merge(central_sums(a, a, SINGLE))
     s = single_statistics(total)
     assert s["sd"] == 0.0
     assert np.isnan(s["skew"])

@@ -6,7 +6,7 @@ from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Record, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import sampling_error, units
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import InputError, Scene
 from rattle.scene.moments import SECTION
 
@@ -84,7 +84,7 @@ def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
     monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.ENOUGH", 0.0)
     first = simulate_to(dat21(0.5), 0.05, impacts=3, rng=5).reach.schemes
     ticks = iter(np.arange(1e6) ** 1.1)
-    monkeypatch.setattr("rattle.montecarlo.settings.budget.time.process_time", lambda: next(ticks))
+    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.time.process_time", lambda: next(ticks))
     assert first.equals(simulate_to(dat21(0.5), 0.05, impacts=3, rng=5).reach.schemes)
 
 

@@ -11,7 +11,7 @@ from mc_checks import dat21
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import InputError, Scene, Start
 
 
@@ -20,7 +20,7 @@ class Watched:
 
     def __init__(self, monkeypatch, seconds=lambda paths: 1.0):
         self.now, self.seconds, self.paths = 0.0, seconds, []
-        monkeypatch.setattr("rattle.montecarlo.settings.budget.time.process_time", lambda: self.now)
+        monkeypatch.setattr("rattle.montecarlo.kernel.blocks.time.process_time", lambda: self.now)
 
     def __call__(self, plan, first):
         for block, result in enumerate(in_threads(1)(plan, first), start=first):

@@ -6,8 +6,7 @@ from mc_checks import dat21, open_space, orbit_of
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.coupling.dyadic import clockwork
-from rattle.montecarlo.coupling.long_path import LongPath
-from rattle.montecarlo.coupling.pairs import after_impact
+from rattle.montecarlo.coupling.paths import LongPath, after_impact
 from rattle.montecarlo.noise.philox import Word
 from rattle.scene import InputError, Tolerance
 from rattle.scene.flight import jacobian

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from mc_checks import agrees, dat21
+from mc_checks import agrees, central_sums, dat21
 from scipy import stats
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
-from rattle.montecarlo.settings.plan import plan_of
-from rattle.montecarlo.settings.sampling import Sampling
-from rattle.montecarlo.statistics.central_sums import PAIR, CentralSums
+from rattle.montecarlo.settings.plan import Sampling, plan_of
+from rattle.montecarlo.statistics.central_sums import PAIR
 from rattle.scene import Scene, Start
 from rattle.scene.moments import SECTION
 
@@ -93,7 +92,7 @@ def test_errors_have_the_size_they_claim():
 def test_a_control_of_the_wrong_variance_would_be_seen():
     """Negative control: a variance 5 % too large shifts the sd by several of its standard errors."""
     control, rows, path = linear(dat21(0.01))
-    sums = CentralSums.of(rows, control, PAIR)
+    sums = central_sums(rows, control, PAIR)
     right, wrong = (estimate_controlled(sums, f * path.variance) for f in (1.0, 1.05))
     truth = np.sqrt(path.variance[:, 0])
     assert (np.abs(right["sd"][:, 0] / truth - 1.0) < 0.02).all()
@@ -132,7 +131,7 @@ def test_mean_times_rise_from_impact_to_impact_whatever_few_paths_make_of_the_sl
 def test_a_variance_that_regression_makes_negative_is_left_as_it_was():
     """Negative control: a known variance so far from that of the sample that the adjusted one would be negative."""
     control, rows, path = linear(dat21(0.01), paths=64)
-    sums = CentralSums.of(rows, control, PAIR)
+    sums = central_sums(rows, control, PAIR)
     found, plain = (estimate_controlled(sums, f * path.variance) for f in (1e-3, 0.0))
     varies = sums.moment(2, 0) > 1e-12
     assert (found["sd"][varies] > 0.0).all()

@@ -11,9 +11,9 @@ from scipy.integrate import quad_vec
 from rattle.montecarlo import SCHEMES, Record, largest_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.diagnostics import diagnose_short_step
 from rattle.montecarlo.schemes.crossing import CLOSE
+from rattle.montecarlo.schemes.exact_flight import flight_forcing
 from rattle.montecarlo.schemes.step_size import neglected_noise
-from rattle.montecarlo.schemes.whole_step import flight_forcing
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 

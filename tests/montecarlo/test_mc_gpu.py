@@ -16,7 +16,7 @@ from rattle.montecarlo import simulate
 from rattle.montecarlo.cuda import bench
 from rattle.montecarlo.cuda import launch as gpu
 from rattle.montecarlo.settings import plan
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import InputError
 
 HERE = Path(__file__).resolve().parent

@@ -18,7 +18,7 @@ class Watched:
 
     def __init__(self, monkeypatch):
         self.now, follow = 0.0, Walk.follow
-        monkeypatch.setattr("rattle.montecarlo.settings.budget.time.process_time", lambda: self.now)
+        monkeypatch.setattr("rattle.montecarlo.kernel.blocks.time.process_time", lambda: self.now)
 
         def followed(walk, sums, periods=1, length=1, seen=None):
             self.now += SECOND * periods * (walk.paths > 1)

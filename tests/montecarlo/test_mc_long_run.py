@@ -9,8 +9,8 @@ import pytest
 
 import rattle as rt
 from rattle.montecarlo.long_run import BurnInError, long_run
-from rattle.montecarlo.long_run.burn_in import apart, drift
 from rattle.montecarlo.long_run.estimates import all_names, control, estimates
+from rattle.montecarlo.long_run.run import apart, drift
 from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, MAIN, NOISE, NUMBER, SLOW
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.errors import InputError
@@ -169,7 +169,7 @@ def test_burn_in_that_is_too_short_is_refused_with_a_longer_one():
 
 def test_paths_that_little_noise_does_not_mix_are_refused(monkeypatch):
     """DAT21 at a small excitation: the approach to its orbits is seen over 64 periods."""
-    monkeypatch.setattr("rattle.montecarlo.long_run.burn_in.MOST", 64)
+    monkeypatch.setattr("rattle.montecarlo.long_run.run.MOST", 64)
     walled = replace(SCENE.with_sigma(1e-6), alpha=0.5)
     with pytest.raises(BurnInError, match=r"burn_in = 64: .* give at least"):
         long_run(walled, periods=64, paths=64)

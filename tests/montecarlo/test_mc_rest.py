@@ -5,9 +5,8 @@ import pytest
 
 from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.long_run.burn_in import AtRest
-from rattle.montecarlo.long_run.run import long_run
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.long_run.run import AtRest, long_run
+from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import Scene, Start
 
 SCENES = {

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import rattle.scene
 from rattle import DAT21, InputError, Order, Scene, follow, refusals
-from rattle.closure.section_step import noise_slope
+from rattle.closure.saltation import noise_slope
 from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.sticking import opening
 

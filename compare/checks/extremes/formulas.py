@@ -8,7 +8,8 @@ import mpmath as mp
 import numpy as np
 
 from rattle import montecarlo
-from rattle.closure import edgeworth, orbit, section_step
+from rattle.closure import edgeworth, orbit
+from rattle.closure import saltation as linear
 from rattle.compare.checks.check import extreme, farthest, spread
 from rattle.compare.checks.extremes import truth
 from rattle.montecarlo.schemes import short_flight as short
@@ -95,7 +96,7 @@ def noise_phase_derivative() -> Iterator[float]:
         ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
         exact = (ahead - behind) / math.sin(2.0 * h)  # exact derivative of A + B cos 2 tau + C sin 2 tau
         most = np.sqrt(np.maximum(ahead.diagonal(), np.array(truth.noise(c, tau + 0.5 * math.pi, t)).diagonal()))
-        found = section_step.noise_slope(c, tau, t)
+        found = linear.noise_slope(c, tau, t)
         yield farthest(found, exact, np.outer(most, most))
 
 

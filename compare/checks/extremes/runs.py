@@ -21,7 +21,7 @@ from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
 from rattle.montecarlo import SCHEMES, Record, Sampling
-from rattle.montecarlo.coupling import long_path
+from rattle.montecarlo.coupling.paths import LongPath
 from rattle.montecarlo.kernel.kernel import PLAIN
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
@@ -47,7 +47,7 @@ def _tables(scene: Scene) -> list[pd.DataFrame]:
     results += [montecarlo.simulate(scene, scheme=s, record=Record(step_bias=False), **chosen) for s in SCHEMES]
     results.append(closure.mean_map(loose, impacts=IMPACTS, closure="saltation"))
     results.append(montecarlo.simulate(loose, scheme="exact-flight", **chosen))
-    path, _ = long_path.LongPath(scene, seed=3).stretch(500)
+    path, _ = LongPath(scene, seed=3).stretch(500)
     stretches = (long_orbit.LongOrbit(scene).stretch(50), path)
     columns = ["phase", "flight", *(f"growth{i}" for i in range(4)), *LENGTHS]
     return [result.phase_reduced.section.select_dtypes("number") for result in results] + [

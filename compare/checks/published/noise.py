@@ -36,7 +36,7 @@ from rattle.montecarlo import Ensemble, Record, Sampling, simulate
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
 from rattle.montecarlo.kernel.block import CROSS
 from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
-from rattle.montecarlo.schemes.whole_step import flight_forcing
+from rattle.montecarlo.schemes.exact_flight import flight_forcing
 from rattle.scene import RattleError, Scene, Start, Tolerance
 from rattle.scene.compiled import jit
 from rattle.scene.flight import noise_covariance

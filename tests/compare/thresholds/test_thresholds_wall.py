@@ -7,7 +7,7 @@ import pytest
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, judge_errors, predict
 from rattle.montecarlo import simulate
-from rattle.montecarlo.settings.sampling import Sampling
+from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import DAT21, InputError, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.02)

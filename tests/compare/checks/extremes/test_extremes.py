@@ -8,7 +8,7 @@ import pytest
 from commands import rattle
 
 from rattle import closure, montecarlo
-from rattle.closure import edgeworth, long_orbit, orbit, section_step
+from rattle.closure import edgeworth, long_orbit, orbit, saltation
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import extreme, extreme_record, farthest, result_lines
 from rattle.compare.checks.extremes import ROWS, formulas, runs
@@ -154,7 +154,7 @@ NEGATIVE_CONTROLS = {
     "flight_state": (flight, "displacement", plain_displacement),
     "flight_jacobian": (flight, "jacobian", cancelling),
     "flight_noise": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
-    "noise_phase_derivative": (section_step, "noise_slope", differenced),
+    "noise_phase_derivative": (saltation, "noise_slope", differenced),
     "saltation": (tangent, "saltation_matrix", harder),
     "grazing": (impact, "next_impact", early(impact.next_impact)),
     "simultaneous": (orbit, "follow", swapped),
