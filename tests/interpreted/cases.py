@@ -116,7 +116,7 @@ def rare_branches():
     scene = Scene.from_gears(DAT21, sigma=0.1)
     shift = BranchSearch(scene, 1, 24, math.pi / 96).until(1.0).branches[0].shift
     plan = plan_of(scene, paths=40, impacts=2, dt=math.pi / 96, scheme="exact-flight", rng=5)
-    with mock.patch("rattle.montecarlo.branches.weighted_paths.BLOCK", 40):
+    with mock.patch("rattle.montecarlo.kernel.block.BLOCK", 40):
         result, _ = run_mixture(plan, mixture_of([shift], [0.3], np.zeros((2, 6)), 40), 0)
     yield from (shift, result.sums["weighted"].sums, result.sums["weighted"].products, result.codes)
 
