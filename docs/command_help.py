@@ -23,7 +23,7 @@ class CommandHelp(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Make them."""
-        from command_names import commands
+        from commands import commands
 
         return [self.section(f"rattle {name}", command) for name, command in commands()]
 

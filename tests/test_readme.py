@@ -11,11 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-from command_names import commands
+from commands import commands, rattle
 
 from rattle.closure import follow
-from rattle.compare.cli.main import main
 from rattle.compare.study.design import Study
 from rattle.scene import DAT21, Scene
 
@@ -81,10 +79,6 @@ def smaller(study):
     small = re.sub(r"^accuracy = .*", "periods = 64\npaths = 32", small, flags=re.MULTILINE)
     assert small != study
     return small
-
-
-def rattle(*words):
-    return CliRunner().invoke(main, list(words))
 
 
 def printed(text, folder):
@@ -162,9 +156,7 @@ def test_every_study_is_read_whole(number):
 def test_every_study_runs_to_the_end(tmp_path, number):
     file = tmp_path / "study.toml"
     file.write_text(smaller(STUDIES[number]))
-    found = rattle("study", str(file))
-    assert found.exit_code == 0, found.output
-    assert "cannot be computed" not in found.output
+    assert "cannot be computed" not in rattle("study", file).output
 
 
 @pytest.mark.slow
@@ -192,8 +184,7 @@ def test_every_shell_example_runs_or_says_why_not(tmp_path, monkeypatch):
         else:
             few = "--impacts 1 --parameter epsilon" if "--closure" in rest and command == "sensitivity" else None
             rest += (few or APPENDED.get(command, "")).split() if rest != ["speed"] else []
-        found = rattle(command, *rest)
-        assert found.exit_code == 0, (words, found.output)
+        rattle(command, *rest)
 
 
 def test_every_measurement_that_is_named_is_there():
@@ -222,7 +213,7 @@ def test_the_commands_that_are_named_are_those_that_exist():
 
 @pytest.mark.parametrize("group", [[], ["check"]], ids=str)
 def test_the_page_of_commands_has_one_line_for_each(group):
-    text = CliRunner().invoke(main, [*group, "--help"], terminal_width=80).output
+    text = rattle(*group, "--help", terminal_width=80).output
     listed = text[text.index("Commands:") :].split("\n\n")[0].splitlines()[1:]
     names = {
         name.removeprefix(" ".join(group)).split()[0] for name, _ in commands() if name.startswith(" ".join(group))

@@ -7,11 +7,11 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from commands import rattle, study
 from small_disks import disk, make_read_only
-from timing import wait_for_work
 
 from rattle.compare.report import folder
 
@@ -87,6 +87,22 @@ def test_killed_while_it_writes_a_report_is_the_old_one(tmp_path):
 
 ENDLESS = 600.0  # seconds in which any machine has loaded a library
 LONG = {"validate": ["--paths", "100000000"], "order": ["--paths", "1000000"], "study": ["study.toml"], "chaos": []}
+
+
+def used(process):
+    """Processor seconds of all threads of a process, of /proc/PID/stat: utime and stime."""
+    try:
+        fields = Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def wait_for_work(process, seconds):
+    """Wait until a process has used so many more seconds of processor time, or has ended: no busy machine fails it."""
+    wanted = used(process) + seconds
+    while process.poll() is None and used(process) < wanted:
+        time.sleep(0.02)
 
 
 def test_an_interrupt_ends_a_command_soon(tmp_path):

@@ -1,12 +1,14 @@
 """The command line as a user types it, and studies that are soon computed."""
 
 import json
+from collections.abc import Iterator
 
+import click
 from click.testing import CliRunner
 
 from rattle.compare.cli.main import main
 
-__all__ = ["rattle", "strict", "study"]
+__all__ = ["commands", "rattle", "strict", "study"]
 
 STUDY = """
 [study]
@@ -50,3 +52,12 @@ def strict(text):
         raise AssertionError(f"{word} is no JSON")
 
     return json.loads(text, parse_constant=refused)
+
+
+def commands(group: click.Group = main, above: str = "") -> Iterator[tuple[str, click.Command]]:
+    """Each command that does something, by its words after ``rattle``: ``simulate``, ``check speed``."""
+    for name, command in sorted(group.commands.items()):
+        if isinstance(command, click.Group):
+            yield from commands(command, f"{above}{name} ")
+        else:
+            yield f"{above}{name}", command

@@ -7,6 +7,10 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from rattle.scene import Order
+
+SINE = (Order(1),)
+
 
 def rates(c, tau, s):
     """Right-hand side of Eq. 5 with sigma = 0, state (x1, y1, x2, y2)."""
@@ -30,11 +34,11 @@ def drift_matrix(c):
     ])  # fmt: skip
 
 
-def modulation(c, tau):
-    """What one unit of the noise adds to (x1, y1, x2, y2)."""
-    return np.array([
-        0.0, -math.sin(tau) + c.beta1 * math.cos(tau), 0.0, (c.beta1 - c.beta2) * math.cos(tau),
-    ])  # fmt: skip
+def modulation(c, tau, orders=SINE):
+    """What one unit of the noise adds to (x1, y1, x2, y2), for a drive ``sum a sin(j tau + phase)``."""
+    first = sum(o.amplitude * o.order * math.cos(o.order * tau + o.phase) for o in orders)
+    second = -sum(o.amplitude * o.order**2 * math.sin(o.order * tau + o.phase) for o in orders)
+    return np.array([0.0, second + c.beta1 * first, 0.0, (c.beta1 - c.beta2) * first])
 
 
 def contact(c, mesh, s):

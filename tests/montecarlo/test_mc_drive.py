@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference_dynamics import drift_matrix, modulation
 from scipy.integrate import solve_ivp
 
 from rattle import DAT21, SCHEMES, Order, Record, Sampling, Scene, Start, mean_map, simulate
@@ -134,11 +135,8 @@ def _covariance(scene, t):
     c, theta = scene.constants, scene.correlation_time
 
     def rates(tau, p):
-        first = sum(o.amplitude * o.order * math.cos(o.order * tau + o.phase) for o in ORDERS)
-        second = -sum(o.amplitude * o.order**2 * math.sin(o.order * tau + o.phase) for o in ORDERS)
         a, noise = np.zeros((5, 5)), np.zeros((5, 5))
-        a[0, 1], a[1, 1], a[2, 3], a[3, 1], a[3, 3] = 1.0, -c.beta1, 1.0, c.beta2 - c.beta1, -c.beta2
-        a[1, 4], a[3, 4] = c.sigma * (second + c.beta1 * first), c.sigma * (c.beta1 - c.beta2) * first
+        a[:4, :4], a[:4, 4] = drift_matrix(c), c.sigma * modulation(c, tau, ORDERS)
         a[4, 4], noise[4, 4] = -1.0 / theta, 1.0 / theta**2
         grown = a @ p.reshape(5, 5)
         return (grown + grown.T + noise).ravel()

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import source_tree
-from command_names import commands
+from commands import commands
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 DOCS = ROOT / "docs"

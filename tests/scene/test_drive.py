@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_dynamics import drift_matrix
+from reference_dynamics import drift_matrix, modulation
 from scipy.integrate import solve_ivp
 
 import rattle.scene
@@ -20,17 +20,6 @@ STATE = (0.1, -1.3, 0.2, 0.7)
 SPARSE = (Order(3, 0.3, 0.1), Order(40, 1e-3, 1.0))  # the second is too far from the first for a recurrence
 
 
-def motion(orders, n, tau):
-    """Derivative n of ``sum a sin(j tau + phase)``."""
-    return sum(o.amplitude * o.order**n * math.sin(o.order * tau + o.phase + 0.5 * n * math.pi) for o in orders)
-
-
-def modulation(c, orders, tau):
-    """Eq. 5: what multiplies ``alpha + sigma eta``."""
-    first = motion(orders, 1, tau)
-    return np.array([0.0, motion(orders, 2, tau) + c.beta1 * first, 0.0, (c.beta1 - c.beta2) * first])
-
-
 @pytest.mark.parametrize("orders", [ORDERS, SPARSE])
 @pytest.mark.parametrize("t", [1e-3, 0.05, 0.7, 9.0])
 def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
@@ -38,7 +27,7 @@ def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     drag = np.array([0.0, c.gamma1, 0.0, c.gamma1 - c.gamma2])
 
     def rates(tau, s):
-        return drift_matrix(c) @ s + drag + c.alpha * modulation(c, orders, tau)
+        return drift_matrix(c) @ s + drag + c.alpha * modulation(c, tau, orders)
 
     exact = solve_ivp(rates, (0.4, 0.4 + t), STATE, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
     assert flow(c, 0.4, *STATE, t) == pytest.approx(exact, abs=1e-12)
@@ -51,7 +40,7 @@ def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
     c = THREE.constants
 
     def rates(tau, p):
-        m = modulation(c, ORDERS, tau)
+        m = modulation(c, tau, ORDERS)
         grown = drift_matrix(c) @ p.reshape(4, 4)
         return (grown + grown.T + c.sigma**2 * np.outer(m, m)).ravel()
 
@@ -68,7 +57,7 @@ def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
 def test_a_mesh_opens_where_its_contact_force_first_falls_to_zero(side, gamma):
     scene = Scene(alpha=0.5, epsilon=0.3, beta1=0.1, gamma1=gamma, stages=1, drive=ORDERS)
     tau = np.linspace(0.3, 0.3 + 2.0 * math.pi, 200_001)
-    push = np.array([modulation(scene.constants, ORDERS, t)[1] for t in tau[::100]])
+    push = np.array([modulation(scene.constants, t, ORDERS)[1] for t in tau[::100]])
     force = side * (gamma + 0.5 * push)
     found = opening(scene.constants, 0.3, 0.0, 0.0, (side, 0))[0]
     below = np.flatnonzero(force <= 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
-from rattle.scene.units import Units, check_units, in_units
+from rattle.scene.units import in_units
 
 NAMES = {"DAT21": DAT21, "Gears": Gears, "Scene": Scene, "Start": Start, "Tolerance": Tolerance}
 LOOSE = replace(DAT21, backlash2=0.25)
@@ -55,14 +55,6 @@ def test_columns_in_physical_units():
          "impacts_per_s": 150.0}
     )  # fmt: skip
     assert in_units(columns, None, "dimensionless") == columns
-
-
-def test_units_are_refused_in_words():
-    with pytest.raises(InputError, match="did you mean 'physical'"):
-        check_units("phisical", DAT21)
-    with pytest.raises(InputError, match="was not made from gears"):
-        check_units("physical", None)
-    assert isinstance(DAT21.units, Units)
 
 
 def test_an_error_keeps_its_place_between_processes():

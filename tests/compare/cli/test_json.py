@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from command_names import commands
-from commands import rattle, strict, study
+from commands import commands, rattle, strict, study
 
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import extreme

@@ -51,9 +51,14 @@ def test_another_number_is_refused_at_once(text):
         (("check", "stability", "--axis", "gup"), "axis = 'gup': did you mean 'gap'?"),
         (("chaos", "--field", "alhpa"), "did you mean 'alpha'?"),
         (("simulate", "--units", "metric"), "units = 'metric': valid are"),
+        (("simulate", "--scheme", "fast"), "scheme = 'fast'"),
+        (("simulate", "--accuracy", "0"), "accuracy = 0.0: must be greater than 0"),
+        (("simulate", "--sigma", "-1"), "sigma = -1.0"),
+        (("simulate", "--out", "no/such/folder/table.csv"), "does not exist"),
+        (("simulate", "--paths", "10", "--scheme", "exact-flight", "--dt", "1"), "dt = 1.0: must be at most"),
     ],
 )
-def test_a_wrong_name_is_one_line_and_code_2(words, message):
+def test_what_is_wrong_is_one_line_and_code_2(words, message):
     assert message in rattle(*words, code=2).output
 
 

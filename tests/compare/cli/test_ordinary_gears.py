@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pytest
-from command_names import commands
-from commands import rattle
+from commands import commands, rattle
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[2] / "examples"

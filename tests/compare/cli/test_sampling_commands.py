@@ -67,20 +67,6 @@ def test_stars_stand_at_what_misses_in_either_units(units):
     assert "NOT reached:" in record["reach"]
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--scheme", "fast"], "scheme = 'fast'"),
-        (["--accuracy", "0"], "accuracy = 0.0: must be greater than 0"),
-        (["--sigma", "-1"], "sigma = -1.0"),
-        (["--out", "no/such/folder/table.csv"], "does not exist"),
-        (["--paths", "10", "--scheme", "exact-flight", "--dt", "1"], "dt = 1.0: must be at most"),
-    ],
-)
-def test_bad_input_is_one_line_and_code_2(words, message):
-    assert message in rattle("simulate", *words, code=2).output
-
-
 def test_speed_has_the_floor_and_every_scheme(monkeypatch):
     monkeypatch.setattr("rattle.montecarlo.bench.REPEATS", 1)
     result = rattle("check", "speed", "--json")

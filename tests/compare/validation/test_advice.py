@@ -95,12 +95,6 @@ def test_headline_page_and_table_agree_where_a_clock_is_noisy(monkeypatch):
     assert "still follow a closure's itinerary" not in "".join(said)  # all paths do: nothing limits a closure
 
 
-@pytest.fixture(scope="module")
-def v():
-    scene = Scene.from_gears(DAT21, sigma=0.02)
-    return validate(scene, impacts=2, closures=["saltation"], paths=4_000, scheme="exact-flight", rng=1)
-
-
 def test_the_cost_is_that_of_a_run_to_the_accuracy():
     scene = Scene.from_gears(DAT21, sigma=0.3)
     pilot = validate(scene, impacts=2, closures=["corrected"], paths=16_384, scheme="exact-flight", rng=1)
