@@ -60,7 +60,10 @@ def study(
         return
     _ = wanted.points  # finds what cannot be computed before any file is written
     if status:
-        say(_status(wanted, seen), keep="\n")
+        todo = seen.missing(wanted.cells)
+        say(f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results stored.")
+        say_lines(f"  missing: {number} {group}" for group, number in Counter(cell.group for cell in todo).items())
+        say_lines(f"  {line(str(failure))}" for failure in group_failures(wanted.points, {}))
         return
     record = _read_finished(wanted, seen, folder)
     if record is None:
@@ -169,14 +172,4 @@ def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     lines.append("Expected time on more cores (Dask):")
     seconds = {key: one.core_seconds for key, one in each.items()}
     lines.append(scaling(todo, seconds, times).to_string(index=False, float_format="{:.3g}".format))
-    return "\n".join(lines)
-
-
-def _status(wanted: "Study", seen: "Store") -> str:
-    from rattle.compare.study.folder import group_failures
-
-    todo = seen.missing(wanted.cells)
-    lines = [f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results stored."]
-    lines += [f"  missing: {number} {group}" for group, number in Counter(cell.group for cell in todo).items()]
-    lines += [f"  {line(str(failure))}" for failure in group_failures(wanted.points, {})]
     return "\n".join(lines)
