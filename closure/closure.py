@@ -17,11 +17,7 @@ import numpy as np
 
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import follow
-from rattle.scene.errors import InputError, choice, nearest
-from rattle.scene.moments import SECTION, STATE
-from rattle.scene.scene import Scene
-from rattle.scene.text import line
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, line, nearest
 
 if TYPE_CHECKING:  # loading it takes as long as all the rest
     import pandas as pd

@@ -6,11 +6,11 @@ from math import erf, erfc, exp, factorial, pi, sqrt
 import numpy as np
 from numpy.polynomial import hermite_e
 
+from rattle.scene import Floats
 from rattle.scene.compiled import jit, shared
 from rattle.scene.elementary import exponentials
 from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST
-from rattle.scene.types import Floats
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
 NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre quadrature

@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rattle.closure.orbit import HORIZON, Impacts, Orbit, follow
+from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
 from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
-from rattle.scene.scene import Scene
 from rattle.scene.sticking import complete_chatter
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
-from rattle.scene.types import Constants, Floats, Ints
 
 PERIOD = 2.0 * math.pi
 

@@ -9,8 +9,7 @@ from rattle.closure.branching import LEVELS
 from rattle.closure.closure import NOTE, Closure, describe_error, import_closure, name_of
 from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
 from rattle.closure.result import MeanMap
-from rattle.scene.errors import InputError, choice, count, positive
-from rattle.scene.scene import Scene, check_scene
+from rattle.scene import InputError, Scene, check_scene, choice, count, positive
 
 
 @dataclass(frozen=True)

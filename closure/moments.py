@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rattle.scene import InputError, Scene
-from rattle.scene.moments import SECTION, fill_gaussian_moments
-from rattle.scene.types import Bools, Floats, Ints
+from rattle.scene import SECTION, Bools, Floats, InputError, Ints, Scene
+from rattle.scene.moments import fill_gaussian_moments
 
 
 @dataclass(frozen=True)

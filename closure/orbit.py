@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rattle.scene import STATE, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean
 from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
-from rattle.scene.moments import STATE
-from rattle.scene.scene import Scene
 from rattle.scene.sticking import complete_chatter, find_sticking, may_chatter, next_contact, stick_on, stuck
-from rattle.scene.types import Constants, Floats, Ints
 from rattle.scene.units import as_dataset
 
 if TYPE_CHECKING:

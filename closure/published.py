@@ -16,7 +16,7 @@ import numpy as np
 
 from rattle.closure.edgeworth import window_shift
 from rattle.closure.moments import Trace, check_white
-from rattle.scene import InputError, Scene
+from rattle.scene import Constants, Floats, InputError, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.damping import decay, phi1
 from rattle.scene.flight import NODES, PANEL, WEIGHTS, flow, noise_covariance
@@ -24,7 +24,6 @@ from rattle.scene.impact import struck
 from rattle.scene.linear_algebra import beyond, put
 from rattle.scene.moments import gaussian_raw_moments
 from rattle.scene.parts import SINE_ALONE
-from rattle.scene.types import Constants, Floats
 
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
 LONGEST = 20.0  # longest flight; the map ends if there is no counter mesh in it

@@ -12,11 +12,9 @@ import numpy as np
 from rattle.closure.closure import AT_TIMES, Closure
 from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
 from rattle.closure.moments import Trace, advice, largest_error, within
-from rattle.scene.errors import InputError, choice, count
-from rattle.scene.moments import ROUNDING, SECTION, SMALLEST, STATE, Realizability, correlation, realizability
-from rattle.scene.scene import Scene
+from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, count
+from rattle.scene.moments import ROUNDING, SMALLEST, Realizability, correlation, realizability
 from rattle.scene.section_result import SectionResult
-from rattle.scene.types import Floats
 from rattle.scene.units import at_times_in, check_units
 
 if TYPE_CHECKING:  # tables are made when they are asked for, see `SectionResult`

@@ -18,13 +18,13 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from rattle.scene import Scene, Tolerance
+from rattle.scene import Constants, Floats, Ints, Scene, Tolerance
 from rattle.scene.compiled import jit, shared
 from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.impact import contact_matrix
 from rattle.scene.linear_algebra import apply, times, transform
-from rattle.scene.types import CUT, Constants, Floats, Ints
+from rattle.scene.types import CUT
 
 Number = TypeVar("Number", int, Ints)
 

@@ -20,11 +20,9 @@ from rattle.closure.mean_map import mean_map, refusals
 from rattle.closure.orbit import Impacts
 from rattle.closure.saltation import SLOWEST, propagate, section_derivatives
 from rattle.closure.section_map import PLAIN, hit_matrix
+from rattle.scene import SECTION, Floats, Ints, Scene
 from rattle.scene.flight import noise_covariance
 from rattle.scene.linear_algebra import transform
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
 
 MAPPED = 4000  # impacts of a mean map whose average is taken
 DROPPED = 400  # of those, before the average begins

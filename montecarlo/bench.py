@@ -19,9 +19,8 @@ from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
 from rattle.montecarlo.schemes.euler import plain_lanes, step_forcing
 from rattle.montecarlo.settings.plan import Record, Sampling, plan_of
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene import DAT21, Constants, Floats, Scene, Start, Tolerance
 from rattle.scene.compiled import jit, lean
-from rattle.scene.types import Constants, Floats
 
 REPEATS = 25  # turns of slices
 STEP = 2.0 * math.pi / 1000.0

@@ -12,10 +12,6 @@ from rattle.scene.types import Floats
 
 Number = TypeVar("Number", float, Floats)
 
-STATE = ("x1", "y1", "x2", "y2")
-SECTION = ("tau", "flight", *STATE)
-"""The section quantities: those of a path just before its own k-th impact (a Poincaré section at the impacts)."""
-
 ROUNDING = 1e-9  # relative tolerance for rounding in |rho| <= 1 and in Cholesky pivots
 SMALLEST = 1e-290  # smallest variance, or power of an sd, that has all its digits and may be a divisor
 LOST = 4.0 * 2.0**-52  # a variance below this times the square of its largest term is rounding

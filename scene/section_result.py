@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rattle.scene.errors import choice
-from rattle.scene.moments import SECTION
 from rattle.scene.text import as_html
+from rattle.scene.types import SECTION
 from rattle.scene.units import as_dataset, in_units, units_of
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest

@@ -1,4 +1,4 @@
-"""Types that everything here works with: arrays, and the numbers of a scene as compiled code takes them."""
+"""What everything here works with: arrays, names of the state, and the numbers of a scene for compiled code."""
 
 from typing import Any, NamedTuple
 
@@ -8,6 +8,10 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+STATE = ("x1", "y1", "x2", "y2")
+SECTION = ("tau", "flight", *STATE)
+"""The section quantities: those of a path just before its own k-th impact (a Poincaré section at the impacts)."""
 
 CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 

@@ -24,8 +24,7 @@ from rattle.closure.branching.mixture import moments
 from rattle.closure.moments import SLOW, Trace, bounds, within
 from rattle.closure.orbit import follow
 from rattle.closure.section_map import PLAIN
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import Floats, Scene
 
 LEVELS = (Level(10, 18, 1e-2, 3e-3), Level(20, 60, 3e-3, 1e-3), Level(40, 180, 1e-3, 1e-4), Level(80, 600, 1e-4, 1e-6))
 """Resolutions of the closure, the coarsest first."""

@@ -17,12 +17,11 @@ from rattle.closure.branching.mixture import Mixture
 from rattle.closure.branching.propagate import event, half
 from rattle.closure.orbit import Orbit
 from rattle.closure.section_map import PLAIN, start_covariance
+from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.linear_algebra import apply, beyond, congruence, eigen, put, put_scaled, times, transform
 from rattle.scene.moments import semidefinite
-from rattle.scene.scene import Scene
-from rattle.scene.types import Constants, Floats, Ints
 
 REACH = 6.0  # distance of a cut, in sds, beyond which a Gaussian is on one side of it
 POINTS, SHARES = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.closure.section_map import PLAIN
+from rattle.scene import Floats, Ints
 from rattle.scene.compiled import internal, jit
 from rattle.scene.linear_algebra import eigen, largest
-from rattle.scene.types import Floats, Ints
 
 
 class Mixture(NamedTuple):

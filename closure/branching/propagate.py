@@ -11,11 +11,11 @@ import numpy as np
 
 from rattle.closure.branching.mixture import Mixture
 from rattle.closure.section_map import PLAIN, between, column, derivatives
+from rattle.scene import Constants, Floats
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import next_impact
-from rattle.scene.types import Constants, Floats
 
 BISECTIONS = 6  # steps to locate a boundary
 LONGEST = 100.0  # longest flight; a component without an impact by then is discarded

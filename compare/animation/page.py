@@ -17,9 +17,8 @@ from rattle.compare.animation.record import SCHEME, Motion, Recording
 from rattle.compare.report.folder import check_place, refusals, write_whole
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.render import render_html
+from rattle.scene import OutputError, line
 from rattle.scene.drive import driver_motion
-from rattle.scene.errors import OutputError
-from rattle.scene.text import line
 
 LARGEST = 1_000_000
 """Most bytes of an animation."""

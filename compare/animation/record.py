@@ -9,9 +9,7 @@ import numpy as np
 from rattle.closure.orbit import Orbit, follow
 from rattle.montecarlo import Record, Sampling, default_step, simulate
 from rattle.montecarlo.settings.plan import is_random
-from rattle.scene.errors import InputError, count
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
+from rattle.scene import Floats, InputError, Ints, Scene, count
 
 SCHEME = "exact-flight"
 MOST_IMPACTS = 200

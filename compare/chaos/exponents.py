@@ -20,10 +20,8 @@ from scipy.special import ndtri, stdtrit
 
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
 from rattle.montecarlo.coupling.paths import after_impact, growths
-from rattle.scene.errors import InputError, count
-from rattle.scene.scene import Scene
+from rattle.scene import Floats, InputError, Ints, Scene, count
 from rattle.scene.tangent import Stretch
-from rattle.scene.types import Floats, Ints
 
 ORBIT = "orbit"
 DRIFT = "drift's linearisation along a noisy path"

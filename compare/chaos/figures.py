@@ -19,7 +19,7 @@ from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Bifurcation, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
 from rattle.compare.report.texts import read_texts
-from rattle.scene.types import Bools, Floats
+from rattle.scene import Bools, Floats
 
 SIDE: Any = {
     ORBIT: {"color": "#0072B2", "marker": "o"},

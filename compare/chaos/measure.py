@@ -20,7 +20,7 @@ from rattle.compare.chaos.record import in_threads, leave_out
 from rattle.compare.chaos.section import ORBIT, Bifurcation, Section, bifurcation, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
 from rattle.compare.report.texts import read_texts
-from rattle.scene.scene import Scene
+from rattle.scene import Scene
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""

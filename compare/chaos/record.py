@@ -16,11 +16,9 @@ from rattle.closure.long_orbit import LongOrbit
 from rattle.closure.orbit import follow
 from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.coupling.paths import LongPath
-from rattle.scene.errors import InputError, RattleError, count
+from rattle.scene import Floats, InputError, RattleError, Scene, count
 from rattle.scene.impact import MISSES, NONE
-from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch
-from rattle.scene.types import Floats
 
 T = TypeVar("T")
 R = TypeVar("R")

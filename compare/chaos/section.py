@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from rattle.closure import mean_map
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, leave_out, noisy_record, orbit_record
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
-from rattle.scene import Start
-from rattle.scene.errors import InputError, choice, count, finite
-from rattle.scene.scene import SWEPT, Scene
-from rattle.scene.types import Floats, Ints
+from rattle.scene import Floats, InputError, Ints, Scene, Start, choice, count, finite
+from rattle.scene.scene import SWEPT
 
 ORBIT, MAP, NOISY = "orbit", "mean map (corrected)", "noisy system"
 WITHOUT_NOISE, WITH_NOISE = "without noise", "with noise"

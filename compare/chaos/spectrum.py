@@ -21,8 +21,7 @@ from rattle.closure.long_orbit import velocities
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, leave_out, noisy_record, orbit_record
 from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.montecarlo.coupling.dyadic import step_time
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import Floats, Scene
 
 SEQUENCE, TIME = "velocity before impact, by impact", "velocity in time"
 CONFIDENCE = 0.95

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from rattle.compare.report.texts import read_texts
-from rattle.scene.errors import choice, count
+from rattle.scene import choice, count
 
 FALSE_ALARM = 1e-3
 """Probability that at least one statistical check in a whole run of a correct program fails."""

@@ -6,8 +6,7 @@ import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, real, several, whole
-from rattle.scene import Scene
-from rattle.scene.errors import InputError
+from rattle.scene import InputError, Scene
 
 REACH = "Its range. [default: half its value to twice it]"
 JUDGED = "In place of quantities: judge what it predicts."

@@ -12,9 +12,7 @@ import click
 
 from rattle.compare.report.folder import check_free, default_place, name_of
 from rattle.compare.report.json_text import json_text
-from rattle.scene import DAT21, Scene
-from rattle.scene.errors import choice, count
-from rattle.scene.text import harmless
+from rattle.scene import DAT21, Scene, choice, count, harmless
 
 PATH = click.Path(path_type=Path)
 Option = Callable[[Any], Any]

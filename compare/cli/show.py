@@ -18,10 +18,9 @@ from rattle.compare.report import NUMBER, Block, Code, Figure, Glossary, Page, P
 from rattle.compare.report.folder import default_place, name_of
 from rattle.compare.report.json_text import NAME, read_page
 from rattle.compare.report.render import parts
-from rattle.scene.errors import FileError, InputError, OutputError, count, nearest
+from rattle.scene import FileError, InputError, OutputError, count, harmless, line, nearest
 from rattle.scene.files import read_text, read_toml
 from rattle.scene.gears_input import find_measured, read_measured
-from rattle.scene.text import harmless, line
 
 NARROWEST = 20
 """Characters of the shortest line; a narrower terminal wraps it."""

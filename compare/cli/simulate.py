@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines, say_part
 from rattle.compare.report.folder import write_whole
-from rattle.scene import Gears, Scene
-from rattle.scene.errors import InputError, positive
+from rattle.scene import Gears, InputError, Scene, positive
 from rattle.scene.units import RATE, UNITS, check_units, in_units
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ import click
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
 from rattle.compare.report.folder import ANY_TEXT, sweep, within, write_whole
-from rattle.scene.errors import InputError, OutputError, RattleError, count
-from rattle.scene.text import line
+from rattle.scene import InputError, OutputError, RattleError, count, line
 
 if TYPE_CHECKING:
     from rattle.compare.study.design import Study

@@ -9,8 +9,7 @@ import click
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Begin, load_scene, say, say_json, say_lines
 from rattle.compare.report.folder import check_free, default_place, name_of
-from rattle.scene import Scene
-from rattle.scene.errors import choice, count, positive
+from rattle.scene import Scene, choice, count, positive
 
 EXIT_FAILED, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 4, 5
 CLOSURE = "Closure, or package.module:function of your own; repeatable. [default: all that can be applied]"

@@ -31,8 +31,7 @@ from rattle.compare.study.engine import Runner
 from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import Tolerances
-from rattle.scene.errors import InputError, count, positive
-from rattle.scene.scene import Scene, check_scene
+from rattle.scene import InputError, Scene, check_scene, count, positive
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -23,8 +23,7 @@ from rattle.compare.study.parameters import find_parameter
 from rattle.compare.study.store import Store
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene.errors import InputError, choice, count, positive
-from rattle.scene.scene import Scene, check_scene
+from rattle.scene import InputError, Scene, check_scene, choice, count, positive
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,7 +4,7 @@ from typing import Any, ClassVar
 
 import pandas as pd
 
-from rattle.scene.text import as_html
+from rattle.scene import as_html
 
 WORDS = {
     "rate_above": "the number of impacts per second{}",

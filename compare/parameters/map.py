@@ -20,8 +20,7 @@ from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.parameters import find_parameter
 from rattle.compare.study.store import Cell, Content, Store
 from rattle.montecarlo.kernel.blocks import Blocks
-from rattle.scene.errors import InputError, RattleError, check_keys, count
-from rattle.scene.scene import Scene, check_scene
+from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

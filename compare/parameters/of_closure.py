@@ -20,10 +20,7 @@ from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
-from rattle.scene.errors import InputError, choice, count, positive
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene, check_scene
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
 
 __all__ = ["ClosureSensitivity", "closure_sensitivity"]
 

@@ -16,8 +16,7 @@ import pandas as pd
 
 from rattle.compare.validation.errors import Claimed, Simulated, section_errors, waits_for_branch
 from rattle.compare.validation.verdict import JUDGED, Tolerances, is_accurate, is_wrong, widest
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
+from rattle.scene import SECTION, Scene
 
 LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 """Paths after which a value is judged."""

@@ -18,9 +18,7 @@ from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
-from rattle.scene.errors import InputError, choice, positive
-from rattle.scene.scene import Scene, check_scene
-from rattle.scene.types import Floats
+from rattle.scene import Floats, InputError, Scene, check_scene, choice, positive
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,8 +11,7 @@ from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
-from rattle.scene.errors import OutputError
-from rattle.scene.text import harmless, line
+from rattle.scene import OutputError, harmless, line
 
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
 PART, OLD = ".part", ".old"  # suffixes of scratch names: a folder or file being written, a folder being replaced

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from rattle.compare.report import BLOCKS, Block, Page
-from rattle.scene.errors import FileError
+from rattle.scene import FileError, harmless
 from rattle.scene.files import read_json
-from rattle.scene.text import harmless
 
 
 def plain(data: Any) -> Any:

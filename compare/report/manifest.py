@@ -13,11 +13,8 @@ import pandas as pd
 
 from rattle.compare.report.json_text import check_not_newer, json_digest, plain
 from rattle.compare.report.provenance import versions
-from rattle.scene.errors import FileError, InputError, check_keys
+from rattle.scene import FileError, Floats, InputError, Scene, check_keys, line
 from rattle.scene.files import read_json
-from rattle.scene.scene import Scene
-from rattle.scene.text import line
-from rattle.scene.types import Floats
 
 VERSION = 1
 """Version of the format of manifests."""

@@ -16,7 +16,7 @@ import numba
 from llvmlite import binding
 
 from rattle.compare.report import Block, Code, Source, Text
-from rattle.scene.scene import Scene
+from rattle.scene import Scene
 
 COMPILER: Any = numba.config  # numba has no type annotations
 

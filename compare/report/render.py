@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 
 from rattle.compare.report import MARKS, NUMBER, Block, Glossary, Page
 from rattle.compare.report.json_text import KINDS, NAME, page_text
-from rattle.scene.text import harmless, line
+from rattle.scene import harmless, line
 
 if TYPE_CHECKING:
     from jinja2 import Environment

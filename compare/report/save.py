@@ -17,8 +17,8 @@ from rattle.compare.report.manifest import seal
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.render import pages, write_page
 from rattle.compare.report.texts import lay_out
+from rattle.scene import harmless
 from rattle.scene.measured_drive import CHANCE, SMALL, MeasuredDrive
-from rattle.scene.text import harmless
 
 
 def csv_text(table: pd.DataFrame, **options: Any) -> str:

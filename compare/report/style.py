@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from rattle.closure import CLOSURES
-from rattle.scene.moments import STATE
+from rattle.scene import STATE
 from rattle.scene.plot import ShownFigure
 
 OWN_COLORS = ("#882255", "#332288", "#999933", "#117733", "#AA4499", "#661100")

@@ -13,8 +13,7 @@ from typing import Any
 import pandas as pd
 
 from rattle.compare.report import NUMBER, TEXT, Block, Column, Figure, Glossary, PageSection, Table, TableCell, Text
-from rattle.scene.errors import InputError
-from rattle.scene.gears import Gears
+from rattle.scene import Gears, InputError
 
 FIGURE, PART, PLAIN = (re.compile(form) for form in (r"!\[(.*?)\]\((.*?)\) ?(.*)", r"\[([\w-]+)\]", r"\{[^{}:]+\}"))
 

@@ -16,8 +16,7 @@ from rattle.compare.chaos.section import Bifurcation
 from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene.gears import Gears
-from rattle.scene.types import Floats
+from rattle.scene import Floats, Gears
 
 SIMULATED: Any = STYLE["monte carlo"]["color"]
 DEEP = 1e-3  # lower end of the colours of a density, relative to its highest

@@ -13,8 +13,7 @@ from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import groups
 from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.settings.plan import is_random
-from rattle.scene.errors import choice
-from rattle.scene.scene import Scene, check_scene
+from rattle.scene import Scene, check_scene, choice
 
 __all__ = ["stationary"]
 

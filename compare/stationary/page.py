@@ -16,7 +16,7 @@ from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_
 from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.long_run import LongRun
-from rattle.scene.scene import Scene
+from rattle.scene import Scene
 from rattle.scene.threshold import rattle_threshold
 
 FIGURES = ("distribution", "section", "memory", "closures", "bifurcation")

@@ -13,10 +13,7 @@ from rattle.closure.stationary import Law
 from rattle.compare.stationary.verdicts import judge_predictions, laws, predictions
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.long_run.estimates import NAMES, QUANTILES
-from rattle.scene.errors import InputError, choice
-from rattle.scene.gears import Gears
-from rattle.scene.scene import Scene
-from rattle.scene.text import as_html
+from rattle.scene import Gears, InputError, Scene, as_html, choice
 from rattle.scene.threshold import rattle_threshold
 from rattle.scene.units import DIMENSIONLESS, Units, check_units
 

@@ -23,8 +23,7 @@ from rattle.compare.validation.verdict import JUDGED, Tolerances, span
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import ACCURACY, PATHS, check_long_run
-from rattle.scene.errors import InputError, choice
-from rattle.scene.scene import Scene
+from rattle.scene import InputError, Scene, choice
 
 if TYPE_CHECKING:
     import xarray as xr

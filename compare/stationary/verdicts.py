@@ -18,8 +18,7 @@ from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.verdict import judge, widest
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import Floats, Scene
 
 CLOSURES_JUDGED = {
     "saltation": "linear at a periodic orbit",

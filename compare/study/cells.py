@@ -18,10 +18,7 @@ from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, small_noise
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.settings.plan import Sampling
-from rattle.scene.errors import InputError, choice, positive
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, Floats, InputError, Scene, choice, positive
 
 FACTS = ("paths", "path_steps", "sticking_steps", "unfinished")
 """What is stored of an ensemble besides its table."""

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from rattle.compare.study.engine import Runner
 from rattle.compare.study.store import numerical_version
-from rattle.scene.errors import InputError, RattleError
+from rattle.scene import InputError, RattleError
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -18,12 +18,21 @@ import pandas as pd
 from rattle.closure import Closure
 from rattle.compare.study.store import Cell, Store
 from rattle.compare.validation.verdict import Tolerances
-from rattle.scene.errors import InputError, check_keys, choice, count, finite, nearest, positive
+from rattle.scene import (
+    Gears,
+    InputError,
+    Scene,
+    Start,
+    Tolerance,
+    check_keys,
+    choice,
+    count,
+    finite,
+    nearest,
+    positive,
+)
 from rattle.scene.files import in_file, read_text, read_toml
-from rattle.scene.gears import Gears
 from rattle.scene.gears_input import check_plausible
-from rattle.scene.parts import Start, Tolerance
-from rattle.scene.scene import Scene
 
 SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""

@@ -20,8 +20,7 @@ from tqdm import tqdm
 from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep, within
 from rattle.compare.study.store import Cell, Content, Store
 from rattle.montecarlo.kernel.blocks import in_tasks
-from rattle.scene.errors import InputError
-from rattle.scene.text import line
+from rattle.scene import InputError, line
 
 LOG = "study.log"
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C

@@ -20,7 +20,7 @@ from rattle.compare.report.render import pages
 from rattle.compare.report.save import MANIFEST, contents, file_digest, write_files
 from rattle.compare.study.design import Point, Study, kind_of, page_of
 from rattle.compare.study.store import numerical_version
-from rattle.scene.errors import FileError, OutputError
+from rattle.scene import FileError, OutputError
 
 CELLS, FILE = "cells", "study.toml"
 """Names in a study's folder: the folder of results, and the study file."""

@@ -15,10 +15,7 @@ from rattle.compare.study.cells import BATCH, FACTS, Predicted, Prediction, Samp
 from rattle.compare.study.design import SETTINGS, Point, Study, list_reasons, with_coordinates
 from rattle.compare.validation.errors import ON_ITINERARY, judge_followers, section_errors, to_absolute_time
 from rattle.compare.validation.verdict import Tolerances, is_accurate, is_wrong, judge, unbroken, widest
-from rattle.scene.errors import InputError, check_keys, choice, count, positive
-from rattle.scene.moments import SECTION, STATE
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, STATE, Floats, InputError, Scene, check_keys, choice, count, positive
 from rattle.scene.units import with_units
 
 if TYPE_CHECKING:

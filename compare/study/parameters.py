@@ -5,10 +5,9 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from rattle.compare.study.design import FIELDS, ORDER, make_scene, table_of
-from rattle.scene.errors import choice
-from rattle.scene.gears import Gears
-from rattle.scene.parts import SINE_ALONE, Start
-from rattle.scene.scene import FREE, SWEPT, Scene
+from rattle.scene import Gears, Scene, Start, choice
+from rattle.scene.parts import SINE_ALONE
+from rattle.scene.scene import FREE, SWEPT
 
 CHANGE = 0.01  # the change of a parameter that effects are stated for
 PERCENT = f"{100.0 * CHANGE:g} %"

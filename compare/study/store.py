@@ -26,10 +26,8 @@ from filelock import FileLock, SoftFileLock, Timeout
 from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path, within
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.scene import OutputError, Scene, harmless, line
 from rattle.scene.compiled import has_fma, strip
-from rattle.scene.errors import OutputError
-from rattle.scene.scene import Scene
-from rattle.scene.text import harmless, line
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("scene", "closure", "montecarlo")

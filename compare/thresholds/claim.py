@@ -10,9 +10,7 @@ from rattle.compare.study.cells import Sample, check_sample
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo.settings.plan import MOST_PATHS
-from rattle.scene.errors import FileError, InputError, check_keys, choice, count, finite, positive
-from rattle.scene.moments import SECTION, STATE
-from rattle.scene.scene import Scene
+from rattle.scene import SECTION, STATE, FileError, InputError, Scene, check_keys, choice, count, finite, positive
 
 PROFILES = {"quick": 32_768, "full": 1_048_576}
 """Simulated paths of the first look, unless the marker gives a number."""
@@ -122,7 +120,7 @@ class Claim:
 
     scene: Scene
     impacts: tuple[int, ...]  # impacts that are checked, ascending
-    quantities: tuple[str, ...]  # names in `rattle.scene.moments.SECTION`
+    quantities: tuple[str, ...]  # names in `rattle.scene.SECTION`
     allowed: Mapping[str, Allowed]  # for each moment, ``mean`` or ``sd``
     paths: int | None = None  # simulated paths to begin with; None for those of the session's profile
     budget: int | None = None  # largest number of paths while the claim is undecided; None for the session's

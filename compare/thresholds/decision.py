@@ -46,8 +46,7 @@ from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.run import PATHS
 from rattle.montecarlo.settings.plan import begins
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene.errors import InputError, choice
-from rattle.scene.scene import Scene
+from rattle.scene import InputError, Scene, choice
 
 Model = str | Closure | Callable[[Scene, int], Any]
 """A closure's name, or a closure of one's own."""

@@ -18,9 +18,8 @@ from rattle.compare.thresholds import messages
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.decision import Decision, Model, Thresholds, decide, decide_long, predict, predict_long
 from rattle.compare.validation.errors import NamedSection
-from rattle.scene.errors import FileError, RattleError
+from rattle.scene import FileError, RattleError, harmless, line
 from rattle.scene.files import read_text
-from rattle.scene.text import harmless, line
 
 Changes = dict[str, tuple[Any, Any]]
 """Recorded and present value, by dotted key in the file; None for a missing one."""

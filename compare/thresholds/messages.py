@@ -11,7 +11,7 @@ from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.validation.errors import BY_SIZE
 from rattle.compare.validation.verdict import span
-from rattle.scene.text import line
+from rattle.scene import line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -27,10 +27,7 @@ from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths, step_e
 from rattle.montecarlo.accuracy.pilots import pilot
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, share_of_look, units
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.scene.errors import positive
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, Floats, Scene, positive
 
 T = TypeVar("T")
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts

@@ -31,9 +31,7 @@ from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
 from rattle.montecarlo.settings.plan import plan_of
 from rattle.montecarlo.statistics.central_sums import CentralSums
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, Floats, Scene
 
 T = TypeVar("T")
 LEVELS, PATHS = 7, 16_384

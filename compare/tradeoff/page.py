@@ -16,7 +16,7 @@ from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import IMPACTS, STEPS
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words, span
-from rattle.scene.text import duration_text
+from rattle.scene import duration_text
 
 EXACT = "exact-flight"
 PLAIN = "euler-maruyama"

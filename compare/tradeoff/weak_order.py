@@ -21,8 +21,7 @@ from tqdm import tqdm
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.diagnostics.accuracy import ROUNDED, units
-from rattle.scene.scene import Scene
-from rattle.scene.types import Bools, Floats
+from rattle.scene import Bools, Floats, Scene
 
 CONFIDENCE = 0.95
 STILL = 1e-9  # change below which a quantity counts as constant

@@ -18,8 +18,7 @@ from rattle.compare.validation.tables import duration_words, motion_sentence
 from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
 from rattle.montecarlo.branches.search import SMALLEST
 from rattle.montecarlo.diagnostics.diagnostics import UNSEARCHED
-from rattle.scene.scene import Scene
-from rattle.scene.text import duration_text
+from rattle.scene import Scene, duration_text
 
 SECTION = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""

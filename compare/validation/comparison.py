@@ -23,7 +23,7 @@ from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.montecarlo.branches.leaving import interval
 from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
-from rattle.scene.scene import Scene
+from rattle.scene import Scene
 
 
 @dataclass(frozen=True)

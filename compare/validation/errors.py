@@ -21,10 +21,9 @@ from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.step_size import SCHEMES
 from rattle.montecarlo.settings.plan import NOISE_FREE, is_random
 from rattle.montecarlo.statistics.intervals import half_width
+from rattle.scene import SECTION, Floats, Ints, Scene
 from rattle.scene.elementary import each
-from rattle.scene.moments import SECTION, Realizability, realizability
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
+from rattle.scene.moments import Realizability, realizability
 
 WORTH_A_WORD = 0.05
 """Share of a tolerance from which on what a branch could change is told."""

@@ -17,7 +17,7 @@ from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import CAUSES, Comparison
 from rattle.compare.validation.verdict import ACCURATE as ACCURATE_TO
 from rattle.compare.validation.verdict import NOT_WRONG, WRONG
-from rattle.scene.scene import Scene
+from rattle.scene import Scene
 
 VISIBLE = 2e-3  # the outermost bins of a histogram that are drawn have at least this share of the highest
 LINEAR = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond

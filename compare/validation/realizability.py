@@ -15,9 +15,9 @@ from scipy.special import kolmogi
 
 from rattle.closure import MeanMap
 from rattle.montecarlo import Ensemble
+from rattle.scene import SECTION, Floats, Ints
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.moments import ROUNDING, SECTION, central_from_raw, correlation
-from rattle.scene.types import Floats, Ints
+from rattle.scene.moments import ROUNDING, central_from_raw, correlation
 
 CONFIDENCE = 0.95  # of the Kolmogorov floor
 REACH = 10.0  # sds on both sides of its mean over which a density is integrated

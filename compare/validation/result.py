@@ -8,8 +8,7 @@ import pandas as pd
 from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.diagnostics.diagnostics import list_counted
-from rattle.scene.errors import InputError, choice
-from rattle.scene.text import as_html
+from rattle.scene import InputError, as_html, choice
 from rattle.scene.units import with_units
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from rattle.compare.validation.comparison import CAUSES, Comparison, find_validi
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.realizability import first_failures, realizability_table, section_distances
 from rattle.compare.validation.verdict import JUDGED, VERDICTS
-from rattle.scene.moments import STATE
+from rattle.scene import STATE
 from rattle.scene.units import PRODUCTS, RATE
 
 MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}

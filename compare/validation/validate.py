@@ -18,9 +18,7 @@ from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.montecarlo.settings.plan import Sampling
-from rattle.scene.errors import InputError, choice, count, positive
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene, check_scene
+from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
 
 __all__ = ["COLUMNS", "validate"]
 

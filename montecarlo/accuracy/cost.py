@@ -36,9 +36,7 @@ from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
 from rattle.montecarlo.settings.plan import count_followed, exact_orbit, is_random
-from rattle.scene.moments import SECTION
-from rattle.scene.text import duration_text
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, Floats, duration_text
 
 STEP = 8.0  # largest ratio of two bounds that is followed at once
 TOUCH = 1.02  # ratio to which the number is found

@@ -36,9 +36,8 @@ from rattle.montecarlo.settings.plan import (
     default_horizon,
     is_random,
 )
-from rattle.scene.errors import InputError, moved, positive
-from rattle.scene.scene import Scene
-from rattle.scene.text import duration_text
+from rattle.scene import InputError, Scene, duration_text, positive
+from rattle.scene.errors import moved
 
 __all__ = ["ESTIMATES", "simulate_to"]
 

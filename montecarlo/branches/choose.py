@@ -14,8 +14,7 @@ from rattle.montecarlo.branches.mixture import SPLIT, BranchMixture, mixture_of,
 from rattle.montecarlo.branches.search import SMALLEST, Branch, search_of
 from rattle.montecarlo.branches.weighted_paths import sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK, Plan
-from rattle.scene.moments import SECTION
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, Floats
 
 LONGEST = 2048  # steps whose noise is searched for design points: later impacts have plain paths alone
 PROBES = 12  # branches that are probed

@@ -21,7 +21,7 @@ from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_follow
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings.plan import EXACT, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
-from rattle.scene.types import Floats
+from rattle.scene import Floats
 
 MOST = 24  # branches near which paths are drawn, the most probable first
 BLOCKS, LEAST_BLOCKS = 2, 8  # blocks of paths for each branch, and for all

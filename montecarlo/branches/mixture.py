@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.scene.types import Floats, Ints
+from rattle.scene import Floats, Ints
 
 # thresholds before a design point, in sds: its boundary is curved, and further away where the noise is strong; the
 # share of a part's paths that each has

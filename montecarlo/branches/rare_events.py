@@ -16,11 +16,11 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 from rattle.montecarlo.schemes.short_flight import kick
+from rattle.scene import Constants, Floats
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact, struck
 from rattle.scene.tangent import saltation_matrix
-from rattle.scene.types import Constants, Floats
 
 FURTHEST = 6.0
 """Largest reliability index that is looked for: a probability of 1e-9."""

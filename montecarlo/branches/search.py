@@ -15,8 +15,7 @@ import numpy as np
 
 from rattle.montecarlo.branches.rare_events import Event, Gaussian, SearchedFlight, events, onward
 from rattle.montecarlo.schemes.short_flight import first_state
-from rattle.scene.scene import Scene
-from rattle.scene.types import Constants, Floats
+from rattle.scene import Constants, Floats, Scene
 
 MOST = 12  # paths that are searched: the orbit, and the most probable branches
 FLIGHTS = 300  # flights that are searched, so that orbits of many impacts take no more than about a second

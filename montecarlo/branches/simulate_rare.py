@@ -15,8 +15,7 @@ from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.kernel.control_variate import no_control
 from rattle.montecarlo.settings.plan import is_random
 from rattle.montecarlo.statistics.records import Batches
-from rattle.scene.errors import InputError
-from rattle.scene.scene import Scene, check_scene
+from rattle.scene import InputError, Scene, check_scene
 
 __all__ = ["begin_rare", "extend_rare", "simulate_rare"]
 

@@ -16,8 +16,8 @@ from rattle.montecarlo.noise.philox import Word, fill_normals
 from rattle.montecarlo.schemes.short_flight import phase_at
 from rattle.montecarlo.schemes.step_state import Progress
 from rattle.montecarlo.statistics.weighted_sums import ORDERS, WeightedSums, add, add_products
+from rattle.scene import Floats
 from rattle.scene.compiled import lean, widest_vectors
-from rattle.scene.types import Floats
 
 FAR = 6.0  # argument from which erfc is 0, and below whose negative it is 2
 

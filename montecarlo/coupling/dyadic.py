@@ -19,11 +19,10 @@ from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
 from rattle.montecarlo.schemes.exact_flight import FlightForcing, flight_forcing
 from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
 from rattle.montecarlo.schemes.step_size import accurate_flight
-from rattle.scene import InputError, Scene
+from rattle.scene import Constants, Floats, InputError, Ints, Scene
 from rattle.scene.compiled import internal, jit
 from rattle.scene.impact import struck
 from rattle.scene.linear_algebra import put_row
-from rattle.scene.types import Constants, Floats, Ints
 
 Pair = tuple[float, float]
 

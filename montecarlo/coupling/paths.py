@@ -18,12 +18,11 @@ from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, new_room, tree
 from rattle.montecarlo.noise.philox import STEP, Word, normals
 from rattle.montecarlo.schemes.short_flight import first_state
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.scene import Constants, Floats, Scene
 from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import jacobian, noise_rate
 from rattle.scene.linear_algebra import put_row
-from rattle.scene.scene import Scene
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
-from rattle.scene.types import Constants, Floats
 
 DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3.5e-3 sigma in one
 EARLIEST, LATEST = 0.2, 0.6  # shares of a step between which an impact is used: the partner's is in the same step

@@ -17,8 +17,7 @@ from rattle.montecarlo.cuda.paths import STEPS, STICKING, UNFINISHED, path_kerne
 from rattle.montecarlo.kernel.block import CODES, CROSS, SECTION_PAIRS, BlockResult, Plan, begin_block, start_state
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.statistics.central_sums import COVARIANCE, PAIR, SINGLE, CentralSums, Orders
-from rattle.scene.moments import SECTION
-from rattle.scene.types import Floats, Ints
+from rattle.scene import SECTION, Floats, Ints
 
 THREADS = 128
 """Threads of a thread block, one path each."""

@@ -20,9 +20,7 @@ from scipy.special import ndtr
 
 from rattle.montecarlo.diagnostics.unseen import Unseen, unseen, unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.scene.moments import SECTION, STATE
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, STATE, Floats, Scene
 
 if TYPE_CHECKING:
     import pandas as pd

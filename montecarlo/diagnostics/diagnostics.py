@@ -11,9 +11,7 @@ from rattle.montecarlo.diagnostics.accuracy import error_bound
 from rattle.montecarlo.schemes.step_size import SCHEMES, trusted_step, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.settings.plan import STEPS, is_random, noise_free_path
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, Floats, Scene
 
 UNSEEN = 0.1
 """Largest error from branches that were not sampled, in sds, that is not diagnosed."""

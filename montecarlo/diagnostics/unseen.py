@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.branches.mixture import BranchMixture
 from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
 from rattle.montecarlo.settings.plan import is_random
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
+from rattle.scene import SECTION, Floats, Scene
 
 SEEN = 10.0
 """Expected number of sampled paths from which on a branch is in the sample; below, it may be missing."""

@@ -16,11 +16,8 @@ from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
 from rattle.montecarlo.statistics import section_statistics as statistics
 from rattle.montecarlo.statistics.records import Batches, Histograms
-from rattle.scene.errors import InputError, choice
-from rattle.scene.moments import SECTION, STATE
-from rattle.scene.scene import Scene
+from rattle.scene import SECTION, STATE, Floats, InputError, Ints, Scene, choice
 from rattle.scene.section_result import SectionResult
-from rattle.scene.types import Floats, Ints
 from rattle.scene.units import at_times_in
 
 if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest

@@ -15,10 +15,8 @@ from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step, is_admissible
 from rattle.montecarlo.settings.plan import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
-from rattle.scene.errors import InputError, choice, moved
-from rattle.scene.scene import Scene, check_scene
-from rattle.scene.text import line
-from rattle.scene.types import Floats
+from rattle.scene import Floats, InputError, Scene, check_scene, choice, line
+from rattle.scene.errors import moved
 
 
 @moved({name: f"is now in sampling=Sampling({name}=...)" for name in Sampling.__dataclass_fields__})

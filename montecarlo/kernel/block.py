@@ -17,11 +17,9 @@ from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.step_size import SCHEMES
 from rattle.montecarlo.statistics.central_sums import PAIR, VARIANCE, CentralSums, Orders, columns_of
+from rattle.scene import SECTION, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean
 from rattle.scene.impact import energy_loss, struck
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.types import Constants, Floats, Ints
 
 BLOCK = 1024
 """Paths of a block: small enough for the caches, large enough that few lanes idle while the last paths finish."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from rattle.montecarlo.branches.weighted_paths import run_mixture
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
-from rattle.scene.types import Floats
+from rattle.scene import Floats
 
 HOUR = 3600.0
 """Seconds that an accuracy may take where no budget is given."""

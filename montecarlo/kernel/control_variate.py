@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.short_flight import first_state, kick
 from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.linear_algebra import image, product, transform
-from rattle.scene.moments import SECTION
-from rattle.scene.scene import Scene
-from rattle.scene.types import Bools, Constants, Floats, Ints
 
 MOST_STEPS = 100_000  # of the linearised path; later impacts have no control variate
 LONGEST = 1e3  # flight of the orbit; after a longer one it is not followed

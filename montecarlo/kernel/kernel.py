@@ -20,9 +20,9 @@ from rattle.montecarlo.schemes.exact_flight import advance_exactly, flight_forci
 from rattle.montecarlo.schemes.short_flight import Phase, State, no_phase, phase_at
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Progress, Walls
 from rattle.montecarlo.schemes.sticking import OPEN, sides_of, stick_to_end, sticking_sides
+from rattle.scene import Bools, Constants, Floats, Ints
 from rattle.scene.compiled import lean, splice, widest_vectors
 from rattle.scene.impact import struck
-from rattle.scene.types import Bools, Constants, Floats, Ints
 
 COLUMNS = 7  # recorded of an impact: tau, flight, x1, y1, x2, y2, mesh * side
 SPLITS = Word(1 << 16)  # indices of random numbers reserved for the splits of one step

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import PARTS
+from rattle.scene import Bools, Floats, Ints
 from rattle.scene.compiled import lean, splice, widest_vectors
-from rattle.scene.types import Bools, Floats, Ints
 
 CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
 ROOT_HALF = math.sqrt(0.5)

@@ -29,7 +29,7 @@ from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import Collected
 from rattle.montecarlo.statistics.intervals import Spread, half_width, spread
-from rattle.scene.types import Floats
+from rattle.scene import Floats
 
 QUANTILES = (1, 5, 50, 95, 99)
 """Percentages of the quantiles."""

@@ -10,10 +10,10 @@ however the path moves: what chance has put into a path, known from what was rec
 import math
 
 from rattle.montecarlo.schemes.short_flight import Phase
+from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, internal
 from rattle.scene.drive import sine_cosine
 from rattle.scene.impact import struck
-from rattle.scene.types import Constants, Floats, Ints
 
 CONTROLS = 4
 """Work of the noise on both wheels as seen from the driver; its impulse on wheel 1, times 1, cosine and sine."""

@@ -11,9 +11,7 @@ from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
 from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import Collected, Scales, Sums
 from rattle.montecarlo.long_run.walk import LANES, Walk
-from rattle.scene import InputError, Scene
-from rattle.scene.text import duration_text
-from rattle.scene.types import Floats
+from rattle.scene import Floats, InputError, Scene, duration_text
 
 BATCHES = 64
 """Batches of each path; when they are full, each two become one."""

@@ -10,10 +10,8 @@ import pandas as pd
 
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.sums import ENERGY, NOISE, NUMBER, PERIOD, PHASES, VELOCITIES, WORK, Collected
+from rattle.scene import Floats, Scene, duration_text
 from rattle.scene.drive import mean_square
-from rattle.scene.scene import Scene
-from rattle.scene.text import duration_text
-from rattle.scene.types import Floats
 
 
 class Contrast(NamedTuple):

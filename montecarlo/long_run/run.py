@@ -28,10 +28,7 @@ from rattle.montecarlo.long_run.paths import BATCHES, LEAST, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, scales_of_pilot
 from rattle.montecarlo.settings.plan import check_settings
-from rattle.scene.errors import InputError, choice, count, positive
-from rattle.scene.scene import Scene
-from rattle.scene.text import duration_text, line
-from rattle.scene.types import Floats
+from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, line, positive
 
 PATHS = 256
 ACCURACY = 0.01

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from rattle.montecarlo.long_run.noise_work import CONTROLS
+from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import inline, internal
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss
-from rattle.scene.types import Constants, Floats, Ints
 
 Counts = NDArray[np.uint32]
 

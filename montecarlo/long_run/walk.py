@@ -19,10 +19,9 @@ from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.step_size import default_step, time_scales
+from rattle.scene import Floats, Ints, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.linear_algebra import put, put_row
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats, Ints
 
 LANES = 128
 """Paths of a block: what all paths of a step share is computed once for so many."""

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.philox import CONTACT, Key, Word, normals, uniforms
-from rattle.scene import Scene, Tolerance
+from rattle.scene import Floats, Scene, Tolerance
 from rattle.scene.compiled import lean
-from rattle.scene.types import CUT, Floats
+from rattle.scene.types import CUT
 
 DISTRIBUTIONS = {"fixed": 0, "uniform": 1, "normal": 2}
 ATTEMPTS = Word(64)  # rejection sampling of the truncated normal, which accepts 95 %

@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.philox import MEMORY, Key, Word, normals
+from rattle.scene import Floats
 from rattle.scene.compiled import lean, widest_vectors
-from rattle.scene.types import Floats
 
 
 class Memory(NamedTuple):

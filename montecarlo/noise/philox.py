@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rattle.scene import Floats
 from rattle.scene.compiled import float_of, fma, inline, lean, widest_vectors, word_of
-from rattle.scene.types import Floats
 
 LEVELS = 3  # dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)
 

@@ -10,9 +10,9 @@ import math
 
 from rattle.montecarlo.schemes.short_flight import Phase, State
 from rattle.montecarlo.schemes.step_state import Walls
+from rattle.scene import Constants
 from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import highest_order, most_acceleration, most_modulation, most_modulation_rate, most_velocity
-from rattle.scene.types import Constants
 
 MARGIN_SDS = 6.0  # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
 CLOSE = 1e-10  # distance to the wall, in half gaps, at which an impact is accepted at any speed

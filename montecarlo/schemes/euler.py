@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.step_state import Progress, Walls
+from rattle.scene import Bools, Constants, Floats
 from rattle.scene.compiled import fma, inline, lean, splice, widest_vectors
 from rattle.scene.flight import noise_rate
-from rattle.scene.types import Bools, Constants, Floats
 
 
 class StepForcing(NamedTuple):

@@ -10,8 +10,8 @@ import math
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
+from rattle.scene import Bools, Constants, Floats
 from rattle.scene.compiled import inline, lean
-from rattle.scene.types import Bools, Constants, Floats
 
 
 @inline

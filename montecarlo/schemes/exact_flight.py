@@ -23,10 +23,10 @@ from rattle.montecarlo.noise.philox import Key, Word, normals
 from rattle.montecarlo.schemes.crossing import CLOSE, cut_share, margins, near_wall
 from rattle.montecarlo.schemes.short_flight import Phase, State, kick, phase_at, shift_phase, short_flight, third_of
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
+from rattle.scene import Bools, Constants, Floats
 from rattle.scene.compiled import inline, lean, splice
 from rattle.scene.damping import pair
 from rattle.scene.drive import most_modulation, most_velocity
-from rattle.scene.types import Bools, Constants, Floats
 
 NEAR = 1e-6  # distance to the wall, in half gaps, that a fast path flies without noise
 STEADY = 30.0  # least speed of such a path, in sds of what the noise makes of it on the way

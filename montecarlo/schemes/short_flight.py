@@ -9,11 +9,10 @@ carries them along calls no other function.
 
 from typing import Any
 
+from rattle.scene import Constants, Scene
 from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import begin_derivatives, highest_order, next_derivative, phase_of_orders, sine_cosine
 from rattle.scene.impact import struck
-from rattle.scene.scene import Scene
-from rattle.scene.types import Constants
 
 State = tuple[float, float, float, float]
 """``x1, y1, x2, y2``."""

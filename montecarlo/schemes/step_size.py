@@ -13,11 +13,10 @@ import numpy as np
 from rattle.montecarlo.kernel.control_variate import orbit_impacts
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.short_flight import first_state, kick
+from rattle.scene import InputError, Scene, finite
 from rattle.scene.drive import highest_order, most_modulation, most_velocity
-from rattle.scene.errors import InputError, finite
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.linear_algebra import transform
-from rattle.scene.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import Progress, Walls
+from rattle.scene import Constants
 from rattle.scene.compiled import lean
 from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on
-from rattle.scene.types import Constants
 
 OPEN: Sides = (0, 0)
 """Both meshes open."""

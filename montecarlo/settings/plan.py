@@ -13,10 +13,8 @@ from rattle.montecarlo.kernel.control_variate import linear_path, no_control
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.scene.errors import InputError, choice, count, finite, positive
+from rattle.scene import Floats, InputError, Ints, Scene, check_scene, choice, count, finite, positive
 from rattle.scene.parts import SINE_ALONE
-from rattle.scene.scene import Scene, check_scene
-from rattle.scene.types import Floats, Ints
 
 NOISE_FREE = "noise-free"
 """Name of the itinerary of the noise-free path, by exact flights."""

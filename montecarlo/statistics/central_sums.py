@@ -10,8 +10,8 @@ from math import comb
 
 import numpy as np
 
+from rattle.scene import Floats, Ints
 from rattle.scene.compiled import lean, widest_vectors
-from rattle.scene.types import Floats, Ints
 
 Orders = tuple[tuple[int, int], ...]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
-from rattle.scene.types import Floats
+from rattle.scene import Floats
 
 CONFIDENCE = 0.95
 

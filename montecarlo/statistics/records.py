@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rattle.scene.moments import SECTION
-from rattle.scene.types import Floats, Ints
+from rattle.scene import SECTION, Floats, Ints
 
 BATCHES = 32
 """Number of batches; a standard error estimated from 32 batches is itself known to 1/8 (1 / sqrt(2 * 31))."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.statistics.central_sums import CentralSums
+from rattle.scene import Floats
 from rattle.scene.elementary import powers
-from rattle.scene.types import Floats
 
 TINY = float(np.finfo(float).tiny)  # smallest normal float; smaller ones have fewer digits
 

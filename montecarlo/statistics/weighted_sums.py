@@ -6,8 +6,8 @@ from math import comb
 
 import numpy as np
 
+from rattle.scene import Floats, Ints
 from rattle.scene.compiled import lean
-from rattle.scene.types import Floats, Ints
 
 ONCE, TWICE, THRICE = 5, 9, 7  # powers of a deviation d, from 0 on, that are summed with w, with w^2 and with w^3
 ORDERS = ONCE + TWICE + THRICE

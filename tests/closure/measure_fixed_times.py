@@ -14,7 +14,7 @@ from random_gears import TUNED, gear_sets, noisy
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
-from rattle.scene.moments import STATE
+from rattle.scene.types import STATE
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "results" / "fixed_times.csv"
 SETS, NOISE, PATHS, IMPACTS = (0, 3, 5, 6, 8, 12), (0.01, 0.03, 0.1, 0.3), 200_000, 8

@@ -10,7 +10,7 @@ from rattle.closure.branching import LEVELS
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, InputError, Scene, Tolerance
-from rattle.scene.moments import STATE
+from rattle.scene.types import STATE
 from tests.closure.random_gears import gear_sets, noisy
 
 IMPACTS = 6

@@ -12,7 +12,7 @@ from rattle.closure.moments import advice, bounds
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 from tests.closure.random_gears import gear_sets, noisy
 
 

@@ -7,7 +7,7 @@ from common_scenes import SCENES
 
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
-from rattle.scene.moments import STATE
+from rattle.scene.types import STATE
 
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
 SIGMA, DT, PATHS = 0.002, 1e-3, 30_000

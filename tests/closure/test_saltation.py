@@ -14,8 +14,8 @@ from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix, next_impact, struck
-from rattle.scene.moments import SECTION
 from rattle.scene.tangent import saltation_matrix
+from rattle.scene.types import SECTION
 
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),

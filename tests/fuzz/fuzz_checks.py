@@ -15,7 +15,7 @@ from rattle.montecarlo import SCHEMES
 from rattle.scene import Scene
 from rattle.scene.errors import RattleError
 from rattle.scene.flight import field
-from rattle.scene.moments import STATE
+from rattle.scene.types import STATE
 
 APART = 1e6
 MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})

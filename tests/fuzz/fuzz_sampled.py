@@ -19,8 +19,7 @@ from rattle.montecarlo.settings.plan import is_random
 from rattle.scene import Scene
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import struck
-from rattle.scene.moments import SECTION
-from rattle.scene.types import Constants
+from rattle.scene.types import SECTION, Constants
 
 OVERSHOOTS = ("euler-maruyama",)
 """Schemes that detect walls at the end of a step only, so that a stage may be left beyond its wall there."""

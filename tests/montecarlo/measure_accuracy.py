@@ -17,7 +17,7 @@ from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.montecarlo.branches.simulate_rare import simulate_rare
 from rattle.montecarlo.diagnostics.accuracy import units_by_quantity
 from rattle.scene import DAT21, Scene
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "closure"))
 from random_gears import gear_sets, noisy

@@ -22,7 +22,7 @@ from rattle.montecarlo.branches.weighted_paths import run_mixture, sample_mixtur
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.settings.plan import NOISE_FREE
 from rattle.scene import DAT21, Scene, Start
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "results" / "rare_branches.csv"
 SEEDS, SEED_BLOCKS, PLAIN_PATHS, PILOT = 1000, 32, 4_000_000, 32 * BLOCK

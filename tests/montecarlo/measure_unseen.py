@@ -23,7 +23,7 @@ from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.diagnostics.unseen import Unseen
 from rattle.scene import Scene, Start
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 TABLE = Path(__file__).resolve().parents[2] / "docs" / "results" / "unseen.csv"
 IMPACTS, TRUTH, SEEDS = 4, 2_000_000, 400

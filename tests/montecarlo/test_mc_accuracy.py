@@ -8,7 +8,7 @@ from rattle.montecarlo import SCHEMES, AccuracyWarning, Record, simulate, simula
 from rattle.montecarlo.diagnostics.accuracy import sampling_error, units
 from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import InputError, Scene
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 TRUTH = {
     "paths": 200_000,

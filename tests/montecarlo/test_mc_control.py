@@ -11,7 +11,7 @@ from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.settings.plan import Sampling, plan_of
 from rattle.montecarlo.statistics.central_sums import PAIR
 from rattle.scene import Scene, Start
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 STEP = np.pi / 64.0
 UNEQUAL = Scene(

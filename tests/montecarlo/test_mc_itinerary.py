@@ -13,7 +13,7 @@ from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings.plan import NOISE_FREE
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.errors import InputError
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
 IMPACTS = 4

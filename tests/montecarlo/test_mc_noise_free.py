@@ -8,7 +8,7 @@ from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import Tolerance
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 STILL = {"no noise": dat21(0.0), "fixed backlash": dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution="fixed"))}
 

@@ -23,10 +23,9 @@ from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import Comparison, rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.compare.validation.verdict import join_words, widest
+from rattle.scene import Floats, Scene
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import correlation, realizability
-from rattle.scene.scene import Scene
-from rattle.scene.types import Floats
 
 REPRODUCED, NOT_REPRODUCED, UNDECIDED = "reproduced", "not reproduced", "undecided"
 HOLDS_ONLY = "holds only for {}"

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import mpmath as mp
 
-from rattle.scene.types import Constants
+from rattle.scene import Constants
 
 F = TypeVar("F", bound=Callable[..., Any])
 Sum = dict[tuple[int, int, int], Any]

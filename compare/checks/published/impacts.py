@@ -33,9 +33,8 @@ from rattle.montecarlo.long_run.estimates import corrections
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import NOISE
 from rattle.montecarlo.schemes.crossing import CLOSE
-from rattle.scene import DAT21, Scene, Start
+from rattle.scene import DAT21, Floats, Ints, Scene, Start
 from rattle.scene.impact import energy_loss
-from rattle.scene.types import Floats, Ints
 
 TWO_STAGES = replace(DAT21, backlash2=0.3, epsilon=0.8)
 MASS = TWO_STAGES.inertia1 / TWO_STAGES.radius1**2, TWO_STAGES.inertia2 / TWO_STAGES.radius2**2  # of the rims

@@ -37,12 +37,10 @@ from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, 
 from rattle.montecarlo.kernel.block import CROSS
 from rattle.montecarlo.noise.philox import STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.exact_flight import flight_forcing
-from rattle.scene import RattleError, Scene, Start, Tolerance
+from rattle.scene import STATE, Floats, RattleError, Scene, Start, Tolerance
 from rattle.scene.compiled import jit
 from rattle.scene.flight import noise_covariance
 from rattle.scene.impact import struck
-from rattle.scene.moments import STATE
-from rattle.scene.types import Floats
 
 HALF = 1e-3  # half gap; an exit takes about 0.02, in which the modulation of the noise (1 at -pi/2) falls by 3e-4
 PATHS = 20_000

@@ -22,10 +22,8 @@ from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings.plan import is_random, plan_of
-from rattle.scene import DAT21, Scene, Start
+from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance
-from rattle.scene.moments import SECTION, STATE
-from rattle.scene.types import Floats
 
 SIGMA, HALF_GAP = 0.3, 0.5
 PHASE, INSIDE = 1.0, 0.2  # of the start: its phase, and x2 over the half gap

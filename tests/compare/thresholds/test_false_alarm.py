@@ -27,7 +27,7 @@ from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.settings.plan import Sampling
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.scene import DAT21, Scene
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 SCENE = Scene.from_gears(DAT21, sigma=0.05, stages=1)
 QUIET = Scene.from_gears(DAT21, sigma=0.0, stages=1)  # without branches that a sample may miss: no row is let off

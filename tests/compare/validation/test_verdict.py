@@ -12,7 +12,7 @@ from rattle.compare.validation.errors import ABSOLUTE, judge_again, section_erro
 from rattle.compare.validation.verdict import Tolerances, judge, widest
 from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.scene import DAT21, Scene
-from rattle.scene.moments import SECTION
+from rattle.scene.types import SECTION
 
 IMPACTS = 4
 
