@@ -54,11 +54,9 @@ def close(found, truth, a, orders):
 
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(
-    st.integers(0, 2**32),
-    st.sets(st.integers(1, 59), max_size=6),
-    st.floats(0.0, 1.0),
+    st.integers(0, 2**32), st.sets(st.integers(1, 59), max_size=6), st.floats(0.0, 1.0),
     st.sampled_from(list(ORDERS.values())),
-)
+)  # fmt: skip
 def test_any_cut_of_any_sample_merges_to_the_whole(seed, cuts, gone, orders):
     """Cells that nobody saw, in a part or at all, included."""
     a, b = sample(seed, 60, gone=gone)

@@ -109,17 +109,8 @@ def test_mean_times_rise_from_impact_to_impact_whatever_few_paths_make_of_the_sl
     """Flights far shorter than the error of their times: half of these runs had a mean impact before the last one."""
     left = 0
     for seed in range(10):
-        run, plain = (
-            simulate(
-                CHATTER,
-                paths=paths,
-                impacts=8,
-                scheme="exact-flight",
-                sampling=Sampling(horizon=40.0, control=control),
-                rng=seed,
-            )
-            for control in (True, False)
-        )
+        settings = {"paths": paths, "impacts": 8, "scheme": "exact-flight", "rng": seed}
+        run, plain = (simulate(CHATTER, sampling=Sampling(horizon=40.0, control=c), **settings) for c in (True, False))
         assert run.unfinished == 0
         assert run.section["tau"].is_monotonic_increasing
         assert (run.section["flight"] >= 0.0).all()

@@ -75,10 +75,9 @@ def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
     collapsing = {"epsilon": 0.05, "sigma": 1.0}
     values = {name: getattr(dat21(), name) for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "mu")}
     scene = Scene(**values, **collapsing)
-    quick = simulate(scene, paths=64, impacts=2, scheme=EXACT, sampling=Sampling(horizon=3.0))
-    timed = simulate(
-        scene, paths=64, impacts=2, scheme=EXACT, sampling=Sampling(horizon=3.0), record=Record(times=[2.0])
-    )
+    settings = {"paths": 64, "impacts": 2, "scheme": EXACT, "sampling": Sampling(horizon=3.0)}
+    quick = simulate(scene, **settings)
+    timed = simulate(scene, **settings, record=Record(times=[2.0]))
     assert quick.diagnostics[0].startswith("Noise at a restitution below 0.163")
     assert not any("stayed closed" in said for said in quick.diagnostics)
     assert timed.sticking_steps > 0
@@ -102,11 +101,7 @@ def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_war
     for sigma in (0.0, 0.1):
         for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "sampling": Sampling(horizon=0.02)}):
             for scheme in (LOCATED, PLAIN, EXACT):
-                found = run(
-                    sigma=sigma,
-                    scheme=scheme,
-                    record=Record(step_bias=scheme != EXACT, times=[0.016]),
-                    **{"dt": 0.004} | settings,
-                )
+                record = Record(step_bias=scheme != EXACT, times=[0.016])
+                found = run(sigma=sigma, scheme=scheme, record=record, **{"dt": 0.004} | settings)
                 assert (found.unfinished > 0) == any("before the time limit" in said for said in found.diagnostics)
                 assert (len(found.section), len(found.at_times())) == (4, 1)

@@ -19,14 +19,8 @@ IMPACTS = 5
 
 @pytest.fixture(scope="module")
 def run():
-    return simulate(
-        dat21(0.3),
-        paths=3000,
-        impacts=IMPACTS,
-        dt=5e-3,
-        rng=7,
-        record=Record(times=[0.3, 1.0, 2.0], histogram=True, raw=True, itineraries={"straight": (-1, 1, -1, 1, -1)}),
-    )
+    record = Record(times=[0.3, 1.0, 2.0], histogram=True, raw=True, itineraries={"straight": (-1, 1, -1, 1, -1)})
+    return simulate(dat21(0.3), paths=3000, impacts=IMPACTS, dt=5e-3, rng=7, record=record)
 
 
 # --- the contract of the tables

@@ -10,16 +10,7 @@ from mc_checks import limit
 from scipy import stats
 
 from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
-from rattle.montecarlo.noise.philox import (
-    CONTACT,
-    STEP,
-    Key,
-    fill_normals,
-    key_of,
-    normals,
-    uniforms,
-    words,
-)
+from rattle.montecarlo.noise.philox import CONTACT, STEP, Key, fill_normals, key_of, normals, uniforms, words
 from rattle.montecarlo.noise.philox import _pair as pair
 from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP

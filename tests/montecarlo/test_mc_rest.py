@@ -21,20 +21,12 @@ SCENES = {
 }  # fmt: skip
 
 
-def distances(scene, scheme, dt, sigma=0.0):
+def distances(scene, scheme, dt):
     """Distance in x from the orbit at 200 times, as far as it is followed, and the run."""
     orbit = follow(scene, 150)
     end = min(float(orbit.tau[orbit.found]), 12.0)
-    run = simulate(
-        scene.with_sigma(sigma),
-        paths=1,
-        impacts=10_000,
-        dt=dt,
-        scheme=scheme,
-        sampling=Sampling(horizon=end),
-        rng=1,
-        record=Record(times=np.linspace(0.3, end - dt, 200)),
-    )
+    settings = {"sampling": Sampling(horizon=end), "record": Record(times=np.linspace(0.3, end - dt, 200))}
+    run = simulate(scene, paths=1, impacts=10_000, dt=dt, scheme=scheme, rng=1, **settings)
     table = run.at_times()
     stages = ["x1", "x2"][: scene.stages]
     followed = np.array([orbit.state(time)[:3:2] for time in table.index])[:, : scene.stages]

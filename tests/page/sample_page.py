@@ -13,15 +13,8 @@ PNG = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGP4DwABAQEAsTj2F
 
 def sample(text="a plain text"):
     """A page with one block of every kind, and the text wherever a scene or file name can put one."""
-    speeds = {
-        "saltation": "≥ 480",
-        "published": "9",
-        "corrected": "–",
-        "branching": "1,000",
-        "other": -2,
-        text: "-1.5e2",
-    }
-    rows = [*speeds.items(), *((f"row {i}", 9) for i in range(6))]
+    speeds = {"saltation": "≥ 480", "published": "9", "corrected": "–", "branching": "1,000", "other": -2}
+    rows = [*speeds.items(), (text, "-1.5e2"), *((f"row {i}", 9) for i in range(6))]
     table = Table.of(["closure", *numbers("speed-up")], rows)
     cells = [TableCell(f"{i / 7:+.3f} ± 0.012", ("good", "bad", "open")[i % 3]) for i in range(14)]
     heads = numbers(*(f"E y{i}" for i in range(14)))

@@ -145,8 +145,7 @@ def test_a_drive_that_is_none_is_refused(text, message):
 
 
 @pytest.mark.parametrize(
-    ("drive", "message"),
-    [((), "has no order"), (3, "give a sequence of Order"), ((2,), "give a sequence of Order")],
+    ("drive", "message"), [((), "has no order"), (3, "give a sequence of Order"), ((2,), "give a sequence of Order")]
 )
 def test_a_drive_that_holds_no_orders_is_refused(drive, message):
     with pytest.raises(InputError, match=message):

@@ -9,16 +9,10 @@ from rattle.scene import DAT21, Gears, InputError, Scene
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
-        (DAT21.beta(1), 0.083333),
-        (DAT21.beta(2), 0.133333),
-        (DAT21.gamma(1), 0.056944),
-        (DAT21.gamma(2), 0.029333),
-        (DAT21.mu, 0.601187),
-        (DAT21.gap2, 0.5),
-        (DAT21.alpha, 1.5),
-        (DAT21.epsilon, 0.9),
+        (DAT21.beta(1), 0.083333), (DAT21.beta(2), 0.133333), (DAT21.gamma(1), 0.056944), (DAT21.gamma(2), 0.029333),
+        (DAT21.mu, 0.601187), (DAT21.gap2, 0.5), (DAT21.alpha, 1.5), (DAT21.epsilon, 0.9),
     ],
-)
+)  # fmt: skip
 def test_dat21_has_the_dimensionless_numbers_of_the_model(value, expected):
     assert value == pytest.approx(expected, abs=6e-7)  # docs/model.md section 1 prints six decimals
 

@@ -3,12 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rattle.scene.moments import (
-    central_from_raw,
-    correlation,
-    gaussian_raw_moments,
-    realizability,
-)  # fmt: skip
+from rattle.scene.moments import central_from_raw, correlation, gaussian_raw_moments, realizability
 
 
 def quadrature(vx, cxy, vy, order):
@@ -65,14 +60,10 @@ def test_unrealizable_moments_are_named(covariance, reason):
 @pytest.mark.parametrize(
     "covariance",
     [
-        [[0.0, 0.0], [0.0, 0.0]],
-        [[1.0, 1.0], [1.0, 1.0]],
-        [[1.0, 0.0], [0.0, 0.0]],
-        [[4.0, 1.0], [1.0, 1.0]],
-        [[1e-30, 0.0], [0.0, 1.0]],
-        [[1.0, 1.0 + 1e-12], [1.0 + 1e-12, 1.0]],
+        [[0.0, 0.0], [0.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]], [[4.0, 1.0], [1.0, 1.0]],
+        [[1e-30, 0.0], [0.0, 1.0]], [[1.0, 1.0 + 1e-12], [1.0 + 1e-12, 1.0]],
     ],
-)
+)  # fmt: skip
 def test_moments_of_a_distribution_are_realizable(covariance):
     judged = realizability(np.array(covariance))
     assert judged.realizable

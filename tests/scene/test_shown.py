@@ -43,12 +43,8 @@ def test_one_unit_of_dat21():
 
 
 def test_columns_in_physical_units():
-    columns = {
-        "tau": np.array([3.0]),
-        "sd_x1": np.array([0.5]),
-        "se_sd_y2": np.array([0.1]),
-        "skew_y2": np.array([1.0]),
-    }
+    values = {"tau": 3.0, "sd_x1": 0.5, "se_sd_y2": 0.1, "skew_y2": 1.0}
+    columns = {name: np.array([value]) for name, value in values.items()}
     found = in_units(columns | {"flight": np.array([2.0])}, DAT21, "physical")
     assert {name: value.item() for name, value in found.items()} == pytest.approx(
         {"tau_ms": 10.0, "sd_x1_mm": 0.1, "se_sd_y2_mm_per_s": 6.0, "skew_y2": 1.0, "flight_ms": 20 / 3,

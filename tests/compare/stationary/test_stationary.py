@@ -89,11 +89,7 @@ def test_linear_law_of_two_stages():
 
 
 @pytest.mark.parametrize(
-    ("scene", "why"),
-    [
-        (Scene.from_gears(DAT21, sigma=0.1), "chaotic"),
-        (Scene(**RESTING, sigma=0.01), "rest"),
-    ],
+    ("scene", "why"), [(Scene.from_gears(DAT21, sigma=0.1), "chaotic"), (Scene(**RESTING, sigma=0.01), "rest")]
 )
 def test_linear_law_says_why_there_is_none(scene, why):
     with pytest.raises(NotPredicted, match=why):

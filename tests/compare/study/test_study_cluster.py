@@ -29,10 +29,7 @@ from rattle.scene.errors import InputError
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 dask = pytest.importorskip("dask")
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore"),
-]  # Dask's own, as workers are killed and loops are closed
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Dask's, as workers are killed, loops closed
 
 
 @pytest.fixture(scope="module")
@@ -248,8 +245,5 @@ def test_a_study_over_tls(small, tmp_path, certificates):
         with pytest.raises(InputError, match="does not answer"):
             Cluster(address.replace("tls:", "tcp:"), patience=2.0).__enter__()
         lost = {**certificates, "distributed.comm.tls.ca-file": str(tmp_path / "absent")}
-        with (
-            dask.config.set(lost),
-            pytest.raises(InputError, match="certificates in Dask's configuration"),
-        ):
+        with dask.config.set(lost), pytest.raises(InputError, match="certificates in Dask's configuration"):
             Cluster(address).__enter__()

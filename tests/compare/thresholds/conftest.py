@@ -11,6 +11,13 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.settings.plan import Sampling
 from rattle.scene import DAT21, Scene
 
+HEAD = """
+import pytest
+from rattle.closure import mean_map
+from rattle.scene import DAT21, Scene
+"""
+"""What each suite begins with."""
+
 
 @pytest.fixture(scope="session", autouse=True)
 def loaded():
@@ -18,14 +25,8 @@ def loaded():
     numba.njit(lambda: 0)()  # loads what only compiling needs, though all else comes from numba's cache
     scene = Scene.from_gears(DAT21, sigma=0.02)
     mean_map(scene, impacts=1, closure="branching")
-    simulate(
-        scene,
-        paths=2,
-        impacts=1,
-        scheme="exact-flight",
-        sampling=Sampling(control=True),
-        record=Record(batches=True, energy=True),
-    )
+    record = Record(batches=True, energy=True)
+    simulate(scene, paths=2, impacts=1, scheme="exact-flight", sampling=Sampling(control=True), record=record)
 
 
 @pytest.fixture(autouse=True)
@@ -47,10 +48,9 @@ def run(pytester, ensembles):
     """Pytest on a suite, with ensembles that the tests of this folder share."""
 
     def running(suite, *options, cache=ensembles):
-        pytester.makepyfile(test_suite=suite)
-        return pytester.runpytest_inprocess(
-            "-p", "rattle.compare.thresholds.plugin", f"--rattle-cache={cache}", *options
-        )
+        pytester.makepyfile(test_suite=HEAD + suite)
+        kept = [] if cache is None else [f"--rattle-cache={cache}"]
+        return pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", *kept, *options)
 
     return running
 
@@ -60,7 +60,7 @@ def run_workers(pytester, ensembles):
     """The same on two workers of xdist, each a process of its own."""
 
     def running(suite, *options):
-        pytester.makepyfile(test_suite=suite)
+        pytester.makepyfile(test_suite=HEAD + suite)
         plugins = ("-p", "rattle.compare.thresholds.plugin", "-p", "xdist", "-n2")
         return pytester.runpytest_subprocess(*plugins, f"--rattle-cache={ensembles}", *options)
 

@@ -98,14 +98,8 @@ def simulated():
             results.append(result)
             yield result, rows
 
-    run = simulate(
-        SCENE,
-        paths=BLOCKS * BLOCK,
-        impacts=IMPACTS,
-        scheme="exact-flight",
-        sampling=Sampling(control=True, blocks=blocks),
-        rng=1,
-    )
+    sampling = Sampling(control=True, blocks=blocks)
+    run = simulate(SCENE, paths=BLOCKS * BLOCK, impacts=IMPACTS, scheme="exact-flight", sampling=sampling, rng=1)
     return results, run.plan.control
 
 

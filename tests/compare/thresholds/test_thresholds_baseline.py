@@ -6,10 +6,6 @@ import tomllib
 import pytest
 
 SUITE = """
-import pytest
-from rattle.closure import mean_map
-from rattle.scene import DAT21, Scene
-
 @pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, quantities=["tau", "y1"], moments="mean")
 @pytest.mark.parametrize("name", ["one", "a/b"])
 def test_recorded(rattle, name):
@@ -22,11 +18,9 @@ def test_recorded(rattle, name):
 
 
 @pytest.fixture
-def run(pytester):
+def recorded(run):
     def running(*options, shift=0.0, sigma=0.02):
-        suite = SUITE.replace("SHIFT", str(shift)).replace("0.02", str(sigma))
-        pytester.makepyfile(test_gate=suite)
-        return pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", *options)
+        return run(SUITE.replace("SHIFT", str(shift)).replace("0.02", str(sigma)), *options, cache=None)
 
     return running
 
@@ -37,38 +31,38 @@ def files(pytester):
     }
 
 
-def test_record_compare_regenerate(run, pytester):
-    missing = run()
+def test_record_compare_regenerate(recorded, pytester):
+    missing = recorded()
     missing.assert_outcomes(failed=2)
     missing.stdout.fnmatch_lines(["rattle: there is no baseline *; record it: pytest '*' --rattle-baselines=record"])
     assert not (pytester.path / "baselines").exists()
 
-    recorded = run("--rattle-baselines=record")
-    recorded.assert_outcomes(passed=2)
-    recorded.stdout.fnmatch_lines(["baselines  0 as recorded, 2 written", "*recorded *test_recorded*.toml"])
+    first_run = recorded("--rattle-baselines=record")
+    first_run.assert_outcomes(passed=2)
+    first_run.stdout.fnmatch_lines(["baselines  0 as recorded, 2 written", "*recorded *test_recorded*.toml"])
     first = files(pytester)
     assert len(first) == 2  # names that a file cannot have are still distinguished
     values = tomllib.loads(next(iter(first.values()))[1])
     assert list(values["values"]) == ["tau", "y1"]
     assert values["scene"]["sigma"] == 0.02
 
-    same = run()
+    same = recorded()
     same.assert_outcomes(passed=2)
     same.stdout.fnmatch_lines(["baselines  2 as recorded, 0 written"])
-    run(shift=1e-7).assert_outcomes(passed=2)  # within the tolerance
+    recorded(shift=1e-7).assert_outcomes(passed=2)  # within the tolerance
 
     for mode in ("compare", "record"):  # recording does not overwrite
-        changed = run(f"--rattle-baselines={mode}", shift=0.25)
+        changed = recorded(f"--rattle-baselines={mode}", shift=0.25)
         changed.assert_outcomes(failed=2)
         changed.stdout.fnmatch_lines(["rattle: model differs from its baseline *", "  values.y1.2: 1.03* -> 1.28*"])
         changed.stdout.fnmatch_lines(["If that is meant: pytest '*' --rattle-baselines=regenerate"])
     assert files(pytester) == first
 
-    unchanged = run("--rattle-baselines=regenerate", shift=1e-7)
+    unchanged = recorded("--rattle-baselines=regenerate", shift=1e-7)
     unchanged.stdout.fnmatch_lines(["baselines  2 as recorded, 0 written"])
     assert files(pytester) == first
 
-    regenerated = run("--rattle-baselines=regenerate", "-k", "one", shift=0.25)
+    regenerated = recorded("--rattle-baselines=regenerate", "-k", "one", shift=0.25)
     regenerated.assert_outcomes(passed=1, deselected=1)
     regenerated.stdout.fnmatch_lines(["*regenerated *one*.toml", "*values.y1.2: 1.03* -> 1.28*"])
     second = files(pytester)
@@ -77,69 +71,61 @@ def test_record_compare_regenerate(run, pytester):
     assert sum(a != b for a, b in lines) == 1  # only what changed
 
 
-def test_another_scene_is_another_baseline(run):
-    run("--rattle-baselines=record")
-    result = run(sigma=0.03)
+def test_another_scene_is_another_baseline(recorded):
+    recorded("--rattle-baselines=record")
+    result = recorded(sigma=0.03)
     result.assert_outcomes(failed=2)
     result.stdout.fnmatch_lines(["  scene.sigma: 0.02 -> 0.03"])
 
 
-def test_tests_of_one_name_in_two_classes_have_a_file_each(pytester):
+def test_tests_of_one_name_in_two_classes_have_a_file_each(run, pytester):
     classes = "\n".join(
-        f"class Test{c}:\n    @pytest.mark.rattle(scene=S, impacts=1)\n"
+        f"class Test{c}:\n    @pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=1)\n"
         "    def test_it(self, rattle):\n        rattle.baseline('saltation')\n"
         for c in "AB"
     )
-    head = "import pytest\nfrom scene import DAT21, Scene\nS = Scene.from_gears(DAT21, sigma=0.02)\n"
-    pytester.makepyfile(test_gate=head + classes)
-    pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", "--rattle-baselines=record").assert_outcomes(
-        passed=2
-    )
+    run(classes, "--rattle-baselines=record", cache=None).assert_outcomes(passed=2)
     assert sorted(files(pytester)) == ["TestA.test_it.toml", "TestB.test_it.toml"]
 
 
-def test_a_damaged_file_is_named(run, pytester):
-    run("--rattle-baselines=record")
+def test_a_damaged_file_is_named(recorded, pytester):
+    recorded("--rattle-baselines=record")
     for path in (pytester.path / "baselines").rglob("*.toml"):
         path.write_text("[values\n")
-    result = run()
+    result = recorded()
     result.assert_outcomes(failed=2)
     result.stdout.fnmatch_lines(["rattle: baseline = '*.toml': is damaged *restore it, or remove and record it"])
 
 
 HOSTILE = """
-import pytest
-from rattle.closure import mean_map
-from rattle.scene import DAT21, Scene
-
 def model(scene, impacts):
     section = mean_map(scene, impacts=impacts).section
     return section.assign(y1=1.5 * section["y1"])
 model.__name__ = "\x1b]0;pwned\x07\u202e\x9b"
 
-@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=1, quantities="y1", moments="mean", paths=1024)
+SCENE = Scene.from_gears(DAT21, sigma=0.02)
+pytestmark = pytest.mark.rattle(scene=SCENE, impacts=1, quantities="y1", moments="mean", paths=1024)
+
 def test_recorded(rattle):
     rattle.baseline(model)
 
-@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=1, quantities="y1", moments="mean", paths=1024)
 def test_checked(rattle):
     rattle.check(model)
 """
 
 
-def test_no_name_of_a_model_or_in_a_baseline_steers_the_terminal(pytester):
-    pytester.makepyfile(test_gate=HOSTILE)
+def test_no_name_of_a_model_or_in_a_baseline_steers_the_terminal(run, pytester):
     steering = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e]")
 
     def said(*options):
-        found = pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", "--color=no", "-rA", *options)
+        found = run(HOSTILE, "--color=no", "-rA", *options, cache=None)
         text = found.stdout.str() + found.stderr.str()
         assert not steering.search(text)
         assert r"\x1b]0;pwned\x07\u202e\x9b exceeds the allowed error" in text
         return text
 
     said("--rattle-baselines=record")
-    path = pytester.path / "baselines" / "test_gate" / "test_recorded.toml"
+    path = pytester.path / "baselines" / "test_suite" / "test_recorded.toml"
     recorded = path.read_text(encoding="utf-8")
     assert not steering.search(recorded)
     path.write_text(recorded + '\n["\\u001b[2J\\u202e"]\nx = "\\u009b\\na"\n', encoding="utf-8")

@@ -4,19 +4,11 @@ import pytest
 
 from rattle.compare.validation.verdict import widest
 
-HEAD = """
-import pytest
-from rattle.closure import mean_map
-from rattle.scene import DAT21, Scene
-"""
-SUITE = (
-    HEAD
-    + """
+SUITE = """
 @pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, quantities="y1", within=5e-3, paths=2048)
 def test_close(rattle):
     rattle.check("saltation")
 """
-)
 HOPELESS = SUITE.replace("5e-3", "1e-3")
 ROWS = 4
 
@@ -74,9 +66,7 @@ def test_an_accuracy_is_looked_at_once(run, said):
     )
 
 
-BRANCH = (
-    HEAD
-    + """
+BRANCH = """
 from dataclasses import replace
 
 SCENE = Scene.from_gears(replace(DAT21, alpha=2.398)).with_sigma(0.00225778)
@@ -98,7 +88,6 @@ def test_saltation(rattle):
 def test_right(rattle):
     rattle.check(right)
 """
-)
 
 
 def test_a_branch_that_the_budget_does_not_show_is_sampled_on_purpose(run):

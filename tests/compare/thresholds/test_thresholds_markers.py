@@ -9,8 +9,6 @@ from rattle.compare.validation.verdict import widest
 
 DAT21 = Path(__file__).resolve().parent / "example_suite" / "dat21.toml"
 HEAD = """
-import pytest
-from rattle.scene import DAT21, Scene
 S = Scene.from_gears(DAT21, sigma=0.02)
 
 @pytest.mark.rattle(scene=S, impacts=1, paths=2048)

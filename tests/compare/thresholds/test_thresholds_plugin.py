@@ -15,10 +15,6 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 
 SUITE = """
-import pytest
-from rattle.closure import mean_map
-from rattle.scene import DAT21, Scene
-
 pytestmark = pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, paths=2048)
 
 def right(scene, impacts):
@@ -176,9 +172,6 @@ def test_an_idle_plugin_loads_nothing(tmp_path):
 
 
 LONG = """
-import pytest
-from rattle.scene import Scene
-
 PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.002)
 pytestmark = pytest.mark.rattle(scene=PAIR, impacts=1)
 
@@ -213,17 +206,10 @@ def test_a_closure_of_ones_own_is_the_same_by_its_function_its_object_and_its_mo
     marker = "@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.01), impacts=1, quantities='tau', paths=4096)\n"
     models = ("own_model.mine", "own_model.better", "'own_model:mine'", "'own_model:better'")
     tests = [f"{marker}def test_{i}(rattle): rattle.check({model})\n" for i, model in enumerate(models)]
-    imports = (
-        "import pytest\nfrom rattle.scene import DAT21, Scene\nimport sys; sys.path.insert(0, '.')\nimport own_model\n"
-    )
-    run(imports + "".join(tests)).assert_outcomes(passed=4)
+    run("import sys; sys.path.insert(0, '.')\nimport own_model\n" + "".join(tests)).assert_outcomes(passed=4)
 
 
 ON_ITINERARY = """
-import pytest
-from rattle.closure import mean_map
-from rattle.scene import DAT21, Scene
-
 def off(scene, impacts):
     return mean_map(scene, impacts=impacts).section.assign(sd_y2=lambda s: 1.3 * s["sd_y2"])
 

@@ -57,15 +57,8 @@ def test_a_negative_control_is_far_above_the_floor(mean, sd):
 @pytest.fixture(scope="module")
 def run():
     scene = Scene.from_gears(DAT21, sigma=0.02)
-    return simulate(
-        scene,
-        paths=200_000,
-        impacts=12,
-        rng=11,
-        workers=2,
-        scheme="euler-maruyama-located",
-        record=Record(histogram=True),
-    )
+    settings = {"scheme": "euler-maruyama-located", "record": Record(histogram=True)}
+    return simulate(scene, paths=200_000, impacts=12, rng=11, workers=2, **settings)
 
 
 def of(run, closure, **settings):
@@ -108,20 +101,9 @@ def test_rows_only_where_something_varies_and_is_predicted(run):
 def test_bias_of_the_step_is_taken_out_where_it_was_measured():
     scene = Scene.from_gears(DAT21, sigma=0.02)
     prediction = mean_map(scene, impacts=1, closure="saltation")
-    tables = [
-        section_distances(
-            prediction,
-            simulate(
-                scene,
-                paths=20_000,
-                impacts=1,
-                rng=3,
-                scheme="euler-maruyama-located",
-                record=Record(histogram=True, step_bias=b),
-            ),
-        )
-        for b in (False, True)
-    ]
+    settings = {"paths": 20_000, "impacts": 1, "rng": 3, "scheme": "euler-maruyama-located"}
+    runs = [simulate(scene, record=Record(histogram=True, step_bias=b), **settings) for b in (False, True)]
+    tables = [section_distances(prediction, run) for run in runs]
     worst = [(t["kolmogorov"] / t["kolmogorov_floor"]).max() for t in tables]
     assert worst[0] > 5.0
     assert worst[1] < 1.5
@@ -136,8 +118,7 @@ def test_no_noise_and_one_stage():
     assert "total_variation_floor" in found
     rattler = replace(Scene.from_gears(DAT21, sigma=0.02), stages=1)
     single = section_distances(
-        mean_map(rattler, impacts=3),
-        simulate(rattler, paths=5000, impacts=3, record=Record(histogram=True)),
+        mean_map(rattler, impacts=3), simulate(rattler, paths=5000, impacts=3, record=Record(histogram=True))
     )
     assert set(single["quantity"]) <= {"tau", "flight", "y1"}
     assert not single.empty

@@ -7,7 +7,7 @@ import pytest
 
 from rattle.closure import mean_map
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.decision import errors_of, judge_errors
+from rattle.compare.thresholds.decision import errors_of, judge_errors, predict
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.errors import ABSOLUTE, BY_SIZE, NamedSection, section_errors
 from rattle.compare.validation.validate import validate
@@ -15,7 +15,7 @@ from rattle.compare.validation.verdict import JUDGED, Tolerances, widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.diagnostics.accuracy import error_bound, units
 from rattle.montecarlo.settings.plan import Sampling
-from rattle.scene import DAT21, Scene
+from rattle.scene import DAT21, InputError, Scene
 
 IMPACTS = 3
 SCENES = {
@@ -103,3 +103,30 @@ def test_an_exact_flight_hits_the_wall_with_its_velocity_to_rounding():
     run = simulate(scene, paths=1, impacts=6, scheme="exact-flight").section
     for q in ("tau", "y1"):
         assert (orbit[q] - run[q]).abs().max() < 3e-14, q
+
+
+# --- which rows of a claim are judged
+
+SMALL = Scene.from_gears(DAT21, sigma=0.02)
+
+
+@pytest.fixture(scope="module")
+def walled():
+    return simulate(SMALL, paths=2048, impacts=2, scheme="exact-flight", sampling=Sampling(control=True))
+
+
+def test_the_wall_is_no_row_of_a_claim(walled):
+    claim = read_claim({"scene": SMALL, "impacts": 2, "quantities": ["x1", "x2"]}, Path())
+    rows = judge_errors(errors_of(predict("saltation", claim), walled, claim), 3.0)
+    struck = {(k, f"x{mesh}") for k, mesh in walled.section["mesh"].items()}
+    assert {(r.impact, r.quantity) for r in rows.itertuples()} == {
+        (k, q) for k in (1, 2) for q in ("x1", "x2")
+    } - struck
+    assert len(rows) == 4
+
+
+def test_a_claim_of_the_wall_alone_is_refused(walled):
+    quantity = f"x{walled.section.loc[1, 'mesh']}"
+    claim = read_claim({"scene": SMALL, "impacts": [1], "quantities": quantity}, Path())
+    with pytest.raises(InputError, match="none of these rows has a verdict"):
+        errors_of(predict("saltation", claim), walled, claim)

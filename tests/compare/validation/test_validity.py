@@ -45,14 +45,8 @@ def test_on_itinerary_is_the_last_impact_that_most_paths_reach_on_it(validations
 
 
 def test_an_end_that_more_paths_would_decide_is_called_undecided():
-    v = validate(
-        Scene.from_gears(DAT21, sigma=0.01),
-        impacts=4,
-        closures=["saltation"],
-        paths=1200,
-        scheme="euler-maruyama-located",
-        rng=1,
-    )
+    settings = {"impacts": 4, "paths": 1200, "scheme": "euler-maruyama-located", "rng": 1}
+    v = validate(Scene.from_gears(DAT21, sigma=0.01), closures=["saltation"], **settings)
     found = find_validity(v, "saltation")
     assert found.not_inaccurate == 4
     assert found.accurate < 4

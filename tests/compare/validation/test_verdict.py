@@ -25,14 +25,10 @@ def rows(**columns):
 @pytest.mark.parametrize(
     ("low", "high", "verdict"),
     [
-        (-0.04, 0.04, "accurate"),
-        (0.06, 0.08, "inaccurate"),
-        (-0.08, -0.06, "inaccurate"),
-        (0.04, 0.06, "undecided"),
-        (-0.1, 0.1, "undecided"),
-        (-0.05, 0.05, "accurate"),
+        (-0.04, 0.04, "accurate"), (0.06, 0.08, "inaccurate"), (-0.08, -0.06, "inaccurate"), (0.04, 0.06, "undecided"),
+        (-0.1, 0.1, "undecided"), (-0.05, 0.05, "accurate"),
     ],
-)
+)  # fmt: skip
 def test_verdict(low, high, verdict):
     out = judge(rows(error=[0.5 * (low + high)], low=[low], high=[high]))
     assert out["verdict"].item() == verdict
@@ -78,16 +74,9 @@ class Claimed:
 
 def ensemble(sigma, seed, paths):
     scene = Scene.from_gears(DAT21, sigma=sigma)
-    itinerary = {"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary}
-    return simulate(
-        scene,
-        paths=paths,
-        impacts=IMPACTS,
-        rng=seed,
-        workers=2,
-        scheme="euler-maruyama-located",
-        record=Record(itineraries=itinerary),
-    )
+    record = Record(itineraries={"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary})
+    settings = {"workers": 2, "scheme": "euler-maruyama-located", "record": record}
+    return simulate(scene, paths=paths, impacts=IMPACTS, rng=seed, **settings)
 
 
 def corrected(run):

@@ -79,8 +79,7 @@ def test_impacts_that_alternate_would_reproduce_the_claim(evidence):
 
 
 @pytest.mark.parametrize(
-    ("signs", "verdict"),
-    [((-1, 1, -1), REPRODUCED), ((-1, -1, -1), NOT_REPRODUCED), ((1, 1, 1), REPRODUCED)],
+    ("signs", "verdict"), [((-1, 1, -1), REPRODUCED), ((-1, -1, -1), NOT_REPRODUCED), ((1, 1, 1), REPRODUCED)]
 )
 def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     sweep = evidence.chaos.sweep

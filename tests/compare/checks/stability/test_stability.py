@@ -11,18 +11,7 @@ from commands import rattle
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import extreme
 from rattle.compare.checks.stability import chart as charts
-from rattle.compare.checks.stability.chart import (
-    AXES,
-    BIASED,
-    COLLAPSING,
-    UNBIASED,
-    UNDECIDED,
-    UNSTABLE,
-    Chart,
-    judge,
-    moderate,
-    reference,
-)
+from rattle.compare.checks.stability.chart import AXES, BIASED, UNBIASED, UNSTABLE, judge, moderate, reference
 from rattle.compare.checks.stability.page import answer, summary
 from rattle.compare.report.json_text import read_page
 from rattle.montecarlo import SCHEMES, default_step, largest_step
@@ -54,7 +43,7 @@ def test_admissible_steps_are_unbiased_or_diagnosed(corner, axis, scheme, share)
     assert found.verdict != UNSTABLE, found
     assert found.verdict != BIASED or found.diagnosed, found
     if scheme == "exact-flight":
-        assert found.verdict in (UNBIASED, UNDECIDED), found
+        assert found.verdict in (UNBIASED, charts.UNDECIDED), found
         assert not found.diagnosed
 
 
@@ -89,7 +78,7 @@ def test_restitution_of_nothing_has_no_limit():
     scene = moderate(epsilon=0.0)
     beside = reference(moderate(epsilon=0.5), paths=1024, seed=1, workers=1)  # any: it is not what decides
     found = judge(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, workers=1, z=Z)
-    assert found.verdict == COLLAPSING
+    assert found.verdict == charts.COLLAPSING
     assert found.diagnosed
 
 
@@ -171,7 +160,7 @@ def test_the_advice_and_the_key_figure_count_the_cells():
     cells = [row, row, row | {"scheme": "euler-maruyama"}, row | {"scheme": "euler-maruyama", "verdict": BIASED}]
     longer = [row | {"default": False, "share": 4.0, "verdict": UNSTABLE}]  # refused: counts nowhere
     table = pd.DataFrame(cells + longer).assign(diagnosed=True)
-    said = answer(Chart(table, 4.5))
+    said = answer(charts.Chart(table, 4.5))
     assert said[0] == (
         "Take `exact-flight`: at its default step 2 of 2 scenes, extreme ones among them, are shown to be unbiased and "
         "none to be biased (unbiased: 1 for `euler-maruyama`)."
