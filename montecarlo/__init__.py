@@ -11,7 +11,7 @@ from rattle.montecarlo.diagnostics.reach import AccuracyWarning
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import simulate
 from rattle.montecarlo.schemes.step_size import SCHEMES, default_step, largest_step
-from rattle.montecarlo.settings.plan import Record, Sampling, check_settings
+from rattle.montecarlo.settings import Record, Sampling, check_settings
 
 __all__ = [
     "SCHEMES",

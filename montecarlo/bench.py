@@ -18,7 +18,7 @@ import pandas as pd
 from rattle.montecarlo.kernel.block import BLOCK, run, sample
 from rattle.montecarlo.noise.philox import Word, fill_normals, key_of
 from rattle.montecarlo.schemes.euler import plain_lanes, step_forcing
-from rattle.montecarlo.settings.plan import Record, Sampling, plan_of
+from rattle.montecarlo.settings import Record, Sampling, plan_of
 from rattle.scene import DAT21, Constants, Floats, Scene, Start, Tolerance
 from rattle.scene.compiled import jit, lean
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from rattle.closure.orbit import Orbit, follow
 from rattle.montecarlo import Record, Sampling, default_step, simulate
-from rattle.montecarlo.settings.plan import is_random
+from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Ints, Scene, count
 
 SCHEME = "exact-flight"

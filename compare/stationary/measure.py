@@ -12,7 +12,7 @@ from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, law_of, values_o
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import groups
 from rattle.montecarlo.long_run.run import ASKED, PATHS
-from rattle.montecarlo.settings.plan import is_random
+from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, choice
 
 __all__ = ["stationary"]

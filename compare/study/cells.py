@@ -17,7 +17,7 @@ from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default
 from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, small_noise
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, Floats, InputError, Scene, choice, positive
 
 FACTS = ("paths", "path_steps", "sticking_steps", "unfinished")

@@ -20,7 +20,7 @@ from rattle.montecarlo.accuracy.pilots import choose_scheme
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.kernel.kernel import COLUMNS
-from rattle.montecarlo.settings.plan import count_followed
+from rattle.montecarlo.settings import count_followed
 
 PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
 PILOTS = 20  # most pilot runs for accuracies; other cells are taken to be like the one before

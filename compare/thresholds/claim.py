@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from rattle.compare.study.cells import Sample, check_sample
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import Tolerances
-from rattle.montecarlo.settings.plan import MOST_PATHS
+from rattle.montecarlo.settings import MOST_PATHS
 from rattle.scene import SECTION, STATE, FileError, InputError, Scene, check_keys, choice, count, finite, positive
 
 PROFILES = {"quick": 32_768, "full": 1_048_576}

@@ -44,7 +44,7 @@ from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.run import PATHS
-from rattle.montecarlo.settings.plan import begins
+from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice
 

@@ -29,7 +29,7 @@ from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import smallest_sd, units
 from rattle.montecarlo.kernel.block import Plan, sample
 from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
-from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings import plan_of
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Floats, Scene
 

@@ -22,7 +22,7 @@ from rattle.compare.validation.verdict import NOT_JUDGED, Tolerances, is_accurat
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.montecarlo.branches.leaving import interval
-from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
+from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.scene import Scene
 
 

@@ -19,7 +19,7 @@ from rattle.montecarlo.diagnostics.accuracy import LEAST, skewness_gain, smalles
 from rattle.montecarlo.diagnostics.unseen import Unseen, find_unseen, unseen, unseen_columns, unseen_text
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.step_size import SCHEMES
-from rattle.montecarlo.settings.plan import NOISE_FREE, is_random
+from rattle.montecarlo.settings import NOISE_FREE, is_random
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import SECTION, Floats, Ints, Scene
 from rattle.scene.elementary import each

@@ -17,7 +17,7 @@ from rattle.compare.validation.comparison import Comparison, Sweep, find_validit
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
 
 __all__ = ["COLUMNS", "validate"]

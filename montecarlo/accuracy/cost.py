@@ -35,7 +35,7 @@ from rattle.montecarlo.diagnostics.unseen import Added, branches_between, find_u
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
-from rattle.montecarlo.settings.plan import count_followed, exact_orbit, is_random
+from rattle.montecarlo.settings import count_followed, exact_orbit, is_random
 from rattle.scene import SECTION, Floats, duration_text
 
 STEP = 8.0  # largest ratio of two bounds that is followed at once

@@ -21,7 +21,7 @@ from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, Budget, clock
 from rattle.montecarlo.schemes.step_size import COARSEST, LEFT_OUT, SCHEMES, largest_step, resolve_start
-from rattle.montecarlo.settings.plan import Record, Sampling, count_followed, default_horizon, is_random
+from rattle.montecarlo.settings import Record, Sampling, count_followed, default_horizon, is_random
 from rattle.scene import SECTION, Scene
 
 PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget

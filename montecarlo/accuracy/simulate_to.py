@@ -27,7 +27,7 @@ from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import HOUR, Blocks, Budget, clock, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
-from rattle.montecarlo.settings.plan import (
+from rattle.montecarlo.settings import (
     MOST_STEPS,
     Record,
     Sampling,

@@ -19,7 +19,7 @@ from rattle.montecarlo.branches.search import SMALLEST, search_of
 from rattle.montecarlo.branches.weighted_paths import sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
 from rattle.montecarlo.schemes.step_size import default_step
-from rattle.montecarlo.settings.plan import EXACT, NOISE_FREE, begins
+from rattle.montecarlo.settings import EXACT, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats
 

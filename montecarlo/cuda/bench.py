@@ -17,7 +17,7 @@ import pandas as pd
 
 from rattle.montecarlo.cuda.launch import ROUNDS, follower, launch_size, resident_threads
 from rattle.montecarlo.kernel.block import Plan
-from rattle.montecarlo.settings.plan import Sampling, check_gpu, plan_of
+from rattle.montecarlo.settings import Sampling, check_gpu, plan_of
 from rattle.scene import DAT21, InputError, Scene
 
 FP64_LANES = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}

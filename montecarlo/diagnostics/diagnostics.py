@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.diagnostics.accuracy import error_bound
 from rattle.montecarlo.schemes.step_size import SCHEMES, trusted_step, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.montecarlo.settings.plan import STEPS, is_random, noise_free_path
+from rattle.montecarlo.settings import STEPS, is_random, noise_free_path
 from rattle.scene import SECTION, Floats, Scene
 
 UNSEEN = 0.1

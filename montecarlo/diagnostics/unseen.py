@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from rattle.montecarlo.branches.mixture import BranchMixture
 from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
-from rattle.montecarlo.settings.plan import is_random
+from rattle.montecarlo.settings import is_random
 from rattle.scene import SECTION, Floats, Scene
 
 SEEN = 10.0

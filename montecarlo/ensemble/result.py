@@ -13,7 +13,7 @@ from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, SECTION_PAIRS, BlockResult, Plan
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
-from rattle.montecarlo.settings.plan import NOISE_FREE, begins, is_random
+from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.montecarlo.statistics import section_statistics as statistics
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import SECTION, STATE, Floats, InputError, Ints, Scene, choice

@@ -13,7 +13,7 @@ from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step, is_admissible
-from rattle.montecarlo.settings.plan import Record, Sampling, count_followed, plan_of
+from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, line
 from rattle.scene.errors import moved

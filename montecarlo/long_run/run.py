@@ -27,7 +27,7 @@ from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, 
 from rattle.montecarlo.long_run.paths import BATCHES, LEAST, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, scales_of_pilot
-from rattle.montecarlo.settings.plan import check_settings
+from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, line, positive
 
 PATHS = 256

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from fuzz_space import LEAST, Numbers, any_scene
 
 from rattle.montecarlo import SCHEMES, default_step, largest_step
-from rattle.montecarlo.settings.plan import HORIZON_PER_IMPACT, STEPS, is_random
+from rattle.montecarlo.settings import HORIZON_PER_IMPACT, STEPS, is_random
 from rattle.scene import Scene
 from rattle.scene.errors import RattleError
 

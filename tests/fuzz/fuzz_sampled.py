@@ -15,7 +15,7 @@ from fuzz_must import FAINTEST, SLACK, Ended, must, own, semidefinite
 from settings import recorded
 
 from rattle.montecarlo import Ensemble, simulate, simulate_to
-from rattle.montecarlo.settings.plan import is_random
+from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import struck

@@ -19,7 +19,7 @@ from fuzz_watched import Watched, ends_as_named
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.diagnostics.reach import Candidate, Reach
 from rattle.montecarlo.ensemble.result import Ensemble
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.records import Histograms
 from rattle.scene import DAT21, InputError, Scene
 

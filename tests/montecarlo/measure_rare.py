@@ -20,7 +20,7 @@ from rattle.montecarlo.branches.mixture import mixture_of
 from rattle.montecarlo.branches.search import SMALLEST, search_of
 from rattle.montecarlo.branches.weighted_paths import run_mixture, sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.settings.plan import NOISE_FREE
+from rattle.montecarlo.settings import NOISE_FREE
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.types import SECTION
 

@@ -19,7 +19,7 @@ from numba.cuda.simulator import kernel, kernelapi
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.cuda.bench import speed
-from rattle.montecarlo.settings.plan import Sampling, plan_of
+from rattle.montecarlo.settings import Sampling, plan_of
 from rattle.scene import Scene, Tolerance
 
 CONTACT = Tolerance(0.02, 0.03, distribution="uniform", draw="contact")

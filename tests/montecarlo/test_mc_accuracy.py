@@ -6,7 +6,7 @@ from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Record, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import sampling_error, units
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import InputError, Scene
 from rattle.scene.types import SECTION
 

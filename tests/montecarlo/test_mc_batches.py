@@ -7,7 +7,7 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.records import BATCHES
 
 

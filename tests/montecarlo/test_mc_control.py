@@ -8,7 +8,7 @@ from scipy import stats
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.kernel.control_variate import estimate_controlled
-from rattle.montecarlo.settings.plan import Sampling, plan_of
+from rattle.montecarlo.settings import Sampling, plan_of
 from rattle.montecarlo.statistics.central_sums import PAIR
 from rattle.scene import Scene, Start
 from rattle.scene.types import SECTION

@@ -10,7 +10,7 @@ from mc_checks import dat21, stepped
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.diagnostics.diagnostics import motion_units, orbit_shift
 from rattle.montecarlo.schemes.step_size import trusted_step
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import Scene
 
 LOCATED, PLAIN, EXACT = "euler-maruyama-located", "euler-maruyama", "exact-flight"

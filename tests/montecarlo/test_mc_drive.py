@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from rattle import DAT21, SCHEMES, Order, Record, Sampling, Scene, Start, mean_map, simulate
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.long_run.run import long_run
-from rattle.montecarlo.settings.plan import plan_of
+from rattle.montecarlo.settings import plan_of
 
 ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
 THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)

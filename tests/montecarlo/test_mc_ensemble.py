@@ -8,7 +8,7 @@ from scipy import stats
 
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.section_statistics import FEWEST, estimate_remainder
 from rattle.scene import InputError
 

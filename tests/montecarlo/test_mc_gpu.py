@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 from mc_checks import dat21
 
-from rattle.montecarlo import simulate
+from rattle.montecarlo import settings, simulate
 from rattle.montecarlo.cuda import bench
 from rattle.montecarlo.cuda import launch as gpu
-from rattle.montecarlo.settings import plan
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import InputError
 
 HERE = Path(__file__).resolve().parent
@@ -93,7 +92,7 @@ def test_nothing_of_cuda_is_imported_before_a_gpu_is_asked_for():
 
 
 def test_a_missing_package_is_named(monkeypatch):
-    monkeypatch.setattr(plan, "find_spec", lambda name: None)
+    monkeypatch.setattr(settings, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"device = 'cuda': needs the package numba-cuda.*rattle\[gpu\]"):
         simulate(dat21(0.1), paths=10, sampling=Sampling(device="cuda"))
 

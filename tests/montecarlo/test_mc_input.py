@@ -8,8 +8,8 @@ from mc_checks import stepped as simulate
 from settings import recorded
 
 from rattle.montecarlo import Sampling, largest_step, simulate_rare, simulate_to
+from rattle.montecarlo import settings as validation
 from rattle.montecarlo.kernel import blocks
-from rattle.montecarlo.settings import plan as validation
 from rattle.scene import InputError, Order, Scene, Start, Tolerance
 
 ORDERS = dat21(0.1, drive=(Order(50),))

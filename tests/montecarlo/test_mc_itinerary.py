@@ -10,7 +10,7 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.branches import leaving
 from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.settings.plan import NOISE_FREE
+from rattle.montecarlo.settings import NOISE_FREE
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.errors import InputError
 from rattle.scene.types import SECTION

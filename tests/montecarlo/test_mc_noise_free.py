@@ -6,7 +6,7 @@ from mc_checks import dat21
 
 from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import Tolerance
 from rattle.scene.types import SECTION
 

@@ -13,7 +13,7 @@ from rattle.montecarlo.branches.mixture import mixture_of, tail
 from rattle.montecarlo.branches.search import BranchSearch
 from rattle.montecarlo.branches.weighted_paths import sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK, run
-from rattle.montecarlo.settings.plan import NOISE_FREE, plan_of
+from rattle.montecarlo.settings import NOISE_FREE, plan_of
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.montecarlo.statistics.weighted_sums import ORDERS, WeightedSums, add
 from rattle.scene import DAT21, Scene, Tolerance

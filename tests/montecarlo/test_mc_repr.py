@@ -6,7 +6,7 @@ import rattle
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.diagnostics import accuracy, diagnostics
 from rattle.montecarlo.kernel import block
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 
 SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
 STEPPED = {"scheme": "euler-maruyama-located", "dt": 0.01, "record": rattle.Record(step_bias=False)}

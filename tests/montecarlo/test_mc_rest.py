@@ -6,7 +6,7 @@ import pytest
 from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.long_run.run import AtRest, long_run
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import Scene, Start
 
 SCENES = {

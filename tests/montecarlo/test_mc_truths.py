@@ -8,7 +8,7 @@ from mc_checks import stepped as simulate
 from scipy.special import gamma, hyp2f1
 
 from rattle.closure.orbit import follow
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
 

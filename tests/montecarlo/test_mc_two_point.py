@@ -6,7 +6,7 @@ from mc_checks import agrees, dat21
 from mc_checks import stepped as simulate
 
 from rattle.montecarlo.noise.philox import Word, fill_signs, fill_words, key_of
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 
 
 def signs(paths, steps):

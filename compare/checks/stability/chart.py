@@ -21,7 +21,7 @@ from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE, diagnose_rare_br
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.settings.plan import is_random, plan_of
+from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance
 

@@ -8,7 +8,7 @@ import pytest
 from rattle.closure import mean_map
 from rattle.compare.thresholds import messages  # noqa: F401
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import DAT21, Scene
 
 HEAD = """

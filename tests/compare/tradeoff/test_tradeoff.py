@@ -17,7 +17,7 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.kernel.block import sample
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import DAT21, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.3)

@@ -14,7 +14,7 @@ from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import JUDGED, Tolerances, widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.diagnostics.accuracy import error_bound, units
-from rattle.montecarlo.settings.plan import Sampling
+from rattle.montecarlo.settings import Sampling
 from rattle.scene import DAT21, InputError, Scene
 
 IMPACTS = 3
