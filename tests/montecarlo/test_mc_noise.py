@@ -6,14 +6,28 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mc_checks import limit
+from mc_checks import agrees, dat21, limit
+from mc_checks import stepped as simulate
 from scipy import stats
 
 from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
-from rattle.montecarlo.noise.philox import CONTACT, STEP, Key, fill_normals, key_of, normals, uniforms, words
+from rattle.montecarlo.noise.philox import (
+    CONTACT,
+    STEP,
+    Key,
+    Word,
+    fill_normals,
+    fill_signs,
+    fill_words,
+    key_of,
+    normals,
+    uniforms,
+    words,
+)
 from rattle.montecarlo.noise.philox import _pair as pair
 from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.montecarlo.settings import Sampling
 from rattle.scene.compiled import jit
 
 U = np.uint64
@@ -222,3 +236,38 @@ def test_splits_of_a_step_stay_within_its_indices():
     assert int(CUTS_APART) > MOST_CUTS
     assert MOST_IN_A_STEP * int(CUTS_APART) + MOST_CUTS < int(SPLITS)
     assert int(SPLITS) > MOST_IN_A_STEP  # the located scheme: one split a call
+
+
+# --- two-point increments
+
+
+def signs(paths, steps):
+    key, numbers = key_of(np.random.SeedSequence(3)), np.arange(paths, dtype=np.uint64)
+    bits, z, found = np.zeros(paths, np.uint64), np.zeros(paths), []
+    for n in range(steps):
+        if n % 64 == 0:
+            fill_words(key, numbers, Word(n // 64), paths, bits)
+        fill_signs(bits, n % 64, paths, z)
+        found.append(z.copy())
+    return np.array(found)
+
+
+def test_increments_are_fair_independent_signs():
+    z = signs(512, 640)
+    assert set(np.unique(z)) == {-1.0, 1.0}
+    n = z.size
+    checks = [z.mean(), (z[1:] * z[:-1]).mean(), (z[:, 1:] * z[:, :-1]).mean(), (z[64:] * z[:-64]).mean()]
+    assert agrees(np.array(checks), 0.0, 1.0 / np.sqrt(n - 64 * 512))
+    by_place = z.reshape(10, 64, 512).mean(axis=(0, 2))  # no bit of a word is loaded
+    assert agrees(by_place, 0.0, 1.0 / np.sqrt(n / 64))
+
+
+@pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
+def test_section_moments_are_those_of_gaussian_increments(scheme):
+    settings = {"paths": 40_000, "impacts": 4, "dt": 2e-3, "scheme": scheme, "workers": 2}
+    two = simulate(dat21(1.0), sampling=Sampling(increments="two-point"), rng=1, **settings).section
+    normal = simulate(dat21(1.0), rng=2, **settings).section
+    for name in ("tau", "y1", "y2", "sd_tau", "sd_y1", "sd_y2"):
+        error = np.hypot(two["se_" + name], normal["se_" + name])
+        assert agrees(two[name], normal[name], error)
+        assert not agrees(1.03 * two[name], normal[name], error)

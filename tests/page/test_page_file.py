@@ -1,16 +1,18 @@
 """A page as a file: what is written is read back, and anything else is refused."""
 
 import json
-from functools import reduce
+from functools import partial, reduce
 from operator import getitem
 
 import pytest
+from commands import rattle
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sample_page import NASTY, sample
+from sample_page import NASTY, figures, sample
 
 from rattle.compare.report import Column, Page, PageSection, Source, Table, TableCell, Text, leading_number, numbers
 from rattle.compare.report.json_text import page_text, read_page
+from rattle.compare.report.render import write_page
 from rattle.scene import FileError
 
 
@@ -72,3 +74,49 @@ def test_numbers_of_cells():
     assert [row[1].value for row in table.rows] == [0.25, None, None, 1200.0, 1e300]
     assert [row[0].value for row in table.rows] == [None] * 5
     assert [leading_number(t) for t in ("below 0.5", "+3e-4 ✓", "0.001 – 2", "no")] == [0.5, 3e-4, 0.001, None]
+
+
+# --- ``rattle show``, as a user meets it
+
+show = partial(rattle, "show")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = figures(tmp_path_factory.mktemp("reports") / "r")
+    write_page(sample(), folder, "report")
+    return folder
+
+
+def test_shows_the_answer_first_and_what_repeats_it_last(report):
+    shown = show(report).stdout
+    order = ["Is a plain text right?", "Yes: a plain text.", "[b.png] A point.", "First a plain", "rattle validate"]
+    assert sorted(order, key=shown.index) == order
+    assert "\x1b" not in shown
+    assert show(report / "page.json").stdout == shown
+
+
+def test_colours_only_where_they_are_seen(report):
+    assert "\x1b[32m" in show(report, color=True).output
+    assert "\x1b" not in show(report, color=True, env={"NO_COLOR": "1"}).output
+
+
+def test_one_section(report):
+    shown = show(report, "--section", "inner", "--width", 400).stdout
+    assert shown.startswith("Inner")
+    assert "Yes:" not in shown
+    missing = show(report, "--section", "Iner", code=2)
+    assert "did you mean 'Inner'" in missing.stderr
+
+
+def test_width(report):
+    assert max(map(len, show(report, "--width", 60, "--section", "inner").stdout.splitlines())) <= 60
+    assert "width = 3: must be at least 20" in show(report, "--width", 3, code=2).stderr
+
+
+def test_what_is_no_report(report, tmp_path):
+    assert "holds no page.json" in show(tmp_path, code=2).stderr
+    assert "cannot be read" in show(tmp_path / "nowhere", code=2).stderr
+    data = json.loads((report / "page.json").read_text())
+    (tmp_path / "page.json").write_text(json.dumps(data | {"version": 9, "page": {"new": True}}))
+    assert "newer version" in show(tmp_path, code=2).stderr
