@@ -1,13 +1,12 @@
 """Data flows scene -> closure | montecarlo -> compare, never back; and importing stays cheap."""
 
 import ast
-import subprocess
-import sys
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+from programs import python
 from source_tree import circles, import_graph, sources
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -70,8 +69,7 @@ def test_help_does_not_load_the_scientific_stack():
     code = (
         "import sys, rattle.compare.cli.main; print([m for m in ('numba', 'pandas', 'matplotlib') if m in sys.modules])"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert out.strip() == "[]"
+    assert python("-c", code).stdout.strip() == "[]"
 
 
 def test_no_imports_run_in_a_circle():

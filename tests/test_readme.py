@@ -6,12 +6,11 @@ Code cells of the documentation are run when the site is built (tests/page/test_
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from commands import commands, rattle
+from programs import python
 
 from rattle.closure import follow
 from rattle.compare.study.design import Study
@@ -84,8 +83,7 @@ def smaller(study):
 def printed(text, folder):
     """What the first Python example of a text prints, and what the text says that it does."""
     code, published = re.search(r"```python\n(.*?)```.*?```\w*\n(.*?)```", text, re.DOTALL).groups()
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=folder)
-    return done.stdout.split(), published.split()
+    return python("-c", code, cwd=folder).stdout.split(), published.split()
 
 
 def test_readme_is_short():

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from settings import recorded
 
 from rattle import validate
 from rattle.closure import follow, mean_map
@@ -97,18 +96,6 @@ def test_a_displacement_on_its_wall_has_no_density():
         with pytest.raises(InputError, match="impact"):
             m.density({"a": 1}, "y1", np.array([0.0]))
     assert mean_map(DAT, impacts=1).density(1, "y1", np.array([-1.8])) is not None
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("impacts", 10**9), ("paths", 10**30), ("workers", 10**6), ("horizon", 1e300),
-        ("itineraries", 5), ("itineraries", {"mine": 5}),
-    ],
-)  # fmt: skip
-def test_settings_without_end_are_refused(name, value):
-    with pytest.raises(InputError, match=name):
-        simulate(DAT, **recorded({"paths": 2, "impacts": 1} | {name: value}))
 
 
 @pytest.mark.parametrize("paths", [2, 3])

@@ -75,22 +75,19 @@ def circles(graph: dict[str, set[str]]) -> list[set[str]]:
 
 def rows() -> Iterator[tuple[str, int, int, int, int]]:
     """For each package and for all: modules, lines, lines of code, lines of docstrings."""
-    total = [0, 0, 0, 0]
+    counts = []
     for package in PACKAGES:
-        counts = [0, 0, 0, 0]
-        for path in sorted((ROOT / package).rglob("*.py")):
-            text = path.read_text()
-            documented = docstring_lines(ast.parse(text))
-            lines = text.splitlines()
-            code = [
-                line
-                for number, line in enumerate(lines, 1)
-                if number not in documented and line.strip() and not line.strip().startswith("#")
-            ]
-            counts = [a + b for a, b in zip(counts, (1, len(lines), len(code), len(documented)), strict=True)]
-        yield (package, *counts)
-        total = [a + b for a, b in zip(total, counts, strict=True)]
-    yield ("all", *total)
+        texts = [path.read_text() for path in sorted((ROOT / package).rglob("*.py"))]
+        documented = [docstring_lines(ast.parse(text)) for text in texts]
+        code = sum(
+            number not in lines and bool(line.strip()) and not line.strip().startswith("#")
+            for text, lines in zip(texts, documented, strict=True)
+            for number, line in enumerate(text.splitlines(), 1)
+        )
+        counts.append((len(texts), sum(len(text.splitlines()) for text in texts), code, sum(map(len, documented))))
+    for package, found in zip(PACKAGES, counts, strict=True):
+        yield package, *found
+    yield "all", *(sum(column) for column in zip(*counts, strict=True))
 
 
 def main() -> None:

@@ -2,14 +2,12 @@
 
 import json
 import math
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numba
 import pytest
 from cases import CASES, STEP, parts
+from programs import python
 
 ROUNDING = 1e-12
 """Where sums may be taken in another order; found: 2e-14 at most."""
@@ -28,10 +26,8 @@ def same(one, other, exact=False):
 @pytest.fixture(scope="module")
 def other():
     """The numbers of every case as a process makes them whose compiler is off, or on where it is off here."""
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "0" if numba.config.DISABLE_JIT else "1"}
-    command = [sys.executable, str(Path(__file__).with_name("cases.py"))]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    read = json.loads(done.stdout)
+    off = "0" if numba.config.DISABLE_JIT else "1"
+    read = json.loads(python(Path(__file__).with_name("cases.py"), NUMBA_DISABLE_JIT=off).stdout)
     return {case: [[float.fromhex(x) for x in part] for part in found] for case, found in read.items()}
 
 

@@ -15,6 +15,7 @@ from rattle.montecarlo.statistics.intervals import count_effective_paths, spread
 from rattle.montecarlo.statistics.section_statistics import pair_statistics, single_statistics
 
 ORDERS = {"SINGLE": SINGLE, "PAIR": PAIR, "COVARIANCE": COVARIANCE, "cross": ((0, 2),)}
+CUTS = st.sets(st.integers(1, 59), max_size=6)
 
 
 def sample(seed, paths, cells=3, gone=0.2):
@@ -55,10 +56,7 @@ def close(found, truth, a, orders):
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
-@given(
-    st.integers(0, 2**32), st.sets(st.integers(1, 59), max_size=6), st.floats(0.0, 1.0),
-    st.sampled_from(list(ORDERS.values())),
-)  # fmt: skip
+@given(st.integers(0, 2**32), CUTS, st.floats(0.0, 1.0), st.sampled_from(list(ORDERS.values())))
 def test_any_cut_of_any_sample_merges_to_the_whole(seed, cuts, gone, orders):
     """Cells that nobody saw, in a part or at all, included."""
     a, b = sample(seed, 60, gone=gone)

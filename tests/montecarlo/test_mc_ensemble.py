@@ -9,7 +9,7 @@ from scipy import stats
 from rattle.closure.orbit import follow
 from rattle.montecarlo import Record
 from rattle.montecarlo.settings import Sampling
-from rattle.montecarlo.statistics.section_statistics import FEWEST, estimate_remainder
+from rattle.montecarlo.statistics.section_statistics import estimate_remainder
 from rattle.scene import InputError
 
 SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")
@@ -278,8 +278,6 @@ def test_single_stage_run_has_no_second_stage():
 
 def test_path_steps_count_every_lane_and_step_size():
     """Paths that never finish take every step up to the horizon, at every step size."""
-    run = simulate(open_space(0.1), paths=100, impacts=1, dt=0.01, sampling=Sampling(horizon=1.28))
-    assert run.path_steps == 100 * 128
     run = simulate(
         open_space(0.1), paths=100, impacts=1, dt=0.01, sampling=Sampling(horizon=1.28), record=Record(step_bias=True)
     )
@@ -304,7 +302,6 @@ def test_too_few_paths_tell_no_error():
         bias = run.step_bias.query("quantity == 'y1'").set_index("moment")
         assert np.isfinite(bias[["se_bias", "se_corrected"]].loc["mean"]).all() == (n >= 2)
         assert np.isfinite(bias[["se_bias", "se_corrected"]].loc["sd"]).all() == (n >= 3)
-    assert FEWEST == {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
 
 
 def test_what_is_not_random_has_no_error():

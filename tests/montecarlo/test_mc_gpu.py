@@ -2,15 +2,13 @@
 
 import inspect
 import json
-import os
 import re
-import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 from mc_checks import dat21
+from programs import python
 
 from rattle.montecarlo import settings, simulate
 from rattle.montecarlo.cuda import bench
@@ -19,7 +17,6 @@ from rattle.montecarlo.settings import Sampling
 from rattle.scene import InputError
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent.parent
 
 needs_package = pytest.mark.skipif(find_spec("numba_cuda") is None, reason="the package numba-cuda is not installed")
 
@@ -30,19 +27,9 @@ needs_compiler = pytest.mark.skipif(
 )
 
 
-def python(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join((str(ROOT), str(HERE)))
-    return subprocess.run(
-        [sys.executable, *arguments], env=os.environ | {"PYTHONPATH": path} | variables, cwd=ROOT, text=True,
-        capture_output=True, check=False,
-    )  # fmt: skip
-
-
 @pytest.fixture(scope="module")
 def simulated() -> dict:
-    done = python("-W", "error::RuntimeWarning", str(HERE / "simulated_gpu.py"))
-    assert done.returncode == 0, done.stderr[-3000:]
-    return json.loads(done.stdout)
+    return json.loads(python("-W", "error::RuntimeWarning", HERE / "simulated_gpu.py").stdout)
 
 
 @pytest.mark.slow
@@ -78,15 +65,11 @@ def test_a_gpu_has_the_attributes_that_are_asked_of_it():
 
 @needs_compiler
 def test_all_kernels_compile_for_a_gpu():
-    done = python(str(HERE / "compiled_gpu.py"), NUMBA_ENABLE_CUDASIM="0")
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert done.stdout.split() == ["sm_90"] * 6
+    assert python(HERE / "compiled_gpu.py", NUMBA_ENABLE_CUDASIM="0").stdout.split() == ["sm_90"] * 6
 
 
 def test_nothing_of_cuda_is_imported_before_a_gpu_is_asked_for():
-    done = python("-c", "import sys, montecarlo, compare; print(*sys.modules, sep='\\n')")
-    assert done.returncode == 0, done.stderr
-    loaded = done.stdout.split()
+    loaded = python("-c", "import sys, montecarlo, compare; print(*sys.modules, sep='\\n')").stdout.split()
     assert "numba" in loaded
     assert not [name for name in loaded if name.startswith(("numba.cuda", "rattle.montecarlo.cuda.launch"))]
 
@@ -99,8 +82,8 @@ def test_a_missing_package_is_named(monkeypatch):
 
 @needs_package
 def test_a_missing_gpu_is_named():
-    done = python("-m", "rattle.montecarlo.cuda.bench", CUDA_VISIBLE_DEVICES="-1", NUMBA_ENABLE_CUDASIM="0")
-    assert done.returncode == 1
+    environment = {"CUDA_VISIBLE_DEVICES": "-1", "NUMBA_ENABLE_CUDASIM": "0"}
+    done = python("-m", "rattle.montecarlo.cuda.bench", code=1, **environment)
     assert done.stdout == ""
     assert done.stderr.startswith("sampling.device = 'cuda': needs")
     assert "Traceback" not in done.stderr

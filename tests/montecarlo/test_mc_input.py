@@ -49,6 +49,12 @@ BAD = {
     "two-point increments of exact flights": (
         {"increments": "two-point", "scheme": "exact-flight", "dt": 0.05}, "works with the Euler-Maruyama schemes only",
     ),
+    "impacts without end": ({"impacts": 10**9}, "impacts"),
+    "paths without end": ({"paths": 10**30}, "paths"),
+    "workers without end": ({"workers": 10**6}, "workers"),
+    "a horizon without end": ({"horizon": 1e300}, "horizon"),
+    "itineraries that are none": ({"itineraries": 5}, "itineraries"),
+    "an itinerary that is none": ({"itineraries": {"mine": 5}}, "itineraries"),
     "an unknown device": ({"device": "gpu"}, "sampling.device = 'gpu'"),
     "a step bias on a GPU": ({"device": "cuda", "step_bias": True}, "record.step_bias = True: is not computed"),
     "energy on a GPU": ({"device": "cuda", "energy": True}, "record.energy = True: is not computed on a GPU"),

@@ -2,14 +2,12 @@
 
 import json
 import math
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mc_checks import limit
+from programs import python
 
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
@@ -81,12 +79,7 @@ def test_impacts_inside_a_trial_are_as_frequent_as_a_brownian_path_has_them(fart
 
 def interpreted(margin, paths):
     """The same without the compiler, with another margin."""
-    run = subprocess.run(
-        [sys.executable, __file__, str(margin), str(paths)],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=Path(__file__).parent, capture_output=True, text=True,
-        check=True,
-    )  # fmt: skip
-    return json.loads(run.stdout)
+    return json.loads(python(__file__, margin, paths, NUMBA_DISABLE_JIT="1").stdout)
 
 
 @pytest.mark.parametrize("margin", [pytest.param(6.0, marks=pytest.mark.slow), 1.5])

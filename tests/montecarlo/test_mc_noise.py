@@ -11,19 +11,8 @@ from mc_checks import stepped as simulate
 from scipy import stats
 
 from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
-from rattle.montecarlo.noise.philox import (
-    CONTACT,
-    STEP,
-    Key,
-    Word,
-    fill_normals,
-    fill_signs,
-    fill_words,
-    key_of,
-    normals,
-    uniforms,
-    words,
-)
+from rattle.montecarlo.noise import philox as module
+from rattle.montecarlo.noise.philox import CONTACT, STEP, Key, fill_normals, key_of, normals, uniforms, words
 from rattle.montecarlo.noise.philox import _pair as pair
 from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
@@ -246,8 +235,8 @@ def signs(paths, steps):
     bits, z, found = np.zeros(paths, np.uint64), np.zeros(paths), []
     for n in range(steps):
         if n % 64 == 0:
-            fill_words(key, numbers, Word(n // 64), paths, bits)
-        fill_signs(bits, n % 64, paths, z)
+            module.fill_words(key, numbers, module.Word(n // 64), paths, bits)
+        module.fill_signs(bits, n % 64, paths, z)
         found.append(z.copy())
     return np.array(found)
 

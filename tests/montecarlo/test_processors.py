@@ -1,14 +1,12 @@
 """One source, one set of bits on every x86-64 with AVX2 and FMA: code for other processors runs here, where it can."""
 
 import json
-import os
 import platform
-import subprocess
-import sys
 from pathlib import Path
 
 import llvmlite.binding
 import pytest
+from programs import python
 from sampled import constant, numbers
 
 pytestmark = pytest.mark.slow
@@ -52,10 +50,8 @@ def here():
 def test_code_for_another_processor_gives_the_same_bits(processor, here, tmp_path):
     if processor == llvmlite.binding.get_host_cpu_name() or not has(PROCESSORS[processor][0]):
         pytest.skip(f"this processor is {processor}, or cannot execute code for it")
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)} | as_on(processor)
-    command = [sys.executable, str(Path(__file__).with_name("sampled.py"))]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    found = json.loads(done.stdout)
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path)} | as_on(processor)
+    found = json.loads(python(Path(__file__).with_name("sampled.py"), **environment).stdout)
     assert list(found) == list(here)
     for part, expected in here.items():
         assert found[part] == expected, part

@@ -9,6 +9,7 @@ import numba
 import numpy as np
 import pytest
 import source_tree
+from programs import python
 
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
@@ -83,8 +84,7 @@ def test_two_processes_fill_one_cache(tmp_path):
     assert [process.returncode for process in both] == [0, 0], said
     for out, _ in said:  # the later one may have found the machine code of the earlier
         assert out.split()[0] == b"2.5"
-    done = subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["2.5", "1"]
+    assert python("-c", CODE, NUMBA_CACHE_DIR=str(tmp_path)).stdout.split() == ["2.5", "1"]
 
 
 def test_what_python_runs_calls_nothing_that_compiled_code_alone_can_call():

@@ -6,15 +6,10 @@ import pytest
 from rattle.scene import DAT21, Gears, InputError, Scene
 
 
-@pytest.mark.parametrize(
-    ("value", "expected"),
-    [
-        (DAT21.beta(1), 0.083333), (DAT21.beta(2), 0.133333), (DAT21.gamma(1), 0.056944), (DAT21.gamma(2), 0.029333),
-        (DAT21.mu, 0.601187), (DAT21.gap2, 0.5), (DAT21.alpha, 1.5), (DAT21.epsilon, 0.9),
-    ],
-)  # fmt: skip
-def test_dat21_has_the_dimensionless_numbers_of_the_model(value, expected):
-    assert value == pytest.approx(expected, abs=6e-7)  # docs/model.md section 1 prints six decimals
+def test_dat21_has_the_dimensionless_numbers_of_the_model():
+    found = [*map(DAT21.beta, (1, 2)), *map(DAT21.gamma, (1, 2)), DAT21.mu, DAT21.gap2, DAT21.alpha, DAT21.epsilon]
+    printed = [0.083333, 0.133333, 0.056944, 0.029333, 0.601187, 0.5, 1.5, 0.9]
+    assert found == pytest.approx(printed, rel=0, abs=6e-7)  # docs/model.md section 1 prints six decimals
 
 
 POSITIVE = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2")

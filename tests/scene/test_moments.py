@@ -58,14 +58,10 @@ def test_unrealizable_moments_are_named(covariance, reason):
 
 
 @pytest.mark.parametrize(
-    "covariance",
-    [
-        [[0.0, 0.0], [0.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]], [[4.0, 1.0], [1.0, 1.0]],
-        [[1e-30, 0.0], [0.0, 1.0]], [[1.0, 1.0 + 1e-12], [1.0 + 1e-12, 1.0]],
-    ],
-)  # fmt: skip
-def test_moments_of_a_distribution_are_realizable(covariance):
-    judged = realizability(np.array(covariance))
+    ("vx", "cxy", "vy"), [(0, 0, 0), (1, 1, 1), (1, 0, 0), (4, 1, 1), (1e-30, 0, 1), (1, 1 + 1e-12, 1)]
+)
+def test_moments_of_a_distribution_are_realizable(vx, cxy, vy):
+    judged = realizability(np.array([[vx, cxy], [cxy, vy]], dtype=float))
     assert judged.realizable
     assert judged.reason == ""
 

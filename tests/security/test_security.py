@@ -4,8 +4,6 @@ import ast
 import json
 import re
 import socket
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import pytest
 from commands import rattle, study
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from programs import python
 
 from rattle.compare.report.folder import default_place
 from rattle.compare.report.json_text import read_page
@@ -46,10 +45,7 @@ def offences(path, source):
             of = getattr(getattr(node.func, "value", None), "id", "")
             called = ast.unparse(node.func)
             given_on = {k.arg for k in node.keywords if not (isinstance(k.value, ast.Constant) and not k.value.value)}
-            if name in NAMES and called not in (
-                "re.compile",
-                "super().compile",
-            ):  # the latter is numba's, of a function
+            if name in NAMES and called not in ("re.compile", "super().compile"):  # the latter is numba's
                 yield f"calls {name}"
             if given_on & {"shell", "allow_pickle"}:
                 yield "opens a shell or a pickle"
@@ -171,6 +167,4 @@ def test_dask_is_not_even_loaded_without_a_scheduler(tmp_path):
         "main(sys.argv[1:], standalone_mode=False)\n"
         "print([m for m in ('distributed', 'dask', 'tornado') if m in sys.modules])\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, "study", tmp_path / "s.toml"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "[]"
+    assert python("-c", code, "study", tmp_path / "s.toml").stdout.splitlines()[-1] == "[]"

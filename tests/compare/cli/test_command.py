@@ -127,8 +127,6 @@ def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
 
 BAD = {
     "unknown key": ("[scene]\nalpha = 1.0\nepsilom = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\n", [], "epsilon"),
-    "wrong type": ('[scene]\nalpha = "big"\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n', [], "alpha = 'big'"),
-    "not TOML": ("alpha == 1", [], "TOML"),
     "sigma": (None, ["--sigma", "-1"], "sigma = -1.0"),
     "paths": (None, ["--paths", "0"], "paths = 0: must be at least 1"),
     "impacts": (None, ["--impacts", "0"], "impacts = 0"),

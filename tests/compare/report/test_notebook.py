@@ -21,14 +21,8 @@ def pictures(cell):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_notebook_shows_a_figure_once():
-    sources = [
-        MAKE,
-        "m.plot()",
-        "import matplotlib.pyplot as plt\nm.plot()",
-        "%matplotlib inline\nm.plot()",
-        "m.plot();",
-    ]
-    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(s) for s in sources])
+    plots = ("m.plot()", "import matplotlib.pyplot as plt\nm.plot()", "%matplotlib inline\nm.plot()", "m.plot();")
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(s) for s in (MAKE, *plots)])
     NotebookClient(book, timeout=300, kernel_name="python3").execute()
     assert [len(pictures(cell)) for cell in book.cells] == [0, 1, 1, 1, 0]
 

@@ -157,13 +157,8 @@ def test_command_writes_its_page(tmp_path):
 
 
 def test_command_refuses_bad_input(tmp_path):
-    for arguments, word in (
-        (("--accuracy", 0.01, "--periods", 64), "periods"),
-        (("--quantity", "ratio"), "quantities"),
-        (("--closure", "corrected", "--no-closures"), "closure"),
-        (("--paths", 3), "paths"),
-    ):
-        assert word in run(*arguments, "--out", tmp_path / "none", code=2).output
+    words = ("--closure", "corrected", "--no-closures", "--out", tmp_path / "none")
+    assert "closure" in run(*words, code=2).output
     assert not (tmp_path / "none").exists()
 
 

@@ -6,7 +6,6 @@ import shutil
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from contextlib import ExitStack, contextmanager
@@ -16,6 +15,7 @@ import pandas as pd
 import processes
 import pytest
 from commands import rattle
+from programs import python
 from study_files import Deadly, Refused, study_text, tables_of
 
 from rattle.compare.study import cluster as module
@@ -133,10 +133,8 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
     store = Store(tmp_path / "s" / CELLS)
     with of_our_own("") as (scheduler, address, _):
         killer = meanwhile(store, 2, scheduler.kill)
-        words = [sys.executable, "-c", PATIENT, "study", file, "--scheduler", address]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
+        done = python("-c", PATIENT, "study", file, "--scheduler", address, code=2)
         killer.join()
-    assert done.returncode == 2, done.stderr
     line = done.stderr.rstrip("\n")
     assert "\n" not in line, line
     assert line.startswith(f"rattle: scheduler = {address!r}: no longer answers: start it again; finished results")

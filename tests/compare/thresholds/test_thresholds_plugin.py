@@ -1,18 +1,15 @@
 """The plugin as its users meet it: pytest on suites of tests."""
 
-import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from programs import python
 
 from rattle.compare.validation.verdict import widest
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[2]
 
 SUITE = """
 pytestmark = pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, paths=2048)
@@ -162,13 +159,10 @@ def test_an_idle_plugin_loads_nothing(tmp_path):
         "    assert not heavy & sys.modules.keys()\n"
         "    assert 'rattle.compare.thresholds.plugin' in sys.modules\n"
     )
-    out = subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "rattle.compare.thresholds.plugin", "-W", "error", "."],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert "1 passed" in out.stdout, out.stdout
-    assert "rattle" not in out.stdout.split("collected")[1].replace("test_idle", "")
+    words = ("-p", "rattle.compare.thresholds.plugin", "-W", "error", ".")
+    said = python("-m", "pytest", *words, cwd=tmp_path).stdout
+    assert "1 passed" in said, said
+    assert "rattle" not in said.split("collected")[1].replace("test_idle", "")
 
 
 LONG = """

@@ -22,16 +22,17 @@ def rows(**columns):
     return pd.DataFrame({**base, **columns})
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "verdict"),
-    [
-        (-0.04, 0.04, "accurate"), (0.06, 0.08, "inaccurate"), (-0.08, -0.06, "inaccurate"), (0.04, 0.06, "undecided"),
-        (-0.1, 0.1, "undecided"), (-0.05, 0.05, "accurate"),
-    ],
-)  # fmt: skip
-def test_verdict(low, high, verdict):
-    out = judge(rows(error=[0.5 * (low + high)], low=[low], high=[high]))
-    assert out["verdict"].item() == verdict
+INTERVALS = {
+    "accurate": [(-0.04, 0.04), (-0.05, 0.05)],
+    "inaccurate": [(0.06, 0.08), (-0.08, -0.06)],
+    "undecided": [(0.04, 0.06), (-0.1, 0.1)],
+}
+
+
+@pytest.mark.parametrize("verdict", INTERVALS)
+def test_verdict(verdict):
+    for low, high in INTERVALS[verdict]:
+        assert judge(rows(error=[0.5 * (low + high)], low=[low], high=[high]))["verdict"].item() == verdict
 
 
 def test_paths_needed_would_decide():

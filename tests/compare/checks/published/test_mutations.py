@@ -6,12 +6,10 @@ function is a plain one, and its code can be exchanged in place: every module th
 
 import inspect
 import json
-import os
-import subprocess
-import sys
 import types
 
 import pytest
+from programs import python
 
 from rattle.compare.checks.check import run_checks
 from rattle.compare.checks.published import RESULTS
@@ -59,9 +57,7 @@ def is_rejected(function, old, new):
 @pytest.fixture(scope="module")
 def rejected():
     """Whether the self-test fails with each error in the code, which the interpreter runs."""
-    program = [sys.executable, __file__]
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    return json.loads(subprocess.run(program, env=environment, capture_output=True, text=True, check=True).stdout)
+    return json.loads(python(__file__, NUMBA_DISABLE_JIT="1").stdout)
 
 
 @pytest.mark.parametrize("error", MUTATIONS)
