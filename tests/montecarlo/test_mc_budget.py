@@ -46,6 +46,8 @@ def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):
         simulate(dat21(0.5), impacts=2, paths=5 * BLOCK, dt=run.dt, scheme=run.scheme, rng=5).section
     )
     assert run.diagnostics[0] == run.reach.sentence
+    assert run.reach.sampling > 1e-9
+    assert run.section["tau"].notna().all()
     assert "from fewer paths or a shorter time than an answer needs" in run.reach.sentence
 
 

@@ -88,26 +88,23 @@ def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
 STEADY = {"alpha": 0.0, "epsilon": 0.9, "gamma1": 0.0, "stages": 1, "start": Start(0.0, 0.0, 1e-3, mesh=0)}
 
 
-def test_step_is_limited_by_damping():
-    scene = Scene(**STEADY, beta1=20.0)
-    assert largest_step(scene) == (pytest.approx(0.05), "a longer step makes the damping unstable")
-    with pytest.raises(InputError, match=r"at most 0.05: .* damping unstable"):
-        simulated(scene=scene, dt=0.051)
-    simulated(scene=scene, dt=0.05, horizon=1.0)
+DAMPED, NARROW = {"beta1": 20.0}, {"beta1": 20.0, "gap1": 1e-9, "start": Start(0.0, 0.0, 2.0, mesh=0)}
+LIMITS = [
+    (DAMPED, "euler-maruyama-located", 0.05, "a longer step makes the damping unstable"),
+    ({"beta1": 0.1}, "euler-maruyama-located", math.pi / 10.0, "a longer step cannot follow the excitation"),
+    (DAMPED, "exact-flight", 0.01, "a longer step cannot follow the damping"),
+    (NARROW, "exact-flight", 1e-9, "a longer step holds too many impacts"),
+]
 
 
-def test_exact_step_is_limited_by_damping_and_by_the_impacts_that_it_may_hold():
-    scene = Scene(**STEADY, beta1=20.0)
-    limit = (pytest.approx(0.01), "a longer step cannot follow the damping")
-    assert largest_step(scene, "exact-flight") == limit
-    narrow = Scene(**(STEADY | {"gap1": 1e-9, "start": Start(0.0, 0.0, 2.0, mesh=0)}), beta1=20.0)
-    assert largest_step(narrow, "exact-flight") == (pytest.approx(1e-9), "a longer step holds too many impacts")
-    simulated(scene=scene, dt=0.01, scheme="exact-flight", horizon=1.0)
-
-
-def test_step_is_limited_by_the_excitation():
-    scene = Scene(**STEADY, beta1=0.1)
-    assert largest_step(scene) == (pytest.approx(math.pi / 10.0), "a longer step cannot follow the excitation")
+@pytest.mark.parametrize(("change", "scheme", "limit", "why"), LIMITS)
+def test_step_is_limited_by_damping_excitation_and_the_impacts_that_it_may_hold(change, scheme, limit, why):
+    scene = Scene(**STEADY | change)
+    assert largest_step(scene, scheme) == (pytest.approx(limit), why)
+    with pytest.raises(InputError, match=why.removeprefix("a longer step ")):
+        simulated(scene=scene, scheme=scheme, dt=1.02 * limit)
+    if change is DAMPED:
+        simulated(scene=scene, scheme=scheme, dt=limit, horizon=1.0)
 
 
 @pytest.mark.parametrize(

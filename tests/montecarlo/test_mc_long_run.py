@@ -107,13 +107,6 @@ def test_accuracy_is_reached_and_stated():
     assert "reached" in found.reach.sentence
 
 
-def test_short_budget_gives_the_best_answer_and_what_more_would_cost():
-    found = long_run(SCENE, accuracy=1e-4, quantities=["rate"], paths=64, budget=1.0, burn_in=64)
-    assert not found.reach.reached
-    assert found.reach.more_seconds > 1.0
-    assert "more would suffice" in found.reach.sentence
-
-
 @pytest.mark.parametrize(
     ("settings", "field"),
     [
@@ -126,11 +119,6 @@ def test_bad_settings_are_refused(settings, field):
     with pytest.raises(InputError) as caught:
         long_run(SCENE, **settings)
     assert caught.value.field == field
-
-
-def test_accuracy_beyond_an_hour_is_refused():
-    with pytest.raises(InputError, match="the limit is one hour"):
-        long_run(SCENE, accuracy=1e-7, quantities=["rate"], paths=64)
 
 
 def _main(rng, paths=256, batches=32):
@@ -248,6 +236,7 @@ def test_the_best_answer_is_within_the_budget(monkeypatch, budget):
     assert watched.now >= 0.9 * budget
     assert not found.reach.reached
     assert found.reach.more_seconds > budget
+    assert "more would suffice" in found.reach.sentence
     assert found.periods + 32 <= budget
 
 

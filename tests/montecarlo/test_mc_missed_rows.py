@@ -123,11 +123,6 @@ def test_where_no_branch_is_near_paths_fall_with_the_square_of_the_accuracy():
     assert fine.paths / coarse.paths == pytest.approx(100.0, rel=1e-6)
 
 
-def test_what_is_too_dear_is_refused_before_the_work():
-    with pytest.raises(InputError, match=r"without a budget the limit is one hour.*: ask for"):
-        simulate_to(BRANCHING, 1e-5, impacts=6)
-
-
 def test_what_a_branch_made_dear_samples_it_on_purpose():
     """Plain paths would have taken hours for the 27 in a million that take it."""
     run = simulate_to(BRANCHING, 0.02, impacts=6)

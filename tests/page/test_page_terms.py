@@ -8,7 +8,6 @@ from markupsafe import Markup, escape
 from rattle.compare.report import Figure, Glossary, Page, PageSection, Source, Table, Text, numbers
 from rattle.compare.report.render import Terms, as_html, write_page
 from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
-from rattle.scene import DAT21
 
 GLOSSARY = Glossary(
     "Words", (("`published`", "as printed"), ("x1, x2", "position <b>"), ("σ", "noise"), ("E, sd", "spread"))
@@ -37,13 +36,6 @@ def test_heads_say_all_their_terms_and_cells_that_are_one():
 
 def test_without_a_glossary_nothing_is_marked_and_everything_escaped():
     assert Terms([]).text("<b> σ", False) == escape("<b> σ")
-
-
-def test_a_page_says_what_one_is_in_the_units_of_its_gears():
-    plain, own = (dict(glossary("τ", "σ", "y1, y2", gears=gears).terms) for gears in (None, DAT21))
-    assert own["τ"] == plain["τ"] + "; 1 is 3.333 ms for these gears"
-    assert own["y1, y2"] == plain["y1, y2"] + "; 1 is 60 mm/s for these gears"
-    assert own["σ"] == plain["σ"]
 
 
 @pytest.fixture(scope="module")

@@ -84,7 +84,8 @@ def test_simulate_in_physical_units(tmp_path):
     physical = json.loads(rattle(*shared, "--units", "physical", "--json").output)
     plain = json.loads(rattle(*shared, "--json").output)
     assert (physical["units"], plain["units"]) == ("physical", "dimensionless")
-    assert physical["paths"] == 100
+    assert (plain["scheme"], plain["paths"], plain["reach"]) == ("exact-flight", 100, None)
+    assert len(plain["section"]) == 2
     assert physical["section"][1]["y2_mm_per_s"] == pytest.approx(60.0 * plain["section"][1]["y2"])
     out = rattle(*shared, "--units", "physical", "--out", tmp_path / "table.csv").output
     for name in ("tau_ms", "impacts_per_s", "sd_y1_mm_per_s", "agreement"):

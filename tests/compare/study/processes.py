@@ -23,8 +23,6 @@ WORKER = """
 import asyncio, sys
 from distributed import Worker
 
-{before}
-
 async def main():
     async with Worker(sys.argv[1], nthreads=1, dashboard=False) as worker:
         print(worker.address, flush=True)
@@ -33,8 +31,6 @@ async def main():
 if __name__ == "__main__":
     asyncio.run(main())
 """
-OTHER = "from rattle.compare.study import store; store.LIBRARIES = ('numpy',)"
-"""A line that gives a worker another numerical version."""
 
 
 @contextmanager
@@ -59,6 +55,6 @@ def scheduler(protocol="tcp://", **environment):
     return _running(SCHEDULER, protocol, **environment)
 
 
-def worker(address, before="", **environment):
-    """A worker of one thread; it has run the line `before` first."""
-    return _running(WORKER.format(before=before), address, **environment)
+def worker(address, **environment):
+    """A worker of one thread."""
+    return _running(WORKER, address, **environment)

@@ -101,11 +101,11 @@ PATIENT = (
 
 
 @contextmanager
-def of_our_own(*before, **environment):
+def of_our_own(workers, **environment):
     """A scheduler with workers of one thread each, as processes: its process and address, and theirs."""
     with ExitStack() as stack:
         running, address = stack.enter_context(processes.scheduler(**environment))
-        yield running, address, [stack.enter_context(processes.worker(address, line))[0] for line in before]
+        yield running, address, [stack.enter_context(processes.worker(address))[0] for _ in range(workers)]
 
 
 def meanwhile(store, cells, act):
@@ -131,7 +131,7 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
     file = tmp_path / "s.toml"
     file.write_text(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
     store = Store(tmp_path / "s" / CELLS)
-    with of_our_own("") as (scheduler, address, _):
+    with of_our_own(1) as (scheduler, address, _):
         killer = meanwhile(store, 2, scheduler.kill)
         done = python("-c", PATIENT, "study", file, "--scheduler", address, code=2)
         killer.join()
@@ -143,7 +143,7 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
 
 def test_the_loss_of_all_workers_is_said(small, tmp_path):
     store = Store(tmp_path / CELLS)
-    with of_our_own("", "") as (_, address, workers):
+    with of_our_own(2) as (_, address, workers):
         place = Cluster(address, patience=60.0)
 
         def act():
@@ -173,7 +173,7 @@ def test_a_cell_that_cannot_be_computed_costs_itself_only(small, tmp_path, kind,
     store, first = Store(tmp_path / CELLS), next(c for c in small.cells if hasattr(c, "closure"))
     wrong = kind(first.scene, first.impacts, first.closure)
     others = [c for c in small.cells if c.key != first.key]
-    with of_our_own("", "", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as (_, address, _):
+    with of_our_own(2, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as (_, address, _):
         study = SimpleNamespace(cells=[wrong, *others], title="some")
         outcome = run(study.cells, store, Cluster(address, patience=60.0))
     ((key, reason),) = outcome.failed.items()

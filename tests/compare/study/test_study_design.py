@@ -79,13 +79,6 @@ def test_an_invalid_point_says_why_and_the_others_stand():
     assert len(study.cells) == 9
 
 
-def test_a_closure_that_cannot_take_a_scene_is_left_out_with_its_reason():
-    text = study_text(more='[[axes]]\n"start.y1" = [-1.0]\n"start.mesh" = [0]\n').replace('"corrected"', '"published"')
-    point = Study.from_toml(text).points[0]
-    assert [p.closure for p in point.predictions] == ["saltation"]
-    assert "start.mesh = 0" in point.reasons["published"]
-
-
 @pytest.mark.parametrize(
     ("change", "field", "remedy"),
     [
