@@ -1,7 +1,6 @@
 """The public entry: the stationary motion of a scene, simulated or, where nothing is random, exact."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -92,12 +91,22 @@ def stationary(
     check_scene(scene)
     named = tuple(dict.fromkeys(choice("closures", name, CLOSURES_JUDGED) for name in closures))
     own = attractor(scene)
-    asked: dict[str, Any] = {"accuracy": accuracy, "periods": periods, "quantities": quantities, "paths": paths}
-    asked |= {"burn_in": burn_in, "slow": slow, "budget": budget}
     if not is_random(scene) and (exact := _exact(scene, own, slow, named)) is not None:
         return exact
     try:
-        run = long_run(scene, **asked, rng=rng, workers=workers, progress=progress)
+        run = long_run(
+            scene,
+            accuracy=accuracy,
+            periods=periods,
+            quantities=quantities,
+            paths=paths,
+            burn_in=burn_in,
+            slow=slow,
+            budget=budget,
+            rng=rng,
+            workers=workers,
+            progress=progress,
+        )
     except AtRest:
         return _resting(scene, own, slow, named)
     except BurnInError as refused:

@@ -257,8 +257,14 @@ class Stationary:
         facts: dict[str, Any] = {"kind": self.kind, "said": self.said, "slow": self.slow, "units": units}
         facts["threshold"] = [t._asdict() for t in rattle_threshold(self.scene)]
         if run is not None:
-            facts |= {"paths": run.paths, "periods": run.periods, "impacts": run.impacts}
-            facts |= {"burn_in": run.burn_in.periods, "seconds": round(run.wall_seconds, 3)}
-            facts |= {"reach": run.reach and run.reach.sentence, "reached": run.reach is None or run.reach.reached}
+            facts |= {
+                "paths": run.paths,
+                "periods": run.periods,
+                "impacts": run.impacts,
+                "burn_in": run.burn_in.periods,
+                "seconds": round(run.wall_seconds, 3),
+                "reach": None if run.reach is None else run.reach.sentence,
+                "reached": run.reach is None or run.reach.reached,
+            }
         table = self.table_in(units).reset_index().to_dict("records")
         return facts | {"table": table, "verdicts": self.verdicts_in(units).to_dict("records")}

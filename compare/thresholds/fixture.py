@@ -142,21 +142,31 @@ class Rattle:
         prediction = self._guard(predict, model, self.claim)
         decision = self._guard(decide, prediction, self.claim, self._session)
         run = decision.runs[-1].run
-        shown = partial(messages.moment_rows, run=run, z=decision.z)
-        figure = partial(self._figure, prediction.closure, decision.table)
-        facts: dict[str, Any] = {"kind": "check", "by_size": int((decision.table["still"] > 0.0).sum())}
-        facts |= {"not_judged": len(self.claim.rows) - len(decision.table), "size": f"{run.paths:,} paths"}
-        return self._judge(prediction.closure, decision, shown, figure, **facts)
+        return self._judge(
+            prediction.closure,
+            decision,
+            partial(messages.moment_rows, run=run, z=decision.z),
+            partial(self._figure, prediction.closure, decision.table),
+            kind="check",
+            not_judged=len(self.claim.rows) - len(decision.table),
+            by_size=int((decision.table["still"] > 0.0).sum()),
+            size=f"{run.paths:,} paths",
+        )
 
     def _check_long(self, model: Any, quantities: Sequence[str]) -> pd.DataFrame:
         """Compare a model with the long run."""
         prediction = self._guard(predict_long, model, self.claim.scene, quantities)
         decision = self._guard(decide_long, prediction, self.claim, self._session)
-        run = decision.runs[-1].run.facts
-        facts: dict[str, Any] = {"kind": "long check", "not_judged": 0, "by_size": 0}
-        facts["size"] = f"{run['paths']:,} paths of {run['periods']:,} periods"
-        name, shown = f"{prediction.name} in the long run", partial(messages.long_rows, z=decision.z)
-        return self._judge(name, decision, shown, **facts)
+        facts = decision.runs[-1].run.facts
+        return self._judge(
+            f"{prediction.name} in the long run",
+            decision,
+            partial(messages.long_rows, z=decision.z),
+            kind="long check",
+            not_judged=0,
+            by_size=0,
+            size=f"{facts['paths']:,} paths of {facts['periods']:,} periods",
+        )
 
     def _judge(
         self,
@@ -170,11 +180,21 @@ class Rattle:
         table, runs, settings = decision.table, decision.runs, self._session.settings
         failed, undecided = (int((table["outcome"] == outcome).sum()) for outcome in ("fail", "undecided"))
         folder = self._session.folder
-        facts |= {"model": model, "rows": len(table), "failed": failed, "undecided": undecided}
-        facts |= {"z": decision.z, "rate": settings.false_alarm, "decide": messages.paths_to_decide(table)}
-        facts |= {"widened": float(table["widened"].max()) if "widened" in table else decision.z, "drawn": len(runs)}
-        facts |= {"computed": sum(run.computed for run in runs), "seconds": sum(run.seconds for run in runs)}
-        self._record(folder="" if folder is None else self._shorten(folder), **facts)
+        self._record(
+            model=model,
+            rows=len(table),
+            failed=failed,
+            undecided=undecided,
+            z=decision.z,
+            rate=settings.false_alarm,
+            widened=float(table["widened"].max()) if "widened" in table else decision.z,
+            drawn=len(runs),
+            computed=sum(run.computed for run in runs),
+            seconds=sum(run.seconds for run in runs),
+            decide=messages.paths_to_decide(table),
+            folder="" if folder is None else self._shorten(folder),
+            **facts,
+        )
         if failed:
             self._fail(messages.failure_text(model, table, shown) + figure())
         if undecided:

@@ -79,8 +79,12 @@ def distances(masses: Floats, counts: Ints) -> Distances:
     # A count is binomial, nearly normal: E|N(0, s^2)| = s sqrt(2/pi) with s^2 = p (1 - p) / n, and half of the sum.
     # The sampled shares stand for the unknown p.
     tv_floor = np.sqrt(shares * (1.0 - shares) / (2.0 * np.pi * n)).sum()
-    kolmogorov = np.abs(np.cumsum(gap)[:-1]).max(), kolmogi(1.0 - CONFIDENCE) / np.sqrt(n)
-    return Distances(*map(float, (*kolmogorov, 0.5 * np.abs(gap).sum(), tv_floor)))
+    return Distances(
+        float(np.abs(np.cumsum(gap)[:-1]).max()),
+        float(kolmogi(1.0 - CONFIDENCE) / np.sqrt(n)),
+        float(0.5 * np.abs(gap).sum()),
+        float(tv_floor),
+    )
 
 
 def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
@@ -152,10 +156,14 @@ SPREAD, POINTS = 8.0, 481  # sds on both sides of the mean, and points per axis,
 NAN = float("nan")
 
 CHECKS = {
-    **dict.fromkeys(("variance of displacement", "variance of velocity"), (0.0, 1, 0.0)),
+    "variance of displacement": (0.0, 1, 0.0),
+    "variance of velocity": (0.0, 1, 0.0),
     "|rho|": (1.0, -1, ROUNDING),
-    **dict.fromkeys(("covariance eigenvalue", "kurtosis", "moment matrix"), (0.0, 1, ROUNDING)),
-    **dict.fromkeys(("negative mass", "section negative mass"), (0.0, -1, QUADRATURE)),
+    "covariance eigenvalue": (0.0, 1, ROUNDING),
+    "kurtosis": (0.0, 1, ROUNDING),
+    "moment matrix": (0.0, 1, ROUNDING),
+    "negative mass": (0.0, -1, QUADRATURE),
+    "section negative mass": (0.0, -1, QUADRATURE),
 }
 """Bound, sign and slack of each: moments of a distribution satisfy ``sign * (value - bound) >= 0`` but for rounding."""
 
@@ -228,13 +236,14 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
     >>> moment_matrix_eigenvalue(raw).value < 0.0
     True
     """
-    half = (len(raw) - 1) // 2
-    monomials = [(n, p) for n in range(half + 1) for p in range(half + 1 - n)]
-    # |variance| as scale keeps the sign of a negative variance; if it is 0, the other moments set the scale
-    sd_x, sd_y = (
-        float(np.sqrt(abs(marginal[2])) or max(abs(m) ** (1.0 / n) for n, m in enumerate(marginal) if n > 0) or 1.0)
-        for marginal in (raw[:, 0], raw[0, :])
-    )
+    order = len(raw) - 1
+    monomials = [(n, p) for n in range(order // 2 + 1) for p in range(order // 2 + 1 - n)]
+    scales = []
+    for marginal in (raw[:, 0], raw[0, :]):
+        # |variance| as scale keeps the sign of a negative variance; if it is 0, the other moments set the scale
+        other = max(abs(m) ** (1.0 / n) for n, m in enumerate(marginal) if n > 0)
+        scales.append(float(np.sqrt(abs(marginal[2])) or other or 1.0))
+    sd_x, sd_y = scales
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = np.array(
             [[raw[n + m, p + q] / sd_x ** (n + m) / sd_y ** (p + q) for m, q in monomials] for n, p in monomials]
