@@ -37,12 +37,18 @@ def times_of(scene):
     return np.sort(np.concatenate([0.5 * (tau[1:] + tau[:-1]), tau[1:-1]]))
 
 
-@pytest.fixture(scope="module", params=SCENES)
-def case(request):
-    scene, allowed = SCENES[request.param]
+def flown(name):
+    """A scene, what is allowed, and its moments at fixed times."""
+    scene, allowed = SCENES[name]
     record = Record(times=times_of(scene))
     run = simulate(scene, paths=40_000, impacts=1, scheme="exact-flight", rng=11, workers=1, record=record)
-    return scene, allowed, run.at_times(), moments_of(scene)
+    return scene, allowed, run.at_times()
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def case(request):
+    scene, allowed, fixed = flown(request.param)
+    return scene, allowed, fixed, moments_of(scene)
 
 
 def outside(scene, allowed, fixed, at):
@@ -74,9 +80,7 @@ PLANTED = {
 
 @pytest.mark.parametrize("error", PLANTED)
 def test_planted_errors_are_detected(error):
-    scene, allowed = SCENES["DAT21"]
-    record = Record(times=times_of(scene))
-    fixed = simulate(scene, paths=40_000, impacts=1, scheme="exact-flight", rng=11, workers=1, record=record).at_times()
+    scene, allowed, fixed = flown("DAT21")
     at = moments_of(scene)
     at(fixed.index[-1])
     at.flights = [PLANTED[error](f) for f in at.flights]

@@ -50,10 +50,8 @@ def dat21(sigma: float = 0.0, **settings) -> Scene:
 
 def open_space(sigma: float, **changes) -> Scene:
     """DAT21 with walls so far off that nothing is met, from an arbitrary state in flight."""
-    s = dat21()
-    values = {name: getattr(s, name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
     start = Start(0.3, 0.1, -0.4, -0.2, 0.5)
-    return Scene(**(values | {"gap1": 1e6, "gap2": 1e6, "sigma": sigma, "start": start} | changes))
+    return replace(dat21(sigma), **({"gap1": 1e6, "gap2": 1e6, "start": start} | changes))
 
 
 @jit

@@ -127,9 +127,7 @@ class Path:
 
     def _rest(self, tau: float, dw: float, left: float, m: int) -> None:
         """Mesh m stays closed for the rest of the step: its contact gives both stages what keeps its speed at zero."""
-        per_impulse = (
-            (1.0, 1.0) if m == 1 else (self.scene.mu, 1.0)
-        )  # docs/model.md section 3: (y1, y2) per unit of contact
+        per_impulse = (1.0 if m == 1 else self.scene.mu, 1.0)  # (y1, y2) per unit of contact, docs/model.md section 3
         parts, i, j = 50, 2 * m - 1, 2 * (3 - m) - 1
         self.state[j] -= per_impulse[2 - m] / per_impulse[m - 1] * self.state[i]
         self.state[i] = 0.0

@@ -11,7 +11,6 @@ from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.diagnostics.diagnostics import motion_units, orbit_shift
 from rattle.montecarlo.schemes.step_size import trusted_step
 from rattle.montecarlo.settings import Sampling
-from rattle.scene import Scene
 
 LOCATED, PLAIN, EXACT = "euler-maruyama-located", "euler-maruyama", "exact-flight"
 
@@ -72,9 +71,7 @@ def test_strong_noise_is_diagnosed_where_the_step_cannot_follow_it():
 
 
 def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
-    collapsing = {"epsilon": 0.05, "sigma": 1.0}
-    values = {name: getattr(dat21(), name) for name in ("alpha", "beta1", "beta2", "gamma1", "gamma2", "mu")}
-    scene = Scene(**values, **collapsing)
+    scene = replace(dat21(1.0), epsilon=0.05)
     settings = {"paths": 64, "impacts": 2, "scheme": EXACT, "sampling": Sampling(horizon=3.0)}
     quick = simulate(scene, **settings)
     timed = simulate(scene, **settings, record=Record(times=[2.0]))

@@ -176,9 +176,8 @@ def test_stated_error_of_the_bias_has_the_size_of_its_scatter():
         stated = np.mean([t[error] for t in tables], axis=0)
         assert np.abs(scatter / stated - 1.0).max() < 0.28
     uncoupled = np.sqrt(2.0) * np.mean([np.asarray(t["se_corrected"]) for t in tables], axis=0)
-    assert (
-        uncoupled / np.std([t["bias"] for t in tables], axis=0)
-    ).min() > 1.28  # negative control: runs with independent noise
+    spread = np.std([t["bias"] for t in tables], axis=0)
+    assert (uncoupled / spread).min() > 1.28  # negative control: runs with independent noise
 
 
 def test_step_bias_of_noise_free_run_is_the_difference_of_three_runs():

@@ -88,16 +88,8 @@ def test_files_give_back_the_drive():
         assert eval(repr(again), names) == scene
 
 
-GEARS = """
-[gears]
-epsilon = 0.9
-omega = 300.0
-inertia1 = 4000.0
-radius1 = 41.0
-backlash1 = 0.2
-[scene]
-stages = 1
-"""
+GEARS = "[gears]\nepsilon = 0.9\nomega = 300.0\ninertia1 = 4000.0\nradius1 = 41.0\nbacklash1 = 0.2\n"
+GEARS += "[scene]\nstages = 1\n"
 
 
 def test_amplitudes_may_be_given_on_the_pitch_circle_or_as_angles():

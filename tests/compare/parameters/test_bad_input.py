@@ -4,7 +4,7 @@ import pytest
 from test_boundary import DRIVEN
 from test_crossing import SETTINGS as CROSSING
 from test_map import SETTINGS as MAP
-from test_of_closure import SMALL
+from test_sensitivity import SMALL
 
 from rattle import InputError, RattleError, Scene, boundary, boundary_map, closure_sensitivity, crossing, sensitivity
 

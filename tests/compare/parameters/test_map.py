@@ -1,11 +1,12 @@
 """The curve of a boundary over two parameters: guesses, columns, resuming, a cluster, figure and page, bad input."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from test_boundary import DRIVEN, page_of, search, verdicts
 
-from rattle import Scene, boundary, boundary_map
+from rattle import boundary, boundary_map
 from rattle.compare.parameters.map import Found, curve_rows, expect
 from rattle.compare.parameters.search import ACCURATE, Edge, critical
 
@@ -46,19 +47,12 @@ def found(folder):
 def test_each_value_has_its_own_boundary(found):
     """Searches with other random numbers agree with every column, and not all of them with that of another."""
     curve = found.curve.set_index("along")
-    again = {
-        alpha: boundary(find(alpha), impacts=2, points=4, width=0.3, rng=4).edges[0]
-        for alpha in curve.index
-        for find in [lambda alpha: Scene(**vars_of(DRIVEN) | {"alpha": alpha})]
-    }
+    settings = {"impacts": 2, "points": 4, "width": 0.3, "rng": 4}
+    again = {alpha: boundary(replace(DRIVEN, alpha=alpha), **settings).edges[0] for alpha in curve.index}
     for alpha, row in curve.iterrows():
         assert max(row["accurate"], again[alpha].accurate) < min(row["wrong"], again[alpha].wrong)
     assert curve["accurate"].max() > curve["wrong"].min()  # a column in the place of another is noticed
     assert critical(2, 2, 3) > critical(2, 2)
-
-
-def vars_of(scene):
-    return {name: getattr(scene, name) for name in ("epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
 
 
 def test_a_map_continues_where_it_ended(found, folder):

@@ -1,6 +1,7 @@
 """Gears that chatter: what is fast stands first, chatter is said to be chatter, and pages of gears are physical."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,12 +11,9 @@ from rattle.closure.stationary import Law
 from rattle.compare.stationary.page import answer, write_stationary
 from rattle.compare.stationary.verdicts import values_of
 from rattle.montecarlo.long_run.estimates import all_names
-from rattle.scene import Gears, Scene
+from rattle.scene import Scene
 
-GEARS = Gears.driven(
-    amplitude_rad=0.05, driver_radius=35.0, epsilon=0.7, omega=157.0, inertia1=2000.0, inertia2=2000.0, radius1=60.0,
-    radius2=60.0, backlash1=0.12, torque1=500.0,
-)  # fmt: skip
+PAIR = Path(__file__).parents[1] / "cli" / "pair.toml"
 RECORD = {
     "name": "pair", "field": "alpha", "commit": "", "seed": 0, "wall_seconds": 0.0, "versions": {},
     "command": "rattle stationary",
@@ -24,8 +22,7 @@ RECORD = {
 
 @pytest.fixture(scope="module")
 def found():
-    scene = Scene.from_gears(GEARS, sigma=0.03, stages=1)
-    return rt.stationary(scene, periods=64, paths=32, closures=["published", "saltation"])
+    return rt.stationary(Scene.load(PAIR), periods=64, paths=32, closures=["published", "saltation"])
 
 
 def test_impacts_above_the_threshold_stand_first(found):

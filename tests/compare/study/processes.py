@@ -4,9 +4,7 @@ import os
 import subprocess
 import sys
 from contextlib import contextmanager
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[3]
 SCHEDULER = """
 import asyncio, sys
 from distributed import Scheduler
@@ -36,7 +34,7 @@ if __name__ == "__main__":
 @contextmanager
 def _running(code, *words, **environment):
     """A process, and the address that it prints once it answers there; killed in the end."""
-    path = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+    path = os.pathsep.join(filter(None, sys.path))
     running = subprocess.Popen(
         [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         env={**os.environ, "PYTHONPATH": path, **environment},

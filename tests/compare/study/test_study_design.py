@@ -30,9 +30,8 @@ def test_a_study_file_is_asked_whether_its_gears_can_be(tmp_path):
     file.write_text(geared(inertia1=0.004, damping1=0.0))
     assert Study.from_toml(file.read_text()).gears.inertia1 == 0.004  # only what was written in a file is questioned
     line = file.read_text().splitlines().index("inertia1 = 0.004") + 1
-    with pytest.raises(
-        InputError, match=rf"mine\.toml, line {line}: gears\.inertia1 = 0\.004: is too little"
-    ) as caught:
+    said = rf"mine\.toml, line {line}: gears\.inertia1 = 0\.004: is too little"
+    with pytest.raises(InputError, match=said) as caught:
         Study.load(file)
     assert "if 0.004 is in kg m^2, write 4000" in str(caught.value)
 

@@ -186,10 +186,8 @@ def test_one_row_that_is_allowed_nothing_fails_at_the_stated_rate(once, looks, t
 def test_one_row_at_the_edge_fails_at_half_the_stated_rate(once, truth, edge):
     low, measured, high = failing(outcomes(once, truth, edge, **ONE, absolute=2e-3))
     assert low <= 0.5 * RATE <= high, measured
-    low, measured, high = failing(
-        outcomes(once, truth, edge, **ONE, within=0.05)
-    )  # its bound on the error is not tight
-    assert low <= 0.5 * RATE, measured
+    low, measured, high = failing(outcomes(once, truth, edge, **ONE, within=0.05))
+    assert low <= 0.5 * RATE, measured  # its bound on the error is not tight
     assert high >= 0.25 * RATE, measured
 
 

@@ -149,10 +149,8 @@ def test_the_cheapest_method_is_that_of_least_counted_work():
 
 def test_a_run_that_promised_too_much_is_found_out():
     """A run of too few paths to be as accurate as it says, compared with one of many paths."""
-    small, large = (
-        simulate(SCENE, paths=n, impacts=2, dt=0.05, scheme="exact-flight", sampling=Sampling(control=True))
-        for n in (300, 30_000)
-    )
+    settings = {"impacts": 2, "dt": 0.05, "scheme": "exact-flight", "sampling": Sampling(control=True)}
+    small, large = (simulate(SCENE, paths=n, **settings) for n in (300, 30_000))
     own = model(0.0)
     point = CostPoint("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
     (fair,) = _compare(point, small, own, large)

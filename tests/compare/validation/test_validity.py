@@ -75,10 +75,8 @@ def test_claim_about_rho_names_rule_and_impact(validations):
     claim = correlation_claim(validations)
     assert "Eq. 17, λ_np − κ m_np, which makes variances of stage 1 negative, and Eq. 15" in claim
     assert "the first being 2" in claim
-    assert (
-        correlation_claim([validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["corrected"], paths=600)])
-        == ""
-    )
+    other = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["corrected"], paths=600)
+    assert correlation_claim([other]) == ""
 
 
 def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():

@@ -137,12 +137,9 @@ def louder_when_late(scene, **settings):
     return validate(scene.with_sigma(scene.sigma * (1.0 + 1e-6 * (scene.start.tau > 10.0))), **settings)
 
 
-follow = orbit.follow
-
-
 def late_sticking(scene, impacts):
     """Sticking phases that begin and end late by a fraction of 1e-8."""
-    found = follow(scene, impacts)
+    found = orbit_follow(scene, impacts)
     late = 1.0 + 1e-8
     return replace(
         found, sticking=tuple(p._replace(closed=p.closed * late, opened=p.opened * late) for p in found.sticking)

@@ -111,11 +111,8 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert {row["scheme"] for row in rows} == {"euler-maruyama", "exact-flight"}
     for row in rows:
         scene, scheme = AXES[row["axis"]].scene(float(row["value"])), row["scheme"]
-        dt = (
-            default_step(scene, scheme)
-            if row["default"] == "True"
-            else float(row["share"]) * largest_step(scene, scheme)[0]
-        )
+        share = float(row["share"]) * largest_step(scene, scheme)[0]
+        dt = default_step(scene, scheme) if row["default"] == "True" else share
         assert float(row["dt"]) == pytest.approx(dt, rel=1e-4)
     assert "Ensemble.diagnostics" in (folder / "stability.md").read_text(encoding="utf-8")
     assert json.loads((folder / "manifest.json").read_text())["axes"] == ["sigma"]
