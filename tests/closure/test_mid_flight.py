@@ -66,10 +66,7 @@ def excess(table, prediction, scale=1.0):
     return (np.abs(value - table["value"]) - table["step"].abs()) / table["se"]
 
 
-ONE_FIRST = [n if n == "DAT21" else pytest.param(n, marks=pytest.mark.slow) for n in SCENES]
-
-
-@pytest.mark.parametrize("name", ONE_FIRST)
+@pytest.mark.parametrize("name", [n if n == "DAT21" else pytest.param(n, marks=pytest.mark.slow) for n in SCENES])
 def test_sds_and_rho_between_impacts(name):
     scene = SCENES[name](SIGMA)
     table = sampled(scene)

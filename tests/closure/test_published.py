@@ -37,11 +37,6 @@ def eq_22(c, tau, t, mean, old, new):
     return np.array([x1_next, y1_next, x2_next, y2_next])
 
 
-def unperturbed_x(c, tau, t, mean, old):
-    """x_1 and x_2 of Eq. 10: Eq. 22 without the new shift."""
-    return eq_22(c, tau, t, mean, old, np.zeros(4))[[0, 2]]
-
-
 def impact_of_moments(c, first, second):
     """Eqs. 15 and 17 as published."""
     kappa = (1 + c.epsilon) * c.mu
@@ -65,7 +60,7 @@ def follow_by_hand(scene, taus, impacts, contact=impact_of_moments):
             after[0], c.beta1, tau, t, lambda s: c.sigma**2 * (-sin(s) + c.beta1 * cos(s)) ** 2
         )
         second = stage_moments_after_flight(after[1], c.beta2, tau, t, lambda s: c.sigma**2)
-        x1, x2 = unperturbed_x(c, tau, t, mean, shift)
+        x1, x2 = eq_22(c, tau, t, mean, shift, np.zeros(4))[[0, 2]]  # those of Eq. 10: without the new shift
         new = np.array([*window_shift(first, x1, windows[0]), *window_shift(second, x2, windows[1])])
         mean, shift, after = eq_22(c, tau, t, mean, shift, new), new, contact(c, first, second)
         rows.append((mean, first, second))

@@ -75,14 +75,6 @@ def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):
 # --- who may read it
 
 
-def rights(place):
-    """Files and folders, by what anybody may do with them."""
-    found = {}
-    for path in [place, *place.rglob("*")]:
-        found.setdefault((path.is_dir(), path.stat().st_mode & 0o777), []).append(path.name)
-    return found
-
-
 @pytest.mark.parametrize("umask", [0o022, 0o077], ids=oct)
 def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask):
     """Cells, locks, log, tables, page and figures: missing permissions never make results look damaged."""
@@ -91,8 +83,9 @@ def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask)
         rattle("study", file)
     finally:
         os.umask(before)
-    found = rights(file.with_suffix(""))
-    assert set(found) == {(False, 0o666 & ~umask), (True, 0o777 & ~umask)}, found
+    out = file.with_suffix("")
+    found = {path.name: (path.is_dir(), path.stat().st_mode & 0o777) for path in [out, *out.rglob("*")]}
+    assert set(found.values()) == {(False, 0o666 & ~umask), (True, 0o777 & ~umask)}, found
 
 
 # --- what killed processes leave

@@ -58,11 +58,6 @@ def test_split_is_a_rotation_of_four_standard_normals(share):
 FINE, H = 240, 0.3
 
 
-def laid_out(paths, seed=1):
-    """Increments of Brownian paths over FINE equal steps of a time H."""
-    return np.random.default_rng(seed).standard_normal((paths, FINE)) * math.sqrt(H / FINE)
-
-
 def noise_of(increments):
     """Increment and area of a path linear in each fine step, by summation: the weight s / h - 1/2 at mid-steps."""
     n = increments.shape[1]
@@ -72,7 +67,7 @@ def noise_of(increments):
 
 @pytest.mark.parametrize("cut", [1, 60, 120, 239])
 def test_joined_parts_of_a_path_are_the_whole_to_rounding(cut):
-    fine = laid_out(20)
+    fine = np.random.default_rng(1).standard_normal((20, FINE)) * math.sqrt(H / FINE)  # increments of 20 paths
     whole = np.array(noise_of(fine))
     first, second = np.array(noise_of(fine[:, :cut])), np.array(noise_of(fine[:, cut:]))
     again = np.array([join(Noise(*a), Noise(*b), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T

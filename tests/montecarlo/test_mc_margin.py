@@ -77,15 +77,11 @@ def test_impacts_inside_a_trial_are_as_frequent_as_a_brownian_path_has_them(fart
     assert agree([found(distance, 40_000) for distance in DISTANCES], 40_000, farthest)
 
 
-def interpreted(margin, paths):
-    """The same without the compiler, with another margin."""
-    return json.loads(python(__file__, margin, paths, NUMBA_DISABLE_JIT="1").stdout)
-
-
 @pytest.mark.parametrize("margin", [pytest.param(6.0, marks=pytest.mark.slow), 1.5])
 def test_a_margin_of_one_and_a_half_sds_is_seen(farthest, margin):
     """The second is the negative control: a step of which every forty-fifth path has an impact is not looked at."""
-    assert agree(interpreted(margin, 2000), 2000, farthest) == (margin == 6.0)
+    shares = json.loads(python(__file__, margin, 2000, NUMBA_DISABLE_JIT="1").stdout)
+    assert agree(shares, 2000, farthest) == (margin == 6.0)
 
 
 if __name__ == "__main__":

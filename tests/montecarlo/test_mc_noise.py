@@ -174,13 +174,9 @@ def drawn(low, high, paths, indices, purpose):
     return out
 
 
-def sample(seed=7, paths=1000, indices=200, purpose=STEP):
-    return drawn(*key_of(np.random.SeedSequence(seed)), paths, indices, purpose)
-
-
 @pytest.fixture(scope="module")
 def z():
-    return sample()
+    return drawn(*key_of(np.random.SeedSequence(7)), 1000, 200, STEP)
 
 
 def moment_scores(z, powers=range(1, 9)):

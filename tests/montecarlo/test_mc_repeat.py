@@ -31,14 +31,6 @@ def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(scheme, worker
     assert np.array_equal(alone.histograms.counts, many.histograms.counts)
 
 
-def with_blocks_of(monkeypatch, size, **settings):
-    """The same run with another number of paths in a block."""
-    with monkeypatch.context() as m:
-        m.setattr(block, "BLOCK", size)
-        m.setattr(ensemble, "BLOCK", size)
-        return run_with(**settings)
-
-
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("scene", [dat21(0.5), TOLERANT.with_sigma(0.2)], ids=["DAT21", "redrawn walls"])
 def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, monkeypatch):
@@ -46,7 +38,9 @@ def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, m
     settings = {"scheme": scheme, "scene": scene, "paths": 1100, "impacts": 12, "times": [1.0]}
     whole = run_with(**settings)
     for size in (64, 100, 1024):
-        cut = with_blocks_of(monkeypatch, size, **settings)
+        monkeypatch.setattr(block, "BLOCK", size)
+        monkeypatch.setattr(ensemble, "BLOCK", size)
+        cut = run_with(**settings)
         assert np.array_equal(whole.raw, cut.raw)
         a, b = (r.section.to_numpy(dtype=float) for r in (whole, cut))
         assert np.allclose(a, b, rtol=1e-9, atol=1e-9, equal_nan=True)

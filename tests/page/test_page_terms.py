@@ -15,12 +15,9 @@ GLOSSARY = Glossary(
 MARKED = re.compile(r'<abbr title="([^"]*)"(?: tabindex="(-?\d)")?>(.*?)</abbr>')
 
 
-def marked(text, terms=None):
-    return MARKED.findall(str(as_html(text, words=(terms or Terms([GLOSSARY])).text)))
-
-
 def test_words_are_marked_once_in_a_text_and_names_only_in_code():
-    found = marked("`published` results, published: sds of x1 and x1, not ax1 or x1-x2, at σ")
+    text = "`published` results, published: sds of x1 and x1, not ax1 or x1-x2, at σ"
+    found = MARKED.findall(str(as_html(text, words=Terms([GLOSSARY]).text)))
     assert [(title.split(":")[0], word) for title, _, word in found] == [
         ("published", "published"), ("E, sd", "sds"), ("x1, x2", "x1"), ("σ", "σ"),
     ]  # fmt: skip

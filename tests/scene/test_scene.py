@@ -1,4 +1,5 @@
 import pickle
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +18,6 @@ NUMBERS = tuple(VALUES)
 
 def refused(field, value, remedy):
     """What must be raised: field, value and remedy, all three in the text."""
-    import re
-
     return pytest.raises(InputError, match=re.escape(f"{field} = {value!r}: ") + ".*" + re.escape(remedy))
 
 

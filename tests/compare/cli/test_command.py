@@ -11,6 +11,7 @@ import pytest
 from commands import rattle as command
 
 from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED
+from rattle.compare.report.manifest import digest, read_settings
 from rattle.compare.validation.page import CONTENTS
 from rattle.compare.validation.verdict import ACCURATE, NOT_WRONG, RULE
 from rattle.scene import DAT21, Scene, Start
@@ -174,8 +175,6 @@ def test_missing_and_foreign_files(tmp_path):
 
 def test_committed_report_is_of_this_code():
     """The committed default report holds the three noise intensities and its table matches its manifest."""
-    from rattle.compare.report.manifest import digest, read_settings
-
     folder = Path(__file__).resolve().parents[3] / "reports" / "dat21"
     settings, expected, _ = read_settings(folder / "manifest.json")
     assert digest((folder / "table.csv").read_text()) == expected["table_sha256"]

@@ -126,10 +126,8 @@ def test_the_tolerances_that_a_message_proposes_are_taken():
 
 
 def test_the_numerical_version_is_in_the_key(monkeypatch):
-    from rattle.compare.study import store as cell
-
     before = {c.key for c in read().cells}
-    monkeypatch.setattr(cell, "numerical_version", lambda *packages: "another")
+    monkeypatch.setattr("rattle.compare.study.store.numerical_version", lambda *packages: "another")
     assert not before & {c.key for c in read().cells}
 
 

@@ -35,12 +35,9 @@ def own(tmp_path, monkeypatch):
     sys.modules.pop("own_closures", None)
 
 
-def keys(study):
-    return {cell.closure: cell.key for cell in study.points[0].predictions}
-
-
 def test_its_source_is_in_the_key_of_its_cells_and_of_no_others(own):
-    first, same, other = (keys(own(shift)) for shift in ("0.0", "0.0", "0.00"))
+    cells = (own(shift).points[0].predictions for shift in ("0.0", "0.0", "0.00"))
+    first, same, other = ({cell.closure: cell.key for cell in of_point} for of_point in cells)
     assert first == same
     assert first["saltation"] == other["saltation"]
     assert first["mine"] != other["mine"]
