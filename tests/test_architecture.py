@@ -1,6 +1,7 @@
 """Data flows scene -> closure | montecarlo -> compare, never back; and importing stays cheap."""
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -70,6 +71,12 @@ def test_help_does_not_load_the_scientific_stack():
         "import sys, rattle.compare.cli.main; print([m for m in ('numba', 'pandas', 'matplotlib') if m in sys.modules])"
     )
     assert python("-c", code).stdout.strip() == "[]"
+
+
+def test_a_class_name_has_one_meaning():
+    nodes = (node for tree in sources().values() for node in ast.walk(tree))
+    names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
+    assert not [name for name, times in names.items() if times > 1]
 
 
 def test_no_imports_run_in_a_circle():

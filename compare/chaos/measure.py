@@ -8,7 +8,7 @@ moments along the orbit.  Only `published` feeds the shifts of its means back in
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,6 @@ from rattle.scene import Scene
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
-Progress: TypeAlias = Callable[[str], None]
 """Is told which part begins."""
 PUBLISHED = 30  # impacts through which the published map is followed at each value
 FOLLOWED = 400  # impacts through which moments are followed
@@ -130,7 +129,9 @@ class Effort(NamedTuple):
     workers: int = 2
 
 
-def study(scene: Scene, scenes: Mapping[float, Scene], field: str, effort: Effort, progress: Progress) -> ChaosStudy:
+def study(
+    scene: Scene, scenes: Mapping[float, Scene], field: str, effort: Effort, progress: Callable[[str], None]
+) -> ChaosStudy:
     """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
 
     What its motion does not have, for instance because a mesh sticks in every period, is left out with the reason.

@@ -19,7 +19,7 @@ from rattle.compare.parameters.search import (
     UNDECIDED,
     WRONG,
     Edge,
-    Point,
+    Judgement,
     critical,
     find_changes,
     judge_value,
@@ -212,7 +212,7 @@ def boundary(
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
     steps, at_work = 0, [""]
-    known: dict[float, Point] = {}
+    known: dict[float, Judgement] = {}
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
         store = Store(Path(folder or scratch))
@@ -225,7 +225,7 @@ def boundary(
             steps += run.facts["path_steps"]
             return run
 
-        def judge(value: float) -> Point:
+        def judge(value: float) -> Judgement:
             left = limit - time.process_time()
             if left < 0.0:
                 return doubt(value, "the budget ended")
@@ -244,7 +244,7 @@ def boundary(
 
         changes = find_changes(judge, low, high, points, width, known, first=ACCURATE, near=near)
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
-    table = pd.DataFrame(sorted(known.values()), columns=list(Point._fields))
+    table = pd.DataFrame(sorted(known.values()), columns=list(Judgement._fields))
     return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
 
 
@@ -260,9 +260,9 @@ def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:
     return f"If there is one, it lies {'above' if above else 'below'} {(last if above else first)['value']:.4g}{unit}."
 
 
-def doubt(value: float, why: str) -> Point:
+def doubt(value: float, why: str) -> Judgement:
     """A value at which nothing could be judged."""
-    return Point(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "", why)
+    return Judgement(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "", why)
 
 
 def own_seed(scene: Scene, rng: int) -> int:

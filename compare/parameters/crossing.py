@@ -38,7 +38,7 @@ TAIL = 0.5 * 0.05 / (len(LOOKS) * MOST)
 BELOW, ABOVE = "below", "above"
 
 
-class Level(NamedTuple):
+class SideOfLevel(NamedTuple):
     """A value of the parameter, and on which side of the level the quantity is there."""
 
     value: float
@@ -229,12 +229,12 @@ def crossing(
     low, high = find_range(parameter, between)
     limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     units = "dimensionless" if scene.gears is None else "physical"
-    known: dict[float, Level] = {}
+    known: dict[float, SideOfLevel] = {}
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
         store = Store(Path(folder or scratch))
 
-        def judge(value: float) -> Level:
+        def judge(value: float) -> SideOfLevel:
             changed = parameter.scene_at(value)
             gears = changed.gears or scene.gears  # gears do not have the value of a field that they fix
             same_speed = scene.gears.units.speed / gears.units.speed if scene.gears and gears else 1.0
@@ -255,18 +255,18 @@ def crossing(
 
         with ThreadPoolExecutor(workers) as pool:
             changes = find_changes(judge, low, high, points, width, known, first=BELOW, each=pool.map)
-    table = pd.DataFrame(sorted(known.values()), columns=list(Level._fields))
+    table = pd.DataFrame(sorted(known.values()), columns=list(SideOfLevel._fields))
     edges = tuple(Sides(below.value, above.value) for below, above in changes)
     unit = unit_of(quantity, scene.gears, units)[0]
     return Crossing(scene, quantity, level, over, edges, table, parameter.unit, unit)
 
 
-def judge_level(value: float, quantity: str, level: float, run: Callable[[int], LongResult | None]) -> Level:
+def judge_level(value: float, quantity: str, level: float, run: Callable[[int], LongResult | None]) -> SideOfLevel:
     """Lengthen the long run at one value until a quantity is shown to be on one side of a level.
 
     `run`: Makes a long run of so many periods; None once the budget is spent.
     """
-    found = Level(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "the budget ended")
+    found = SideOfLevel(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "the budget ended")
     for periods in LOOKS:
         try:
             result = run(periods)
@@ -275,7 +275,7 @@ def judge_level(value: float, quantity: str, level: float, run: Callable[[int], 
         if result is None:
             break
         estimate, low, high = find_interval(result, quantity)
-        found = Level(value, UNDECIDED, periods, estimate, low, high, "too near the level to decide")
+        found = SideOfLevel(value, UNDECIDED, periods, estimate, low, high, "too near the level to decide")
         if high < level:
             return found._replace(verdict=BELOW, remark="")
         if low > level:

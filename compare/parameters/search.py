@@ -26,7 +26,7 @@ SLIGHT = 0.01  # share of a tolerance below which it does not matter what a bran
 ACCURATE, WRONG, UNDECIDED = "accurate", "wrong", "undecided"
 
 
-class Point(NamedTuple):
+class Judgement(NamedTuple):
     """A value of the parameter, and the verdict on the closure there."""
 
     value: float
@@ -68,7 +68,7 @@ def judge_value(
     simulate: Callable[[Scene, int, bool], Simulated],
     z: Widths,
     tolerances: Tolerances,
-) -> Point:
+) -> Judgement:
     """Add paths until a closure is decided at one value, or until what is undecided would take more than the last look.
 
     Where that waits for a rare branch, it is judged by `ROUGH` paths or more from then on, a part of them near it.
@@ -82,7 +82,7 @@ def judge_value(
         narrow, rows = (section_errors(predicted, run, width, tolerances) for width in z)
         narrow, rows = (table[table["verdict"].isin(JUDGED)] for table in (narrow, rows))
         if rows.empty:
-            return Point(value, WRONG, paths, math.nan, math.nan, math.nan, "nothing is predicted", "")
+            return Judgement(value, WRONG, paths, math.nan, math.nan, math.nan, "nothing is predicted", "")
         if is_wrong(set(rows["verdict"])):
             return _point(value, WRONG, paths, rows[rows["verdict"] == "inaccurate"])
         if is_accurate(set(narrow["verdict"])):
@@ -104,13 +104,13 @@ def judge_value(
     return _point(value, UNDECIDED, paths, rows)._replace(remark=remarks[0] if remarks else "too few paths to decide")
 
 
-def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Point:
+def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Judgement:
     """A value with the worst of some rows."""
     row = rows.to_dict("records")[int((rows["error"].abs() / rows["tolerance"]).argmax())]
     sign = 1.0 if row["error"] >= 0.0 else -1.0
     low, high = sorted(sign * row[name] / row["tolerance"] for name in ("low", "high"))
     name = f"{row['moment']} of {row['quantity']} at impact {row['impact']}"
-    return Point(value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name, "")
+    return Judgement(value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name, "")
 
 
 def find_changes(

@@ -70,7 +70,7 @@ class Runner:
         return found
 
 
-class Progress:
+class StudyProgress:
     """What a run has done so far: a line on the terminal, a log file in the folder, and the counts for the manifest.
 
     `show`: Whether to draw the line if standard error is a terminal, and to print there which process is waited for
@@ -141,7 +141,7 @@ class Progress:
         self._bar.set_postfix_str(text)
 
 
-def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = False) -> Progress:
+def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = False) -> StudyProgress:
     """Compute the cells that are missing."""
     sweep(store.folder, ANY_TEXT)
     todo = deque(cell for cell in cells if store.read(cell) is None)
@@ -152,7 +152,7 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
         computed.add(cell.key)
         return content
 
-    with runner, Progress(todo, len(cells) - len(todo), store.folder.parent, show) as progress:
+    with runner, StudyProgress(todo, len(cells) - len(todo), store.folder.parent, show) as progress:
         pool = ThreadPoolExecutor(runner.workers, thread_name_prefix="cell")
         running: dict[Future[Any], Cell] = {}
         try:

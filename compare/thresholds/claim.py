@@ -94,7 +94,7 @@ VARYING = ("tau", "y1", "y2")
 """Default quantities: they vary at every impact, unlike a displacement, which is fixed at the mesh that is struck."""
 
 
-class Row(NamedTuple):
+class ClaimRow(NamedTuple):
     """One check: a moment (``mean`` or ``sd``) of a quantity at an impact."""
 
     moment: str
@@ -131,9 +131,9 @@ class Claim:
     kind: str = KINDS[0]  # about all paths, or those alone that have followed the closure's itinerary
 
     @cached_property
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[ClaimRow, ...]:
         """All checks of the claim."""
-        return tuple(Row(m, q, k) for m in self.allowed for q in self.quantities for k in self.impacts)
+        return tuple(ClaimRow(m, q, k) for m in self.allowed for q in self.quantities for k in self.impacts)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -178,7 +178,7 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     >>> from rattle.scene import DAT21
     >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "impacts": 2, "within": 0.05}, Path())
     >>> len(claim.rows), claim.rows[0], claim.allowed["sd"]
-    (12, Row(moment='mean', quantity='tau', impact=1), Allowed(error=0.05, in_sd=True))
+    (12, ClaimRow(moment='mean', quantity='tau', impact=1), Allowed(error=0.05, in_sd=True))
     """
     check_keys("option of the marker rattle", options, OPTIONS)
     scene = _scene(options.get("scene"), folder).phase_reduced  # so that a late start loses no digits

@@ -20,7 +20,7 @@ from tqdm import tqdm
 from rattle.closure import closures_for, mean_map
 from rattle.closure.mean_map import closure_seconds
 from rattle.compare.tradeoff.multilevel import SIGMAS, Levels, control_table, measure_levels, time_run
-from rattle.compare.tradeoff.weak_order import Orders, orders_over
+from rattle.compare.tradeoff.weak_order import WeakOrders, orders_over
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, Record, simulate, simulate_to
 from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths, step_error
@@ -157,7 +157,7 @@ class Tradeoff:
     levels: dict[str, Levels]  # multilevel analysis, by Euler scheme
     reference: Ensemble  # the simulation with which closures are compared
     control: pd.DataFrame  # what the control variate is worth, see `control_table`; empty for noise with memory
-    orders: Orders | None  # measured weak orders, if asked for
+    orders: WeakOrders | None  # measured weak orders, if asked for
 
 
 def check_accuracies(accuracies: Sequence[float]) -> tuple[float, ...]:

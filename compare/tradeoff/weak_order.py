@@ -128,7 +128,7 @@ exact flights.  ``limit_z``: largest difference between the extrapolated value a
 Row: TypeAlias = tuple[Any, ...]
 
 
-class Orders(NamedTuple):
+class WeakOrders(NamedTuple):
     """Slopes and orders, and the changes from which they are fitted."""
 
     table: pd.DataFrame  # with `COLUMNS`
@@ -139,10 +139,10 @@ class Orders(NamedTuple):
     changes: pd.DataFrame
 
 
-def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> Orders:
+def orders_over(scene: Scene, sigmas: Sequence[float], **settings: int) -> WeakOrders:
     """Slopes and weak orders at several noise intensities."""
     found = [weak_orders(scene.with_sigma(sigma), **settings) for sigma in sigmas]
-    return Orders(pd.concat([one.table for one in found]), pd.concat([one.changes for one in found]))
+    return WeakOrders(pd.concat([one.table for one in found]), pd.concat([one.changes for one in found]))
 
 
 def _rows(run: Ensemble, moment: str) -> pd.DataFrame:
@@ -171,7 +171,7 @@ def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, Bools
 
 def weak_orders(
     scene: Scene, *, impacts: int = IMPACTS, paths: int = 40_000, replicates: int = 6, rng: int = 0, workers: int = 2
-) -> Orders:
+) -> WeakOrders:
     """Measure slope and, where it has settled, weak order of the step bias of every scheme that has one.
 
     They are measured for mean and sd of each quantity on the Poincaré section at the impacts, and for the probability
@@ -194,7 +194,7 @@ def weak_orders(
                 found += slopes
                 changes += points
     columns = ["scheme", "sigma", "moment", "quantity", "dt", "change", "low", "high"]
-    return Orders(pd.DataFrame(found, columns=COLUMNS), pd.DataFrame(changes, columns=columns))
+    return WeakOrders(pd.DataFrame(found, columns=COLUMNS), pd.DataFrame(changes, columns=columns))
 
 
 def _by_quantity(scheme: str, moment: str, runs: list[list[Ensemble]], exact: Ensemble) -> tuple[list[Row], list[Row]]:

@@ -1,14 +1,14 @@
 """The evidence for all claims, every simulation and measurement made once."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, ratio_mean
-from rattle.compare.chaos.measure import ChaosStudy, Effort, Progress, study
+from rattle.compare.chaos.measure import ChaosStudy, Effort, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.section import paper_noise, vary
 from rattle.compare.validation.result import Validation
@@ -62,7 +62,12 @@ class Evidence:
 
 
 def gather(
-    scene: Scene, sigmas: Sequence[float], at: Sequence[float], paths: int, effort: Effort, progress: Progress
+    scene: Scene,
+    sigmas: Sequence[float],
+    at: Sequence[float],
+    paths: int,
+    effort: Effort,
+    progress: Callable[[str], None],
 ) -> Evidence:
     """Make all measurements that the claims need: validations with so many paths, and a study of chaos over alpha."""
     seed, workers = effort.seed, effort.workers

@@ -61,7 +61,7 @@ SCENES = {
 """Scenes, and the periods for which each is followed."""
 
 
-class Impacts(NamedTuple):
+class ImpactSpeeds(NamedTuple):
     """Speeds of both wheels' rims before and after impacts, and the driver's speed."""
 
     mesh: Ints  # (impacts,)
@@ -74,7 +74,7 @@ def _rims(driver: Floats, y1: Floats, y2: Floats) -> Floats:
     return np.column_stack([driver - y1, driver - y1 + y2])
 
 
-def _follow_orbit() -> tuple[Impacts, Floats]:
+def _follow_orbit() -> tuple[ImpactSpeeds, Floats]:
     """Impacts of the orbit with all forces; and the energy that the program says each has taken."""
     scene = Scene.from_gears(TWO_STAGES)
     orbit = follow(scene, IMPACTS)
@@ -82,10 +82,10 @@ def _follow_orbit() -> tuple[Impacts, Floats]:
     driver = scene.alpha * np.cos(orbit.tau[1:])
     c = scene.constants
     lost = np.array([energy_loss(c, int(m), y1, y2) for m, (_, y1, _, y2) in zip(mesh, before, strict=True)])
-    return Impacts(mesh, driver, _rims(driver, *before[:, 1::2].T), _rims(driver, *after[:, 1::2].T)), lost
+    return ImpactSpeeds(mesh, driver, _rims(driver, *before[:, 1::2].T), _rims(driver, *after[:, 1::2].T)), lost
 
 
-def _coast(scheme: str) -> Impacts:
+def _coast(scheme: str) -> ImpactSpeeds:
     """Impacts of a path without drive, damping, drag and noise: the speeds after each are those before the next."""
     free = replace(TWO_STAGES, alpha=0.0, damping1=0.0, damping2=0.0, torque1=0.0, torque2=0.0)
     scene = replace(Scene.from_gears(free), start=Start(0.0, 0.1, 1.3, -0.2, -0.7))
@@ -93,10 +93,10 @@ def _coast(scheme: str) -> Impacts:
     assert run.raw is not None
     rows = run.raw[0]
     speeds = _rims(np.zeros(len(rows)), rows[:, 3], rows[:, 5])
-    return Impacts(np.abs(rows[:-1, 6]).astype(np.int64), np.zeros(len(rows) - 1), speeds[:-1], speeds[1:])
+    return ImpactSpeeds(np.abs(rows[:-1, 6]).astype(np.int64), np.zeros(len(rows) - 1), speeds[:-1], speeds[1:])
 
 
-def _laws(who: str, i: Impacts, mass: tuple[float, float], epsilon: float) -> list[Check]:
+def _laws(who: str, i: ImpactSpeeds, mass: tuple[float, float], epsilon: float) -> list[Check]:
     """Largest violation of each law over the impacts at its mesh."""
     first, second = i.mesh == 1, i.mesh == 2
     u, v = i.before, i.after
@@ -115,7 +115,7 @@ def _laws(who: str, i: Impacts, mass: tuple[float, float], epsilon: float) -> li
     ]
 
 
-def _energy(i: Impacts, lost: Floats, mass: tuple[float, float]) -> list[Check]:
+def _energy(i: ImpactSpeeds, lost: Floats, mass: tuple[float, float]) -> list[Check]:
     """Energy that leaves both wheels at mesh 2, and what wheel 1 loses relative to the driver at mesh 1."""
     relative = 0.5 * ((i.driver - i.before[:, 0]) ** 2 - (i.driver - i.after[:, 0]) ** 2)
     gone = np.where(i.mesh == 1, relative, 0.5 * ((i.before**2 - i.after**2) @ (np.array(mass) / mass[0])))

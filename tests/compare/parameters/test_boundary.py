@@ -19,7 +19,7 @@ from rattle.compare.parameters.search import (
     ROUGH,
     UNDECIDED,
     WRONG,
-    Point,
+    Judgement,
     Widths,
     critical,
     find_changes,
@@ -43,7 +43,7 @@ def verdicts(*changes, doubt=1.0):
     def judge(value):
         near = any(c / doubt < value < c * doubt for c in changes)
         verdict = UNDECIDED if near else (ACCURATE, WRONG)[sum(value > c for c in changes) % 2]
-        return Point(value, verdict, 1, 0.0, 0.0, 0.0, "", "")
+        return Judgement(value, verdict, 1, 0.0, 0.0, 0.0, "", "")
 
     return judge
 

@@ -9,7 +9,7 @@ import pytest
 from test_boundary import page_of
 
 from rattle import DAT21, Scene, crossing, stationary
-from rattle.compare.parameters.crossing import ABOVE, BELOW, LOOKS, PATHS, Crossing, Level, judge_level
+from rattle.compare.parameters.crossing import ABOVE, BELOW, LOOKS, PATHS, Crossing, SideOfLevel, judge_level
 from rattle.compare.parameters.search import UNDECIDED
 from rattle.compare.stationary.study import LongResult
 
@@ -110,6 +110,6 @@ def test_drag_ends_the_rattle():
 )
 def test_where_a_level_that_is_not_crossed_may_be_is_said(verdict, level, place):
     points = pd.DataFrame([(20.0, verdict, 64, 0.9, 0.89, 0.91, ""), (320.0, verdict, 64, 0.5, 0.49, 0.51, "")])
-    points.columns = Level._fields
+    points.columns = SideOfLevel._fields
     found = Crossing(DRIVEN, "open_share_mesh1", level, "torque1", (), points, "N mm")
     assert found.answer[1] == f"If it does, it is {place}."
