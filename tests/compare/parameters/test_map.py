@@ -85,6 +85,6 @@ def test_what_has_no_edge_is_said():
 def test_a_cluster_finds_the_same(found):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as cluster:
         assert boundary_map(DRIVEN, **SETTINGS, scheduler=cluster.scheduler_address).curve.equals(found.curve)

@@ -35,7 +35,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Dask's,
 @pytest.fixture(scope="module")
 def cluster():
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as running:
         yield running
 
@@ -79,7 +79,7 @@ def _another(*packages):
 
 def test_a_cluster_without_workers_is_named(study, tmp_path):
     with (
-        distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=None, silence_logs=50) as empty,
+        distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=":0", silence_logs=50) as empty,
         pytest.raises(InputError, match="has no workers"),
     ):
         run(study.cells, Store(tmp_path / CELLS), Cluster(empty.scheduler_address, patience=1.0))
