@@ -19,7 +19,7 @@ from rattle.closure.orbit import Orbit
 from rattle.closure.section_map import PLAIN, column, hit_matrix, redrawn_variances, start_pieces
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene import linear_algebra as linalg
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import jit, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 
 NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
@@ -64,7 +64,7 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
     return Buffers(empty(size, d), image, ignored, error, axis, depth, beyond, slow, parent, plane, halved)
 
 
-@internal
+@splice
 def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
     """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian describes the return."""
     m1, m2 = noise_rate(c, e[0] + t)
@@ -73,7 +73,7 @@ def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float
     return made / (made + speed * speed) if code != 0 and made > 0.0 else 0.0
 
 
-@internal
+@splice
 def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> None:
     """Compute the image of component `i`, whole or in halves beside a boundary, and how it would best be split.
 

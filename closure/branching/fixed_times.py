@@ -18,7 +18,7 @@ from rattle.closure.branching.propagate import event, half
 from rattle.closure.orbit import Orbit
 from rattle.closure.section_map import PLAIN, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.linear_algebra import apply, beyond, congruence, eigen, put, put_scaled, times, transform
 from rattle.scene.moments import semidefinite
@@ -48,7 +48,7 @@ class InFlight(NamedTuple):
     time: Floats  # time of its mean's flight, whose noise was added; 0 if it does not end; (parents,)
 
 
-@internal
+@splice
 def _inverse(covariance: Floats) -> Floats:
     """Inverse of a covariance on its range."""
     d = covariance.shape[0]
@@ -112,7 +112,7 @@ def _depth(gap: float, variance: float) -> float:
     return math.inf if gap >= 0.0 else -math.inf
 
 
-@internal
+@splice
 def _at(
     c: Constants, f: InFlight, parent: int, mean: Floats, covariance: Floats, time: float, out: Floats, spread: Floats
 ) -> None:

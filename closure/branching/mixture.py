@@ -6,7 +6,7 @@ import numpy as np
 
 from rattle.closure.section_map import PLAIN
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.linear_algebra import eigen, largest
 
 
@@ -53,7 +53,7 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
     return float(values[d - 1])
 
 
-@internal
+@splice
 def _by_label(label: Ints, count: int) -> Ints:
     """Indices of the first components, by label; in their order within each."""
     lowest = highest = label[0] if count > 0 else 0

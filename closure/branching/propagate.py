@@ -13,7 +13,7 @@ from rattle.closure.branching.mixture import Mixture
 from rattle.closure.section_map import PLAIN, between, column, derivatives
 from rattle.scene import Constants, Floats
 from rattle.scene import linear_algebra as linalg
-from rattle.scene.compiled import internal, jit
+from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import next_impact
 
@@ -40,7 +40,7 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     return t, (mesh * side if mesh > 0 else 0)
 
 
-@internal
+@splice
 def root(sigma: Floats) -> tuple[int, Floats]:
     """Square root of a covariance by its principal axes.
 
@@ -94,7 +94,7 @@ def _boundary(
     return max(high, 1e-3), found
 
 
-@jit
+@splice
 def cut_plane(
     c: Constants, centre: Floats, axes: Floats, code: int, ignored: int, reach: float, before: Floats
 ) -> tuple[int, Floats]:
@@ -161,7 +161,7 @@ class Image(NamedTuple):
     crossing: Floats
 
 
-@jit
+@splice
 def _derivatives(
     c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
 ) -> tuple[Floats, Floats]:
@@ -194,7 +194,7 @@ def _derivatives(
     return linear, curve
 
 
-@internal
+@splice
 def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     """Largest ratio of second-order to first-order variance over the outputs, and the direction of that curvature."""
     u = np.zeros(linear.shape[1])
@@ -213,7 +213,7 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     return worst, u
 
 
-@internal
+@splice
 def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, before: Floats) -> tuple[float, Floats]:
     """Propagate a Gaussian to its next impact, to second order in its spread.
 
