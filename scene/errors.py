@@ -56,11 +56,8 @@ class InputError(RattleError, ValueError):
 
 
 def _show(value: object) -> str:
-    """A value as it was given, cut to `LONGEST` characters; Python prints no integer of more than 4300 digits."""
-    try:
-        text = repr(value)
-    except (ValueError, RecursionError):
-        return f"<{type(value).__name__}>"
+    """A value as it was given, cut to `LONGEST` characters."""
+    text = repr(value)
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
@@ -76,10 +73,7 @@ def finite(field: str, value: object) -> float:
     """Check for a finite real number; booleans and strings are refused."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(field, value, "give a number")
-    try:
-        number = float(value)
-    except OverflowError:  # an integer or a fraction beyond the floats
-        number = math.inf
+    number = float(value)
     if not math.isfinite(number):
         raise InputError(field, value, "give a finite number")
     return number

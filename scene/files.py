@@ -1,9 +1,7 @@
 """Reading of text, TOML and JSON files, with errors that name the file."""
 
 import json
-import os
 import re
-import stat
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,26 +13,13 @@ from rattle.scene.errors import FileError, InputError
 TABLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]")
 KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
 PLACE = re.compile(r"\(at line (\d+),")
-LARGEST = 4_000_000
-"""Bytes of the largest file that is read, of those that people write."""
-LARGEST_JSON = 16 * LARGEST
-"""The same of files that rattle writes."""
 COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)")
 
 
-def read_text(what: str, path: str | Path, give: str = "a TOML file", largest: int = LARGEST) -> str:
+def read_text(what: str, path: str | Path, give: str = "a TOML file") -> str:
     """Read a UTF-8 text file, with a byte-order mark or without."""
     try:
-        with open(Path(path), "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
-            found = os.fstat(file.fileno())
-            if not stat.S_ISREG(found.st_mode):  # a pipe or a device may never end
-                raise FileError(what, str(path), f"is a pipe or a device; give {give}")
-            if found.st_size > largest:
-                size = f"{found.st_size:,} bytes where {largest:,} are the most"
-                raise FileError(what, str(path), f"is too large, {size}; give {give}")
-            return file.read(largest).decode("utf-8-sig").replace("\r\n", "\n")
-    except FileError:
-        raise
+        return Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise FileError(what, str(path), f"is not UTF-8 text; give {give} saved as UTF-8") from None
     except OSError as error:
@@ -44,8 +29,8 @@ def read_text(what: str, path: str | Path, give: str = "a TOML file", largest: i
 
 
 def read_json(what: str, path: str | Path, give: str) -> Any:
-    """Read the data of a JSON file that rattle wrote; ValueError or RecursionError where it is no JSON."""
-    return json.loads(read_text(what, path, give, LARGEST_JSON))
+    """Read the data of a JSON file that rattle wrote; ValueError where it is no JSON."""
+    return json.loads(read_text(what, path, give))
 
 
 def read_toml(text: str) -> dict[str, Any]:
@@ -56,14 +41,10 @@ def read_toml(text: str) -> dict[str, Any]:
     >>> read_toml("sigma = 0.1")
     {'sigma': 0.1}
     """
-    if not isinstance(text, str):
-        raise FileError("TOML", text, "give text")
     try:
         return tomllib.loads(text)
     except ValueError as error:  # includes TOMLDecodeError; an integer of too many digits raises a plain ValueError
         raise FileError("TOML", str(error), _remedy(text, str(error))) from None
-    except RecursionError:
-        raise FileError("TOML", text[:20], "is nested too deeply; give an ordinary file") from None
 
 
 def _remedy(text: str, error: str) -> str:

@@ -1,6 +1,5 @@
-"""Files that are no text files, or too large, are refused at once by every reader of TOML and JSON."""
+"""Files that are read by every reader of TOML and JSON: line ends, byte-order marks, other encodings."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,6 @@ from rattle.compare.report.manifest import read_settings
 from rattle.compare.study.design import Study
 from rattle.compare.thresholds.fixture import read_baseline
 from rattle.scene import FileError, Scene
-from rattle.scene.files import LARGEST, LARGEST_JSON
 
 READERS = {
     "scene file": Scene.load,
@@ -21,37 +19,16 @@ READERS = {
 }
 
 
-@pytest.fixture(params=READERS)
-def refusal(request):
-    def of(path):
+@pytest.mark.parametrize("reader", READERS)
+def test_a_file_that_is_no_text_or_not_there_is_refused_by_name(reader, tmp_path):
+    (path := tmp_path / "latin.toml").write_bytes("name = 'Übersetzung'".encode("latin-1"))
+    for place, why in ((path, "is not UTF-8 text; give a"), (tmp_path / "none", "cannot be read (No such file")):
         with pytest.raises(FileError) as refused:
-            READERS[request.param](path)
-        assert str(refused.value).startswith(f"{request.param} = {str(path)!r}: ")
-        return str(refused.value)
-
-    return of
+            READERS[reader](place)
+        assert str(refused.value).startswith(f"{reader} = {str(place)!r}: {why}")
 
 
-def test_a_sparse_file_is_too_large(refusal, tmp_path):
-    path = tmp_path / "sparse.toml"
-    with path.open("wb") as file:
-        file.truncate(10_000_000_000)
-    text = refusal(path)
-    most = LARGEST_JSON if text.startswith(("manifest", "page")) else LARGEST
-    assert f"is too large, 10,000,000,000 bytes where {most:,} are the most" in text
-
-
-def test_pipes_and_devices_are_refused_and_not_waited_for(refusal, tmp_path):
-    os.mkfifo(tmp_path / "pipe.toml")
-    for path in (tmp_path / "pipe.toml", "/dev/zero"):
-        assert "is a pipe or a device; give a" in refusal(path)
-
-
-def test_the_largest_file_is_read(tmp_path):
-    path = tmp_path / "long.toml"
-    text = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1).to_toml()
-    path.write_text(text + "#" * (LARGEST - len(text.encode())))
-    assert path.stat().st_size == LARGEST
-    assert Scene.load(path).alpha == 1.0
-    path.write_bytes(text.replace("\n", "\r\n").encode())
-    assert Scene.load(path).alpha == 1.0
+def test_line_ends_and_a_byte_order_mark_of_other_systems(tmp_path):
+    path, scene = tmp_path / "windows.toml", Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
+    path.write_bytes(b"\xef\xbb\xbf" + scene.to_toml().replace("\n", "\r\n").encode())
+    assert Scene.load(path) == scene
