@@ -41,6 +41,8 @@ def read_toml(text: str) -> dict[str, Any]:
     >>> read_toml("sigma = 0.1")
     {'sigma': 0.1}
     """
+    if not isinstance(text, str):
+        raise FileError("TOML", text, "give text")
     try:
         return tomllib.loads(text)
     except ValueError as error:  # includes TOMLDecodeError; an integer of too many digits raises a plain ValueError
