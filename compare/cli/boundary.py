@@ -4,6 +4,7 @@ from typing import Any
 
 import click
 
+import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, real, several, whole
 from rattle.scene import InputError, Scene
@@ -47,9 +48,6 @@ def boundary(
     With --quantity: where a quantity of the long run crosses a level. SCENE is a TOML file, DAT21 if none is given.
     Results are stored in OUT-cells: after an interruption the same command continues.
     """
-    from rattle.compare.parameters.boundary import boundary as find
-    from rattle.compare.parameters.crossing import crossing
-    from rattle.compare.parameters.map import boundary_map
     from rattle.compare.parameters.page import write_report
     from rattle.compare.study.cluster import check_address, silence
 
@@ -69,17 +67,20 @@ def boundary(
         silence()
     results = begin()
     settings = {name: value for name, value in asked.items() if name in ("over", "between", "points", "width")}
-    settings |= {"quantity": quantity, "level": level} if quantity else {"closure": closure or "saltation"}
-    settings |= {} if quantity else {"impacts": asked["impacts"]}
+    if quantity is not None:
+        settings |= {"quantity": quantity, "level": level}
+    else:
+        settings |= {"closure": closure or "saltation", "impacts": asked["impacts"]}
     # beside the report, which is replaced as a whole
     cells = results.out.with_name(f"{results.out.name}-cells") if results.writes else None
     common: dict[str, Any] = {"folder": cells, "rng": seed, "workers": workers}
     if along is None:
         settings |= {"budget": budget}
-        found: Any = (find if quantity is None else crossing)(base, **settings, **common, progress="boundary")
+        search: Any = rt.boundary if quantity is None else rt.crossing
+        found = search(base, **settings, **common, progress="boundary")
     else:
         settings |= {"along": along, "reach": reach, "values": asked["values"]}
-        found = boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
+        found = rt.boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
     results.write(write_report, found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "boundary.html", found.to_dict)
 
@@ -113,20 +114,18 @@ def sensitivity(
 
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the intervals are wider than asked for.
     """
-    from rattle.compare.parameters.of_closure import closure_sensitivity
     from rattle.compare.parameters.page import write_report
-    from rattle.compare.parameters.sensitivity import sensitivity as measure
 
     if closure is not None and quantities:
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
     results = begin()
     common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
-    names = ("accuracy", "slow", "budget") if closure is None else ("closure", "impacts", "paths", "budget")
-    settings = {name: (asked | {"closure": closure})[name] for name in names}
     if closure is None:
-        found: Any = measure(base, quantities=quantities or None, **settings, **common, progress="sensitivity")
+        settings = {name: asked[name] for name in ("accuracy", "slow", "budget")}
+        found: Any = rt.sensitivity(base, quantities=quantities or None, **settings, **common, progress="sensitivity")
     else:
-        found = closure_sensitivity(base, **settings, **common, progress="sensitivity")
+        settings = {"closure": closure} | {name: asked[name] for name in ("impacts", "paths", "budget")}
+        found = rt.closure_sensitivity(base, **settings, **common, progress="sensitivity")
     results.write(write_report, found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "sensitivity.html", found.to_dict)
     if closure is None and not found.reached:

@@ -6,22 +6,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
 
+import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import Results, say, say_json, say_lines, say_part
-
-if TYPE_CHECKING:
-    from rattle.compare.checks.check import Result
+from rattle.scene import OutputError, count, positive
 
 EXIT_BROKEN = 1
 EXTREMES = "Try extreme values too (rattle check extremes), and put their table on the page."
 
 
-def show_results(results: "Sequence[Result]", all_checks: bool, as_json: bool, record: object) -> None:
+def show_results(results: Sequence[Any], all_checks: bool, as_json: bool, record: object) -> None:
     """Print results as a table or as JSON, and exit with code 1 unless all hold."""
     from rattle.compare.checks.check import result_lines
 
@@ -100,7 +99,6 @@ def stability(
     from rattle.compare.checks.stability.page import CONTENTS, write_stability
     from rattle.compare.report.folder import check_free
     from rattle.compare.report.provenance import Stopwatch, provenance
-    from rattle.scene.errors import count
 
     chosen, along = list(dict.fromkeys(schemes or shared.SCHEMES)), list(dict.fromkeys(axes or shared.AXES))
     for name, least, most in (("points", 1, 7), ("paths", 1000, None), ("seed", 0, None), ("workers", 1, None)):
@@ -159,8 +157,6 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     from rattle.compare.checks.claims.evidence import gather
     from rattle.compare.checks.claims.judges import judge
     from rattle.compare.checks.claims.page import write_claims
-    from rattle.scene import DAT21, Scene
-    from rattle.scene.errors import positive
 
     at = values("over", over)
     levels = sigmas or (0.01, 0.1)
@@ -170,9 +166,8 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     results = Results(None, out, "", "checks.claims.page", overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
-    dat21 = Scene.from_gears(DAT21)
     effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])
-    found = gather(dat21, levels, at, settings["paths"], effort, say_part)
+    found = gather(rt.Scene.from_gears(rt.DAT21), levels, at, settings["paths"], effort, say_part)
     judged = judge(found)
     record: dict[str, Any] = {"sigmas": list(levels), "over": list(at), "impacts": impacts, **settings}
     answer = results.write(write_claims, judged, found.chaos, scene=found.scene.to_dict(), **record)
@@ -187,7 +182,6 @@ Task = Callable[[], object]
 
 def tasks() -> dict[str, Task]:
     """Small runs that compile what the commands need, by name: every closure, every scheme, long orbits and runs."""
-    import rattle as rt
     from rattle.closure.long_orbit import attractor
     from rattle.closure.stationary import linear_law
     from rattle.compare.chaos.exponents import lyapunov
@@ -236,7 +230,6 @@ def warm_up() -> None:
     from tqdm import tqdm
 
     from rattle.scene.compiled import count_compiled, folder
-    from rattle.scene.errors import OutputError
 
     started, found = time.perf_counter(), tasks()
     place = folder()

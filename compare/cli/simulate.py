@@ -4,22 +4,19 @@ import logging
 import math
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-from numpy.typing import NDArray
 
+import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines, say_part
 from rattle.compare.report.folder import write_whole
-from rattle.scene import Gears, InputError, Scene, positive
+from rattle.scene import InputError, Scene, positive
 from rattle.scene.units import RATE, UNITS, check_units, in_units
-
-if TYPE_CHECKING:
-    from rattle.montecarlo.diagnostics.reach import Reach, Row
 
 MOST_NAMED = 8  # rows that miss an accuracy which are named
 TABLE_UNITS = "Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears]."
@@ -69,8 +66,6 @@ def simulate(
 
     Exit codes: 0 done; 2 bad input; 3 a mean or an sd misses the accuracy.
     """
-    from rattle.montecarlo import Record, simulate, simulate_to
-
     base = load_scene(scene, sigma)
     check_units(units, base.gears)
     if out is not None and not out.parent.is_dir():
@@ -79,15 +74,15 @@ def simulate(
         raise InputError("out", str(out), "cannot be written; give the name of a file")
     common: dict[str, Any] = {"rng": seed, "progress": "simulate", **settings}
     if paths is not None and accuracy is None:
-        recorded = None if step_bias else Record(step_bias=False)
-        run = simulate(base, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded, **common)
+        recorded = None if step_bias else rt.Record(step_bias=False)
+        run = rt.simulate(base, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded, **common)
     else:
         accuracy = 0.01 if accuracy is None else accuracy
         for name, value in (("paths", paths), ("dt", dt)):
             if value is not None:
                 raise InputError(name, value, "is chosen by --accuracy; leave out one of them")
         with _estimates_shown():
-            run = simulate_to(base, accuracy, scheme=scheme, budget=budget, refuse=False, **common)
+            run = rt.simulate_to(base, accuracy, scheme=scheme, budget=budget, refuse=False, **common)
     reach, missed = run.reach, run.reach.missed if run.reach else ()
     if as_json:
         record = {"scheme": run.scheme, "dt": run.dt, "paths": run.paths, "seconds": round(run.wall_seconds, 3)}
@@ -95,8 +90,7 @@ def simulate(
         record |= {"diagnostics": run.diagnostics, "units": units}
         say_json(record | {"section": run.section_in(units).reset_index().to_dict("records")})
     else:
-        shown = columns_in(units, base.gears)
-        say(_table(in_units(run.columns, base.gears, units), shown.values(), _stars(missed, shown)), keep="\n")
+        say(section_table(run, units), keep="\n")
         took = f"{run.wall_seconds:.1f} s on {settings['workers']} threads"
         say(f"{run.paths:,} paths, {run.scheme}, dt = {run.dt:.4g}, {took}")
         if reach and reach.reached:  # else it is among the diagnostics
@@ -118,14 +112,13 @@ def _estimates_shown() -> Iterator[None]:
 
     The command itself prints that the accuracy was not reached.
     """
-    from rattle.montecarlo import AccuracyWarning
     from rattle.montecarlo.accuracy.simulate_to import ESTIMATES
 
     handler, level = logging.StreamHandler(), ESTIMATES.level
     ESTIMATES.addHandler(handler)
     ESTIMATES.setLevel(logging.INFO)
     try:
-        with warnings.catch_warnings(action="ignore", category=AccuracyWarning):
+        with warnings.catch_warnings(action="ignore", category=rt.AccuracyWarning):
             yield
     finally:
         ESTIMATES.removeHandler(handler)
@@ -141,38 +134,33 @@ SHOWN = (
 )
 
 
-def columns_in(units: str, gears: Gears | None) -> dict[str, str]:
-    """Names, in a system of units, of the columns that are shown on a terminal if they are there."""
-    physical = gears.units.columns_of if gears is not None and units == "physical" else {}
-    return {name: physical[name][0] if name in physical else name for name in SHOWN}
-
-
-def _stars(missed: "Iterable[Row]", shown: Mapping[str, str]) -> Set[tuple[str, int]]:
-    """The shown columns and the impacts of the means and sds that miss the accuracy."""
-    found = ((f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed)
-    return {(shown[name], impact) for name, impact in found if name in shown}
-
-
-def _list_missed(reach: "Reach", rows: int) -> list[str]:
+def _list_missed(reach: "rt.Reach", rows: int) -> list[str]:
     """The means and sds that miss the accuracy, the worst by name."""
     said = f"{len(reach.missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):"
     named, more = [f"  {row.sentence}" for row in reach.missed[:MOST_NAMED]], len(reach.missed) - MOST_NAMED
     return [said, *named, *([f"  and {more} more"] if more > 0 else [])]
 
 
-def _table(columns: Mapping[str, NDArray[Any]], shown: Iterable[str], stars: Set[tuple[str, int]]) -> str:
-    """The columns shown on a terminal, without absent and empty ones; pandas would take as long to load as sampling."""
+def section_table(run: "rt.Ensemble", units: str) -> str:
+    """The columns shown on a terminal, without absent and empty ones, and stars at what misses the accuracy.
+
+    It is laid out here, for pandas would take as long to load as sampling.
+    """
+    gears, missed = run.scene.gears, run.reach.missed if run.reach else ()
+    columns = in_units(run.columns, gears, units)
+    physical = gears.units.columns_of if gears is not None and units == "physical" else {}
+    stars = {(f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed}
     texts = [["impact", *(str(k) for k in range(1, len(columns["mesh"]) + 1))]]
-    for name in (name for name in shown if name in columns):
-        values = columns[name].tolist()
+    for own in SHOWN:
+        name = physical[own][0] if own in physical else own
+        values = columns[name].tolist() if name in columns else []
         if not all(math.isnan(v) for v in values):
             form = next((form for start, form in FORMS.items() if name.startswith(start)), ".5f")
             cells = [format(v, form) if isinstance(v, float) else str(v) for v in values]
-            texts.append([name, *(f"{cell}*" if (name, k) in stars else cell for k, cell in enumerate(cells, 1))])
+            texts.append([name, *(f"{cell}*" if (own, k) in stars else cell for k, cell in enumerate(cells, 1))])
     wide = [max(map(len, text)) for text in texts]
-    return "\n".join(
-        "  ".join(cell.rjust(w) for cell, w in zip(line, wide, strict=True)) for line in zip(*texts, strict=True)
-    )
+    rows = zip(*texts, strict=True)
+    return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, wide, strict=True)) for row in rows)
 
 
 @click.command()
@@ -212,7 +200,6 @@ def stationary(
     reached.
     """
     from rattle.compare.chaos.section import stationary_bifurcation, values, vary
-    from rattle.compare.stationary.measure import stationary as measure
     from rattle.compare.stationary.page import write_stationary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
     from rattle.montecarlo.long_run.run import ASKED
@@ -229,7 +216,7 @@ def stationary(
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
-    found = measure(base, **settings, rng=seed, workers=workers, progress="stationary")
+    found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
     more = {"scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at)}
     said = results.write(write_stationary, found, view, **more)
     results.say(said, "stationary.html", lambda: found.to_dict(units or "dimensionless"))

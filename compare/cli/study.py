@@ -4,18 +4,15 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
 from rattle.compare.report.folder import ANY_TEXT, sweep, within, write_whole
 from rattle.scene import InputError, OutputError, RattleError, count, line
-
-if TYPE_CHECKING:
-    from rattle.compare.study.design import Study
-    from rattle.compare.study.store import Cell, Store
 
 LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of all
 
@@ -39,7 +36,6 @@ def study(
     Exit codes: 0 complete; 1 complete except for results that cannot be computed at some points, with the reasons; 2
     bad input, or nothing that could be computed; 130 interrupted.
     """
-    from rattle.compare.study.design import Study
     from rattle.compare.study.folder import CELLS, group_failures
     from rattle.compare.study.store import Store
 
@@ -48,7 +44,7 @@ def study(
         from rattle.compare.study.cluster import check_address
 
         check_address(scheduler)
-    wanted = Study.load(file)
+    wanted = rt.Study.load(file)
     folder = out or file.with_suffix("")
     if folder.resolve() == file.resolve():
         raise InputError("out", str(folder), "is the study file itself; give --out a folder")
@@ -79,7 +75,7 @@ def study(
         sys.exit(1)
 
 
-def _compute(wanted: "Study", seen: "Store", folder: Path, workers: int, scheduler: str | None) -> dict[str, Any]:
+def _compute(wanted: "rt.Study", seen: Any, folder: Path, workers: int, scheduler: str | None) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
     from rattle.compare.study.design import combine, page_of, read_results
     from rattle.compare.study.engine import Runner, run
@@ -118,7 +114,7 @@ def _compute(wanted: "Study", seen: "Store", folder: Path, workers: int, schedul
     return record
 
 
-def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, Any] | None:
+def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any] | None:
     """The record of a study whose cells and page are complete; None if something is to be computed or written."""
     from rattle.compare.report.save import file_digest
     from rattle.compare.study.folder import FILE, PAGE, is_current
@@ -137,7 +133,7 @@ def _read_finished(wanted: "Study", seen: "Store", folder: Path) -> dict[str, An
     return current
 
 
-def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
+def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
     from rattle.compare.study.cells import Prediction
     from rattle.compare.study.estimate import estimate, expect_work, scaling
     from rattle.compare.study.folder import group_failures
@@ -146,7 +142,7 @@ def _explain(wanted: "Study", seen: "Store", workers: int) -> str:
     sampled = len(points) < wanted.size
     cells = [cell for point in points for cell in point.cells] if sampled else wanted.cells
 
-    def times(cell: "Cell") -> float:
+    def times(cell: object) -> float:
         return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if sampled else 1.0
 
     todo = [c for c in cells if not seen.path(c).exists()] if seen.folder.is_dir() else cells

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Begin, load_scene, say, say_json, say_lines
 from rattle.compare.report.folder import check_free, default_place, name_of
@@ -64,14 +65,12 @@ def validate(
     of processor.
     """
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
-    from rattle.closure import closures_for
     from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
     from rattle.compare.validation.page import CONTENTS, write_report
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
-    from rattle.compare.validation.validate import validate as compare_closures
-    from rattle.montecarlo import SCHEMES, check_settings, default_step
+    from rattle.montecarlo import check_settings
 
     recorded, earlier = None, {}
     if repeat is not None:
@@ -81,15 +80,15 @@ def validate(
     else:
         base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
         name = name_of(scene) if scene else "DAT21"
-        have_bias = [name for name, each in SCHEMES.items() if each.has_step_bias]
+        have_bias = [name for name, each in rt.SCHEMES.items() if each.has_step_bias]
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
-        steps = (default_step(s, asked["scheme"], asked["scheme"] in have_bias) for s in scenes)
+        steps = (rt.default_step(s, asked["scheme"], asked["scheme"] in have_bias) for s in scenes)
         settings = manifest.ReportSettings(
             name=name,
             scenes=scenes,
             dt=min(steps) if dt is None else dt,
-            closures=closures or closures_for(base),
+            closures=closures or rt.closures_for(base),
             validity=() if no_validity else read_grid(validity),
             validity_paths=0 if no_validity else count("validity-paths", validity_paths),
             beside=beside or (() if scene else tuple(have_bias)),
@@ -99,7 +98,7 @@ def validate(
     own = [method for method in find_closures("closures", settings.closures) if method.own]
     check_free(out, CONTENTS, overwrite)
     first = settings.scenes[0]
-    biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].has_step_bias
+    biased = rt.SCHEMES[choice("scheme", settings.scheme, rt.SCHEMES)].has_step_bias
     for s in settings.scenes:
         check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
     for s in (*settings.scenes[1:], *(first.with_sigma(sigma) for sigma in settings.validity)):
@@ -109,7 +108,7 @@ def validate(
     watch = Stopwatch()
     predictions: dict[str, Any] = {"closures": settings.closures, "order": settings.order}
     validations = [
-        compare_closures(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
+        rt.validate(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
         for s in settings.scenes
     ]
     swept = None
@@ -160,13 +159,13 @@ def tradeoff(base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: b
     """
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
     from rattle.compare.tradeoff.page import write_tradeoff
-    from rattle.montecarlo import SCHEMES, check_settings
+    from rattle.montecarlo import check_settings
 
     positive("sigma", base.sigma)
     asked = check_accuracies(accuracies or ACCURACIES)
     positive("budget", settings["budget"])
     common: dict[str, Any] = {name: settings[name] for name in ("impacts", "workers")}
-    for scheme in SCHEMES:
+    for scheme in rt.SCHEMES:
         check_settings(base, paths=1, dt=None, scheme=scheme, rng=settings["seed"], step_bias=False, **common)
     results, asked_for = begin(), {"accuracies": asked, "orders": orders, **settings}
     found = measure(base, **asked_for)

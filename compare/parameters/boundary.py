@@ -13,17 +13,9 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
+from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import Finding, list_values
-from rattle.compare.parameters.search import (
-    ACCURATE,
-    UNDECIDED,
-    WRONG,
-    Edge,
-    Judgement,
-    critical,
-    find_changes,
-    judge_value,
-)
+from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge, Judgement
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
@@ -206,43 +198,43 @@ def boundary(
     count("impacts", impacts)
     parameter = find_parameter(scene, over)
     low, high = find_range(parameter, between)
-    z = critical(impacts, scene.stages, count("searches", searches))
+    z = search.critical(impacts, scene.stages, count("searches", searches))
     limits = Tolerances(*tolerances) if tolerances else Tolerances()
     limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
-    steps, at_work = 0, [""]
+    steps = 0
     known: dict[float, Judgement] = {}
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
         store = Store(Path(folder or scratch))
 
-        def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
-            nonlocal steps
-            bar.set_postfix_str(f"{at_work[0]}, {paths:,} paths")
-            cell = Sample(changed, impacts, own_seed(changed, rng), paths=paths, near_branches=near_branches)
-            run = store.obtain(cell, runner.compute)
-            steps += run.facts["path_steps"]
-            return run
-
         def judge(value: float) -> Judgement:
+            def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
+                nonlocal steps
+                bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
+                cell = Sample(changed, impacts, own_seed(changed, rng), paths=paths, near_branches=near_branches)
+                run = store.obtain(cell, runner.compute)
+                steps += run.facts["path_steps"]
+                return run
+
             left = limit - time.process_time()
+            ended = Judgement(value, UNDECIDED, remark="the budget ended")
             if left < 0.0:
-                return doubt(value, "the budget ended")
-            at_work[0] = f"{over} = {value:.4g}"
+                return ended
             try:
                 changed = parameter.scene_at(value)
                 with stop_after(left if method.own else math.inf):
                     predicted = predict(changed.phase_reduced, method, impacts, ORDER)
-                found = judge_value(value, changed, predicted, simulate, z, limits)
+                found = search.judge_value(value, changed, predicted, simulate, z, limits)
             except BudgetEnded:
-                return doubt(value, "the budget ended")
+                return ended
             except InputError as error:  # what this scene cannot have, or what cannot be simulated there
-                found = doubt(value, str(error))
+                found = Judgement(value, UNDECIDED, remark=str(error))
             bar.update()
             return found
 
-        changes = find_changes(judge, low, high, points, width, known, first=ACCURATE, near=near)
+        changes = search.find_changes(judge, low, high, points, width, known, first=ACCURATE, near=near)
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
     table = pd.DataFrame(sorted(known.values()), columns=list(Judgement._fields))
     return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
@@ -258,11 +250,6 @@ def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:
         return f"If there is one, it lies below {first['value']:.4g} or above {last['value']:.4g}{unit}."
     above = grows == accurate
     return f"If there is one, it lies {'above' if above else 'below'} {(last if above else first)['value']:.4g}{unit}."
-
-
-def doubt(value: float, why: str) -> Judgement:
-    """A value at which nothing could be judged."""
-    return Judgement(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "", why)
 
 
 def own_seed(scene: Scene, rng: int) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -43,11 +43,11 @@ class SideOfLevel(NamedTuple):
 
     value: float
     verdict: str  # `BELOW`, `ABOVE` or `UNDECIDED`
-    periods: int
-    estimate: float  # of the quantity, with the bounds of its interval
-    low: float
-    high: float
-    remark: str  # why it is undecided
+    periods: int = 0
+    estimate: float = math.nan  # of the quantity, with the bounds of its interval
+    low: float = math.nan
+    high: float = math.nan
+    remark: str = ""  # why it is undecided
 
 
 class Sides(NamedTuple):
@@ -86,18 +86,9 @@ class Crossing(Finding):
     True
     """
 
-    title: ClassVar[str] = "Crossing of {quantity} = {level:g} over {over}"
-    shown: ClassVar[str] = "points"
-    plain: ClassVar[tuple[str, ...]] = (
-        "quantity",
-        "level",
-        "quantity_unit",
-        "over",
-        "unit",
-        "answer",
-        "edges",
-        "points",
-    )
+    title, shown = "Crossing of {quantity} = {level:g} over {over}", "points"
+    plain = ("quantity", "level", "quantity_unit", "over", "unit", "answer", "edges", "points")
+
     scene: Scene
     quantity: str
     level: float
@@ -266,7 +257,7 @@ def judge_level(value: float, quantity: str, level: float, run: Callable[[int], 
 
     `run`: Makes a long run of so many periods; None once the budget is spent.
     """
-    found = SideOfLevel(value, UNDECIDED, 0, math.nan, math.nan, math.nan, "the budget ended")
+    found = SideOfLevel(value, UNDECIDED, remark="the budget ended")
     for periods in LOOKS:
         try:
             result = run(periods)

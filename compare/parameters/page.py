@@ -5,10 +5,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from rattle.compare.parameters import crossing, of_closure, search
 from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.figures import tornado
+from rattle.compare.parameters.finding import Finding, with_unit
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.save import contents, save_report
@@ -20,107 +22,93 @@ CONTENTS |= contents("sensitivity", figures=("sensitivity", "by_mesh"), tables=(
 """Names of all files in such a folder; a folder with any other file is not overwritten."""
 MARKS = {search.ACCURATE: "good", search.WRONG: "bad", search.UNDECIDED: "open", "inaccurate": "bad"}
 MARKS |= {crossing.BELOW: "good", crossing.ABOVE: "bad"}
+IN_TABLES = ("points", "curve", "table", "values")
 METHOD = (
     "A coarse scan, evenly spaced in the logarithm, then halving wherever the verdict changes. At each value paths "
     f"are added until the verdict is decided ({', '.join(f'{n:,}' for n in search.LOOKS)}). The intervals hold for all "
     f"rows at all looks at {search.MOST} values together with 95 % probability. Between the values of the scan nothing "
     "is said: islands narrower than its spacing are not seen."
 )
-Found = Boundary | BoundaryMap | crossing.Crossing | Sensitivity | of_closure.ClosureSensitivity
 
 
-class _Report(NamedTuple):
-    """What the folder of a result holds besides its answer and its provenance."""
+class _Kind(NamedTuple):
+    """The page of a kind of result."""
 
+    name: str  # of its files
     layout: str  # the Markdown file
-    title: str  # with the name of the scene between braces
-    parts: dict[str, pd.DataFrame]
-    figures: dict[str, Any]
-    tables: dict[str, pd.DataFrame]
-    values: dict[str, Any]  # of what stands between braces in the layout
+    title: str  # with attributes of the result, and the name of the scene, between braces
+    values: dict[str, Any]  # what else stands between braces in the layout
 
 
-def _mark(table: pd.DataFrame) -> pd.DataFrame:
-    return table.assign(mark=table["verdict"].map(MARKS).fillna(""))
+def _steps(near: float, far: float) -> dict[str, str]:
+    return {"near": f"{100.0 * near:g} %", "far": f"{100.0 * far:g} %", "change": PERCENT}
 
 
-def _boundary(found: Boundary) -> _Report:
-    title = f"Where {found.closure} stops holding: {{}}, over {found.over}"
-    parts, tables = {"points": _mark(found.points)}, {"boundary": found.points}
-    return _Report("boundary", title, parts, {"boundary": found.plot()}, tables, {"over": found.over, "search": METHOD})
+LONG_RUNS = {"paths": crossing.PATHS, "looks": ", ".join(f"{n:,}" for n in crossing.LOOKS), "most": search.MOST}
+BOUNDARY = "Where {closure} stops holding: {name}, over {over}"
+CROSSING = "Where {quantity} crosses {level:g}: {name}, over {over}"
+OF_CLOSURE = "What {closure} says of the parameters of {name}"
+KINDS: dict[type[Finding], _Kind] = {
+    Boundary: _Kind("boundary", "boundary.md", BOUNDARY, {"search": METHOD}),
+    BoundaryMap: _Kind("boundary", "map.md", BOUNDARY + " and {along}", {"search": METHOD}),
+    crossing.Crossing: _Kind("boundary", "crossing.md", CROSSING, LONG_RUNS),
+    Sensitivity: _Kind("sensitivity", "sensitivity.md", "What changes the rattle of {name}", _steps(*STEPS)),
+    of_closure.ClosureSensitivity: _Kind("sensitivity", "of_closure.md", OF_CLOSURE, _steps(*of_closure.STEPS)),
+}
 
 
-def _map(found: BoundaryMap) -> _Report:
-    title = f"Where {found.closure} stops holding: {{}}, over {found.over} and {found.along}"
-    tables = {"boundary": found.curve, "points": found.points}
-    values = {"over": found.over, "along": found.along, "search": METHOD}
-    return _Report("map", title, {"curve": found.curve}, {"boundary": found.plot()}, tables, values)
+def write_report(out: Path, found: Any, record: dict[str, Any], overwrite: bool) -> None:
+    """Write the folder of a result."""
+    name, layout, title, values = KINDS[type(found)]
+    table = shown = getattr(found, found.shown)
+    tables, parts, figures = {name: table}, {}, {}
+    if isinstance(found, Sensitivity):
+        tables["values"] = parts["values"] = found.values.reset_index()
+        shown, figures = _in_percent(table), _tornados(found)
+    elif isinstance(found, of_closure.ClosureSensitivity):
+        shown = table[table["verdict"].isin(JUDGED)]
+        shown = shown.loc[(shown["error"].abs() / shown["tolerance"]).sort_values(ascending=False, kind="stable").index]
+    else:
+        figures[name] = found.plot()
+    if isinstance(found, BoundaryMap):
+        tables["points"] = found.points
+    elif isinstance(found, crossing.Crossing):
+        values = values | {"quantity": with_unit(found.quantity, found.quantity_unit)}
+    if "verdict" in shown:
+        shown = shown.assign(mark=shown["verdict"].map(MARKS).fillna(""))
+    facts = {key: value for key, value in found.to_dict().items() if key not in (*IN_TABLES, "answer")}
+    save_report(
+        out,
+        name,
+        title.format(name=record["name"], **vars(found)),
+        found.answer,
+        record | facts,
+        parts | {found.shown: shown},
+        package="parameters",
+        layout=layout,
+        values=vars(found) | values,
+        allowed=CONTENTS,
+        figures=figures,
+        tables=tables,
+        digits="%.6g",
+        overwrite=overwrite,
+    )
 
 
-def _crossing(found: crossing.Crossing) -> _Report:
-    title = f"Where {found.quantity} crosses {found.level:g}: {{}}, over {found.over}"
-    unit = f" ({found.quantity_unit})" if found.quantity_unit else ""
-    values = {"over": found.over, "level": f"{found.level:g}", "quantity": found.quantity + unit}
-    values |= {"paths": str(crossing.PATHS), "looks": ", ".join(f"{n:,}" for n in crossing.LOOKS)}
-    parts, tables = {"points": _mark(found.points)}, {"boundary": found.points}
-    figures = {"boundary": found.plot()}
-    return _Report("crossing", title, parts, figures, tables, values | {"most": str(search.MOST)})
-
-
-def _sensitivity(found: Sensitivity) -> _Report:
-    mesh = [name for name in found.values.index if "_mesh" in name]
-    mesh = mesh if len(mesh) < len(found.values) else []  # in a figure of their own where there are others too
-    figures = {"sensitivity": tornado(found.table, [name for name in found.values.index if name not in mesh])}
-    figures |= {"by_mesh": tornado(found.table, mesh)} if mesh else {}
-    shown, values = found.table.copy(), found.values.reset_index()
+def _in_percent(table: pd.DataFrame) -> pd.DataFrame:
+    """The effects as the page shows them."""
+    shown = table.copy()
     shown["now"] = [f"{v:.4g} {unit}".strip() for v, unit in zip(shown["value"], shown["unit"], strict=True)]
     for name in ("effect", "low", "high", "small_step", "large_step"):
         shown[name] = ["–" if np.isnan(share) else f"{100.0 * share:+.3f} %" for share in shown[name]]
     shown["remark"] = shown["remark"].mask(shown["linear"].eq(False), "not linear here")
-    parts, tables = {"effects": shown, "values": values}, {"sensitivity": found.table, "values": values}
-    return _Report("sensitivity", "What changes the rattle of {}", parts, figures, tables, _steps(STEPS))
+    return shown
 
 
-def _of_closure(found: of_closure.ClosureSensitivity) -> _Report:
-    rows = found.table[found.table["verdict"].isin(JUDGED)]
-    order = (rows["error"].abs() / rows["tolerance"]).sort_values(ascending=False, kind="stable").index
-    parts = {"changes": _mark(rows.loc[order])}
-    title, tables = f"What {found.closure} says of the parameters of {{}}", {"sensitivity": found.table}
-    return _Report("of_closure", title, parts, {}, tables, _steps(of_closure.STEPS))
-
-
-def _steps(steps: tuple[float, float]) -> dict[str, str]:
-    near, far = (f"{100.0 * step:g} %" for step in steps)
-    return {"near": near, "far": far, "change": PERCENT}
-
-
-REPORTS: dict[type, Any] = {
-    Boundary: _boundary,
-    BoundaryMap: _map,
-    crossing.Crossing: _crossing,
-    Sensitivity: _sensitivity,
-    of_closure.ClosureSensitivity: _of_closure,
-}
-
-
-def write_report(out: Path, found: Found, record: dict[str, Any], overwrite: bool) -> None:
-    """Write the folder of a result."""
-    report: _Report = REPORTS[type(found)](found)
-    in_tables = ("points", "curve", "table", "values", "answer")
-    facts = {key: value for key, value in found.to_dict().items() if key not in in_tables}
-    save_report(
-        out,
-        next(iter(report.tables)),
-        report.title.replace("{}", record["name"]),
-        found.answer,
-        record | facts,
-        report.parts,
-        package="parameters",
-        layout=f"{report.layout}.md",
-        values=report.values,
-        allowed=CONTENTS,
-        figures=report.figures,
-        tables=report.tables,
-        digits="%.6g",
-        overwrite=overwrite,
-    )
+def _tornados(found: Sensitivity) -> dict[str, Figure]:
+    """The figures; quantities by mesh have one of their own where there are others too."""
+    names = pd.Index(found.values.index)
+    by_mesh = names.str.contains("_mesh")
+    if by_mesh.all() or not by_mesh.any():
+        return {"sensitivity": tornado(found.table, list(names))}
+    return {n: tornado(found.table, list(names[m])) for n, m in (("sensitivity", ~by_mesh), ("by_mesh", by_mesh))}

@@ -31,12 +31,12 @@ class Judgement(NamedTuple):
 
     value: float
     verdict: str  # `ACCURATE`, `WRONG` or `UNDECIDED`
-    paths: int
-    error: float  # the worst row's error over its tolerance, with the bounds of its interval
-    low: float
-    high: float
-    row: str  # that row
-    remark: str  # why it is undecided
+    paths: int = 0
+    error: float = math.nan  # the worst row's error over its tolerance, with the bounds of its interval
+    low: float = math.nan
+    high: float = math.nan
+    row: str = ""  # that row
+    remark: str = ""  # why it is undecided
 
 
 class Edge(NamedTuple):
@@ -82,7 +82,7 @@ def judge_value(
         narrow, rows = (section_errors(predicted, run, width, tolerances) for width in z)
         narrow, rows = (table[table["verdict"].isin(JUDGED)] for table in (narrow, rows))
         if rows.empty:
-            return Judgement(value, WRONG, paths, math.nan, math.nan, math.nan, "nothing is predicted", "")
+            return Judgement(value, WRONG, paths, row="nothing is predicted")
         if is_wrong(set(rows["verdict"])):
             return _point(value, WRONG, paths, rows[rows["verdict"] == "inaccurate"])
         if is_accurate(set(narrow["verdict"])):
@@ -110,7 +110,7 @@ def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Judgem
     sign = 1.0 if row["error"] >= 0.0 else -1.0
     low, high = sorted(sign * row[name] / row["tolerance"] for name in ("low", "high"))
     name = f"{row['moment']} of {row['quantity']} at impact {row['impact']}"
-    return Judgement(value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name, "")
+    return Judgement(value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name)
 
 
 def find_changes(

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -229,14 +229,13 @@ def sensitivity(
         for groups in GROUPS:
             bar.total = groups * len(jobs)
             for group in range(len(runs), groups):
-                done = {}
+                runs.append({})
                 call = partial(_run, scene=scene, asked=asked, slow=slow, rng=np.random.SeedSequence([rng, group]))
                 for job, (values, why) in zip(jobs, pool.map(call, jobs), strict=True):
-                    done[job.name, job.factor] = values
+                    runs[group][job.name, job.factor] = values
                     if why:
                         remarks.setdefault(job.name, why)
                     bar.update()
-                runs.append(done)
             table = _effects(chosen, asked, runs, remarks)
             half = 0.5 * (table["high"] - table["low"])
             reached = not bool((half > accuracy).any())
@@ -279,27 +278,23 @@ def _effects(
     chosen: dict[str, Parameter], asked: list[str], runs: list[dict[tuple[str, float], Floats]], remarks: dict[str, str]
 ) -> pd.DataFrame:
     """The table of a `Sensitivity`, from the logarithms of all quantities in every group of runs."""
+    logs = {  # (groups, down and up by step, quantities)
+        name: np.array([[run[name, f] for f in factors_of()] for run in runs]) for name in chosen if name not in remarks
+    }
     rows: list[dict[str, Any]] = []
-    for name, parameter in chosen.items():
-        fixed = {"parameter": name, "value": parameter.value, "unit": parameter.unit}
-        if name in remarks:
-            rows += [{"quantity": q, **fixed, "remark": remarks[name]} for q in asked]
-            continue
-        logs = np.array(
-            [[run[name, f] for f in factors_of()] for run in runs]
-        )  # (groups, down and up by step, quantities)
-        for i, quantity in enumerate(asked):
-            own = logs[:, :, i]
-            if not np.isfinite(own).all():
-                rows.append({"quantity": quantity, **fixed, "remark": "no such impacts"})
-                continue
-            rows.append({"quantity": quantity, **fixed, **_effect(own, len(chosen) * len(asked)), "remark": ""})
+    for i, quantity in enumerate(asked):
+        for name, parameter in chosen.items():
+            row = {"quantity": quantity, "parameter": name, "value": parameter.value, "unit": parameter.unit}
+            if name in remarks:
+                effect: dict[str, Any] = {"remark": remarks[name]}
+            elif not np.isfinite(logs[name][:, :, i]).all():
+                effect = {"remark": "no such impacts"}
+            else:
+                effect = _effect(logs[name][:, :, i], len(chosen) * len(asked)) | {"remark": ""}
+            rows.append(row | effect)
     numbers = ["effect", "se", "low", "high", "small_step", "large_step"]
     columns = ["quantity", "parameter", "value", "unit", *numbers, "linear", "gain", "remark"]
-    table = pd.DataFrame(rows, columns=columns)
-    table["quantity"] = pd.Categorical(table["quantity"], asked)
-    table = table.sort_values("quantity", kind="stable", ignore_index=True)
-    return table.astype({"quantity": str} | dict.fromkeys([*numbers, "gain"], float))
+    return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys([*numbers, "gain"], float))
 
 
 def _effect(logs: Floats, checks: int) -> dict[str, Any]:
@@ -344,7 +339,7 @@ def _se(values: Floats) -> float:
     return float(values.std(ddof=1)) / math.sqrt(len(values))
 
 
-def _values(scene: Scene, asked: list[str], runs: Iterable[dict[tuple[str, float], Floats]]) -> pd.DataFrame:
+def _values(scene: Scene, asked: list[str], runs: Sequence[dict[tuple[str, float], Floats]]) -> pd.DataFrame:
     """The quantities of the scene itself, over all groups."""
     found = np.exp([run["", 1.0] for run in runs])
     mean = found.mean(axis=0)

@@ -27,18 +27,8 @@ from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.store import Cell, Content, Store, print_on_stderr
 from rattle.compare.thresholds.claim import KINDS, Claim, Settings
-from rattle.compare.validation.errors import (
-    AGAIN,
-    ON_ITINERARY,
-    TOO_FEW_FOLLOW,
-    NamedSection,
-    Simulated,
-    judge_followers,
-    remarks,
-    section_errors,
-    take_decided,
-    waits_for_branch,
-)
+from rattle.compare.validation import errors
+from rattle.compare.validation.errors import ON_ITINERARY, TOO_FEW_FOLLOW, NamedSection
 from rattle.compare.validation.verdict import RULE, Tolerances, judge, widest
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.blocks import in_threads
@@ -156,7 +146,7 @@ class Decision(NamedTuple):
     z: float  # half width of the intervals in standard errors
 
 
-def errors_of(prediction: NamedSection, run: Simulated, claim: Claim) -> pd.DataFrame:
+def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> pd.DataFrame:
     """Compute the error of every row of a claim with one standard error; see `judge_errors`.
 
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
@@ -168,12 +158,12 @@ def errors_of(prediction: NamedSection, run: Simulated, claim: Claim) -> pd.Data
     """
     if claim.kind == ON_ITINERARY:
         same = np.ones(claim.impacts[-1])
-        table = judge_followers(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0), same, same)
+        table = errors.judge_followers(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0), same, same)
         if (few := table["remark"] == TOO_FEW_FOLLOW).any():
             why = f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or kind={KINDS[0]!r}"
             raise InputError("kind", claim.kind, why)
     else:
-        table = section_errors(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0))
+        table = errors.section_errors(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0))
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
     rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(drop=True)
     rows = rows[rows["judged"]].reset_index(drop=True)
@@ -188,7 +178,7 @@ def errors_of(prediction: NamedSection, run: Simulated, claim: Claim) -> pd.Data
     return rows
 
 
-def judge_errors(errors: pd.DataFrame, z: float) -> pd.DataFrame:
+def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
     """Add intervals and outcomes to the errors of a claim.
 
     Returns: With ``low, high`` (interval of the error), ``verdict`` and ``outcome`` (``pass, fail`` or
@@ -209,14 +199,14 @@ def judge_errors(errors: pd.DataFrame, z: float) -> pd.DataFrame:
     >>> [judge_errors(errors_of(predict(r, claim), run, claim), z)["outcome"].tolist() for r in both]
     [['pass', 'pass'], ['fail', 'pass']]
     """
-    rows = errors.assign(noise=z * errors["noise"])
-    student = half_width(rows["paths"], float(ndtr(-z))) * errors["noise"]
+    rows = table.assign(noise=z * table["noise"])
+    student = half_width(rows["paths"], float(ndtr(-z))) * table["noise"]
     half = student + rows["rest"]
     lean = student * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
     rows["low"] = rows["error"] - half - lean.clip(lower=0.0) - rows["unseen_low"]
     rows["high"] = rows["error"] + half - lean.clip(upper=0.0) + rows["unseen_high"]
     rows = judge(rows)
-    rows["remark"] = remarks(rows)
+    rows["remark"] = errors.remarks(rows)
     rows["outcome"] = rows["verdict"].map(OUTCOMES)
     return rows
 
@@ -265,7 +255,7 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
     sizes = (None,) if given else settings.sizes(claim.paths, claim.budget)  # an accuracy has its own
     z = widest(len(claim.rows) * len(sizes), settings.false_alarm)
     # a true claim leaves its tolerance on one side only: half of the error is left for what is looked at again
-    again = widest(len(claim.rows) * len(sizes), AGAIN * settings.false_alarm)
+    again = widest(len(claim.rows) * len(sizes), errors.AGAIN * settings.false_alarm)
     plain = given or apart or SCHEMES[claim.scheme].has_step_bias or claim.scene.correlation_time
 
     def look(paths: int | None) -> tuple[pd.DataFrame, TimedRun]:
@@ -274,10 +264,10 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
         )
         run = session.simulate(cell)
         table = judge_errors(errors_of(prediction, run.run.followers if apart else run.run, claim), z)
-        if plain or not (waits := waits_for_branch(table) & ~(table["paths_needed"] <= sizes[-1])).any():
+        if plain or not (waits := errors.waits_for_branch(table) & ~(table["paths_needed"] <= sizes[-1])).any():
             return table, run
         near = session.simulate(replace(cell, near_branches=True))
-        decided = take_decided(table, waits, judge_errors(errors_of(prediction, near.run, claim), again))
+        decided = errors.take_decided(table, waits, judge_errors(errors_of(prediction, near.run, claim), again))
         return decided, run._replace(seconds=run.seconds + near.seconds)
 
     return Decision(*look_until_decided(sizes, look), z)
@@ -285,9 +275,6 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
 
 PERIODS = (64, 256, 1024)
 """Length of the simulation at the first looks; the later ones take more paths of the last."""
-
-LongModel = str | Callable[[Scene, Sequence[str]], Mapping[str, float]]
-"""A closure's name, or a function of a scene and names of quantities that gives their values."""
 
 
 class LongPrediction(NamedTuple):
@@ -297,7 +284,7 @@ class LongPrediction(NamedTuple):
     values: dict[str, float]  # of each quantity
 
 
-def predict_long(model: LongModel, scene: Scene, quantities: Sequence[str]) -> LongPrediction:
+def predict_long(model: Any, scene: Scene, quantities: Sequence[str]) -> LongPrediction:
     """Evaluate a model for quantities of the long run.
 
     `model`: A key of `CLOSURES_JUDGED`, or a function ``(scene, quantities) -> mapping`` of names to values.

@@ -137,44 +137,22 @@ class Rattle:
         accurate is said in `rattle.compare.stationary.verdicts.TOLERANCES`.
         """
         self._once("check")
-        if quantities is not None:
-            return self._check_long(model, quantities)
-        prediction = self._guard(predict, model, self.claim)
-        decision = self._guard(decide, prediction, self.claim, self._session)
-        run = decision.runs[-1].run
-        return self._judge(
-            prediction.closure,
-            decision,
-            partial(messages.moment_rows, run=run, z=decision.z),
-            partial(self._figure, prediction.closure, decision.table),
-            kind="check",
-            not_judged=len(self.claim.rows) - len(decision.table),
-            by_size=int((decision.table["still"] > 0.0).sum()),
-            size=f"{run.paths:,} paths",
-        )
-
-    def _check_long(self, model: Any, quantities: Sequence[str]) -> pd.DataFrame:
-        """Compare a model with the long run."""
-        prediction = self._guard(predict_long, model, self.claim.scene, quantities)
-        decision = self._guard(decide_long, prediction, self.claim, self._session)
-        facts = decision.runs[-1].run.facts
-        return self._judge(
-            f"{prediction.name} in the long run",
-            decision,
-            partial(messages.long_rows, z=decision.z),
-            kind="long check",
-            not_judged=0,
-            by_size=0,
-            size=f"{facts['paths']:,} paths of {facts['periods']:,} periods",
-        )
+        if quantities is None:
+            prediction = self._guard(predict, model, self.claim)
+            decision = self._guard(decide, prediction, self.claim, self._session)
+            table, run = decision.table, decision.runs[-1].run
+            shown = partial(messages.moment_rows, run=run, z=decision.z)
+            by_size = int((table["still"] > 0.0).sum())
+            facts = {"kind": "check", "not_judged": len(self.claim.rows) - len(table), "by_size": by_size}
+            return self._judge(prediction.closure, decision, shown, facts | {"size": f"{run.paths:,} paths"})
+        said = self._guard(predict_long, model, self.claim.scene, quantities)
+        decision = self._guard(decide_long, said, self.claim, self._session)
+        length = "{paths:,} paths of {periods:,} periods".format_map(decision.runs[-1].run.facts)
+        facts = {"kind": "long check", "not_judged": 0, "by_size": 0, "size": length}
+        return self._judge(f"{said.name} in the long run", decision, partial(messages.long_rows, z=decision.z), facts)
 
     def _judge(
-        self,
-        model: str,
-        decision: Decision,
-        shown: Callable[[pd.DataFrame], str],
-        figure: Callable[[], str] = str,
-        **facts: Any,
+        self, model: str, decision: Decision, shown: Callable[[pd.DataFrame], str], facts: dict[str, Any]
     ) -> pd.DataFrame:
         """Record the decision on a claim, and fail or skip the test that it does not pass."""
         table, runs, settings = decision.table, decision.runs, self._session.settings
@@ -195,6 +173,7 @@ class Rattle:
             folder="" if folder is None else self._shorten(folder),
             **facts,
         )
+        figure = partial(self._figure, model, table) if facts["kind"] == "check" else str
         if failed:
             self._fail(messages.failure_text(model, table, shown) + figure())
         if undecided:
