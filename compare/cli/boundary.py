@@ -29,7 +29,7 @@ JUDGED = "In place of quantities: judge what it predicts."
 @real("width", "Every edge is known to ± this share.", 0.1)
 @real("budget", "Processor seconds after which no further value is judged.")
 @shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-boundary", "parameters.page", shared.JSON_ALONE)
+@shared.report("reports/NAME-boundary", "parameters.page:write_report", shared.JSON_ALONE)
 def boundary(
     base: Scene,
     begin: Begin,
@@ -48,7 +48,6 @@ def boundary(
     With --quantity: where a quantity of the long run crosses a level. SCENE is a TOML file, DAT21 if none is given.
     Results are stored in OUT-cells: after an interruption the same command continues.
     """
-    from rattle.compare.parameters.page import write_report
     from rattle.compare.study.cluster import check_address, silence
 
     reach, budget = asked["reach"], asked["budget"]
@@ -81,7 +80,7 @@ def boundary(
     else:
         settings |= {"along": along, "reach": reach, "values": asked["values"]}
         found = rt.boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
-    results.write(write_report, found, scene=base.to_dict(), **settings, seed=seed)
+    results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "boundary.html", found.to_dict)
 
 
@@ -96,7 +95,7 @@ def boundary(
 @real("slow", "Speed below which an impact is slow.", 0.1)
 @real("budget", "Processor seconds after which no more runs are begun.")
 @shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-sensitivity", "parameters.page", shared.JSON_ALONE)
+@shared.report("reports/NAME-sensitivity", "parameters.page:write_report", shared.JSON_ALONE)
 def sensitivity(
     base: Scene,
     begin: Begin,
@@ -114,8 +113,6 @@ def sensitivity(
 
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the intervals are wider than asked for.
     """
-    from rattle.compare.parameters.page import write_report
-
     if closure is not None and quantities:
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
     results = begin()
@@ -126,7 +123,7 @@ def sensitivity(
     else:
         settings = {"closure": closure} | {name: asked[name] for name in ("impacts", "paths", "budget")}
         found = rt.closure_sensitivity(base, **settings, **common, progress="sensitivity")
-    results.write(write_report, found, scene=base.to_dict(), **settings, seed=seed)
+    results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "sensitivity.html", found.to_dict)
     if closure is None and not found.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)

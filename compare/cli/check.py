@@ -156,21 +156,20 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     from rattle.compare.chaos.section import values
     from rattle.compare.checks.claims.evidence import gather
     from rattle.compare.checks.claims.judges import judge
-    from rattle.compare.checks.claims.page import write_claims
 
     at = values("over", over)
     levels = sigmas or (0.01, 0.1)
     for sigma in levels:
         positive("sigma", sigma)
     shared.check_counts(settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1)
-    results = Results(None, out, "", "checks.claims.page", overwrite)
+    results = Results(None, out, "", "checks.claims.page:write_claims", overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])
     found = gather(rt.Scene.from_gears(rt.DAT21), levels, at, settings["paths"], effort, say_part)
     judged = judge(found)
     record: dict[str, Any] = {"sigmas": list(levels), "over": list(at), "impacts": impacts, **settings}
-    answer = results.write(write_claims, judged, found.chaos, scene=found.scene.to_dict(), **record)
+    answer = results.write(judged, found.chaos, scene=found.scene.to_dict(), **record)
     verdicts = [f"{number:2d}. {claim.name}: {claim.verdict}" for number, claim in enumerate(judged, start=1)]
     results.say([*answer, *verdicts], "claims.html")
 

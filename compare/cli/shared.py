@@ -167,8 +167,8 @@ JSON_ALONE = click.option(
 def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGMA) -> Option:
     """The options of the folder of a command on a scene, which gets the loaded scene, and a function for its `Results`.
 
-    `page`: Module within `rattle.compare` whose ``CONTENTS`` are the files of such a folder. `otherwise`: Noise
-    intensity of DAT21, if no scene is given.
+    `page`: Module within `rattle.compare` whose ``CONTENTS`` are the files of such a folder, and its function that
+    writes it. `otherwise`: Noise intensity of DAT21, if no scene is given.
     """
 
     def decorate(command: Callable[..., None]) -> Any:
@@ -198,16 +198,19 @@ class Results:
         self.writes = out is not None or not as_json
         self.out = out or default_place(self.name, suffix)
         if self.writes:
-            check_free(self.out, import_module(f"rattle.compare.{page}").CONTENTS, overwrite)
+            module, _, writer = page.partition(":")
+            pages = import_module(f"rattle.compare.{module}")
+            self.writer = getattr(pages, writer)
+            check_free(self.out, pages.CONTENTS, overwrite)
         self.watch = Stopwatch()
 
-    def write(self, writer: Callable[..., Any], *found: Any, **settings: Any) -> Any:
+    def write(self, *found: Any, **settings: Any) -> Any:
         """Write the folder, with the settings in its manifest."""
         from rattle.compare.report.provenance import provenance
 
         if not self.writes:
             return ()
-        return writer(self.out, *found, {"name": self.name, **settings, **provenance(self.watch)}, self.overwrite)
+        return self.writer(self.out, *found, {"name": self.name, **settings, **provenance(self.watch)}, self.overwrite)
 
     def say(self, sentences: Iterable[str], page: str, data: Callable[[], dict[str, Any]] = dict) -> None:
         """Print the answer and the place of the page, or the data as JSON."""

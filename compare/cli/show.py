@@ -242,9 +242,7 @@ def drive(measured: Path, **written: Any) -> None:
 
     SCENE is a TOML file whose table [drive] has a file: its orders, its noise with an interval, and what is left out.
     """
-    from rattle.compare.report.save import write_drive
-
-    results = Results(measured, suffix="-drive", page="report.save", **written)
+    results = Results(measured, suffix="-drive", page="report.save:write_drive", **written)
     base = load_scene(measured, None)
     data = find_measured(read_toml(read_text("scene file", measured)), measured.parent)
     if not isinstance(data.get("drive"), Mapping):
@@ -252,5 +250,5 @@ def drive(measured: Path, **written: Any) -> None:
     found = read_measured(data)
     facts = {k: v for k, v in vars(found).items() if k not in ("cycle", "spread", "sum_of_orders", "drive")}
     said = [*found.answer, f"sigma of this scene: {base.sigma:.4g} with alpha = {base.alpha:.4g}."]
-    results.write(write_drive, found, scene=base.to_dict(), file=str(data["drive"]["file"]))
+    results.write(found, scene=base.to_dict(), file=str(data["drive"]["file"]))
     results.say(said, "drive.html", lambda: facts | {"answer": said})

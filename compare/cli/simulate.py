@@ -178,7 +178,7 @@ def section_table(run: "rt.Ensemble", units: str) -> str:
 @shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, JSON_UNITS)
-@shared.report("reports/NAME-stationary", "stationary.page", shared.JSON_ALONE)
+@shared.report("reports/NAME-stationary", "stationary.page:write_stationary", shared.JSON_ALONE)
 def stationary(
     base: Scene,
     begin: Begin,
@@ -200,7 +200,6 @@ def stationary(
     reached.
     """
     from rattle.compare.chaos.section import stationary_bifurcation, values, vary
-    from rattle.compare.stationary.page import write_stationary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
     from rattle.montecarlo.long_run.run import ASKED
 
@@ -218,7 +217,7 @@ def stationary(
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
     found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
     more = {"scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at)}
-    said = results.write(write_stationary, found, view, **more)
+    said = results.write(found, view, **more)
     results.say(said, "stationary.html", lambda: found.to_dict(units or "dimensionless"))
     if found.run and found.run.reach and not found.run.reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
@@ -235,7 +234,7 @@ def stationary(
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
 @shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-chaos", "chaos.page")
+@shared.report("reports/NAME-chaos", "chaos.page:write_chaos")
 def chaos(base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
     """Measure Lyapunov exponents, Poincare sections and spectra.
 
@@ -244,7 +243,6 @@ def chaos(base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.chaos.measure import Effort, study
-    from rattle.compare.chaos.page import write_chaos
     from rattle.compare.chaos.section import paper_noise, values, vary
 
     field, at = settings["field"], () if no_sweep else values("over", over)
@@ -255,5 +253,5 @@ def chaos(base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool
     results = begin()
     found = study(base, scenes, field, Effort(**{name: settings[name] for name in Effort._fields}), say_part)
     said = "the scene's" if noise is None else "sqrt(alpha)"
-    answer = results.write(write_chaos, found, scene=base.to_dict(), **settings, over=list(at), noise=said)
+    answer = results.write(found, scene=base.to_dict(), **settings, over=list(at), noise=said)
     results.say(answer, "chaos.html")

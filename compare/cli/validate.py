@@ -149,7 +149,7 @@ def validate(
 @shared.SEED
 @click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
 @shared.whole("workers", 2, "Threads.")
-@shared.report("reports/NAME-tradeoff", "tradeoff.page", otherwise=0.1)
+@shared.report("reports/NAME-tradeoff", "tradeoff.page:write_tradeoff", otherwise=0.1)
 def tradeoff(base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: bool, **settings: Any) -> None:
     """Measure what an accuracy costs by each scheme and closure.
 
@@ -158,7 +158,6 @@ def tradeoff(base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: b
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
-    from rattle.compare.tradeoff.page import write_tradeoff
     from rattle.montecarlo import check_settings
 
     positive("sigma", base.sigma)
@@ -169,7 +168,7 @@ def tradeoff(base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: b
         check_settings(base, paths=1, dt=None, scheme=scheme, rng=settings["seed"], step_bias=False, **common)
     results, asked_for = begin(), {"accuracies": asked, "orders": orders, **settings}
     found = measure(base, **asked_for)
-    results.say(results.write(write_tradeoff, found, scene=base.to_dict(), **asked_for), "tradeoff.html")
+    results.say(results.write(found, scene=base.to_dict(), **asked_for), "tradeoff.html")
 
 
 @click.command()
