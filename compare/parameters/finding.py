@@ -4,24 +4,17 @@ from typing import Any, ClassVar
 
 import pandas as pd
 
+from rattle.compare.report.texts import read_texts
 from rattle.scene import as_html
 
-WORDS = {
-    "rate_above": "the number of impacts per second{}",
-    "rate": "the number of all impacts per second{}",
-    "power": "the energy lost per second{}",
-    "speed_above": "the mean speed of impacts{}",
-    "rms_speed_above": "the rms speed of impacts{}",
-    "q95_speed_above": "the 95 % quantile of impact speeds{}",
-    "contact_share": "the share of time in contact{}",
-    "open_share": "the share of time with open teeth{}",
-}
+TEXTS = read_texts("parameters")
 
 
 def quantity_words(quantity: str) -> str:
     """A quantity in words."""
     kind, _, mesh = quantity.partition("_mesh")
-    return WORDS.get(kind, f"`{kind}`{{}}").format(f" at mesh {mesh}" if mesh else "")
+    words = TEXTS["quantities"].get(kind, f"`{kind}`")
+    return f"{words} at mesh {mesh}" if mesh else str(words)
 
 
 def value_text(value: Any, unit: Any) -> str:

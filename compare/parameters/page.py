@@ -1,7 +1,7 @@
 """The pages of boundaries, maps, crossings and sensitivities, each laid out in a Markdown file beside this module."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rattle.compare.parameters import crossing, of_closure, search
 from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.figures import tornado
-from rattle.compare.parameters.finding import Finding, with_unit
+from rattle.compare.parameters.finding import TEXTS, Finding, with_unit
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.save import contents, save_report
@@ -23,43 +23,28 @@ CONTENTS |= contents("sensitivity", figures=("sensitivity", "by_mesh"), tables=(
 MARKS = {search.ACCURATE: "good", search.WRONG: "bad", search.UNDECIDED: "open", "inaccurate": "bad"}
 MARKS |= {crossing.BELOW: "good", crossing.ABOVE: "bad"}
 IN_TABLES = ("points", "curve", "table", "values")
-METHOD = (
-    "A coarse scan, evenly spaced in the logarithm, then halving wherever the verdict changes. At each value paths "
-    f"are added until the verdict is decided ({', '.join(f'{n:,}' for n in search.LOOKS)}). The intervals hold for all "
-    f"rows at all looks at {search.MOST} values together with 95 % probability. Between the values of the scan nothing "
-    "is said: islands narrower than its spacing are not seen."
-)
-
-
-class _Kind(NamedTuple):
-    """The page of a kind of result."""
-
-    name: str  # of its files
-    layout: str  # the Markdown file
-    title: str  # with attributes of the result, and the name of the scene, between braces
-    values: dict[str, Any]  # what else stands between braces in the layout
+LOOKS = {"most": search.MOST, "looks": ", ".join(f"{n:,}" for n in search.LOOKS)}
+SEARCH = {"search": TEXTS["search"].format(**LOOKS)}
+LONG_RUNS = {"paths": crossing.PATHS, "looks": ", ".join(f"{n:,}" for n in crossing.LOOKS), "most": search.MOST}
 
 
 def _steps(near: float, far: float) -> dict[str, str]:
     return {"near": f"{100.0 * near:g} %", "far": f"{100.0 * far:g} %", "change": PERCENT}
 
 
-LONG_RUNS = {"paths": crossing.PATHS, "looks": ", ".join(f"{n:,}" for n in crossing.LOOKS), "most": search.MOST}
-BOUNDARY = "Where {closure} stops holding: {name}, over {over}"
-CROSSING = "Where {quantity} crosses {level:g}: {name}, over {over}"
-OF_CLOSURE = "What {closure} says of the parameters of {name}"
-KINDS: dict[type[Finding], _Kind] = {
-    Boundary: _Kind("boundary", "boundary.md", BOUNDARY, {"search": METHOD}),
-    BoundaryMap: _Kind("boundary", "map.md", BOUNDARY + " and {along}", {"search": METHOD}),
-    crossing.Crossing: _Kind("boundary", "crossing.md", CROSSING, LONG_RUNS),
-    Sensitivity: _Kind("sensitivity", "sensitivity.md", "What changes the rattle of {name}", _steps(*STEPS)),
-    of_closure.ClosureSensitivity: _Kind("sensitivity", "of_closure.md", OF_CLOSURE, _steps(*of_closure.STEPS)),
+KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {
+    Boundary: ("boundary", "boundary.md", SEARCH),
+    BoundaryMap: ("boundary", "map.md", SEARCH),
+    crossing.Crossing: ("boundary", "crossing.md", LONG_RUNS),
+    Sensitivity: ("sensitivity", "sensitivity.md", _steps(*STEPS)),
+    of_closure.ClosureSensitivity: ("sensitivity", "of_closure.md", _steps(*of_closure.STEPS)),
 }
+"""Name of the files, layout, and what stands between braces in it besides attributes, by the kind of result."""
 
 
 def write_report(out: Path, found: Any, record: dict[str, Any], overwrite: bool) -> None:
     """Write the folder of a result."""
-    name, layout, title, values = KINDS[type(found)]
+    name, layout, values = KINDS[type(found)]
     table = shown = getattr(found, found.shown)
     tables, parts, figures = {name: table}, {}, {}
     if isinstance(found, Sensitivity):
@@ -80,7 +65,7 @@ def write_report(out: Path, found: Any, record: dict[str, Any], overwrite: bool)
     save_report(
         out,
         name,
-        title.format(name=record["name"], **vars(found)),
+        TEXTS["titles"][type(found).__name__].format(name=record["name"], **vars(found)),
         found.answer,
         record | facts,
         parts | {found.shown: shown},
@@ -109,6 +94,7 @@ def _tornados(found: Sensitivity) -> dict[str, Figure]:
     """The figures; quantities by mesh have one of their own where there are others too."""
     names = pd.Index(found.values.index)
     by_mesh = names.str.contains("_mesh")
-    if by_mesh.all() or not by_mesh.any():
-        return {"sensitivity": tornado(found.table, list(names))}
-    return {n: tornado(found.table, list(names[m])) for n, m in (("sensitivity", ~by_mesh), ("by_mesh", by_mesh))}
+    groups = {"sensitivity": names[~by_mesh], "by_mesh": names[by_mesh]}
+    if not all(map(len, groups.values())):
+        groups = {"sensitivity": names}
+    return {name: tornado(found.table, list(group)) for name, group in groups.items()}

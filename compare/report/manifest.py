@@ -61,6 +61,7 @@ class Recorded(NamedTuple):
     digests: dict[str, str | None]  # of its tables, by `TABLES`; None where it has no such table
     # see `versions`; entries that an earlier version of this program did not record are missing
     versions: dict[str, str]
+    tables: dict[str, str]  # texts of those that lie beside the manifest
 
 
 def read_settings(path: Path) -> Recorded:
@@ -83,7 +84,12 @@ def read_settings(path: Path) -> Recorded:
             raise KeyError("table_sha256")
         name = settings["name"].encode(errors="replace").decode()
         versions = {str(of): str(version) for of, version in data.get("versions", {}).items()}
-        return Recorded(ReportSettings(**{**settings, "name": name, "scenes": scenes, **lists}), digests, versions)
+        tables = {}
+        for of, file in TABLES.items():
+            with suppress(OSError):
+                tables[of] = (path.parent / file).read_text(encoding="utf-8", errors="replace")
+        settings = ReportSettings(**{**settings, "name": name, "scenes": scenes, **lists})
+        return Recorded(settings, digests, versions, tables)
     except InputError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -187,31 +193,22 @@ class Repeat(NamedTuple):
         return {"outcome": self.outcome, "largest_difference": largest, "why": self.why, "changed": changed}
 
 
-def tables_beside(path: Path, recorded: Recorded) -> dict[str, str]:
-    """Read the tables beside a manifest."""
-    found = {}
-    for name, file in TABLES.items():
-        with suppress(OSError):
-            found[name] = (path.parent / file).read_text(encoding="utf-8", errors="replace")
-    return found
-
-
-def compare(recorded: Recorded, earlier: Mapping[str, str], now: Mapping[str, Any], folder: Path) -> Repeat:
+def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
     """Compare a repeated report with the first."""
     there, here = recorded.versions, versions()
     changed = {n: (there.get(n), here.get(n)) for n in {**here, **there} if there.get(n) != here.get(n)}
     differing = [name for name in TABLES if now[name] != recorded.digests[name]]
-    altered = [name for name, text in earlier.items() if recorded.digests[name] not in (None, digest(text))]
+    altered = [name for name, text in recorded.tables.items() if recorded.digests[name] not in (None, digest(text))]
     found = []
     for name in differing:
         file = TABLES[name]
         if now[name] is None or recorded.digests[name] is None:
             found.append(Difference(math.inf, math.inf, math.nan, f"only one of them has {file}"))
-        elif name not in earlier or name in altered:
+        elif name not in recorded.tables or name in altered:
             return Repeat(DIFFERENT, None, f"no {file} with the manifest's digest lies beside it", changed)
         else:
-            before, after = (pd.read_csv(io.StringIO(t)) for t in (earlier[name], (folder / file).read_text("utf-8")))
-            one = difference(before, after, recorded.settings.paths)
+            before = pd.read_csv(io.StringIO(recorded.tables[name]))
+            one = difference(before, pd.read_csv(folder / file), recorded.settings.paths)
             found.append(one._replace(where=f"{file}, {one.where}"))
     if altered:
         files = " and ".join(TABLES[name] for name in altered)

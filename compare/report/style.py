@@ -1,6 +1,7 @@
 """Common style of all figures: colours, markers, symbols, legends, and reproducible SVG files."""
 
 from collections.abc import Iterable, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -34,16 +35,9 @@ ACCURATE, FORBIDDEN = "#56B4E9", "#CC79A7"
 SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$", "rho1": r"$\rho_1$", "rho2": r"$\rho_2$"}
 SYMBOL |= {name: f"${name[0]}_{name[1]}$" for name in STATE}
 
-SETTINGS: Any = {
-    "svg.hashsalt": "rattle",
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "legend.frameon": False,
-    "figure.constrained_layout.use": True,
-}
+SETTINGS: Any = mpl.rc_params_from_file(
+    str(files("rattle.compare.report") / "templates" / "figures.mplstyle"), use_default_template=False
+)
 
 
 def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:

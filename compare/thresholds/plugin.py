@@ -5,7 +5,9 @@ PYTEST_DONT_REWRITE
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+import tomllib
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -20,68 +22,35 @@ THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
 CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
 REFUSED: pytest.StashKey[Exception] = pytest.StashKey()
 
-MARKER = (
-    "rattle(scene, impacts=4, kind='section', quantities=('tau', 'y1', 'y2'), moments=('mean', 'sd'), within={'mean': "
-    "0.05, 'sd': 0.1}, absolute=None, paths=None, budget=None, accuracy=None, scheme='exact-flight', undecided=None): "
-    "section moments of a closure, of all paths or (kind='itinerary') of those on its itinerary alone, and their "
-    "admissible error, in sds of the quantity (within) or absolute."
-)
-
-
-class Option(NamedTuple):
-    """An option of the command line; if `lasting`, also of the configuration file."""
-
-    name: str
-    default: str
-    help: str
-    choices: tuple[str, ...] | None = None
-    lasting: bool = True
-
-    @property
-    def key(self) -> str:
-        """Its name in the configuration file."""
-        return self.name.replace("-", "_")
-
-
-OPTIONS = (
-    Option("rattle-false-alarm", "0.01", "Probability that a test fails although its claim is true."),
-    Option("rattle-undecided", "fail", "Outcome of a test that its budget does not decide.", ("fail", "skip")),
-    Option("rattle-profile", "quick", "Simulated paths to begin with: quick 32768, full 1048576.", ("quick", "full")),
-    Option("rattle-budget", "", "Most paths for a test that is undecided. [default: 8 times those it begins with]"),
-    Option("rattle-cache", "", "Folder of the simulations. [default: in pytest's cache; without it none is kept]"),
-    Option("rattle-seed", "0", "Seed of the simulations."),
-    Option("rattle-workers", "1", "Threads of a simulation; the result does not depend on it."),
-    Option(
-        "rattle-baselines",
-        "compare",
-        "Compare with recorded values, record those that are missing, or regenerate.",
-        ("compare", "record", "regenerate"),
-        lasting=False,
-    ),
-)
+TEXTS = tomllib.loads(files("rattle.compare.thresholds").joinpath("texts.toml").read_text(encoding="utf-8"))
+OPTIONS: dict[str, dict[str, Any]] = TEXTS["options"]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Options on the command line and in the configuration file, where the command line wins."""
     group = parser.getgroup("rattle", "accuracy thresholds")
-    for option in OPTIONS:
-        text = f"{option.help} [default: {option.default}]" if option.default else option.help
-        group.addoption(f"--{option.name}", dest=option.key, default=None, choices=option.choices, help=text)
-        if option.lasting:
-            parser.addini(option.key, option.help, default=option.default)
+    for key, option in OPTIONS.items():
+        name, default = key.replace("_", "-"), option["default"]
+        text = f"{option['help']} [default: {default}]" if default else option["help"]
+        group.addoption(f"--{name}", dest=key, default=None, choices=option.get("choices"), help=text)
+        if option.get("lasts", True):
+            parser.addini(key, option["help"], default=default)
 
 
 def read_options(config: pytest.Config) -> dict[str, str]:
     """The user's choice of every option as text, by key."""
-    given = {option: config.getoption(option.key) for option in OPTIONS}
-    kept = {option: config.getini(option.key) if option.lasting else option.default for option in OPTIONS}
-    return {option.key: str(kept[option] if given[option] is None else given[option]) for option in OPTIONS}
+    chosen = {}
+    for key, option in OPTIONS.items():
+        kept = config.getini(key) if option.get("lasts", True) else option["default"]
+        given = config.getoption(key)
+        chosen[key] = str(kept if given is None else given)
+    return chosen
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marker, and refuse an invalid option before anything is collected."""
-    config.addinivalue_line("markers", MARKER)
-    if read_options(config) != {option.key: option.default for option in OPTIONS}:
+    config.addinivalue_line("markers", TEXTS["marker"])
+    if read_options(config) != {key: option["default"] for key, option in OPTIONS.items()}:
         from rattle.compare.thresholds.claim import read_settings
         from rattle.scene.errors import InputError
 
