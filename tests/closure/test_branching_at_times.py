@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from random_gears import gear_sets, noisy
 
 from rattle.closure import follow, mean_map
 from rattle.closure.branching import LEVELS
@@ -11,7 +12,6 @@ from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, InputError, Scene, Tolerance
 from rattle.scene.types import STATE
-from tests.closure.random_gears import gear_sets, noisy
 
 IMPACTS = 6
 LEEWAY = 4.5  # standard errors: the largest of 500 rows is that far off once in 300 tables

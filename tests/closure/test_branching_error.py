@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from random_gears import gear_sets, noisy
 
 from rattle.closure import mean_map
 from rattle.closure.branching import LEVELS, _trace
@@ -13,7 +14,6 @@ from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
 from rattle.scene.errors import InputError
 from rattle.scene.types import SECTION
-from tests.closure.random_gears import gear_sets, noisy
 
 
 @pytest.fixture(scope="module")

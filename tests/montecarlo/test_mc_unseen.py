@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from random_gears import PAIR_B
 
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import section_errors
@@ -13,14 +14,13 @@ from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch, rare_events
 from rattle.montecarlo.diagnostics.unseen import Unseen
 from rattle.scene import DAT21, Scene
-from tests.montecarlo.measure_unseen import PAIR
 
 PROBABILITY, SD = 7.9e-6, 0.01528
-"""Of the branch of `PAIR`, and sd of y2 at impact 2, from 8 million exact flights (63 paths on the branch)."""
+"""Of the branch of `PAIR_B`, and sd of y2 at impact 2, from 8 million exact flights (63 paths on the branch)."""
 
 
 def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths_show():
-    found = rare_events(PAIR, 2)
+    found = rare_events(PAIR_B, 2)
     (branch,) = [b for b in found.branches if b.impact == 1]
     assert abs(branch.probability - PROBABILITY) < 4.0 * PROBABILITY / np.sqrt(63.0)
     gap = branch.section[:, 1, 5] - found.orbit[1, 5]
@@ -29,7 +29,7 @@ def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths
 
 
 def _verdict(monkeypatch, bounded):
-    run = simulate(PAIR, paths=32_768, impacts=2, scheme="exact-flight", rng=0)
+    run = simulate(PAIR_B, paths=32_768, impacts=2, scheme="exact-flight", rng=0)
     truth = run.section.copy()
     truth.loc[2, "sd_y2"] = SD
     if not bounded:

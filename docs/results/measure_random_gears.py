@@ -1,6 +1,6 @@
 """How far each closure is accurate on random gear sets: docs/results/random_gears.csv.
 
-``python tests/compare/validation/measure_random_gears.py`` (two to four minutes on one core).  The sets are drawn from
+``python docs/results/measure_random_gears.py`` (two to four minutes on one core).  The sets are drawn from
 the seed below and are not tuned on.
 """
 
@@ -15,7 +15,7 @@ from rattle import validate
 from rattle.compare.validation.comparison import find_validities
 from rattle.scene import Scene, Start
 
-TABLE = Path(__file__).resolve().parents[3] / "docs" / "results" / "random_gears.csv"
+TABLE = Path(__file__).parent / "random_gears.csv"
 SEED, SETS, PATHS, IMPACTS = 1722, 6, 2**15, 12
 INTENSITIES = (0.01, 0.05, 0.2, 0.5, 1.0)
 """sigma over the root of alpha."""

@@ -1,6 +1,6 @@
 """Measure how often stated 95 % intervals of the long run hold the truth; writes docs/results/coverage.csv.
 
-Run by hand: ``python tests/compare/stationary/measure_coverage.py [seeds]``.  Every seed is a run of its own, with its
+Run by hand: ``python docs/results/measure_coverage.py [seeds]``.  Every seed is a run of its own, with its
 own burn-in; the truth is the mean of all.  The naive interval treats impacts as independent.
 """
 
@@ -48,7 +48,7 @@ def coverage(paths: int, periods: int, seeds: int = SEEDS) -> pd.DataFrame:
 
 if __name__ == "__main__":
     wanted = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
-    place = Path(__file__).resolve().parents[3] / "docs" / "results" / "coverage.csv"
+    place = Path(__file__).parent / "coverage.csv"
     table = pd.DataFrame()
     for size in RUNS:
         table = pd.concat([table, coverage(*size, wanted)], ignore_index=True)

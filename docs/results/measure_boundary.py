@@ -1,6 +1,6 @@
 """Whether searches find the boundary of `saltation` on DAT21, and at what cost: docs/results/boundary_seeds.csv.
 
-``python tests/compare/parameters/measure_boundary.py`` takes ten minutes on one core and continues an interrupted
+``python docs/results/measure_boundary.py`` takes ten minutes on one core and continues an interrupted
 run.  40 searches, each with its own seed; the true value is where the error of the worst row of 8 million paths at each
 of two values is its tolerance; and the path-steps of the study over the noise intensity, counted with fewer paths.
 """
@@ -18,8 +18,8 @@ from rattle.compare.study.store import Store
 from rattle.compare.validation.errors import section_errors
 from rattle.compare.validation.verdict import JUDGED
 
-ROOT = Path(__file__).resolve().parents[3]
-TABLE = ROOT / "docs" / "results" / "boundary_seeds.csv"
+ROOT = Path(__file__).parents[2]
+TABLE = Path(__file__).parent / "boundary_seeds.csv"
 CELLS = Path(tempfile.gettempdir()) / "rattle-boundary-seeds"
 SEEDS, SIGMAS, PATHS, IMPACTS, COUNTED = range(40), (0.045, 0.048), 8_000_000, 12, 4096
 SCENE = Scene.from_gears(DAT21)

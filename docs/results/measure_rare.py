@@ -1,6 +1,6 @@
 """What sampling rare branches on purpose gains, and whether its intervals hold: docs/results/rare_branches.csv.
 
-``python tests/montecarlo/measure_rare.py [SCENE ...]`` measures these scenes, or all (about ten minutes on one core),
+``python docs/results/measure_rare.py [SCENE ...]`` measures these scenes, or all (about ten minutes on one core),
 and keeps the other rows.  Each scene is sampled by 1000 seeds from one mixture; the truth is their mean, and plain
 paths check it.  The probability of the branch that matters most is given to first order, from paths near its design
 point, and from plain paths.
@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from measure_unseen import PAIR as OTHER
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches.choose import choose_mixture, steps_of
@@ -21,23 +20,22 @@ from rattle.montecarlo.branches.search import SMALLEST, search_of
 from rattle.montecarlo.branches.weighted_paths import run_mixture, sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.settings import NOISE_FREE
-from rattle.scene import DAT21, Scene, Start
+from rattle.scene import DAT21, Scene
 from rattle.scene.types import SECTION
 
-TABLE = Path(__file__).resolve().parents[2] / "docs" / "results" / "rare_branches.csv"
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
+from random_gears import PAIR_A, PAIR_B
+
+TABLE = Path(__file__).parent / "rare_branches.csv"
 SEEDS, SEED_BLOCKS, PLAIN_PATHS, PILOT = 1000, 32, 4_000_000, 32 * BLOCK
-PAIR = Scene(
-    alpha=0.511, epsilon=0.447, beta1=0.101, beta2=0.091, gamma1=0.004, gamma2=0.098, mu=0.625, gap1=0.5, gap2=0.959,
-    sigma=0.4, start=Start(tau=2.66, x1=0.15, y1=-0.37, x2=-0.58, y2=1.82, mesh=0),
-)  # fmt: skip
 SCENES = {
     "DAT21, 0.06": (Scene.from_gears(DAT21, sigma=0.06), 4),
     "DAT21, 0.08": (Scene.from_gears(DAT21, sigma=0.08), 3),
     "DAT21, 0.1": (Scene.from_gears(DAT21, sigma=0.1), 3),
     "DAT21, 0.09": (Scene.from_gears(DAT21, sigma=0.09), 3),
     "DAT21, 0.2": (Scene.from_gears(DAT21, sigma=0.2), 3),
-    "pair A": (PAIR, 2),
-    "pair B": (OTHER, 2),
+    "pair A": (PAIR_A, 2),
+    "pair B": (PAIR_B, 2),
 }
 
 

@@ -1,6 +1,6 @@
 """What an accuracy takes on unseen random gear sets, and whether it is kept: docs/results/accuracy_cells.csv.
 
-``python tests/montecarlo/measure_accuracy.py [CELL ...]`` measures these cells, or all (about ten minutes on one core),
+``python docs/results/measure_accuracy.py [CELL ...]`` measures these cells, or all (about ten minutes on one core),
 and keeps the other rows of the table.  The true error of a run is estimated from a finer one of another seed.
 """
 
@@ -19,11 +19,11 @@ from rattle.montecarlo.diagnostics.accuracy import units_by_quantity
 from rattle.scene import DAT21, Scene
 from rattle.scene.types import SECTION
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "closure"))
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
 
-ROOT = Path(__file__).resolve().parents[2]
-TABLE = ROOT / "docs" / "results" / "accuracy_cells.csv"
+ROOT = Path(__file__).parents[2]
+TABLE = Path(__file__).parent / "accuracy_cells.csv"
 SEED, SETS, NOISE = 29, 8, (0.01, 0.03, 0.1, 0.3)
 BUDGET, FINER = 20.0, 4.0  # core-seconds of a run and of its reference
 

@@ -1,22 +1,25 @@
 """How far `branching` and `saltation` are off at fixed times: docs/results/fixed_times.csv.
 
-``python tests/closure/measure_fixed_times.py`` (about five minutes on one core).  DAT21 and the first six gear sets
+``python docs/results/measure_fixed_times.py`` (about five minutes on one core).  DAT21 and the first six gear sets
 were looked at while the closure was made, the others once.
 """
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from random_gears import TUNED, gear_sets, noisy
 
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, Scene
 from rattle.scene.types import STATE
 
-TABLE = Path(__file__).resolve().parents[2] / "docs" / "results" / "fixed_times.csv"
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
+from random_gears import TUNED, gear_sets, noisy
+
+TABLE = Path(__file__).parent / "fixed_times.csv"
 SETS, NOISE, PATHS, IMPACTS = (0, 3, 5, 6, 8, 12), (0.01, 0.03, 0.1, 0.3), 200_000, 8
 TOLD = 0.02  # standard error of an sd, relative to it, above which the sample cannot judge it
 

@@ -2,8 +2,8 @@
 
 .. code-block:: none
 
-    python -m tests.closure.measure_branching reference FOLDER FIRST LAST
-    python -m tests.closure.measure_branching errors FOLDER FIRST LAST
+    python docs/results/measure_branching.py reference FOLDER FIRST LAST
+    python docs/results/measure_branching.py errors FOLDER FIRST LAST
 
 The first writes the moments of exact flights, one csv per gear set and noise; the second compares the closure with
 them, and writes ``errors_N.csv``, one line per noise, for gear set N; together they are docs/results/branching.csv.
@@ -21,7 +21,9 @@ from rattle.closure import mean_map
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.scene import Scene
-from tests.closure.random_gears import NOISE, TUNED, gear_sets, noisy
+
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
+from random_gears import NOISE, TUNED, gear_sets, noisy
 
 PATHS, IMPACTS, TOLERANCE = 100_000, 12, 0.05
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
