@@ -6,10 +6,10 @@ whatever else a `Record` asks for.  `simulate_rare` draws a part of the paths ne
 """
 
 from rattle.montecarlo.accuracy.simulate_to import simulate_to
-from rattle.montecarlo.branches.simulate_rare import simulate_rare
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import simulate
+from rattle.montecarlo.ensemble.simulate_rare import simulate_rare
 from rattle.montecarlo.schemes.step_size import SCHEMES, default_step, largest_step
 from rattle.montecarlo.settings import Record, Sampling, check_settings
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.blocks import Blocks
-from rattle.montecarlo.kernel.control_variate import linear_path, no_control
 from rattle.montecarlo.noise.philox import LEVELS
+from rattle.montecarlo.schemes.control_variate import linear_path, no_control
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene import Floats, InputError, Ints, Scene, check_scene, choice, count, finite, positive

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from programs import python
-from source_tree import circles, import_graph, sources
+from source_tree import circles, floors, import_graph, rooms, sources
 
 ROOT = Path(__file__).resolve().parent.parent
 MAY_IMPORT = {
@@ -83,3 +83,11 @@ def test_no_imports_run_in_a_circle():
     """Wherever they stand: at the top of a module, for types only, or within a function."""
     assert not circles(import_graph(sources()))
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]  # one that is planted
+
+
+@pytest.mark.parametrize(("package", "most"), {"closure": 5, "montecarlo": 7, "compare": 5}.items())
+def test_folders_import_each_other_one_way_on_few_floors(package, most):
+    found = rooms(import_graph(sources()), package)
+    assert not circles(found)
+    assert floors(found) <= most
+    assert floors({"a": {"b"}, "b": {"c"}, "c": set(), "d": {"c"}}) == 3

@@ -14,8 +14,8 @@ from rattle.closure.mean_map import predict
 from rattle.compare.study.store import Cell, Content
 from rattle.compare.validation.errors import followers_of
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate, simulate_to
-from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, small_noise
+from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, Floats, InputError, Scene, choice, positive

@@ -21,7 +21,7 @@ from rattle.compare.validation.errors import ON_ITINERARY, first_failure
 from rattle.compare.validation.verdict import NOT_JUDGED, Tolerances, is_accurate, is_wrong, unbroken, want, widest
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
-from rattle.montecarlo.branches.leaving import interval
+from rattle.montecarlo.ensemble.leaving import interval
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.scene import Scene
 

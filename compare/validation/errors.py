@@ -14,9 +14,9 @@ from rattle.closure import MeanMap
 from rattle.closure.closure import describe_error
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Ensemble
-from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, skewness_gain, smallest_sd
 from rattle.montecarlo.diagnostics.unseen import Unseen, find_unseen, unseen, unseen_columns, unseen_text
+from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.step_size import SCHEMES
 from rattle.montecarlo.settings import NOISE_FREE, is_random

@@ -14,8 +14,8 @@ import pandas as pd
 
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
-from rattle.montecarlo.branches.simulate_rare import simulate_rare
 from rattle.montecarlo.diagnostics.accuracy import units_by_quantity
+from rattle.montecarlo.ensemble.simulate_rare import simulate_rare
 from rattle.scene import DAT21, Scene
 from rattle.scene.types import SECTION
 

@@ -15,10 +15,10 @@ import pandas as pd
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches.choose import choose_mixture, steps_of
-from rattle.montecarlo.branches.mixture import mixture_of
 from rattle.montecarlo.branches.search import SMALLEST, search_of
-from rattle.montecarlo.branches.weighted_paths import run_mixture, sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.mixture import mixture_of
+from rattle.montecarlo.kernel.weighted_paths import run_mixture, sample_mixture
 from rattle.montecarlo.settings import NOISE_FREE
 from rattle.scene import DAT21, Scene
 from rattle.scene.types import SECTION

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from rattle.montecarlo.accuracy.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expect_paths
-from rattle.montecarlo.branches.simulate_rare import begin_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
+from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, Budget, clock
 from rattle.montecarlo.schemes.step_size import COARSEST, LEFT_OUT, SCHEMES, largest_step, resolve_start

@@ -19,11 +19,11 @@ import numpy as np
 
 from rattle.montecarlo.accuracy.cost import cost_of, expect_paths, find_missed_rows, name_dearest_row, step_error
 from rattle.montecarlo.accuracy.pilots import ROUGHEST, WAIT, PilotRun, Simulate, choose_scheme, sample_branches
-from rattle.montecarlo.branches.simulate_rare import extend_rare
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import extend, simulate
+from rattle.montecarlo.ensemble.simulate_rare import extend_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import HOUR, Blocks, Budget, clock, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.branches.mixture import SPLIT, BranchMixture, mixture_of, tail
 from rattle.montecarlo.branches.search import SMALLEST, Branch, search_of
-from rattle.montecarlo.branches.weighted_paths import sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK, Plan
+from rattle.montecarlo.kernel.mixture import SPLIT, BranchMixture, mixture_of, tail
+from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.scene import SECTION, Floats
 
 LONGEST = 2048  # steps whose noise is searched for design points: later impacts have plain paths alone

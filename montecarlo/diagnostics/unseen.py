@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rattle.montecarlo.branches.mixture import BranchMixture
 from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
+from rattle.montecarlo.kernel.mixture import BranchMixture
 from rattle.montecarlo.settings import is_random
 from rattle.scene import SECTION, Floats, Scene
 

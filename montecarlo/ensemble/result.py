@@ -11,7 +11,7 @@ import numpy as np
 
 from rattle.montecarlo.diagnostics.reach import Reach
 from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, SECTION_PAIRS, BlockResult, Plan
-from rattle.montecarlo.kernel.control_variate import estimate_controlled
+from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.montecarlo.statistics import section_statistics as statistics
@@ -271,7 +271,7 @@ class Ensemble(SectionResult):
 
         Columns ``impact, mesh, side`` (the wall that is struck in place of the itinerary's), ``probability`` with a
         95 % interval ``low, high``, ``paths`` that it rests on, and ``near``: whether these were drawn near a branch
-        that the search along the orbit has found (``rattle.montecarlo.branches.leaving``), or are those of this run.
+        that the search along the orbit has found (``rattle.montecarlo.ensemble.leaving``), or are those of this run.
         What fewer than one in a billion paths do is left out.
 
         Raises
@@ -287,7 +287,7 @@ class Ensemble(SectionResult):
         >>> int(first["mesh"]), bool(first["near"]), bool(1e-6 < first["probability"] < 2e-6)
         (2, True, True)
         """
-        from rattle.montecarlo.branches.leaving import find_leaving
+        from rattle.montecarlo.ensemble.leaving import find_leaving
 
         if not self.plan.apart:
             raise InputError("record.on_itinerary", False, NOT_APART)

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rattle.montecarlo.branches.mixture import BranchMixture
-from rattle.montecarlo.kernel.control_variate import LinearPath, no_control
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
 from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
+from rattle.montecarlo.kernel.mixture import BranchMixture
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
+from rattle.montecarlo.schemes.control_variate import LinearPath, no_control
 from rattle.montecarlo.schemes.step_size import SCHEMES
 from rattle.montecarlo.statistics.central_sums import PAIR, VARIANCE, CentralSums, Orders, columns_of
 from rattle.scene import SECTION, Constants, Floats, Ints, Scene

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
-from rattle.montecarlo.branches.weighted_paths import run_mixture
 from rattle.montecarlo.kernel.block import BlockResult, Plan, run
+from rattle.montecarlo.kernel.weighted_paths import run_mixture
 from rattle.scene import Floats
 
 HOUR = 3600.0

@@ -8,12 +8,12 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from rattle.montecarlo.kernel import lanes as vector
-from rattle.montecarlo.kernel.control_variate import LinearPath, carry_along
 from rattle.montecarlo.kernel.lanes import Lanes, Room
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, fill_normals, fill_signs, fill_words, normals
+from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
 from rattle.montecarlo.schemes.euler import at_end, plain_lanes, step_forcing
 from rattle.montecarlo.schemes.euler_located import advance_inside, leaving, step_located_lanes
 from rattle.montecarlo.schemes.exact_flight import advance_exactly, flight_forcing, flight_lanes

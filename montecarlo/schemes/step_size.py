@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.montecarlo.kernel.control_variate import orbit_impacts
 from rattle.montecarlo.noise.philox import LEVELS
+from rattle.montecarlo.schemes.control_variate import orbit_impacts
 from rattle.montecarlo.schemes.short_flight import first_state, kick
 from rattle.scene import InputError, Scene, finite
 from rattle.scene.drive import highest_order, most_modulation, most_velocity

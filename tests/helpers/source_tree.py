@@ -73,6 +73,27 @@ def circles(graph: dict[str, set[str]]) -> list[set[str]]:
     return [set(circle) for circle in joined if circle]
 
 
+def rooms(graph: dict[str, set[str]], package: str) -> dict[str, set[str]]:
+    """The folders and single modules of a package, and which others of them each one imports."""
+    inside = {name: ".".join(name.split(".")[:2]) for name in graph if name.startswith(f"{package}.")}
+    found: dict[str, set[str]] = {room: set() for room in inside.values()}
+    for name, room in inside.items():
+        found[room] |= {inside[target] for target in graph[name] & inside.keys()} - {room}
+    return found
+
+
+def floors(graph: dict[str, set[str]]) -> int:
+    """How many stand above each other, if each is above all that it imports; for a graph without circles."""
+    known: dict[str, int] = {}
+    while len(known) < len(graph):
+        known |= {
+            name: 1 + max((known[target] for target in targets), default=0)
+            for name, targets in graph.items()
+            if targets <= known.keys()
+        }
+    return max(known.values())
+
+
 def rows() -> Iterator[tuple[str, int, int, int, int]]:
     """For each package and for all: modules, lines, lines of code, lines of docstrings."""
     counts = []

@@ -19,10 +19,10 @@ from rattle.closure.long_orbit import LongOrbit, velocities
 from rattle.closure.orbit import follow
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
-from rattle.montecarlo.branches.mixture import mixture_of
 from rattle.montecarlo.branches.search import BranchSearch
-from rattle.montecarlo.branches.weighted_paths import run_mixture
 from rattle.montecarlo.coupling.paths import LongPath, after_impact, growths
+from rattle.montecarlo.kernel.mixture import mixture_of
+from rattle.montecarlo.kernel.weighted_paths import run_mixture
 from rattle.montecarlo.long_run.sums import new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of

@@ -7,7 +7,7 @@ from scipy import stats
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import sample
-from rattle.montecarlo.kernel.control_variate import estimate_controlled
+from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.settings import Sampling, plan_of
 from rattle.montecarlo.statistics.central_sums import PAIR
 from rattle.scene import Scene, Start

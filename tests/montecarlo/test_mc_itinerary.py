@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import binomtest
 
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.branches import leaving
-from rattle.montecarlo.branches.simulate_rare import begin_rare
+from rattle.montecarlo.ensemble import leaving
+from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings import NOISE_FREE
 from rattle.scene import DAT21, Scene, Start

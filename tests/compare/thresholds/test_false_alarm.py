@@ -23,7 +23,7 @@ from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.kernel.control_variate import estimate_controlled
+from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.section_statistics import single_statistics
 from rattle.scene import DAT21, Scene

@@ -12,7 +12,7 @@ from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
-from rattle.montecarlo.kernel.control_variate import no_control
+from rattle.montecarlo.schemes.control_variate import no_control
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.records import Batches
 from rattle.scene import InputError, Scene, check_scene

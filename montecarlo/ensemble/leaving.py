@@ -2,7 +2,7 @@
 
 An interval is that of a weighted sum of Poisson counts (Fay and Feuer 1997); with equal weights it is the exact one of
 Garwood (1936).  Weights are bounded and their sums unbiased, whichever branches the search has found
-(`rattle.montecarlo.branches.mixture`).  A branch that neither the search nor the run has found is in no row.
+(`rattle.montecarlo.kernel.mixture`).  A branch that neither the search nor the run has found is in no row.
 """
 
 import math
@@ -14,10 +14,10 @@ import pandas as pd
 from scipy.special import chdtri
 
 from rattle.montecarlo.branches.choose import LIKELY, list_distinct, steps_of
-from rattle.montecarlo.branches.mixture import mixture_of
 from rattle.montecarlo.branches.search import SMALLEST, search_of
-from rattle.montecarlo.branches.weighted_paths import sample_mixture
 from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
+from rattle.montecarlo.kernel.mixture import mixture_of
+from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings import EXACT, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE

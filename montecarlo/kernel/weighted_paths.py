@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from rattle.montecarlo.branches.mixture import BranchMixture, draw_targets
 from rattle.montecarlo.kernel import block
 from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, Output, finish_inside, step_lanes
 from rattle.montecarlo.kernel.lanes import CHUNK, Lanes, Room, list_marked, of_level, retire
+from rattle.montecarlo.kernel.mixture import BranchMixture, draw_targets
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import Word, fill_normals
 from rattle.montecarlo.schemes.short_flight import phase_at
