@@ -184,10 +184,7 @@ def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGM
 
 
 class Results:
-    """The folder of a command's results, and what their manifest says of the run; nothing is written with ``--json``.
-
-    Unless a folder is given as well.
-    """
+    """The folder of a command's results, and what their manifest says of the run; ``--json`` alone writes none."""
 
     def __init__(
         self, scene: Path | None, out: Path | None, suffix: str, page: str, overwrite: bool, as_json: bool = False

@@ -76,10 +76,7 @@ def _block(block: Block, width: int) -> Iterator[str]:
 
 
 def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
-    """Split a table into panels that fit the width, as lists of columns and their widths.
-
-    Each panel begins with the first column.
-    """
+    """Split a table into panels that fit the width, each with the first column; columns and their widths."""
     least, whole = zip(*(_extent(table, column) for column in range(len(table.columns))), strict=True)
     first, *rest = range(len(table.columns))
     while True:

@@ -108,10 +108,7 @@ def simulate(
 
 @contextmanager
 def _estimates_shown() -> Iterator[None]:
-    """Context in which estimates of the time are printed, and the warning of a missed accuracy is not.
-
-    The command itself prints that the accuracy was not reached.
-    """
+    """Context in which estimates of the time are printed; that an accuracy is missed is printed by the command."""
     from rattle.montecarlo.accuracy.simulate_to import ESTIMATES
 
     handler, level = logging.StreamHandler(), ESTIMATES.level

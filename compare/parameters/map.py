@@ -13,7 +13,7 @@ import pandas as pd
 
 from rattle.closure.mean_map import find_closure
 from rattle.compare.parameters.boundary import boundary, find_range
-from rattle.compare.parameters.finding import Finding, list_values, with_unit
+from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
 from rattle.compare.study.cluster import Cluster
 from rattle.compare.study.engine import Runner, run
@@ -120,22 +120,13 @@ class BoundaryMap(Finding):
         said = []
         if len(edges):
             up = edges["accurate"] < edges["wrong"]
-            way = "up to" if up.all() else "down to"
             ends = edges.sort_values("accurate").iloc[[0, -1]]
             low, high = (f"{value:.4g}{first}" for value in ends["accurate"])
             least, most = (f"{value:.4g}{second}" for value in ends["along"])
-            if low == high:
-                said.append(f"{closure} is accurate {way} {over} = {low} at every value of {along} with an edge.")
-            elif up.all() or not up.any():
-                said.append(
-                    f"{closure} is accurate {way} {over} = {low} at {along} = {least}, which is the least, and {way} "
-                    f"{high} at {most}, the most."
-                )
-            else:
-                said.append(
-                    f"The edges of where {closure} is accurate lie between {over} = {low} (at {along} = {least}) and "
-                    f"{high} (at {most})."
-                )
+            values = {"low": low, "high": high, "least": least, "most": most}
+            values |= {"closure": closure, "over": over, "along": along, "way": "up to" if up.all() else "down to"}
+            one_way = "one_way" if up.all() or not up.any() else "both_ways"
+            said.append(TEXTS["edges"]["same" if low == high else one_way].format(**values))
         several = edges["along"][edges["along"].duplicated()].unique()
         if len(several):
             said.append(f"Its range of validity is not one interval at {along} = {list_values(several)}{second}.")

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
-from rattle.compare.parameters.finding import Finding
+from rattle.compare.parameters.finding import TEXTS, Finding
 from rattle.compare.parameters.sensitivity import CONFIDENCE, factors_of, find_slopes
 from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
@@ -76,12 +76,10 @@ class ClosureSensitivity(Finding):
         bent = int((~self.table["linear"]).sum())
         worst = rows.to_dict("records")[int((rows["error"].abs() / rows["tolerance"]).argmax())]
         low, high = (worst["simulated"] + sign * 0.5 * (worst["high"] - worst["low"]) for sign in (-1.0, 1.0))
+        said = TEXTS["changes"]
         return [
-            f"What {PERCENT} more of a parameter does to a section mean or sd: of {len(rows)} changes that "
-            f"`{self.closure}` predicts {counts}.",
-            f"The worst is the {worst['moment']} of {worst['quantity']} at impact {worst['impact']} for "
-            f"`{worst['parameter']}`: {worst['predicted']:+.3g} predicted, {low:+.3g} to {high:+.3g} simulated, in "
-            "standard deviations of the quantity.",
+            said["counts"].format(change=PERCENT, number=len(rows), closure=self.closure, counts=counts),
+            said["worst"].format_map(worst | {"from": low, "to": high}),
             f"{self.paths:,} paths of each scene.",
             *([f"{bent} more are not judged: not linear over ± {STEPS[1]:.0%}."] if bent else []),
         ]

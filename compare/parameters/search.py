@@ -72,8 +72,6 @@ def judge_value(
     """Add paths until a closure is decided at one value, or until what is undecided would take more than the last look.
 
     Where that waits for a rare branch, it is judged by `ROUGH` paths or more from then on, a part of them near it.
-
-    `simulate`: Makes an ensemble of so many paths of a scene, and says whether a part of them is near rare branches.
     """
     near_branches, looks = False, list(LOOKS)
     while looks:
@@ -127,12 +125,8 @@ def find_changes(
 ) -> list[tuple[Any, Any]]:
     """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a relative width.
 
-    Returns pairs of what was judged, that with the verdict `first` before the other.
-
-    `judge`: Gives an object with ``value`` and ``verdict``.
-    `known`: Filled with every value that was judged.
-    `near`: Where changes are expected; tried before halving.
-    `each`: Applies a function to all values of the scan.
+    Returns pairs of what was judged, that with the verdict `first` before the other, and fills `known` with all that
+    was judged.  Values `near` which a change is expected are tried before halving; `each` maps over those of the scan.
     """
 
     def at(value: float) -> Any:

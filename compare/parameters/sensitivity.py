@@ -319,9 +319,8 @@ def _effect(logs: Floats, checks: int) -> dict[str, Any]:
 def find_slopes(values: Floats, steps: tuple[float, float], checks: int) -> tuple[Floats, Floats, Floats, bool]:
     """Slopes of a value over the logarithm of a parameter, from its values at both steps down and up.
 
-    Returns: The differences of the logarithm, the slope of each group and step, that of each group from both steps, and
-    whether both steps agree.  Shapes: `values` (groups, down and up by step); result (steps,), (groups, steps),
-    (groups,).
+    Returns the differences of the logarithm (steps,), the slope of each group and step (groups, steps), that of each
+    group from both steps (groups,), and whether these agree.  Shapes: `values` (groups, down and up by step).
     """
     span = np.array([math.log((1.0 + h) / (1.0 - h)) for h in steps])
     change = values[:, 1::2] - values[:, ::2]

@@ -20,9 +20,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def default_place(name: str, suffix: str = "") -> Path:
-    """The default output folder ``reports/NAME``.
-
-    `name`: From a file, so it may hold anything; separators and control characters are replaced.
+    """The default output folder ``reports/NAME``, without the separators and control characters of a name.
 
     Examples
     --------
@@ -67,10 +65,7 @@ def check_place(out: Path) -> Path:
 
 
 def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
-    """Check before a run that its output folder can be written without losing other files.
-
-    `ours`: Names of the files of such a report; a folder with any other file is not replaced.
-    """
+    """Check before a run that its output folder can be written, and holds nothing but files of such a report."""
     with refusals(out):
         if out.is_symlink() or (out.exists() and not out.is_dir()):
             raise OutputError(f"out = {str(out)!r}: exists and is not a folder; choose another name")

@@ -16,9 +16,7 @@ from rattle.scene.files import read_json
 
 
 def plain(data: Any) -> Any:
-    """Convert data to the types of JSON.
-
-    Returns: Dicts, lists, Python numbers, text and None; NaN and infinities become None, paths text.
+    """Convert data to the types of JSON; NaN and infinities become None, paths text.
 
     Examples
     --------

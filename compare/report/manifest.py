@@ -222,9 +222,6 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
 def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference:
     """The largest difference between two tables of a report, relative to what rounding explains.
 
-    `one`, `other`: The unit of a difference is the sd in the column ``unit``, or `RELATIVE` of the value where
-    that is larger; the standard error is in the column ``se``.
-
     Examples
     --------
     >>> table = pd.DataFrame({"quantity": ["y1"], "predicted": [1.0], "simulated": [1.5], "unit": [0.5], "se": [0.1]})

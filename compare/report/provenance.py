@@ -45,10 +45,7 @@ def provenance(watch: Stopwatch | None = None) -> dict[str, Any]:
 def source_of(
     record: Mapping[str, Any], blocks: tuple[Block, ...] | None = None, more: Mapping[str, str] | None = None
 ) -> Source:
-    """The section of a page that says where it comes from, from its manifest.
-
-    `blocks`: The scene of the manifest, if not given. `more`: Further facts, which stand last.
-    """
+    """The section of a page that says where it comes from: from its manifest, with its scene if no blocks are given."""
     facts = {"command": f"`{record['command']}`"} if "repeat" in record else {}
     facts["commit"] = record["commit"]
     if "numerical_version" in record:

@@ -36,10 +36,9 @@ def parts(text: str) -> list[tuple[str, bool]]:
 
 
 def as_html(text: str, files: Collection[str] = (), words: Words = lambda piece, _: escape(piece)) -> Markup:
-    """A text as HTML; code between backticks becomes a ``<code>`` element.
+    """A text as HTML: what stands between backticks as ``<code>``, and as a link if it is one of the files.
 
-    `files`: Names of files beside the page; code that is such a name becomes a link to the file. `words`: Makes a
-    piece of the text HTML, and is told whether it is code; see `rattle.compare.report.render`.
+    `words`: Makes a piece of the text HTML, and is told whether it is code.
 
     Examples
     --------
@@ -105,12 +104,9 @@ HINT = Markup('<abbr title="{}">{}</abbr>')
 
 
 class Terms:
-    """Marks the terms of glossaries in the texts of one page.
+    """Marks the terms of a page's glossaries in its texts; only the first mark of each is in the order of the Tab key.
 
-    Only the first mark of a term on the page is in the order of the Tab key; a tap opens each.
-
-    `glossaries`: Of the page; a term "x1, x2" explains both words, and one between backticks is a term in code,
-    heads and cells alone.
+    A term "x1, x2" explains both words, and one between backticks is a term in code, heads and cells alone.
 
     Examples
     --------
@@ -133,10 +129,7 @@ class Terms:
         self._pattern = re.compile(rf"(?<![\w-])({'|'.join(longest_first) or '(?!)'})(s?)(?![\w-])")
 
     def text(self, piece: str, code: bool) -> Markup:
-        """Mark each term where it stands first in a piece of text.
-
-        `code`: Whether it is code, which is marked if it is a term as a whole.
-        """
+        """Mark each term where it stands first in a piece of text; code is marked if it is a term as a whole."""
         if code:
             return self._mark(piece, self._code[piece]) if piece in self._code else escape(piece)
         marked, end, seen = Markup(""), 0, set()

@@ -77,10 +77,7 @@ def whole_impacts(ax: Axes) -> None:
 
 
 def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
-    """The caption of a figure: only the parts that refer to something that is drawn.
-
-    `parts`: Texts, each with a word; a text is included if a label of the legends contains its word, or if that
-    is empty.
+    """The caption of a figure: the texts whose word is in a label of its legends, or empty.
 
     Examples
     --------

@@ -125,10 +125,7 @@ IN_UNITS = {
 
 
 def glossary(*names: str, gears: Gears | None = None) -> Glossary:
-    """The glossary of a page.
-
-    `*names`: Terms that the page uses, keys of `TERMS`; they are listed in the order of `TERMS`. `gears`: Those
-    of the page's scene: the glossary then says what 1 is in their units.
+    """The glossary of the terms that a page uses, in the order of `TERMS`; with gears, what 1 is in their units.
 
     Examples
     --------

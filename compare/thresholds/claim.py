@@ -166,12 +166,7 @@ def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
-    """Read a claim from the options of a marker.
-
-    `options`: ``scene`` (a Scene, or a TOML file), ``impacts`` (their number, or a list), ``kind``, ``quantities``,
-    ``moments``, ``within`` (admissible error in sds of the quantity) or ``absolute``, each a number or one for
-    each moment, ``paths`` and ``budget`` or ``accuracy``, ``scheme``, and ``undecided``. `folder`: Folder of the
-    test, to which the path of a scene file is relative.
+    """Read a claim from the options of a marker; `folder` is that of the test, to which a scene file is relative.
 
     Examples
     --------
@@ -188,13 +183,11 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     moments = _names("moments", options.get("moments", MOMENTS), MOMENTS)
     impacts = _impacts(options.get("impacts", 4))
     paths, budget, accuracy = (options.get(name) for name in ("paths", "budget", "accuracy"))
-    for name, value in (("paths", paths), ("budget", budget)):
+    for name, value, limits in (("paths", paths, {"least": FEWEST}), ("budget", budget, {"most": MOST_PATHS})):
         if value is not None and accuracy is not None:
             raise InputError("accuracy", accuracy, f"chooses the number of paths itself; leave out {name} = {value!r}")
-    if paths is not None:
-        count("paths", paths, least=FEWEST)
-    if budget is not None:
-        count("budget", budget, most=MOST_PATHS)
+        if value is not None:
+            count(name, value, **limits)
     if (undecided := options.get("undecided")) is not None:
         choice("undecided", undecided, UNDECIDED)
     scheme, kind = options.get("scheme", "exact-flight"), choice("kind", options.get("kind", KINDS[0]), KINDS)

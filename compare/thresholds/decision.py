@@ -43,10 +43,7 @@ Model = str | Closure | Callable[[Scene, int], Any]
 
 
 def predict(model: Model, claim: Claim) -> NamedSection:
-    """Evaluate a model for the section moments of a claim.
-
-    `model`: As `rattle.closure.mean_map` takes a closure: a name, ``package.module:function``, a `Closure`, or a
-    function ``(scene, impacts)``; columns that the claim does not need may be missing.
+    """The section moments that a model, as `rattle.closure.mean_map` takes a closure, predicts for a claim.
 
     Examples
     --------
@@ -147,14 +144,10 @@ class Decision(NamedTuple):
 
 
 def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> pd.DataFrame:
-    """Compute the error of every row of a claim with one standard error; see `judge_errors`.
+    """The error of every row of a claim that is judged, ``noise`` of one standard error, as `section_errors` has them.
 
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
     and the standard error of this difference is at most ``se(d) + w se(sd)``.
-
-    Returns: Columns as of `rattle.compare.validation.errors`; ``error`` is absolute, ``unit`` the
-    sd of the quantity (1 if it does not vary), ``noise`` one standard error.  Without rows that are not judged
-    (`rattle.compare.validation.verdict.RULE`).
     """
     if claim.kind == ON_ITINERARY:
         same = np.ones(claim.impacts[-1])
@@ -179,10 +172,7 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
 
 
 def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
-    """Add intervals and outcomes to the errors of a claim.
-
-    Returns: With ``low, high`` (interval of the error), ``verdict`` and ``outcome`` (``pass, fail`` or
-    ``undecided``).
+    """Add the interval of each error, its verdict and its outcome (``pass``, ``fail`` or ``undecided``).
 
     Examples
     --------
@@ -212,9 +202,7 @@ def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
 
 
 def choose_next(later: Sequence[int], table: pd.DataFrame) -> int | None:
-    """Choose the number of paths of the next look: the first that should decide every row, or the last.
-
-    Returns: None if no look is left, the claim has failed, or no number of paths would decide any row.
+    """The paths of the next look: the first that should decide every row, or the last; None if none is of use.
 
     Examples
     --------
@@ -285,10 +273,7 @@ class LongPrediction(NamedTuple):
 
 
 def predict_long(model: Any, scene: Scene, quantities: Sequence[str]) -> LongPrediction:
-    """Evaluate a model for quantities of the long run.
-
-    `model`: A key of `CLOSURES_JUDGED`, or a function ``(scene, quantities) -> mapping`` of names to values.
-    """
+    """What a closure, or a function ``(scene, quantities) -> mapping`` of names to values, says of the long run."""
     if isinstance(quantities, str) or not quantities:
         raise InputError("quantities", quantities, "give a list, as in quantities=['rate', 'energy']")
     for name in quantities:
@@ -318,8 +303,7 @@ def predict_long(model: Any, scene: Scene, quantities: Sequence[str]) -> LongPre
 def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -> Decision:
     """Compare a prediction with long runs that grow until every quantity is decided, first in length, then in paths.
 
-    ``paths_needed`` are paths of the longest run; ``effective_paths`` and ``widened`` are how many paths of the run its
-    standard error rests on, and the half width of its interval in standard errors.
+    ``paths_needed`` are paths of the longest run.
     """
     names, settings, longest = list(prediction.values), session.settings, PERIODS[-1]
     sizes = {periods * PATHS: (periods, PATHS) for periods in PERIODS}

@@ -75,10 +75,7 @@ def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def find_changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float, absolute: float) -> Changes:
-    """Compare two contents.
-
-    `relative`, `absolute`: A value may differ by ``absolute + relative * |recorded|``; everything else must be
-    equal.
+    """Find what differs: values by more than ``absolute + relative * |recorded|``, everything else at all.
 
     Examples
     --------
@@ -115,10 +112,7 @@ T = TypeVar("T")
 
 
 class Rattle:
-    """The value of the fixture ``rattle``.
-
-    `claim`: the claim of the test's marker.
-    """
+    """The value of the fixture ``rattle``."""
 
     def __init__(self, item: pytest.Item, claim: Claim, session: Thresholds) -> None:
         self.claim, self._item, self._session = claim, item, session
