@@ -96,21 +96,16 @@ def stability(
     from rattle.compare.checks.check import run_checks
     from rattle.compare.checks.extremes import ROWS
     from rattle.compare.checks.stability.chart import chart, covariance_table, moderate
-    from rattle.compare.checks.stability.page import CONTENTS, write_stability
-    from rattle.compare.report.folder import check_free
-    from rattle.compare.report.provenance import Stopwatch, provenance
 
     chosen, along = list(dict.fromkeys(schemes or shared.SCHEMES)), list(dict.fromkeys(axes or shared.AXES))
     for name, least, most in (("points", 1, 7), ("paths", 1000, None), ("seed", 0, None), ("workers", 1, None)):
         count(name, settings[name], least=least, most=most)
-    check_free(out, CONTENTS, overwrite)
-    watch = Stopwatch()
+    results = Results("", out, "", "checks.stability.page:write_stability", overwrite)
     found = chart(schemes=chosen, axes=along, **settings)
     covariances = covariance_table(**settings)
     tried = run_checks(ROWS) if extreme else ()
     asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
-    said = write_stability(out, found, covariances, tried, asked | provenance(watch), overwrite)
-    say_lines((*said, f"Page: {out / 'stability.html'}"))
+    results.say(results.write(found, covariances, tried, **asked), "stability.html")
     if len(found.without_diagnostic) or not all(row.holds for row in tried):
         sys.exit(EXIT_BROKEN)
 
@@ -162,7 +157,7 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     for sigma in levels:
         positive("sigma", sigma)
     shared.check_counts(settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1)
-    results = Results(None, out, "", "checks.claims.page:write_claims", overwrite)
+    results = Results("DAT21", out, "", "checks.claims.page:write_claims", overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])

@@ -175,7 +175,8 @@ def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGM
         @wraps(command)
         def run(scene: Path | None, sigma: float | None, **asked: Any) -> None:
             written = {name: asked.pop(name) for name in ("out", "overwrite", "as_json") if name in asked}
-            begin = partial(Results, scene, suffix=default.removeprefix("reports/NAME"), page=page, **written)
+            name = name_of(scene) if scene else "DAT21"
+            begin = partial(Results, name, suffix=default.removeprefix("reports/NAME"), page=page, **written)
             command(load_scene(scene, sigma, otherwise), begin, **asked)
 
         return folder_options(default, *more)(run)
@@ -187,13 +188,13 @@ class Results:
     """The folder of a command's results, and what their manifest says of the run; ``--json`` alone writes none."""
 
     def __init__(
-        self, scene: Path | None, out: Path | None, suffix: str, page: str, overwrite: bool, as_json: bool = False
+        self, name: str, out: Path | None, suffix: str, page: str, overwrite: bool, as_json: bool = False
     ) -> None:
         from rattle.compare.report.provenance import Stopwatch
 
-        self.name, self.overwrite, self.as_json = name_of(scene) if scene else "DAT21", overwrite, as_json
+        self.name, self.overwrite, self.as_json = name, overwrite, as_json
         self.writes = out is not None or not as_json
-        self.out = out or default_place(self.name, suffix)
+        self.out = out or default_place(name, suffix)
         if self.writes:
             module, _, writer = page.partition(":")
             pages = import_module(f"rattle.compare.{module}")
@@ -207,7 +208,8 @@ class Results:
 
         if not self.writes:
             return ()
-        return self.writer(self.out, *found, {"name": self.name, **settings, **provenance(self.watch)}, self.overwrite)
+        record = ({"name": self.name} if self.name else {}) | settings | provenance(self.watch)
+        return self.writer(self.out, *found, record, self.overwrite)
 
     def say(self, sentences: Iterable[str], page: str, data: Callable[[], dict[str, Any]] = dict) -> None:
         """Print the answer and the place of the page, or the data as JSON."""

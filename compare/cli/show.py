@@ -239,7 +239,7 @@ def drive(measured: Path, **written: Any) -> None:
 
     SCENE is a TOML file whose table [drive] has a file: its orders, its noise with an interval, and what is left out.
     """
-    results = Results(measured, suffix="-drive", page="report.save:write_drive", **written)
+    results = Results(name_of(measured), suffix="-drive", page="report.save:write_drive", **written)
     base = load_scene(measured, None)
     data = find_measured(read_toml(read_text("scene file", measured)), measured.parent)
     if not isinstance(data.get("drive"), Mapping):
