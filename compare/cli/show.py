@@ -14,10 +14,9 @@ import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import Results, load_scene, say
-from rattle.compare.report import NUMBER, Block, Code, Figure, Glossary, Page, PageSection, Table, Text
+from rattle.compare.report import NUMBER, Block, Code, Figure, Glossary, Page, PageSection, Table, Text, parts
 from rattle.compare.report.folder import default_place, name_of
 from rattle.compare.report.json_text import NAME, read_page
-from rattle.compare.report.render import parts
 from rattle.scene import FileError, InputError, OutputError, count, harmless, line, nearest
 from rattle.scene.files import read_text, read_toml
 from rattle.scene.gears_input import find_measured, read_measured

@@ -148,9 +148,9 @@ def _narrow(
     at: Callable[[float], Any], good: Any, bad: Any, width: float, known: dict[float, Any], guesses: list[float]
 ) -> tuple[Any, Any]:
     """Narrow the two values of a change; what stays undecided between them is approached from both sides."""
-    doubt = [point.value for point in known.values() if _between(point.value, good.value, bad.value)]
     enough = math.log((1.0 + width) / (1.0 - width))
     while len(known) < MOST and abs(math.log(bad.value / good.value)) > 1.001 * enough:  # values are rounded
+        doubt = [point.value for point in known.values() if _between(point.value, good.value, bad.value)]
         # the wider of the two gaps beside what is undecided, or the whole
         near, far = (min, max) if good.value < bad.value else (max, min)
         gaps = [(good.value, near(doubt)), (far(doubt), bad.value)] if doubt else [(good.value, bad.value)]
@@ -166,9 +166,6 @@ def _narrow(
             good = middle
         elif middle.verdict == bad.verdict:
             bad = middle
-        else:
-            doubt.append(middle.value)
-        doubt = [value for value in doubt if _between(value, good.value, bad.value)]
     return good, bad
 
 

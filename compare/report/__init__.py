@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from rattle.scene import line
+
 TEXT, NUMBER = "text", "number"
 """Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and sorted by value."""
 
@@ -16,6 +18,7 @@ MARKS = {"": "", "good": "✓", "bad": "✗", "open": "?", "part": "◐"}
 """Marks of a cell for the verdict on it, and their signs."""
 
 NOTHING = "–"  # shown in place of NaN
+CODE = re.compile(r"`([^`\n]+)`")
 
 
 def leading_number(text: str) -> float | None:
@@ -28,6 +31,18 @@ def leading_number(text: str) -> float | None:
     """
     found = re.search(r"[-+]?\d[\d,]*(?:\.\d+)?(?:[eE][-+]?\d+)?", text)
     return float(found[0].replace(",", "")) if found else None
+
+
+def parts(text: str) -> list[tuple[str, bool]]:
+    """Split a text at its backticks.
+
+    Examples
+    --------
+    >>> parts("see `a_b` there")
+    [('see ', False), ('a_b', True), (' there', False)]
+    """
+    pieces = CODE.split(line(text))
+    return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
 
 @dataclass(frozen=True)

@@ -7,32 +7,16 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from rattle.compare.report import MARKS, NUMBER, Block, Glossary, Page
+from rattle.compare.report import MARKS, NUMBER, Block, Glossary, Page, parts
 from rattle.compare.report.json_text import KINDS, NAME, page_text
 from rattle.scene import harmless, line
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-
-CODE = re.compile(r"`([^`\n]+)`")
 Words: TypeAlias = Callable[[str, bool], Markup]
-
-
-def parts(text: str) -> list[tuple[str, bool]]:
-    """Split a text at its backticks.
-
-    Examples
-    --------
-    >>> parts("see `a_b` there")
-    [('see ', False), ('a_b', True), (' there', False)]
-    """
-    pieces = CODE.split(line(text))
-    return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
 
 def as_html(text: str, files: Collection[str] = (), words: Words = lambda piece, _: escape(piece)) -> Markup:
@@ -158,10 +142,8 @@ class Terms:
         return shown if said is None else WORD.format(said, -1, shown)
 
 
-def make_environment(package: str, escaped: bool) -> "Environment":
+def make_environment(package: str, escaped: bool) -> Environment:
     """Jinja's environment for the templates of a package; all texts in it are without control characters."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # for what writes pages only
-
     return Environment(
         loader=PackageLoader(package),
         autoescape=escaped,
@@ -174,8 +156,8 @@ def make_environment(package: str, escaped: bool) -> "Environment":
 
 def render_html(package: str, name: str, filters: Mapping[str, Any], /, **values: Any) -> str:
     """Render a package's template ``NAME.html.j2`` with ``NAME.css`` and ``NAME.js``, and no other style or script."""
-    parts = files(package).joinpath("templates")
-    style, script = (parts.joinpath(f"{name}.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    templates = files(package).joinpath("templates")
+    style, script = (templates.joinpath(f"{name}.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
     allowed = (f"'sha256-{_base64(hashlib.sha256(text.encode()).digest())}'" for text in (style, script))
     policy = "default-src 'none'; img-src data:; style-src {}; script-src {}; base-uri 'none'; form-action 'none'"
     environment = make_environment(package, True)
