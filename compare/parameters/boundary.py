@@ -204,7 +204,6 @@ def boundary(
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
     steps = 0
-    known: dict[float, Judgement] = {}
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
         store = Store(Path(folder or scratch))
@@ -234,9 +233,8 @@ def boundary(
             bar.update()
             return found
 
-        changes = search.find_changes(judge, low, high, points, width, known, first=ACCURATE, near=near)
+        changes, table = search.find_changes(judge, low, high, points, width, first=ACCURATE, near=near)
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
-    table = pd.DataFrame(sorted(known.values()), columns=list(Judgement._fields))
     return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
 
 

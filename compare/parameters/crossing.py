@@ -220,7 +220,6 @@ def crossing(
     low, high = find_range(parameter, between)
     limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     units = "dimensionless" if scene.gears is None else "physical"
-    known: dict[float, SideOfLevel] = {}
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
         store = Store(Path(folder or scratch))
@@ -245,8 +244,7 @@ def crossing(
             return found._replace(estimate=factor * found.estimate, low=factor * found.low, high=factor * found.high)
 
         with ThreadPoolExecutor(workers) as pool:
-            changes = find_changes(judge, low, high, points, width, known, first=BELOW, each=pool.map)
-    table = pd.DataFrame(sorted(known.values()), columns=list(SideOfLevel._fields))
+            changes, table = find_changes(judge, low, high, points, width, first=BELOW, each=pool.map)
     edges = tuple(Sides(below.value, above.value) for below, above in changes)
     unit = unit_of(quantity, scene.gears, units)[0]
     return Crossing(scene, quantity, level, over, edges, table, parameter.unit, unit)

@@ -117,17 +117,19 @@ def find_changes(
     high: float,
     points: int,
     width: float,
-    known: dict[float, Any],
     *,
     first: str,
     near: Iterable[float] = (),
     each: Callable[..., Iterable[Any]] = map,
-) -> list[tuple[Any, Any]]:
+) -> tuple[list[tuple[Any, Any]], pd.DataFrame]:
     """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a relative width.
 
-    Returns pairs of what was judged, that with the verdict `first` before the other, and fills `known` with all that
-    was judged.  Values `near` which a change is expected are tried before halving; `each` maps over those of the scan.
+    Returns pairs of what was judged, that with the verdict `first` before the other, and all that was judged.  Values
+    `near` which a change is expected are tried before halving; `each` maps over those of the scan.
     """
+    known: dict[float, Any] = {}
+    guesses = [float(f"{value:.6g}") for value in near]
+    enough = math.log((1.0 + width) / (1.0 - width))
 
     def at(value: float) -> Any:
         value = float(f"{value:.6g}")
@@ -135,38 +137,33 @@ def find_changes(
             known[value] = judge(value)
         return known[value]
 
-    guesses = [float(f"{value:.6g}") for value in near]
+    def narrow(good: Any, bad: Any) -> tuple[Any, Any]:
+        """Narrow the two values of a change; what stays undecided between them is approached from both sides."""
+        while len(known) < MOST and abs(math.log(bad.value / good.value)) > 1.001 * enough:  # values are rounded
+            doubt = [value for value in known if _between(value, good.value, bad.value)]
+            # the wider of the two gaps beside what is undecided, or the whole
+            least, most = (min, max) if good.value < bad.value else (max, min)
+            gaps = [(good.value, least(doubt)), (most(doubt), bad.value)] if doubt else [(good.value, bad.value)]
+            one, other = max(gaps, key=lambda gap: abs(math.log(gap[1] / gap[0])))
+            span = math.log(other / one)
+            if doubt and abs(span) < 0.5 * enough:
+                break
+            middle = None if doubt else next((v for v in guesses if _between(v, good.value, bad.value)), None)
+            if middle is None:
+                # where one more verdict suffices, at the value that is easiest to show wrong
+                suffices = not doubt and abs(span) < 2.0 * enough
+                middle = one * math.exp(math.copysign(enough, span) if suffices else 0.5 * span)
+            found = at(middle)
+            if found.verdict == good.verdict:
+                good = found
+            elif found.verdict == bad.verdict:
+                bad = found
+        return good, bad
+
     decided = [point for point in each(at, np.geomspace(low, high, points)) if point.verdict != UNDECIDED]
-    return [
-        _narrow(at, *((a, b) if a.verdict == first else (b, a)), width, known, guesses)
-        for a, b in pairwise(decided)
-        if a.verdict != b.verdict
-    ]
-
-
-def _narrow(
-    at: Callable[[float], Any], good: Any, bad: Any, width: float, known: dict[float, Any], guesses: list[float]
-) -> tuple[Any, Any]:
-    """Narrow the two values of a change; what stays undecided between them is approached from both sides."""
-    enough = math.log((1.0 + width) / (1.0 - width))
-    while len(known) < MOST and abs(math.log(bad.value / good.value)) > 1.001 * enough:  # values are rounded
-        doubt = [point.value for point in known.values() if _between(point.value, good.value, bad.value)]
-        # the wider of the two gaps beside what is undecided, or the whole
-        near, far = (min, max) if good.value < bad.value else (max, min)
-        gaps = [(good.value, near(doubt)), (far(doubt), bad.value)] if doubt else [(good.value, bad.value)]
-        one, other = max(gaps, key=lambda gap: abs(math.log(gap[1] / gap[0])))
-        span = math.log(other / one)
-        if doubt and abs(span) < 0.5 * enough:
-            break
-        guess = None if doubt else next((value for value in guesses if _between(value, good.value, bad.value)), None)
-        # where one more verdict suffices, at the value that is easiest to show wrong
-        last = not doubt and abs(span) < 2.0 * enough
-        middle = at(one * math.exp(math.copysign(enough, span) if last else 0.5 * span) if guess is None else guess)
-        if middle.verdict == good.verdict:
-            good = middle
-        elif middle.verdict == bad.verdict:
-            bad = middle
-    return good, bad
+    pairs = [(a, b) if a.verdict == first else (b, a) for a, b in pairwise(decided) if a.verdict != b.verdict]
+    changes = [narrow(*pair) for pair in pairs]
+    return changes, pd.DataFrame(sorted(known.values()))
 
 
 def _between(value: float, one: float, other: float) -> bool:

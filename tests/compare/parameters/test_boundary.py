@@ -49,33 +49,31 @@ def verdicts(*changes, doubt=1.0):
 
 
 def search(judge, *scan, near=()):
-    """The edges in a range, as pairs of the accurate and the wrong value."""
-    changes = find_changes(judge, *scan, first=ACCURATE, near=near)
-    return [(good.value, bad.value) for good, bad in changes]
+    """The edges in a range, as pairs of the accurate and the wrong value, and how many values were judged."""
+    changes, judged = find_changes(judge, *scan, first=ACCURATE, near=near)
+    return [(good.value, bad.value) for good, bad in changes], len(judged)
 
 
 @pytest.mark.parametrize("width", [0.02, 0.1, 0.5])
 @pytest.mark.parametrize("change", np.geomspace(0.0011, 1.9, 7))
 def test_an_edge_is_found_to_its_width(change, width):
-    known = {}
-    ((accurate, wrong),) = search(verdicts(change), 1e-3, 2.0, 8, width, known)
+    ((accurate, wrong),), judged = search(verdicts(change), 1e-3, 2.0, 8, width)
     assert accurate <= change < wrong
     assert wrong / accurate <= 1.002 * (1.0 + width) / (1.0 - width)
-    assert len(known) <= 8 + math.ceil(math.log2(math.log(2000.0) / 7.0 / math.log1p(width)))
+    assert judged <= 8 + math.ceil(math.log2(math.log(2000.0) / 7.0 / math.log1p(width)))
 
 
 def test_islands_are_listed():
-    edges = search(verdicts(0.004, 0.02, 0.3), 1e-3, 2.0, 12, 0.1, {})
+    edges, _ = search(verdicts(0.004, 0.02, 0.3), 1e-3, 2.0, 12, 0.1)
     assert [accurate < wrong for accurate, wrong in edges] == [True, False, True]
 
 
 def test_what_is_undecided_is_approached_from_both_sides():
-    known = {}
-    ((accurate, wrong),) = search(verdicts(0.05, doubt=1.2), 1e-3, 2.0, 8, 0.05, known)
+    ((accurate, wrong),), judged = search(verdicts(0.05, doubt=1.2), 1e-3, 2.0, 8, 0.05)
     assert accurate <= 0.05 / 1.2 < 0.05 * 1.2 <= wrong
     assert wrong / accurate < 1.2**2 * 1.11
-    assert len(known) < MOST
-    assert not search(verdicts(0.05, doubt=1e9), 1e-3, 2.0, 8, 0.05, {})
+    assert judged < MOST
+    assert not search(verdicts(0.05, doubt=1e9), 1e-3, 2.0, 8, 0.05)[0]
 
 
 @pytest.fixture(scope="module")

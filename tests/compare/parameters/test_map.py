@@ -15,12 +15,11 @@ SETTINGS = {"along": "alpha", "reach": (0.4, 1.5), "values": 3, "impacts": 2, "p
 
 @pytest.mark.parametrize("near", [(0.048, 0.0525), (0.049, 0.051), (0.02, 0.021), (0.3, 0.31), (0.05,)])
 def test_a_guess_saves_values_and_a_wrong_one_does_no_harm(near):
-    plain, known = {}, {}
-    search(verdicts(0.05), 1e-3, 2.0, 8, 0.1, plain)
-    ((accurate, wrong),) = search(verdicts(0.05), 1e-3, 2.0, 8, 0.1, known, near=near)
+    _, plain = search(verdicts(0.05), 1e-3, 2.0, 8, 0.1)
+    ((accurate, wrong),), judged = search(verdicts(0.05), 1e-3, 2.0, 8, 0.1, near=near)
     assert accurate <= 0.05 < wrong <= 1.002 * 1.1 / 0.9 * accurate
     right = len(near) == 2 and near[0] < 0.05 < near[1]
-    assert len(known) == len(plain) - 1 if right else len(known) <= len(plain) + 2
+    assert judged == plain - 1 if right else judged <= plain + 2
 
 
 def test_edges_are_expected_between_those_of_both_sides():
