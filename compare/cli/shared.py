@@ -133,9 +133,20 @@ SEED = whole("seed", 0, "Seed.")
 WORKERS = whole("workers", 2, "Threads; the result does not depend on it.")
 SEED_AND_WORKERS = join(SEED, WORKERS)
 
+
+def check_scheduler(ctx: click.Context, param: click.Parameter, address: str | None) -> str | None:
+    """Check the address of a scheduler, and keep Dask's own messages off the terminal."""
+    if address is not None:
+        from rattle.compare.study.cluster import check_address, silence
+
+        check_address(address)
+        silence()
+    return address
+
+
 SCHEDULER = click.option(
     "--scheduler",
-    default=None,
+    callback=check_scheduler,
     metavar="tcp://HOST:PORT",
     help="Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs what it is sent: "
     "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",

@@ -40,10 +40,6 @@ def study(
     from rattle.compare.study.store import Store
 
     count("workers", workers)
-    if scheduler is not None:
-        from rattle.compare.study.cluster import check_address
-
-        check_address(scheduler)
     wanted = rt.Study.load(file)
     folder = out or file.with_suffix("")
     if folder.resolve() == file.resolve():
@@ -60,9 +56,7 @@ def study(
         say_lines(f"  missing: {number} {group}" for group, number in Counter(cell.group for cell in todo).items())
         say_lines(f"  {line(str(failure))}" for failure in group_failures(wanted.points, {}))
         return
-    record = _read_finished(wanted, seen, folder)
-    if record is None:
-        record = _compute(wanted, seen, folder, workers, scheduler)
+    record = _read_finished(wanted, seen, folder) or _compute(wanted, seen, folder, workers, scheduler)
     if as_json:
         say_json(record)
     else:
@@ -77,6 +71,7 @@ def study(
 
 def _compute(wanted: "rt.Study", seen: Any, folder: Path, workers: int, scheduler: str | None) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
+    from rattle.compare.study.cluster import Cluster
     from rattle.compare.study.design import combine, page_of, read_results
     from rattle.compare.study.engine import Runner, run
     from rattle.compare.study.folder import FILE, write_page
@@ -92,12 +87,7 @@ def _compute(wanted: "rt.Study", seen: Any, folder: Path, workers: int, schedule
         return {"answer": page_of(wanted).answer(combine(wanted, read_results(wanted, seen)))}
 
     started = time.perf_counter()
-    runner = Runner(workers)
-    if scheduler is not None:
-        from rattle.compare.study.cluster import Cluster, silence
-
-        silence()
-        runner = Cluster(scheduler)
+    runner = Cluster(scheduler) if scheduler else Runner(workers)
     outcome = run(wanted.cells, store, runner, show=True)
     facts: dict[str, Any] = {"computed": outcome.computed, "failed": outcome.failed}
     facts |= {name: round(getattr(outcome, name), 2) for name in ("wall_seconds", "cell_seconds")}

@@ -177,8 +177,6 @@ def boundary(
     With --quantity: where a quantity of the long run crosses a level. SCENE is a TOML file, DAT21 if none is given.
     Results are stored in OUT-cells: after an interruption the same command continues.
     """
-    from rattle.compare.study.cluster import check_address, silence
-
     reach, budget = asked["reach"], asked["budget"]
     if quantity is not None and closure is not None:
         raise InputError("quantity", quantity, "takes the place of a closure; give one of them")
@@ -190,9 +188,6 @@ def boundary(
         raise InputError("budget", budget, "does not go with --and: interrupt a map, and the same command continues it")
     if along is None and (reach or scheduler) is not None:
         raise InputError("reach" if reach else "scheduler", reach or scheduler, "goes with --and")
-    if scheduler is not None:
-        check_address(scheduler)
-        silence()
     results = begin()
     settings = {name: value for name, value in asked.items() if name in ("over", "between", "points", "width")}
     if quantity is not None:

@@ -304,16 +304,10 @@ def _effect(logs: Floats, checks: int) -> dict[str, Any]:
     half = student.isf(0.5 * (1.0 - CONFIDENCE), groups - 1) * _se(shown)
     alone = float((logs.var(axis=0, ddof=1).reshape(-1, 2).sum(axis=1) / span**2).sum())
     paired = float(slopes.var(axis=0, ddof=1).sum())
-    return {
-        "effect": math.expm1(one * shown.mean()),
-        "se": one * _se(shown),
-        "low": math.expm1(one * (shown.mean() - half)),
-        "high": math.expm1(one * (shown.mean() + half)),
-        "small_step": math.expm1(one * slopes[:, 0].mean()),
-        "large_step": math.expm1(one * slopes[:, 1].mean()),
-        "linear": linear,
-        "gain": alone / paired if paired > 0.0 else math.nan,
-    }
+    logarithms = {"effect": shown.mean(), "low": shown.mean() - half, "high": shown.mean() + half}
+    logarithms |= {"small_step": slopes[:, 0].mean(), "large_step": slopes[:, 1].mean()}
+    effects = {name: math.expm1(one * value) for name, value in logarithms.items()}
+    return effects | {"se": one * _se(shown), "linear": linear, "gain": alone / paired if paired > 0.0 else math.nan}
 
 
 def find_slopes(values: Floats, steps: tuple[float, float], checks: int) -> tuple[Floats, Floats, Floats, bool]:
