@@ -181,7 +181,7 @@ def closure_sensitivity(
     values = np.array(done).swapaxes(0, 1)  # (scenes, groups, moments, quantities, impacts)
     mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=rng).section["mesh"].to_numpy()
     unit, rows = values[0, :, 1].mean(axis=0), []
-    unit[np.array([[at_wall(quantity, struck) for struck in mesh] for quantity in SECTION])] = math.nan
+    unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
     for k, name in enumerate(scenes):
         near = [chosen[name].scene_at(f * chosen[name].value) for f in (1.0 - CLOSE, 1.0 + CLOSE)]
         ends = [_moments(predict(one, method, impacts, ORDER).section, one, impacts) for one in near]

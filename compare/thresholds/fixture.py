@@ -41,9 +41,7 @@ def baseline_path(module: Path, test: str) -> Path:
 
 def baseline_content(prediction: NamedSection, claim: Claim) -> dict[str, Any]:
     """Build the content of a baseline."""
-    values = {
-        c: dict(zip(map(str, claim.impacts), map(float, prediction.section[c]), strict=True)) for c in claim.columns
-    }
+    values = prediction.section[list(claim.columns)].astype(float).rename(str).to_dict()
     return {"values": values, **replace(claim.scene).to_dict()}
 
 
