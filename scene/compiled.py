@@ -241,7 +241,8 @@ keep_by_source()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}
-INLINE: dict[str, Any] = LEAN | {"forceinline": True}
+LEAN_INTERNAL: dict[str, Any] = LEAN | {"no_cpython_wrapper": True}
+INLINE: dict[str, Any] = LEAN_INTERNAL | {"forceinline": True}
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
@@ -263,6 +264,11 @@ def internal(function: Callable[P, R]) -> Callable[P, R]:
     return cast(Callable[P, R], numba.njit(**INTERNAL)(function))
 
 
+def lean_internal(function: Callable[P, R]) -> Callable[P, R]:
+    """As `lean`, for compiled callers alone, as `internal` is."""
+    return cast(Callable[P, R], numba.njit(**LEAN_INTERNAL)(function))
+
+
 def shared(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function for its compiled callers alone; in Python it runs as it stands: for what is called rarely."""
     return register_jitable(**OPTIONS)(function)
@@ -274,7 +280,7 @@ def shared_inline(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inline(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
+    """As `lean_internal`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
     return cast(Callable[P, R], numba.njit(**INLINE)(function))
 
 
@@ -339,23 +345,11 @@ of that.  Numbers do not depend on it.
 
 @inline
 def float_of(word: np.uint64) -> np.float64:
-    """The float that has these bits.
-
-    Examples
-    --------
-    >>> float(float_of(np.uint64(0x3FF0000000000000)))
-    1.0
-    """
+    """The float that has these bits."""
     return np.uint64(word).view(np.float64)
 
 
 @inline
 def word_of(x: float) -> np.uint64:
-    """The bits of a float.
-
-    Examples
-    --------
-    >>> hex(word_of(1.0))
-    '0x3ff0000000000000'
-    """
+    """The bits of a float."""
     return np.float64(x).view(np.uint64)

@@ -131,7 +131,7 @@ def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
         put_scaled(frame[k, :size], frame[k, :size], length)
 
 
-@jit
+@internal
 def strike_frame(c: Constants, mesh: int, tau: float, y1: float, y2: float, frame: Floats, growth: Floats) -> None:
     """Take a tangent frame through an impact, orthonormalise it, and record its growth.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import PARTS
 from rattle.scene import Bools, Floats, Ints
-from rattle.scene.compiled import lean, splice, widest_vectors
+from rattle.scene.compiled import lean_internal, splice, widest_vectors
 
 CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
 ROOT_HALF = math.sqrt(0.5)
@@ -76,7 +76,7 @@ def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
     )
 
 
-@lean
+@lean_internal
 def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     """List the marked lanes, by groups of eight first since marks are rare.
 
@@ -99,7 +99,7 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     return int(np.int64(found))
 
 
-@lean
+@lean_internal
 def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int) -> None:
     """Noise of a coarse step from that of its halves, in units of the sd (`rattle.montecarlo.noise.brownian.join`).
 
@@ -116,7 +116,7 @@ def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, seco
             w[p], area[p] = w2, fine_area[p]
 
 
-@lean
+@lean_internal
 def join_increments(fine: Floats, w: Floats, second: bool, live: int) -> None:
     """As `join_halves`, without areas."""
     widest_vectors()
@@ -124,7 +124,7 @@ def join_increments(fine: Floats, w: Floats, second: bool, live: int) -> None:
         w[p] = (w[p] + fine[p]) * ROOT_HALF if second else fine[p]
 
 
-@lean
+@lean_internal
 def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
     """Move the last path in use to the lane of each finished one.
 

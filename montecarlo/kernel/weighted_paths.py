@@ -17,12 +17,12 @@ from rattle.montecarlo.schemes.short_flight import phase_at
 from rattle.montecarlo.schemes.step_state import Progress
 from rattle.montecarlo.statistics.weighted_sums import ORDERS, WeightedSums, add, add_products
 from rattle.scene import Floats
-from rattle.scene.compiled import lean, widest_vectors
+from rattle.scene.compiled import lean, lean_internal, widest_vectors
 
 FAR = 6.0  # argument from which erfc is 0, and below whose negative it is 2
 
 
-@lean
+@lean_internal
 def _condition(z: Floats, u: float, rest: float, k: int, part: Floats, ahead: Floats, lanes: int) -> None:
     """Replace a step's normals of the paths of one part by their values given ``u z`` in all; vectorises.
 
@@ -38,7 +38,7 @@ def _condition(z: Floats, u: float, rest: float, k: int, part: Floats, ahead: Fl
         ahead[p] -= u * x if own else 0.0
 
 
-@lean
+@lean_internal
 def _add_along(z: Floats, u: float, done: Floats, lanes: int) -> None:
     """Add a step's normals to ``u z``; vectorises."""
     widest_vectors()
@@ -46,7 +46,7 @@ def _add_along(z: Floats, u: float, done: Floats, lanes: int) -> None:
         done[p] += u * z[p]
 
 
-@lean
+@lean_internal
 def _weight(mixture: BranchMixture, n: int, p: int, done: Floats) -> float:
     """Weight of a path after n steps."""
     total = mixture.plain

@@ -15,7 +15,7 @@ from scipy.special import expit
 
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import inline, internal
+from rattle.scene.compiled import inline, internal, shared_inline
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss
 
@@ -89,7 +89,7 @@ def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, toge
     return Sums(main, batch, power, products, histogram, section, together, scales)
 
 
-@inline
+@shared_inline
 def cell_of(edges: Floats, value: float) -> int:
     """The cell of a value between the outermost edges; values in order are in cells in order, whatever is rounded."""
     return min(int((value - edges[0]) / (edges[edges.size - 1] - edges[0]) * CELLS), CELLS - 1)

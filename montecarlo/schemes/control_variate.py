@@ -17,7 +17,7 @@ from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.short_flight import first_state, kick
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import lean
+from rattle.scene.compiled import lean_internal
 from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.linear_algebra import image, product, transform
@@ -142,7 +142,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     return program
 
 
-@lean
+@lean_internal
 def carry_along(
     path: LinearPath,
     n: int,

@@ -11,7 +11,7 @@ import math
 from rattle.montecarlo.schemes.short_flight import Phase, State
 from rattle.montecarlo.schemes.step_state import Walls
 from rattle.scene import Constants
-from rattle.scene.compiled import inline, lean
+from rattle.scene.compiled import inline, lean, lean_internal
 from rattle.scene.drive import highest_order, most_acceleration, most_modulation, most_modulation_rate, most_velocity
 
 MARGIN_SDS = 6.0  # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
@@ -51,7 +51,7 @@ def near_wall(third: float, x0: float, y0: float, x: float, y: float, high: floa
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (x > high) | (x < -low)
 
 
-@lean
+@lean_internal
 def first_root(a: float, b: float, c: float, d: float) -> float:
     """First zero in (0, 1] of a cubic, by safeguarded Newton steps on the first of eight pieces that ends below zero.
 
@@ -83,7 +83,7 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
     return guess
 
 
-@lean
+@lean_internal
 def _cut_at(
     gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, rest: float, close: float
 ) -> float:

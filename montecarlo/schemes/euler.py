@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import Bools, Constants, Floats
-from rattle.scene.compiled import fma, inline, lean, splice, widest_vectors
+from rattle.scene.compiled import fma, inline, lean, lean_internal, splice, widest_vectors
 from rattle.scene.flight import noise_rate
 
 
@@ -44,7 +44,7 @@ def euler_step(
     )
 
 
-@lean
+@lean_internal
 def plain_lanes(
     c: Constants, f: StepForcing, h: float, toleranced: bool, walls: Floats, state: Floats, z: Floats, beyond: Bools
 ) -> None:

@@ -11,7 +11,7 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
 from rattle.scene import Bools, Constants, Floats
-from rattle.scene.compiled import inline, lean
+from rattle.scene.compiled import inline, lean, lean_internal
 
 
 @inline
@@ -36,7 +36,7 @@ def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools,
             beyond[p] |= leaves(h, x2[p], y2[p], high2[p], low2[p])
 
 
-@lean
+@lean_internal
 def step_located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int) -> None:
     """One step of all lanes in place, ignoring the walls; vectorises.
 
@@ -47,7 +47,7 @@ def step_located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z:
         x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
 
 
-@lean
+@lean_internal
 def _part_of_step(
     c: Constants, tau: float, s: float, increment: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float, float, float]:

@@ -24,7 +24,7 @@ from rattle.montecarlo.schemes.crossing import CLOSE, cut_share, margins, near_w
 from rattle.montecarlo.schemes.short_flight import Phase, State, kick, phase_at, shift_phase, short_flight, third_of
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
 from rattle.scene import Bools, Constants, Floats
-from rattle.scene.compiled import inline, lean, splice
+from rattle.scene.compiled import inline, lean, lean_internal, splice
 from rattle.scene.damping import pair
 from rattle.scene.drive import most_modulation, most_velocity
 
@@ -77,7 +77,7 @@ def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, ar
     )
 
 
-@lean
+@lean_internal
 def flight_lanes(
     c: Constants,
     f: FlightForcing,

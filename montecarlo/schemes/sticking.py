@@ -13,7 +13,7 @@ from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import Constants
-from rattle.scene.compiled import lean
+from rattle.scene.compiled import lean, lean_internal
 from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on
 
 OPEN: Sides = (0, 0)
@@ -54,14 +54,14 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
     return sides
 
 
-@lean
+@lean_internal
 def _pushed(c: Constants, alpha: float) -> Constants:
     """The scene under another drive."""
     b1, b2, g1, g2 = c.beta1, c.beta2, c.gamma1, c.gamma2
     return Constants(alpha, c.epsilon, b1, b2, g1, g2, c.mu, c.wall1, c.wall2, c.sigma, c.stages, c.drive, c.memory)
 
 
-@lean
+@lean_internal
 def stop_at_wall(x: float, y: float, before: float, t: float, high: float, low: float) -> tuple[float, float]:
     """A stage that went beyond a wall in a time t: put on it, with the speed that it had there, until the next step.
 

@@ -11,7 +11,7 @@ from math import comb
 import numpy as np
 
 from rattle.scene import Floats, Ints
-from rattle.scene.compiled import lean, widest_vectors
+from rattle.scene.compiled import lean, lean_internal, widest_vectors
 
 Orders = tuple[tuple[int, int], ...]
 
@@ -47,7 +47,7 @@ def _transpose(rows: Floats, columns: Floats) -> None:
             columns[i, p] = rows[p, i]
 
 
-@lean
+@lean_internal
 def _fold(x: Floats, n: int) -> float:
     """Sum of the first n numbers of an array, n a multiple of 8, which is overwritten.
 
@@ -66,7 +66,7 @@ def _fold(x: Floats, n: int) -> float:
     return total
 
 
-@lean
+@lean_internal
 def _sum(u: Floats, room: Floats) -> float:
     """Sum of numbers in a fixed order; their number is a multiple of `STRAND`, and `room` has an eighth of it."""
     widest_vectors()
@@ -78,7 +78,7 @@ def _sum(u: Floats, room: Floats) -> float:
     return _fold(room, n)
 
 
-@lean
+@lean_internal
 def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     """Sum of products in the order of `_sum`."""
     widest_vectors()
@@ -94,7 +94,7 @@ def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     return _fold(room, n)
 
 
-@lean
+@lean_internal
 def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
     """Sums of ``d^2`` to ``d^8`` in a fixed order; `room` has seven rows, each an eighth as long as d."""
     widest_vectors()
@@ -119,7 +119,7 @@ def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
         sums[o] = _fold(room[o], n)
 
 
-@lean
+@lean_internal
 def _first_seen(u: Floats, v: Floats) -> int:
     """Index of the first path where both variables are finite; the last if there is none."""
     for p in range(u.size):

@@ -129,13 +129,21 @@ def flank_changes(raw, mesh):
     return np.array(moved), np.array(between)
 
 
+def for_python(function):
+    """A function that only compiled code calls, compiled for Python too: called as it stands it would crash."""
+    return jit(getattr(function, "py_func", function))
+
+
+step = for_python(euler_step)
+
+
 def affine_step(scene, tau, h):
     """Matrix, shift and kick of one Euler step, read off the product's scalar function."""
     c = scene.constants
     f = step_forcing(c, tau, h)
-    shift = np.array(euler_step(c, f, h, 0.0, 0.0, 0.0, 0.0, 0.0))
-    matrix = np.array([euler_step(c, f, h, *e, 0.0) for e in np.eye(4)]).T - shift[:, None]
-    kick = np.array(euler_step(c, f, h, 0.0, 0.0, 0.0, 0.0, 1.0)) - shift
+    shift = np.array(step(c, f, h, 0.0, 0.0, 0.0, 0.0, 0.0))
+    matrix = np.array([step(c, f, h, *e, 0.0) for e in np.eye(4)]).T - shift[:, None]
+    kick = np.array(step(c, f, h, 0.0, 0.0, 0.0, 0.0, 1.0)) - shift
     return matrix, shift, kick
 
 

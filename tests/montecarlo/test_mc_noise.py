@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mc_checks import agrees, dat21, limit
+from mc_checks import agrees, dat21, for_python, limit
 from mc_checks import stepped as simulate
 from scipy import stats
 
 from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
 from rattle.montecarlo.noise import philox as module
-from rattle.montecarlo.noise.philox import CONTACT, STEP, Key, fill_normals, key_of, normals, uniforms, words
-from rattle.montecarlo.noise.philox import _pair as pair
+from rattle.montecarlo.noise.philox import CONTACT, STEP, Key, fill_normals, key_of, normals, uniforms
 from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.settings import Sampling
 from rattle.scene.compiled import jit
 
 U = np.uint64
+words, pair = for_python(module.words), for_python(module._pair)
 FULL = 0xFFFFFFFF
 
 # --- Philox 4x32-10
