@@ -242,7 +242,8 @@ OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}
 LEAN_INTERNAL: dict[str, Any] = LEAN | {"no_cpython_wrapper": True}
-INLINE: dict[str, Any] = LEAN_INTERNAL | {"forceinline": True}
+SIMULATED_GPU = bool(getattr(numba.config, "ENABLE_CUDASIM", False))  # runs as Python, and calls what is inlined
+INLINE: dict[str, Any] = LEAN | {"forceinline": True, "no_cpython_wrapper": not SIMULATED_GPU}
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
