@@ -192,7 +192,7 @@ def _pairs(
 ) -> CentralSums:
     """Sums over pairs of variables of (groups * variables, paths), the second of each pair from `other` if given."""
     base = len(values) // groups * np.arange(groups)[:, None]
-    cells = (base + np.array(pairs).T[:, None]).reshape(2, -1)
+    cells = np.ascontiguousarray((base + np.array(pairs).T[:, None]).reshape(2, -1))
     return CentralSums.of_columns(values, values if other is None else other, cells, orders, (groups, len(pairs)))
 
 
