@@ -19,7 +19,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from rattle.scene import Constants, Floats, Ints, Scene, Tolerance
-from rattle.scene.compiled import jit, shared
+from rattle.scene.compiled import internal, shared, splice
 from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.impact import contact_matrix
@@ -157,19 +157,11 @@ def column(mesh: Number, side: Number) -> Number:
     return 3 + 2 * mesh + (side < 0)
 
 
-@jit
+@internal
 def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
     """A scene with given flank deviations: its half gaps, and the centres of the gaps.
 
     Shapes: `e` (9,).
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> e = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.03, 0.01, 0.0, 0.0])
-    >>> c, middle1, middle2 = between(Scene.from_gears(DAT21).constants, e)
-    >>> round(c.wall1, 12), round(middle1, 12), middle2
-    (0.52, 0.01, 0.0)
     """
     wall1 = max(c.wall1 + 0.5 * (e[5] + e[6]), NARROWEST * c.wall1)
     wall2 = max(c.wall2 + 0.5 * (e[7] + e[8]), NARROWEST * c.wall2)
@@ -180,7 +172,7 @@ def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
     return own, 0.5 * (e[5] - e[6]), 0.5 * (e[7] - e[8])
 
 
-@jit
+@splice
 def derivatives(
     c: Constants, mesh: int, side: int, tau: float, after: Floats, t: float, before: Floats, d: int
 ) -> tuple[Floats, Floats]:

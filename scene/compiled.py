@@ -241,9 +241,9 @@ keep_by_source()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}
-LEAN_INTERNAL: dict[str, Any] = LEAN | {"no_cpython_wrapper": True}
-SIMULATED_GPU = bool(getattr(numba.config, "ENABLE_CUDASIM", False))  # runs as Python, and calls what is inlined
-INLINE: dict[str, Any] = LEAN | {"forceinline": True, "no_cpython_wrapper": not SIMULATED_GPU}
+SIMULATED_GPU = bool(getattr(numba.config, "ENABLE_CUDASIM", False))  # runs as Python, and calls these
+LEAN_INTERNAL: dict[str, Any] = LEAN | {"no_cpython_wrapper": not SIMULATED_GPU}
+INLINE: dict[str, Any] = LEAN_INTERNAL | {"forceinline": True}
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:

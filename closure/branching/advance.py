@@ -130,7 +130,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
         b.error[i] += crossing
 
 
-@jit
+@splice
 def _cut(b: Buffers, i: int, count: int) -> int:
     """Replace component `i` by two or three across its axis, the others from `count` on; returns the new count."""
     parts, v = b.start, b.axis[i].copy()

@@ -26,7 +26,7 @@ STRAIGHT = 0.1  # ratio of second-order to first-order sd from which two sigma p
 GRAZE = 2.0  # slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread allows
 
 
-@jit
+@internal
 def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     """The next impact from a point.
 
