@@ -5,24 +5,14 @@ Two Euler-Maruyama schemes and exact flights (`SCHEMES`) advance the paths.  `si
 whatever else a `Record` asks for.  `simulate_rare` draws a part of the paths near rare branches.
 """
 
-from rattle.montecarlo.accuracy.simulate_to import simulate_to
-from rattle.montecarlo.diagnostics.reach import AccuracyWarning
-from rattle.montecarlo.ensemble.result import Ensemble
-from rattle.montecarlo.ensemble.simulate import simulate
-from rattle.montecarlo.ensemble.simulate_rare import simulate_rare
-from rattle.montecarlo.schemes.step_size import SCHEMES, default_step, largest_step
-from rattle.montecarlo.settings import Record, Sampling, check_settings
-
-__all__ = [
-    "SCHEMES",
-    "AccuracyWarning",
-    "Ensemble",
-    "Record",
-    "Sampling",
-    "check_settings",
-    "default_step",
-    "largest_step",
-    "simulate",
-    "simulate_rare",
-    "simulate_to",
-]
+from rattle.montecarlo.accuracy.simulate_to import simulate_to as simulate_to
+from rattle.montecarlo.diagnostics.reach import AccuracyWarning as AccuracyWarning
+from rattle.montecarlo.ensemble.result import Ensemble as Ensemble
+from rattle.montecarlo.ensemble.simulate import simulate as simulate
+from rattle.montecarlo.ensemble.simulate_rare import simulate_rare as simulate_rare
+from rattle.montecarlo.schemes.step_size import SCHEMES as SCHEMES
+from rattle.montecarlo.schemes.step_size import default_step as default_step
+from rattle.montecarlo.schemes.step_size import largest_step as largest_step
+from rattle.montecarlo.settings import Record as Record
+from rattle.montecarlo.settings import Sampling as Sampling
+from rattle.montecarlo.settings import check_settings as check_settings

@@ -1,49 +1,29 @@
 """The model (parameters, start, noise, tolerances) and the physics that closures and simulation share."""
 
-from rattle.scene.errors import (
-    FileError,
-    InputError,
-    OutputError,
-    RattleError,
-    check_keys,
-    choice,
-    count,
-    finite,
-    nearest,
-    positive,
-)
-from rattle.scene.gears import DAT21, Gears
-from rattle.scene.parts import Order, Start, Tolerance
-from rattle.scene.scene import Scene, check_scene
-from rattle.scene.text import as_html, duration_text, harmless, line
-from rattle.scene.types import SECTION, STATE, Bools, Constants, Floats, Ints
-
-__all__ = [
-    "DAT21",
-    "SECTION",
-    "STATE",
-    "Bools",
-    "Constants",
-    "FileError",
-    "Floats",
-    "Gears",
-    "InputError",
-    "Ints",
-    "Order",
-    "OutputError",
-    "RattleError",
-    "Scene",
-    "Start",
-    "Tolerance",
-    "as_html",
-    "check_keys",
-    "check_scene",
-    "choice",
-    "count",
-    "duration_text",
-    "finite",
-    "harmless",
-    "line",
-    "nearest",
-    "positive",
-]
+from rattle.scene.errors import FileError as FileError
+from rattle.scene.errors import InputError as InputError
+from rattle.scene.errors import OutputError as OutputError
+from rattle.scene.errors import RattleError as RattleError
+from rattle.scene.errors import check_keys as check_keys
+from rattle.scene.errors import choice as choice
+from rattle.scene.errors import count as count
+from rattle.scene.errors import finite as finite
+from rattle.scene.errors import nearest as nearest
+from rattle.scene.errors import positive as positive
+from rattle.scene.gears import DAT21 as DAT21
+from rattle.scene.gears import Gears as Gears
+from rattle.scene.parts import Order as Order
+from rattle.scene.parts import Start as Start
+from rattle.scene.parts import Tolerance as Tolerance
+from rattle.scene.scene import Scene as Scene
+from rattle.scene.scene import check_scene as check_scene
+from rattle.scene.text import as_html as as_html
+from rattle.scene.text import duration_text as duration_text
+from rattle.scene.text import harmless as harmless
+from rattle.scene.text import line as line
+from rattle.scene.types import SECTION as SECTION
+from rattle.scene.types import STATE as STATE
+from rattle.scene.types import Bools as Bools
+from rattle.scene.types import Constants as Constants
+from rattle.scene.types import Floats as Floats
+from rattle.scene.types import Ints as Ints
