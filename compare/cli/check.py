@@ -88,7 +88,8 @@ def stability(
 ) -> None:
     """Measure where each scheme is stable and unbiased.
 
-    At admissible and at longer steps; writes a page.
+    At admissible and at longer steps; writes a page. Results are stored in OUT-cells: after an interruption the same
+    command continues.
 
     Exit codes: 0 complete; 1 a run with an admissible step is inaccurate without a diagnostic, or an extreme value
     fails; 2 bad input.
@@ -101,7 +102,8 @@ def stability(
     for name, least, most in (("points", 1, 7), ("paths", 1000, None), ("seed", 0, None), ("workers", 1, None)):
         count(name, settings[name], least=least, most=most)
     results = Results("", out, "", "checks.stability.page:write_stability", overwrite)
-    found = chart(schemes=chosen, axes=along, **settings)
+    # beside the report, which is replaced as a whole
+    found = chart(schemes=chosen, axes=along, **settings, folder=out.with_name(f"{out.name}-cells"))
     covariances = covariance_table(**settings)
     tried = run_checks(ROWS) if extreme else ()
     asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}

@@ -4,23 +4,26 @@ Steps are admissible and longer ones, and the default step; beside it stand exac
 """
 
 import math
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from rattle.closure.long_orbit import LongOrbit
+from rattle.compare.study.engine import Runner, run
+from rattle.compare.study.store import Cell, Content, Store
 from rattle.compare.validation.verdict import Tolerances, at_wall, widest
 from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE, diagnose_rare_branch, diagnose_short_step, motion_units
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
-from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance
@@ -234,34 +237,75 @@ class Chart(NamedTuple):
         return cells[cells["verdict"].isin((BIASED, UNSTABLE)) & ~cells["diagnosed"]]
 
 
-def chart(schemes: Sequence[str], axes: Sequence[str], *, points: int, paths: int, seed: int, workers: int) -> Chart:
+@dataclass(frozen=True)
+class Place(Cell):
+    """The cells of the map at one value of an axis: every scheme, at every step."""
+
+    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo", "compare/checks/stability", "compare/validation")
+    group: ClassVar[str] = "places of the map"
+
+    scene: Scene
+    axis: str
+    value: float
+    asked: dict[str, Any]  # schemes, paths, seed, z
+
+    @property
+    def label(self) -> str:
+        """Short description for the progress line."""
+        return f"{self.axis} = {self.value:g}"
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything that determines the result besides the scene."""
+        return self.asked | {"kind": "stability", "axis": self.axis, "value": self.value}
+
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Judge the cells."""
+        scene, paths, seed, rows = self.scene, self.asked["paths"], self.asked["seed"], []
+        slow = scene.sigma > 0.0 and scene.epsilon < COLLAPSE
+        enough = min(paths, (OUTSIDE if scene.epsilon > 0.0 else BLOCK)) if slow else paths
+        beside = reference(scene, paths=REFERENCE * enough, seed=seed + 1, workers=1)
+        for scheme in self.asked["schemes"]:
+            largest, why = largest_step(scene, scheme)
+            own = default_step(scene, scheme)
+            steps = [(share * largest, share, False) for share in SHARES]
+            for dt, share, default in (*steps, (own, own / largest, True)):
+                most = enough if share <= 1.0 else min(paths, OUTSIDE)
+                found = judge(scene, beside, scheme=scheme, dt=dt, paths=most, seed=seed, workers=1, z=self.asked["z"])
+                cell = {"scheme": scheme, "axis": self.axis, "value": self.value, "dt": dt, "share": share, "why": why}
+                rows.append(cell | {"default": default} | found._asdict())
+        return pd.DataFrame(rows), {}
+
+    def restore(self, content: Content) -> Content:
+        """What was stored is the result."""
+        return content
+
+
+def chart(
+    schemes: Sequence[str],
+    axes: Sequence[str],
+    *,
+    points: int,
+    paths: int,
+    seed: int,
+    workers: int,
+    folder: Path | None = None,
+) -> Chart:
     """Measure the map.
 
     `points`: Number of values on each axis, up to 7, spread from end to end. `paths`: Largest number of paths of
-    a cell; fewer are simulated if they suffice for a verdict.
+    a cell; fewer are simulated if they suffice for a verdict. `folder`: Where results are stored: the same map
+    continues there after an interruption.
     """
     chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]  # of the seven values of an axis
     places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
-    cells = len(places) * len(schemes) * (len(SHARES) + 1)
-    z = widest(cells * 2 * len(SECTION) * IMPACTS * looks(paths))
-    rows = []
-    with tqdm(total=cells, desc="stability", unit="cell", disable=None) as bar:
-        for axis, value in places:
-            scene = AXES[axis].scene(value)
-            slow = scene.sigma > 0.0 and scene.epsilon < COLLAPSE
-            enough = min(paths, (OUTSIDE if scene.epsilon > 0.0 else BLOCK)) if slow else paths
-            beside = reference(scene, paths=REFERENCE * enough, seed=seed + 1, workers=workers)
-            for scheme in schemes:
-                largest, why = largest_step(scene, scheme)
-                own = default_step(scene, scheme)
-                steps = [(share * largest, share, False) for share in SHARES]
-                for dt, share, default in (*steps, (own, own / largest, True)):
-                    most = enough if share <= 1.0 else min(paths, OUTSIDE)
-                    found = judge(scene, beside, scheme=scheme, dt=dt, paths=most, seed=seed, workers=workers, z=z)
-                    cell = {"scheme": scheme, "axis": axis, "value": value, "dt": dt, "share": share, "why": why}
-                    rows.append(cell | {"default": default} | found._asdict())
-                    bar.update()
-    return Chart(pd.DataFrame(rows), z)
+    z = widest(len(places) * len(schemes) * (len(SHARES) + 1) * 2 * len(SECTION) * IMPACTS * looks(paths))
+    asked = {"schemes": list(schemes), "paths": paths, "seed": seed, "z": z}
+    cells = [Place(AXES[axis].scene(value), axis, value, asked) for axis, value in places]
+    with tempfile.TemporaryDirectory() as scratch:
+        store = Store(Path(folder or scratch) / "cells")
+        run(cells, store, Runner(workers), show=True)
+        return Chart(pd.concat([store.obtain(cell).table for cell in cells], ignore_index=True), z)
 
 
 FLIGHT = 0.2  # flight time from tau = 0, where the noise has no modulation yet: the most demanding flight

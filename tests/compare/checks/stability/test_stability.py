@@ -119,6 +119,18 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert (folder / "stability.svg").stat().st_size > 10_000
 
 
+def test_an_interrupted_map_computes_what_is_missing(tmp_path, monkeypatch):
+    settings = {"points": 2, "paths": 1000, "seed": 0, "workers": 2, "folder": tmp_path}
+    whole = charts.chart(["exact-flight"], ["epsilon"], **settings).table
+    next((tmp_path / "cells").glob("*.parquet")).unlink()
+    begun, own = [], charts.reference
+    monkeypatch.setattr(charts, "reference", lambda scene, **how: begun.append(scene) or own(scene, **how))
+    pd.testing.assert_frame_equal(
+        charts.chart(["exact-flight"], ["epsilon"], **settings).table, whole, check_exact=True
+    )
+    assert len(begun) == 1
+
+
 def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_path, monkeypatch):
     rows = {
         "E": extreme(name="E", field="beta", tried="0 to 1e3", truth="mpmath")(lambda: [2e-16]),
