@@ -47,7 +47,7 @@ def section_lines(section: PageSection, width: int, level: int = 2) -> Iterator[
 
 
 def _words(text: str) -> str:
-    return "".join(piece for piece, _ in parts(text))
+    return "".join(piece for piece, _ in parts(line(text)))
 
 
 def _bold(text: str, width: int, **style: Any) -> Iterator[str]:

@@ -9,8 +9,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from rattle.scene import line
-
 TEXT, NUMBER = "text", "number"
 """Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and sorted by value."""
 
@@ -41,7 +39,7 @@ def parts(text: str) -> list[tuple[str, bool]]:
     >>> parts("see `a_b` there")
     [('see ', False), ('a_b', True), (' there', False)]
     """
-    pieces = CODE.split(line(text))
+    pieces = CODE.split(text)
     return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
 

@@ -37,7 +37,7 @@ def as_html(text: str, files: Collection[str] = (), words: Words = lambda piece,
             return Markup('<a href="{0}"><code>{0}</code></a>').format(piece)
         return Markup("<code>{}</code>").format(words(piece, True))
 
-    return Markup("").join(render(piece, code) for piece, code in parts(text))
+    return Markup("").join(render(piece, code) for piece, code in parts(line(text)))
 
 
 def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> str:
@@ -50,7 +50,7 @@ def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> s
     """
     written = "".join(
         (f"[`{piece}`]({piece})" if piece in files else f"`{piece}`") if code else _escape(piece)
-        for piece, code in parts(text)
+        for piece, code in parts(line(text))
     )
     if cell:
         return written.replace("|", r"\|")
