@@ -9,11 +9,12 @@ with ends_soon(raises=False):
     import click
 
     from rattle.compare.cli.check import check, claims, warm_up
+    from rattle.compare.cli.parameters import boundary, sensitivity
     from rattle.compare.cli.shared import say
     from rattle.compare.cli.show import animate, drive, init, show
     from rattle.compare.cli.simulate import chaos, simulate, stationary
     from rattle.compare.cli.study import study
-    from rattle.compare.cli.validate import boundary, order, sensitivity, tradeoff, validate
+    from rattle.compare.cli.validate import order, tradeoff, validate
     from rattle.scene.errors import RattleError
     from rattle.scene.text import harmless, line
 

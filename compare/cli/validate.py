@@ -1,4 +1,4 @@
-"""The commands that judge closures and schemes: validate, boundary, sensitivity, tradeoff and order."""
+"""The commands that judge closures and schemes: validate, tradeoff and order."""
 
 import sys
 from pathlib import Path
@@ -10,14 +10,12 @@ import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Begin, load_scene, say, say_json, say_lines
 from rattle.compare.report.folder import check_free, default_place, name_of
-from rattle.scene import InputError, Scene, choice, count, positive
+from rattle.scene import Scene, choice, count, positive
 
 EXIT_FAILED, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 4, 5
 CLOSURE = "Closure, or package.module:function of your own; repeatable. [default: all that can be applied]"
 BESIDE = "Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes without SCENE]"
 VALIDITY = "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
-REACH = "Its range. [default: half its value to twice it]"
-JUDGED = "In place of quantities: judge what it predicts."
 PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
@@ -140,117 +138,6 @@ def validate(
         sys.exit(EXIT_NOT_MET)
     if repeated and repeated.outcome == manifest.ROUNDED:
         sys.exit(EXIT_ROUNDED)
-
-
-@click.command()
-@shared.SCENE_AND_SIGMA
-@click.option("--closure", metavar="NAME", help="Closure. [default: saltation]")
-@click.option("--quantity", metavar="NAME", help="In place of a closure: a quantity of the long run, with --level.")
-@shared.real("level", "Its level; impacts per second, mm/s or mW for a scene with [gears].")
-@click.option("--over", default="sigma", show_default=True, metavar="NAME", help="Parameter of the gears or the scene.")
-@click.option("--between", nargs=2, type=float, metavar="LOW HIGH", help="Range. [default: 0.001 2 for sigma]")
-@click.option("--and", "along", metavar="NAME", help="A second parameter: trace the boundary over both.")
-@click.option("--reach", nargs=2, type=float, metavar="LOW HIGH", help=REACH)
-@shared.whole("values", 9, "How many values of it.")
-@shared.SCHEDULER
-@shared.whole("impacts", 12, "Impacts that must be accurate.")
-@shared.whole("points", 8, "Values of the first scan.")
-@shared.real("width", "Every edge is known to ± this share.", 0.1)
-@shared.real("budget", "Processor seconds after which no further value is judged.")
-@shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-boundary", "parameters.page:write_report", shared.JSON_ALONE)
-def boundary(
-    base: Scene,
-    begin: Begin,
-    closure: str | None,
-    quantity: str | None,
-    level: float | None,
-    along: str | None,
-    scheduler: str | None,
-    seed: int,
-    workers: int,
-    **asked: Any,
-) -> None:
-    """Find where along a parameter a closure stops holding.
-
-    It is accurate up to one value and shown wrong from another. With --and: at each value of a second parameter, a map.
-    With --quantity: where a quantity of the long run crosses a level. SCENE is a TOML file, DAT21 if none is given.
-    Results are stored in OUT-cells: after an interruption the same command continues.
-    """
-    reach, budget = asked["reach"], asked["budget"]
-    if quantity is not None and closure is not None:
-        raise InputError("quantity", quantity, "takes the place of a closure; give one of them")
-    if (quantity is None) != (level is None):
-        raise InputError("level", level, "goes with --quantity; give both or none")
-    if along is not None and quantity is not None:
-        raise InputError("quantity", quantity, "does not go with --and, which maps a closure")
-    if along is not None and budget is not None:
-        raise InputError("budget", budget, "does not go with --and: interrupt a map, and the same command continues it")
-    if along is None and (reach or scheduler) is not None:
-        raise InputError("reach" if reach else "scheduler", reach or scheduler, "goes with --and")
-    results = begin()
-    settings = {name: value for name, value in asked.items() if name in ("over", "between", "points", "width")}
-    if quantity is not None:
-        settings |= {"quantity": quantity, "level": level}
-    else:
-        settings |= {"closure": closure or "saltation", "impacts": asked["impacts"]}
-    # beside the report, which is replaced as a whole
-    cells = results.out.with_name(f"{results.out.name}-cells") if results.writes else None
-    common: dict[str, Any] = {"folder": cells, "rng": seed, "workers": workers}
-    if along is None:
-        settings |= {"budget": budget}
-        search: Any = rt.boundary if quantity is None else rt.crossing
-        found = search(base, **settings, **common, progress="boundary")
-    else:
-        settings |= {"along": along, "reach": reach, "values": asked["values"]}
-        found = rt.boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
-    results.write(found, scene=base.to_dict(), **settings, seed=seed)
-    results.say(found.answer, "boundary.html", found.to_dict)
-
-
-@click.command()
-@shared.SCENE_AND_SIGMA
-@shared.several("quantity", "quantities", str, "Quantity; repeatable. [default: energy, impacts and speeds, by mesh]")
-@shared.several("parameter", "parameters", str, "Parameter; repeatable. [default: all]")
-@click.option("--closure", type=shared.ClosureName("closure", shared.CLOSURES), help=JUDGED)
-@shared.whole("impacts", 4, "Impacts at which a closure is judged.")
-@shared.whole("paths", 16_384, "Simulated paths beside a closure, for each change.")
-@shared.real("accuracy", "Half width of the widest 95 % interval of an effect of 1 %.", 0.001)
-@shared.real("slow", "Speed below which an impact is slow.", 0.1)
-@shared.real("budget", "Processor seconds after which no more runs are begun.")
-@shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-sensitivity", "parameters.page:write_report", shared.JSON_ALONE)
-def sensitivity(
-    base: Scene,
-    begin: Begin,
-    quantities: tuple[str, ...],
-    parameters: tuple[str, ...],
-    closure: str | None,
-    seed: int,
-    workers: int,
-    **asked: Any,
-) -> None:
-    """Find which parameter changes the rattle, and by how much.
-
-    Impacts a second, energy and speeds for 1 % more of every value of the gears. With --closure: what it says of the
-    section means and sds of the first impacts, beside a simulation. SCENE is a TOML file, DAT21 if none is given.
-
-    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the intervals are wider than asked for.
-    """
-    if closure is not None and quantities:
-        raise InputError("closure", closure, "takes the place of --quantity; give one of them")
-    results = begin()
-    common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
-    if closure is None:
-        settings = {name: asked[name] for name in ("accuracy", "slow", "budget")}
-        found: Any = rt.sensitivity(base, quantities=quantities or None, **settings, **common, progress="sensitivity")
-    else:
-        settings = {"closure": closure} | {name: asked[name] for name in ("impacts", "paths", "budget")}
-        found = rt.closure_sensitivity(base, **settings, **common, progress="sensitivity")
-    results.write(found, scene=base.to_dict(), **settings, seed=seed)
-    results.say(found.answer, "sensitivity.html", found.to_dict)
-    if closure is None and not found.reached:
-        raise click.exceptions.Exit(EXIT_NOT_MET)
 
 
 @click.command()

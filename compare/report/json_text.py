@@ -109,7 +109,7 @@ def read_page(path: Path) -> Page:
         page: Page = _read(Page, data["page"])
     except FileError:
         raise
-    except (ValueError, LookupError, TypeError, RecursionError) as error:
+    except (ValueError, LookupError, TypeError) as error:
         raise FileError("page", str(path), f"is no page of a report ({error})") from None
     return page
 

@@ -92,7 +92,7 @@ def read_settings(path: Path) -> Recorded:
         return Recorded(settings, digests, versions, tables)
     except InputError:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError("manifest", str(path), f"is no manifest of this version ({error})") from None
 
 

@@ -73,7 +73,7 @@ def _read_record(folder: Path) -> dict[str, Any]:
     """Read the manifest of a finished study."""
     try:
         record = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, ValueError, RecursionError):
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, ValueError):
         record = None
     except OSError as error:
         raise FileError("study folder", str(folder), f"{MANIFEST} cannot be read ({error.strerror})") from None

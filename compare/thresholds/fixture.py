@@ -51,7 +51,7 @@ def read_baseline(path: Path) -> dict[str, Any]:
         found = tomllib.loads(read_text("baseline", path))
     except FileError:
         raise
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise FileError("baseline", str(path), f"is damaged ({error}); restore it, or remove and record it") from None
     if not isinstance(found.get("values"), dict):
         raise FileError("baseline", str(path), "has no table [values]; restore it, or remove and record it")

@@ -24,7 +24,6 @@ class Scheme:
     """A way to advance paths and to detect impacts."""
 
     code: int  # its number in compiled code
-    file: str  # module of this package that implements it
     weak_order: int | None  # weak order of convergence in the step; None for a scheme without step bias
     normals: int  # standard normals of a path per step without an impact
     step: float  # default step
@@ -41,9 +40,9 @@ class Scheme:
 
 
 SCHEMES = {
-    "euler-maruyama": Scheme(0, "euler", 1, 1, 2e-3, 3.9, 130.0),
-    "euler-maruyama-located": Scheme(1, "euler_located", 1, 1, 2e-3, 5.1, 250.0),
-    "exact-flight": Scheme(2, "exact_flight", None, 2, math.pi / 96.0, 5.1, 740.0),
+    "euler-maruyama": Scheme(0, 1, 1, 2e-3, 3.9, 130.0),
+    "euler-maruyama-located": Scheme(1, 1, 1, 2e-3, 5.1, 250.0),
+    "exact-flight": Scheme(2, None, 2, math.pi / 96.0, 5.1, 740.0),
 }
 """All schemes by name, in the order of increasing accuracy."""
 

@@ -60,7 +60,7 @@ def test_what_is_no_page_is_refused_with_its_place(case, tmp_path):
         read_page(tmp_path / "page.json")
 
 
-@pytest.mark.parametrize("content", [b"", b"[1", b"[]", b"null", b'"rattle page"', b"[" * 100_000, b"\xff\xfe\x00"])
+@pytest.mark.parametrize("content", [b"", b"[1", b"[]", b"null", b'"rattle page"', b"\xff\xfe\x00"])
 def test_what_is_no_object_is_refused(content, tmp_path):
     (tmp_path / "page.json").write_bytes(content)
     with pytest.raises(FileError, match=r"no page of a report|is not UTF-8 text; give a page"):

@@ -64,7 +64,7 @@ def figure(table: pd.DataFrame) -> Drawing:
             ax.set_ylabel(f"{scheme}\nstep dt")
         if scheme == schemes[-1]:
             ax.set_xlabel(AXES[axis].symbol)
-    drawn.legend(handles=_legend(set(table["verdict"])), loc="outside upper center", ncols=5)
+    drawn.legend(handles=_legend(set(table["verdict"])), loc="outside upper center", ncols=round(1.25 * len(axes)))
     return drawn
 
 
