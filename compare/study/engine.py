@@ -42,8 +42,8 @@ class Runner:
         self._executor = ThreadPoolExecutor(self.workers)
         return self
 
-    def __exit__(self, *what: object) -> None:
-        self._executor.shutdown()
+    def __exit__(self, kind: type[BaseException] | None, *what: object) -> None:
+        self._executor.shutdown(wait=kind is None)  # an interrupt does not wait for a long cell
 
     def submit(self, work: Callable[..., Any], *given: Any) -> Future[Any]:
         """Run some work on a worker."""
