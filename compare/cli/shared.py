@@ -137,7 +137,7 @@ SEED_AND_WORKERS = join(SEED, WORKERS)
 def check_scheduler(ctx: click.Context, param: click.Parameter, address: str | None) -> str | None:
     """Check the address of a scheduler, and keep Dask's own messages off the terminal."""
     if address is not None:
-        from rattle.compare.study.cluster import check_address, silence
+        from rattle.compare.engine.cluster import check_address, silence
 
         check_address(address)
         silence()

@@ -36,8 +36,8 @@ def study(
     Exit codes: 0 complete; 1 complete except for results that cannot be computed at some points, with the reasons; 2
     bad input, or nothing that could be computed; 130 interrupted.
     """
+    from rattle.compare.engine.store import Store
     from rattle.compare.study.folder import CELLS, group_failures
-    from rattle.compare.study.store import Store
 
     count("workers", workers)
     wanted = rt.Study.load(file)
@@ -71,11 +71,11 @@ def study(
 
 def _compute(wanted: "rt.Study", seen: Any, folder: Path, workers: int, scheduler: str | None) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
-    from rattle.compare.study.cluster import Cluster
+    from rattle.compare.engine.cluster import Cluster
+    from rattle.compare.engine.run import Runner, run
+    from rattle.compare.engine.store import Store
     from rattle.compare.study.design import combine, page_of, read_results
-    from rattle.compare.study.engine import Runner, run
     from rattle.compare.study.folder import FILE, write_page
-    from rattle.compare.study.store import Store
 
     try:
         store = Store(seen.folder)

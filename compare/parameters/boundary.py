@@ -13,15 +13,15 @@ from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
+from rattle.compare.engine.run import Runner
+from rattle.compare.engine.store import Store
 from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import Finding, list_values
 from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge, Judgement
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
-from rattle.compare.study.engine import Runner
 from rattle.compare.study.parameters import Parameter, find_parameter
-from rattle.compare.study.store import Store
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import InputError, Scene, check_scene, count, positive
 

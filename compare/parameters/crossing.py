@@ -13,14 +13,14 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from rattle.compare.engine.run import Runner
+from rattle.compare.engine.store import Store
 from rattle.compare.parameters.boundary import find_range, own_seed
 from rattle.compare.parameters.finding import Finding, list_values, with_unit
 from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
-from rattle.compare.study.engine import Runner
 from rattle.compare.study.parameters import find_parameter
-from rattle.compare.study.store import Store
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, check_scene, choice, count, positive

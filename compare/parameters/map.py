@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure.mean_map import find_closure
+from rattle.compare.engine.cluster import Cluster
+from rattle.compare.engine.run import Runner, run
+from rattle.compare.engine.store import Cell, Content, Store
 from rattle.compare.parameters.boundary import boundary, find_range
 from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
-from rattle.compare.study.cluster import Cluster
-from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.parameters import find_parameter
-from rattle.compare.study.store import Cell, Content, Store
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count
 

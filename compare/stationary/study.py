@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from rattle.compare.engine.store import Cell, Content
 from rattle.compare.report import Block, Column, PageSection, Table, Text, numbers
 from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
@@ -18,7 +19,6 @@ from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
 from rattle.compare.study.folder import load_study as load
-from rattle.compare.study.store import Cell, Content
 from rattle.compare.validation.verdict import JUDGED, Tolerances, span
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS

@@ -11,7 +11,7 @@ import pandas as pd
 
 from rattle.closure import CLOSURES, Closure
 from rattle.closure.mean_map import predict
-from rattle.compare.study.store import Cell, Content
+from rattle.compare.engine.store import Cell, Content
 from rattle.compare.validation.errors import followers_of
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, small_noise

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import Closure
-from rattle.compare.study.store import Cell, Store
+from rattle.compare.engine.store import Cell, Store
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import (
     Gears,

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from rattle.compare.engine.cluster import SHARE
+from rattle.compare.engine.store import Cell
 from rattle.compare.study.cells import Sample
-from rattle.compare.study.cluster import SHARE
-from rattle.compare.study.store import Cell
 from rattle.montecarlo import SCHEMES, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import choose_scheme

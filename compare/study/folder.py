@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 from matplotlib.figure import Figure as Drawn
 
+from rattle.compare.engine.store import numerical_version
 from rattle.compare.report import Code, Figure, Page, PageSection, Row, Table, Text, manifest, numbers
 from rattle.compare.report.folder import scratch_folder, within
 from rattle.compare.report.json_text import check_not_newer
@@ -19,7 +20,6 @@ from rattle.compare.report.provenance import provenance, source_of
 from rattle.compare.report.render import pages
 from rattle.compare.report.save import MANIFEST, contents, file_digest, write_files
 from rattle.compare.study.design import Point, Study, kind_of, page_of
-from rattle.compare.study.store import numerical_version
 from rattle.scene import FileError, OutputError
 
 CELLS, FILE = "cells", "study.toml"

@@ -22,10 +22,10 @@ from rattle.closure import Closure, follow, mean_map
 from rattle.closure.closure import name_of
 from rattle.closure.mean_map import find_closure
 from rattle.closure.stationary import Law
+from rattle.compare.engine.store import Cell, Content, Store, print_on_stderr
 from rattle.compare.stationary.study import LongCell
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, values_of
 from rattle.compare.study.cells import Sample
-from rattle.compare.study.store import Cell, Content, Store, print_on_stderr
 from rattle.compare.thresholds.claim import KINDS, Claim, Settings
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import ON_ITINERARY, TOO_FEW_FOLLOW, NamedSection

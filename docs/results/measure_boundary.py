@@ -13,8 +13,8 @@ from pathlib import Path
 import pandas as pd
 
 from rattle import DAT21, Scene, Study, Tolerances, boundary, mean_map
+from rattle.compare.engine.store import Store
 from rattle.compare.study.cells import Sample
-from rattle.compare.study.store import Store
 from rattle.compare.validation.errors import section_errors
 from rattle.compare.validation.verdict import JUDGED
 

@@ -10,16 +10,16 @@ from contextlib import contextmanager
 import pytest
 from commands import study
 
+from rattle.compare.engine.run import Runner, run
+from rattle.compare.engine.store import Store
 from rattle.compare.study.design import Study
-from rattle.compare.study.engine import Runner, run
-from rattle.compare.study.store import Store
 
 CELLS = Study.from_toml(study(paths=1024)).cells
 HOLD = """
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from rattle.compare.study.store import Store
+from rattle.compare.engine.store import Store
 
 store = Store(Path(sys.argv[1]))
 with ExitStack() as stack:
@@ -82,7 +82,7 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch)
         said.append(text)
         heard.set()
 
-    monkeypatch.setattr("rattle.compare.study.engine.tqdm.write", write)
+    monkeypatch.setattr("rattle.compare.engine.run.tqdm.write", write)
     with locked_elsewhere(store, CELLS) as number:
         waiting, found = in_the_background(lambda: run(CELLS, store, Runner(1), show=True))
         assert heard.wait(LONG)

@@ -26,7 +26,7 @@ from rattle import validate
 from rattle.closure import mean_map
 from rattle.compare.report import manifest
 from rattle.compare.report.json_text import read_page
-from rattle.compare.study import store
+from rattle.compare.engine import store
 from rattle.compare.study.design import Study
 from rattle.compare.study.folder import load_study
 from rattle.compare.thresholds.fixture import read_baseline

@@ -16,8 +16,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure.long_orbit import LongOrbit
-from rattle.compare.study.engine import Runner, run
-from rattle.compare.study.store import Cell, Content, Store
+from rattle.compare.engine.run import Runner, run
+from rattle.compare.engine.store import Cell, Content, Store
 from rattle.compare.validation.verdict import Tolerances, at_wall, widest
 from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE, diagnose_rare_branch, diagnose_short_step, motion_units

@@ -94,7 +94,7 @@ WRITERS = {
     "report/save.py": {"to_csv"},
     "cli/shared.py": {"echo"},
     "cli/show.py": {"echo"},
-    "study/store.py": {"print"},
+    "engine/store.py": {"print"},
 }
 """Where each of these may be called: a page on a terminal has colours, and each of its texts is escaped by itself;
 waiting for another process is reported on standard error, also within pytest."""

@@ -18,12 +18,12 @@ from commands import rattle
 from programs import python
 from study_files import Deadly, Refused, study_text, tables_of
 
-from rattle.compare.study import cluster as module
-from rattle.compare.study.cluster import SHARE, Cluster, Lost
+from rattle.compare.engine.cluster import SHARE, Cluster, Lost
+from rattle.compare.engine.run import Runner, run
+from rattle.compare.engine.store import Store
+from rattle.compare.engine import cluster as module
 from rattle.compare.study.design import Study
-from rattle.compare.study.engine import Runner, run
 from rattle.compare.study.folder import CELLS
-from rattle.compare.study.store import Store
 from rattle.scene.errors import InputError
 
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
@@ -94,7 +94,7 @@ def small():
 
 
 PATIENT = (
-    "from rattle.compare.study.cluster import Cluster; Cluster.__init__.__defaults__ = (120.0,);"
+    "from rattle.compare.engine.cluster import Cluster; Cluster.__init__.__defaults__ = (120.0,);"
     "from rattle.compare.cli.main import main; main()"
 )
 """The command, on a machine that may have much else to do."""

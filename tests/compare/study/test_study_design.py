@@ -127,7 +127,7 @@ def test_the_tolerances_that_a_message_proposes_are_taken():
 
 def test_the_numerical_version_is_in_the_key(monkeypatch):
     before = {c.key for c in read().cells}
-    monkeypatch.setattr("rattle.compare.study.store.numerical_version", lambda *packages: "another")
+    monkeypatch.setattr("rattle.compare.engine.store.numerical_version", lambda *packages: "another")
     assert not before & {c.key for c in read().cells}
 
 

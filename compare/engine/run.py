@@ -1,6 +1,6 @@
 """The engine of studies: it computes the missing cells, each once, even if several processes share the work.
 
-The work runs on threads of this process, or on a Dask cluster (`rattle.compare.study.cluster`).
+The work runs on threads of this process, or on a Dask cluster (`rattle.compare.engine.cluster`).
 """
 
 import os
@@ -17,8 +17,8 @@ from typing import Any, NoReturn, Self
 
 from tqdm import tqdm
 
+from rattle.compare.engine.store import Cell, Content, Store
 from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep, within
-from rattle.compare.study.store import Cell, Content, Store
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
 

@@ -18,8 +18,8 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
-from rattle.compare.study.engine import Runner
-from rattle.compare.study.store import numerical_version
+from rattle.compare.engine.run import Runner
+from rattle.compare.engine.store import numerical_version
 from rattle.scene import InputError, RattleError
 
 if TYPE_CHECKING:
