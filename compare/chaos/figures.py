@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 from rattle.compare.chaos.exponents import DRIFT, Exponents, SqrtLaw
 from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
-from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Bifurcation, Section
+from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
+from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
 from rattle.compare.report.texts import read_texts
 from rattle.scene import Bools, Floats

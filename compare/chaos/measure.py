@@ -8,6 +8,7 @@ moments along the orbit.  Only `published` feeds the shifts of its means back in
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,21 +16,19 @@ import pandas as pd
 
 from rattle.closure import closures_for, mean_map
 from rattle.closure.long_orbit import LongOrbit
-from rattle.compare.chaos.exponents import DRIFT, Exponents, SqrtLaw, drift_exponents, finite_size, lyapunov, sqrt_law
-from rattle.compare.chaos.record import in_threads, leave_out
-from rattle.compare.chaos.section import ORBIT, Bifurcation, Section, bifurcation, sections
+from rattle.compare.chaos.exponents import Exponents, SqrtLaw, drift_exponents, finite_size, lyapunov, sqrt_law
+from rattle.compare.chaos.record import leave_out
+from rattle.compare.chaos.section import Section, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
+from rattle.compare.chaos.sweep import Bifurcation, bifurcation, sweep
 from rattle.compare.report.texts import read_texts
 from rattle.scene import Scene
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
-"""Is told which part begins."""
-PUBLISHED = 30  # impacts through which the published map is followed at each value
 FOLLOWED = 400  # impacts through which moments are followed
 SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
 TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
-COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
 MAPS: dict[str, dict[str, str]] = read_texts("chaos")["maps"]
 """Of each closure the map that it iterates, the exponents of its means, and how its second moments grow along it."""
 
@@ -69,37 +68,6 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _row(of: str, e: Exponents) -> dict[str, object]:
-    numbers = (*e.largest, e.rate, e.sum_error, e.impacts, e.regime.kind, e.regime.reason)
-    return {"of": of} | dict(zip(COLUMNS, numbers, strict=True))
-
-
-def _exponents_at(scene: Scene, width: float, seed: int) -> list[dict[str, object]]:
-    orbit = lyapunov(scene, width=width)
-    drift = drift_exponents(scene, width=width, seed=seed)
-    rows = [_row(ORBIT, orbit), _row("mean map (corrected, saltation)", orbit), _row(DRIFT, drift)]
-    if scene.sigma > 0.0 and "published" in closures_for(scene):
-        m = mean_map(scene, impacts=PUBLISHED, closure="published")
-        how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
-        reason = f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"
-        rows.append({"of": "mean map (published)", "impacts": m.trace.found, "regime": "breaks down", "reason": reason})
-    return rows
-
-
-def sweep(
-    scenes: Mapping[float, Scene], field: str = "alpha", *, width: float = 0.01, seed: int = 0, workers: int = 2
-) -> pd.DataFrame:
-    """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a noisy path.
-
-    `scenes`: As of `rattle.compare.chaos.section.vary`. `width`: Required width of the interval of each largest
-    exponent; wider ones are reported as they are. Returns: Columns: the field, ``of`` (the linearised system),
-    ``largest, low, high`` (largest exponent and its 95 % interval; NaN where there is no record), ``rate, sum_error,
-    impacts`` as of `Exponents`, and ``regime, reason`` as of `Regime`.
-    """
-    found = in_threads(workers, lambda scene: _exponents_at(scene, width, seed), scenes.values())
-    return pd.DataFrame([{field: value, **row} for value, rows in zip(scenes, found, strict=True) for row in rows])
-
-
 @dataclass(frozen=True)
 class ChaosStudy:
     """Measurements of a scene's chaos."""
@@ -130,13 +98,19 @@ class Effort(NamedTuple):
 
 
 def study(
-    scene: Scene, scenes: Mapping[float, Scene], field: str, effort: Effort, progress: Callable[[str], None]
+    scene: Scene,
+    scenes: Mapping[float, Scene],
+    field: str,
+    effort: Effort,
+    progress: Callable[[str], None],
+    folder: Path | None = None,
 ) -> ChaosStudy:
     """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
 
     What its motion does not have, for instance because a mesh sticks in every period, is left out with the reason.
 
-    `scenes`: Those of the sweep by value of the field, as of `rattle.compare.chaos.section.vary`.
+    `scenes`: Those of the sweep by value of the field, as of `rattle.compare.chaos.sweep.vary`. `folder`: Where results
+    of the sweep are stored: the same study continues there after an interruption.
     """
     points, impacts, events, width, seed, workers = effort
     missing: dict[str, str] = {}
@@ -159,8 +133,8 @@ def study(
         missing |= dict.fromkeys(apart, f"the noisy path {drift.regime.brief}")
     if scenes:
         progress(f"exponents at {len(scenes)} values of {field}")
-        swept = sweep(scenes, field, width=width, seed=seed, workers=workers)
+        swept = sweep(scenes, field, width=width, seed=seed, workers=workers, folder=folder)
         progress(f"bifurcation diagram at {len(scenes)} values of {field}")
         with leave_out(missing, "the bifurcation diagram"):
-            view = bifurcation(scenes, field, seed=seed, workers=workers)
+            view = bifurcation(scenes, field, seed=seed, workers=workers, folder=folder)
     return ChaosStudy(scene, orbit, drift, maps, drawn, power, law, sizes, field, swept, view, missing)

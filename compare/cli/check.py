@@ -102,8 +102,7 @@ def stability(
     for name, least, most in (("points", 1, 7), ("paths", 1000, None), ("seed", 0, None), ("workers", 1, None)):
         count(name, settings[name], least=least, most=most)
     results = Results("", out, "", "checks.stability.page:write_stability", overwrite)
-    # beside the report, which is replaced as a whole
-    found = chart(schemes=chosen, axes=along, **settings, folder=out.with_name(f"{out.name}-cells"))
+    found = chart(schemes=chosen, axes=along, **settings, folder=results.cells)
     covariances = covariance_table(**settings)
     tried = run_checks(ROWS) if extreme else ()
     asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
@@ -145,12 +144,13 @@ BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pa
 def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwrite: bool, **settings: int) -> None:
     """Judge each claim of the paper on its own example, DAT21.
 
-    Writes test, evidence and verdict of every claim that can be tested.
+    Writes test, evidence and verdict of every claim that can be tested. Results of the sweep are stored in OUT-cells:
+    after an interruption the same command continues with them.
 
     Exit codes: 0 complete, whatever the verdicts; 2 bad input.
     """
     from rattle.compare.chaos.measure import Effort
-    from rattle.compare.chaos.section import values
+    from rattle.compare.chaos.sweep import values
     from rattle.compare.checks.claims.evidence import gather
     from rattle.compare.checks.claims.judges import judge
 
@@ -163,7 +163,7 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])
-    found = gather(rt.Scene.from_gears(rt.DAT21), levels, at, settings["paths"], effort, say_part)
+    found = gather(rt.Scene.from_gears(rt.DAT21), levels, at, settings["paths"], effort, say_part, results.cells)
     judged = judge(found)
     record: dict[str, Any] = {"sigmas": list(levels), "over": list(at), "impacts": impacts, **settings}
     answer = results.write(judged, found.chaos, scene=found.scene.to_dict(), **record)

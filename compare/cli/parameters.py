@@ -65,9 +65,7 @@ def boundary(
         settings |= {"quantity": quantity, "level": level}
     else:
         settings |= {"closure": closure or "saltation", "impacts": asked["impacts"]}
-    # beside the report, which is replaced as a whole
-    cells = results.out.with_name(f"{results.out.name}-cells") if results.writes else None
-    common: dict[str, Any] = {"folder": cells, "rng": seed, "workers": workers}
+    common: dict[str, Any] = {"folder": results.cells, "rng": seed, "workers": workers}
     if along is None:
         settings |= {"budget": budget}
         search: Any = rt.boundary if quantity is None else rt.crossing

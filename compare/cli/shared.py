@@ -213,6 +213,11 @@ class Results:
             check_free(self.out, pages.CONTENTS, overwrite)
         self.watch = Stopwatch()
 
+    @property
+    def cells(self) -> Path | None:
+        """Where the command keeps its cells: beside the folder, which is replaced as a whole."""
+        return self.out.with_name(f"{self.out.name}-cells") if self.writes else None
+
     def write(self, *found: Any, **settings: Any) -> Any:
         """Write the folder, with the settings in its manifest."""
         from rattle.compare.report.provenance import provenance

@@ -196,7 +196,7 @@ def stationary(
     Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before the accuracy was
     reached.
     """
-    from rattle.compare.chaos.section import stationary_bifurcation, values, vary
+    from rattle.compare.chaos.sweep import stationary_bifurcation, values, vary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
     from rattle.montecarlo.long_run.run import ASKED
 
@@ -235,12 +235,13 @@ def stationary(
 def chaos(base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
     """Measure Lyapunov exponents, Poincare sections and spectra.
 
-    They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over a sweep.
+    They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over a sweep. Results
+    of the sweep are stored in OUT-cells: after an interruption the same command continues with them.
 
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.chaos.measure import Effort, study
-    from rattle.compare.chaos.section import paper_noise, values, vary
+    from rattle.compare.chaos.sweep import paper_noise, values, vary
 
     field, at = settings["field"], () if no_sweep else values("over", over)
     noise = None if keep_sigma or field == "sigma" else paper_noise
@@ -248,7 +249,8 @@ def chaos(base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool
     positive("width", settings["width"])
     shared.check_counts(settings, points=100, impacts=20_000, events=128, workers=1)
     results = begin()
-    found = study(base, scenes, field, Effort(**{name: settings[name] for name in Effort._fields}), say_part)
+    effort = Effort(**{name: settings[name] for name in Effort._fields})
+    found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     answer = results.write(found, scene=base.to_dict(), **settings, over=list(at), noise=said)
     results.say(answer, "chaos.html")

@@ -36,8 +36,9 @@ def study(
     Exit codes: 0 complete; 1 complete except for results that cannot be computed at some points, with the reasons; 2
     bad input, or nothing that could be computed; 130 interrupted.
     """
+    from rattle.compare.engine.run import CELLS
     from rattle.compare.engine.store import Store
-    from rattle.compare.study.folder import CELLS, group_failures
+    from rattle.compare.study.folder import group_failures
 
     count("workers", workers)
     wanted = rt.Study.load(file)

@@ -5,6 +5,7 @@ The work runs on threads of this process, or on a Dask cluster (`rattle.compare.
 
 import os
 import sys
+import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Collection
@@ -22,7 +23,7 @@ from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep, with
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
 
-LOG = "study.log"
+CELLS, LOG = "cells", "study.log"
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
 
@@ -178,3 +179,11 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
             runner.stop()
             pool.shutdown(wait=False, cancel_futures=True)
     return progress
+
+
+def obtain_all(cells: Collection[Cell], folder: Path | None, workers: int) -> list[Any]:
+    """Read or compute the results of some cells; without a folder they are kept until all are there."""
+    with tempfile.TemporaryDirectory() as scratch:
+        store = Store(Path(folder or scratch) / CELLS)
+        run(cells, store, Runner(workers), show=True)
+        return [store.obtain(cell) for cell in cells]

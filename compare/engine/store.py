@@ -103,9 +103,9 @@ class Cell(ABC):
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Compute table and facts; `blocks` runs blocks of paths, in this thread one after the other by default."""
 
-    @abstractmethod
     def restore(self, content: Content) -> Any:
-        """Turn what was stored into a result of this kind of cell, which has the facts as ``facts``."""
+        """Turn what was stored into a result of this kind of cell, which has the facts as ``facts``; or leave it so."""
+        return content
 
     def describe(self, result: Any) -> str:
         """What the progress line and the log say of a result; nothing by default."""

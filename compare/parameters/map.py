@@ -13,7 +13,7 @@ import pandas as pd
 
 from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
-from rattle.compare.engine.run import Runner, run
+from rattle.compare.engine.run import CELLS, Runner, run
 from rattle.compare.engine.store import Cell, Content, Store
 from rattle.compare.parameters.boundary import boundary, find_range
 from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
@@ -227,7 +227,7 @@ def boundary_map(
     found: dict[int, Found | str] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
     with tempfile.TemporaryDirectory() as scratch:
-        store = Store(Path(folder or scratch) / "cells")
+        store = Store(Path(folder or scratch) / CELLS)
         while wave:
             cells = {
                 i: Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": expect([found[j] for j in beside])})

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from rattle.closure.stationary import Law
 from rattle.compare.chaos.figures import NAMES, field_edges, mark_values
-from rattle.compare.chaos.section import Bifurcation
+from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.statistics.intervals import half_width

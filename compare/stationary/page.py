@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rattle.compare.chaos.section import Bifurcation
+from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report import Table
 from rattle.compare.report.save import contents, save_report
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary, table_of

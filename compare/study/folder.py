@@ -22,7 +22,7 @@ from rattle.compare.report.save import MANIFEST, contents, file_digest, write_fi
 from rattle.compare.study.design import Point, Study, kind_of, page_of
 from rattle.scene import FileError, OutputError
 
-CELLS, FILE = "cells", "study.toml"
+FILE = "study.toml"
 """Names in a study's folder: the folder of results, and the study file."""
 
 BROKEN = "is damaged; run rattle study again: it rewrites the tables from the stored cells"

@@ -9,10 +9,10 @@ import pytest
 from commands import rattle, study
 from small_disks import DEAD, scratch_name
 
+from rattle.compare.engine.run import CELLS
 from rattle.compare.engine.store import Store
 from rattle.compare.study.cells import Prediction, Sample
 from rattle.compare.study.figures import FIGURES
-from rattle.compare.study.folder import CELLS
 from rattle.scene import DAT21, InputError, OutputError, Scene
 
 

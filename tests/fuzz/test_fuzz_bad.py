@@ -24,9 +24,9 @@ from settings import recorded
 
 from rattle import validate
 from rattle.closure import mean_map
+from rattle.compare.engine import store
 from rattle.compare.report import manifest
 from rattle.compare.report.json_text import read_page
-from rattle.compare.engine import store
 from rattle.compare.study.design import Study
 from rattle.compare.study.folder import load_study
 from rattle.compare.thresholds.fixture import read_baseline

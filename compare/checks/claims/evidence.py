@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from rattle.compare.chaos.exponents import Exponents, Mean, drift_exponents, lyapunov, ratio_mean
 from rattle.compare.chaos.measure import ChaosStudy, Effort, study
 from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
-from rattle.compare.chaos.section import paper_noise, vary
+from rattle.compare.chaos.sweep import paper_noise, vary
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
 from rattle.compare.validation.verdict import widest
@@ -68,8 +69,12 @@ def gather(
     paths: int,
     effort: Effort,
     progress: Callable[[str], None],
+    folder: Path | None = None,
 ) -> Evidence:
-    """Make all measurements that the claims need: validations with so many paths, and a study of chaos over alpha."""
+    """Make all measurements that the claims need: validations with so many paths, and a study of chaos over alpha.
+
+    `folder`: Where results of the sweep over alpha are stored.
+    """
     seed, workers = effort.seed, effort.workers
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]
@@ -81,7 +86,7 @@ def gather(
     sampling, record = Sampling(horizon=FLIGHTS[-1] + 1.0), Record(step_bias=True, times=open_space.start.tau + FLIGHTS)
     free: dict[str, Any] = {"dt": STEP, "scheme": "euler-maruyama", "sampling": sampling, "record": record}
     flight = simulate(open_space, **(settings | {"impacts": 1}), **free)
-    chaos = study(scene, vary(scene, "alpha", at, paper_noise), "alpha", effort, progress)
+    chaos = study(scene, vary(scene, "alpha", at, paper_noise), "alpha", effort, progress, folder)
     progress("a single stage, repeated flanks, the mean motion")
     alone = {"orbit": lyapunov(single, width=0.02), "noisy": drift_exponents(single, width=0.02, seed=seed)}
     noisy = (s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False))

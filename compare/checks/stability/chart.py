@@ -4,7 +4,6 @@ Steps are admissible and longer ones, and the default step; beside it stand exac
 """
 
 import math
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -16,8 +15,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure.long_orbit import LongOrbit
-from rattle.compare.engine.run import Runner, run
-from rattle.compare.engine.store import Cell, Content, Store
+from rattle.compare.engine.run import obtain_all
+from rattle.compare.engine.store import Cell
 from rattle.compare.validation.verdict import Tolerances, at_wall, widest
 from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE, diagnose_rare_branch, diagnose_short_step, motion_units
@@ -276,10 +275,6 @@ class Place(Cell):
                 rows.append(cell | {"default": default} | found._asdict())
         return pd.DataFrame(rows), {}
 
-    def restore(self, content: Content) -> Content:
-        """What was stored is the result."""
-        return content
-
 
 def chart(
     schemes: Sequence[str],
@@ -302,10 +297,7 @@ def chart(
     z = widest(len(places) * len(schemes) * (len(SHARES) + 1) * 2 * len(SECTION) * IMPACTS * looks(paths))
     asked = {"schemes": list(schemes), "paths": paths, "seed": seed, "z": z}
     cells = [Place(AXES[axis].scene(value), axis, value, asked) for axis, value in places]
-    with tempfile.TemporaryDirectory() as scratch:
-        store = Store(Path(folder or scratch) / "cells")
-        run(cells, store, Runner(workers), show=True)
-        return Chart(pd.concat([store.obtain(cell).table for cell in cells], ignore_index=True), z)
+    return Chart(pd.concat([content.table for content in obtain_all(cells, folder, workers)], ignore_index=True), z)
 
 
 FLIGHT = 0.2  # flight time from tau = 0, where the noise has no modulation yet: the most demanding flight

@@ -5,11 +5,13 @@ import pytest
 from scipy import signal
 
 from rattle.closure.long_orbit import LongOrbit
+from rattle.compare.chaos import sweep as sweeps
 from rattle.compare.chaos.exponents import crossings, drift_exponents, finite_size, fit, lyapunov, ratio_mean, sqrt_law
-from rattle.compare.chaos.measure import mean_maps, sweep
+from rattle.compare.chaos.measure import mean_maps
 from rattle.compare.chaos.record import Regime, noisy_record
-from rattle.compare.chaos.section import NOISY, ORBIT, bifurcation, paper_noise, sections, vary
+from rattle.compare.chaos.section import NOISY, ORBIT, sections
 from rattle.compare.chaos.spectrum import FALSE_ALARM, SEQUENCE, TIME, spectra, spectra_tables, welch
+from rattle.compare.chaos.sweep import bifurcation, paper_noise, sweep, vary
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.flight import jacobian
 from rattle.scene.impact import contact_matrix
@@ -140,6 +142,17 @@ def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
     assert orbit["regime"].tolist() == ["sticks often", "runs", "runs"]
     assert crossings(one)[["low", "high", "to"]].to_numpy().tolist() == [[0.4, 1.5, 1]]
     assert (one["sum_error"].abs().dropna() < 1e-10).all()
+
+
+def test_an_interrupted_sweep_computes_what_is_missing(tmp_path, monkeypatch):
+    scenes, settings = vary(DAT, "alpha", (0.05, 0.4), paper_noise), {"points": 500, "folder": tmp_path}
+    whole, begun = bifurcation(scenes, **settings).table, []
+    next((tmp_path / "cells").glob("*.parquet")).unlink()
+    own = sweeps.VelocitiesAt.evaluate
+    monkeypatch.setattr(sweeps.VelocitiesAt, "evaluate", lambda cell, blocks=None: begun.append(cell) or own(cell))
+    assert bifurcation(scenes, **settings).table.equals(whole)
+    assert len(begun) == 1
+    assert bifurcation(scenes, **settings | {"points": 400}).table["count"].sum() < whole["count"].sum()
 
 
 def test_mean_maps_report_where_they_break_down():

@@ -16,11 +16,11 @@ from commands import study
 from study_files import study_text, tables_of
 
 from rattle.closure import mean_map
-from rattle.compare.engine.run import Runner, run
+from rattle.compare.engine.run import CELLS, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.study.design import Study
 from rattle.compare.study.figures import validity
-from rattle.compare.study.folder import CELLS, load_study
+from rattle.compare.study.folder import load_study
 from rattle.compare.study.impacts_page import answer
 from rattle.compare.validation.verdict import JUDGED, Tolerances
 from rattle.scene import DAT21, Scene

@@ -11,7 +11,7 @@ from commands import rattle
 
 from rattle.closure import mean_map
 from rattle.compare.chaos.exponents import Mean
-from rattle.compare.chaos.section import paper_noise
+from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.checks.claims import evidence as of_evidence
 from rattle.compare.checks.claims import judges
 from rattle.compare.checks.claims.evidence import Effort, gather

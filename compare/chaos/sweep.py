@@ -1,0 +1,273 @@
+"""What changes over a field of the scene: the largest exponent with its sign, and bifurcation diagrams.
+
+A bifurcation diagram has the velocity before the impacts alone, as counts or as densities.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from rattle.closure import closures_for, mean_map
+from rattle.compare.chaos.exponents import DRIFT, Exponents, drift_exponents, lyapunov
+from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
+from rattle.compare.chaos.section import BINS, NOISY, ORBIT
+from rattle.compare.engine.run import obtain_all
+from rattle.compare.engine.store import Cell
+from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
+from rattle.scene import Floats, InputError, Scene, Start, choice, count, finite
+from rattle.scene.scene import SWEPT
+
+ALPHAS = "0.05:2.5:100"
+COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
+PUBLISHED = 30  # impacts through which the published map is followed at each value
+WITHOUT_NOISE, WITH_NOISE = "without noise", "with noise"
+DENSITY_BINS = 240
+DENSITY_POINTS = 6000  # impacts of an orbit behind each density without noise
+PATHS, PERIODS = 64, 64  # of the long run behind each density with noise
+
+
+def values(name: str, text: str) -> tuple[float, ...]:
+    """Read evenly spaced values from ``LOW:HIGH:POINTS``."""
+    words = text.split(":")
+    try:
+        low, high, points = float(words[0]), float(words[1]), int(words[2])
+    except (ValueError, IndexError):
+        raise InputError(name, text, f"give LOW:HIGH:POINTS, as in {ALPHAS}") from None
+    if len(words) > 3 or not finite(f"{name} LOW", low) < finite(f"{name} HIGH", high):
+        raise InputError(name, text, f"give LOW:HIGH:POINTS with LOW below HIGH, as in {ALPHAS}")
+    count(f"{name} POINTS", points, least=2)
+    return tuple(float(v) for v in np.linspace(low, high, points))
+
+
+def paper_noise(scene: Scene) -> Scene:
+    """Return the scene with the paper's noise intensity, ``sigma = sqrt(alpha)``."""
+    return scene.with_sigma(math.sqrt(scene.alpha))
+
+
+def vary(
+    scene: Scene, field: str, at: Iterable[float], noise: Callable[[Scene], Scene] = lambda scene: scene
+) -> dict[float, Scene]:
+    """The same scene at each value of a field; a default start is adapted to new gaps.
+
+    `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
+
+    Examples
+    --------
+    >>> from rattle.scene import DAT21
+    >>> [s.alpha for s in vary(Scene.from_gears(DAT21), "alpha", (0.5, 1.0)).values()]
+    [0.5, 1.0]
+    """
+    choice("field", field, SWEPT)
+    usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
+    fresh: dict[str, Any] = {"start": None} if usual else {}
+    return {value: noise(replace(scene, **(fresh | {field: value}))) for value in at}
+
+
+def _row(of: str, e: Exponents) -> dict[str, object]:
+    numbers = (*e.largest, e.rate, e.sum_error, e.impacts, e.regime.kind, e.regime.reason)
+    return {"of": of} | dict(zip(COLUMNS, numbers, strict=True))
+
+
+@dataclass(frozen=True)
+class AtValue(Cell):
+    """What is measured at one value of the field."""
+
+    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo", "compare/chaos")
+
+    scene: Scene
+    value: float
+    seed: int
+
+    @property
+    def label(self) -> str:
+        """Short description for the progress line."""
+        return f"{self.group} at {self.value:.3g}"
+
+
+@dataclass(frozen=True)
+class ExponentsAt(AtValue):
+    """The largest exponents: a row for each linearised system."""
+
+    group: ClassVar[str] = "exponents"
+
+    width: float
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything that determines the result besides the scene."""
+        return {"kind": "exponents", "seed": self.seed, "width": self.width}
+
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Measure them."""
+        scene, width = self.scene, self.width
+        orbit = lyapunov(scene, width=width)
+        drift = drift_exponents(scene, width=width, seed=self.seed)
+        rows = [_row(ORBIT, orbit), _row("mean map (corrected, saltation)", orbit), _row(DRIFT, drift)]
+        if scene.sigma > 0.0 and "published" in closures_for(scene):
+            m = mean_map(scene, impacts=PUBLISHED, closure="published")
+            how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
+            row = {"of": "mean map (published)", "impacts": m.trace.found, "regime": "breaks down"}
+            rows.append(row | {"reason": f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"})
+        return pd.DataFrame(rows), {}
+
+
+@dataclass(frozen=True)
+class VelocitiesAt(AtValue):
+    """Velocities y1 before the impacts of the orbit and of a noisy path, at both meshes."""
+
+    group: ClassVar[str] = "velocities"
+
+    points: int
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything that determines the result besides the scene."""
+        return {"kind": "velocities", "seed": self.seed, "points": self.points}
+
+    def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """Record them; the facts say why there are none."""
+        path, noisy = Regime(), np.empty(0)
+        for s, _ in noisy_record(self.scene, 2**30, self.seed, path, tangent=False):
+            noisy = np.concatenate([noisy, s.before[:, 1]])
+            if path.impacts >= self.points:
+                break
+        orbit, regime = _orbit_velocities(self.scene, self.points, (1, 2))
+        found = {ORBIT: (orbit, regime), NOISY: (noisy[: self.points], path)}
+        table = pd.concat([pd.DataFrame({"side": side, "y1": v}) for side, (v, _) in found.items()])
+        reasons = {side: "" if r.unfollowed else r.end for side, (_, r) in found.items()}
+        return table.reset_index(drop=True), {"reasons": reasons, "brief": path.brief}
+
+
+def sweep(
+    scenes: Mapping[float, Scene],
+    field: str = "alpha",
+    *,
+    width: float = 0.01,
+    seed: int = 0,
+    workers: int = 2,
+    folder: Path | None = None,
+) -> pd.DataFrame:
+    """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a noisy path.
+
+    `scenes`: As of `vary`. `width`: Required width of the interval of each largest exponent; wider ones are reported as
+    they are. `folder`: Where results are stored. Returns: Columns: the field, ``of`` (the linearised system),
+    ``largest, low, high`` (largest exponent and its 95 % interval; NaN where there is no record), ``rate, sum_error,
+    impacts`` as of `Exponents`, and ``regime, reason`` as of `Regime`.
+    """
+    cells = [ExponentsAt(scene, value, seed, width) for value, scene in scenes.items()]
+    found = zip(cells, obtain_all(cells, folder, workers), strict=True)
+    table: pd.DataFrame = pd.concat(
+        [content.table.assign(**{field: cell.value}) for cell, content in found], ignore_index=True
+    )
+    return table.reindex(columns=[field, "of", *COLUMNS])
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """A histogram of the velocity before an impact for each value of a field, of the orbit and with noise."""
+
+    field: str
+    at: Floats  # values of the field; (values,)
+    edges: Floats  # of the velocity; (bins + 1,)
+    cells: dict[str, NDArray[Any]]  # counts or densities by side; zero where there is nothing; (values, bins)
+    reasons: dict[str, list[str]]  # by side and value: why there is nothing; empty where there is something
+    columns: tuple[str, str]  # names of the velocity and of the cells in `table`
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Cells that are not empty: ``side``, the field, the velocity (middle of the bin), the count or density."""
+        velocity, name = self.columns
+        middle, parts = 0.5 * (self.edges[1:] + self.edges[:-1]), []
+        for side, cells in self.cells.items():
+            i, j = np.nonzero(cells)
+            part = {"side": side, self.field: self.at[i], velocity: middle[j], name: cells[i, j]}
+            parts.append(pd.DataFrame(part))
+        return pd.concat(parts, ignore_index=True)
+
+
+def bifurcation(
+    scenes: Mapping[float, Scene],
+    field: str = "alpha",
+    *,
+    points: int = 10_000,
+    seed: int = 0,
+    workers: int = 2,
+    folder: Path | None = None,
+) -> Bifurcation:
+    """Count the velocity y1 before the impacts of the orbit and of the noisy system at both meshes.
+
+    `scenes`: By value of the field, as of `vary`. `folder`: Where results are stored.
+    """
+    cells = [VelocitiesAt(scene, value, seed, points) for value, scene in scenes.items()]
+    at = obtain_all(cells, folder, workers)
+    every = np.concatenate([content.table["y1"] for content in at])
+    if every.size == 0:
+        raise NoRecord(f"the noisy path {at[0].facts['brief']}")
+    low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
+    edges = np.linspace(low, high, BINS + 1)
+    counts, reasons = {}, {}
+    for side in (ORBIT, NOISY):
+        own = (content.table.loc[content.table["side"] == side, "y1"] for content in at)
+        counts[side] = np.array([np.histogram(velocity, edges)[0] for velocity in own])
+        reasons[side] = [content.facts["reasons"][side] for content in at]
+    return Bifurcation(field, np.array(list(scenes)), edges, counts, reasons, ("y1", "count"))
+
+
+def stationary_bifurcation(
+    scenes: Mapping[float, Scene], field: str = "alpha", *, seed: int = 0, workers: int = 1
+) -> Bifurcation:
+    """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the noisy long run."""
+
+    def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats], str]]:
+        velocity, regime = _orbit_velocities(s, DENSITY_POINTS, (1,))
+        return (velocity, "" if regime.has_record else regime.reason), _density(s, seed)
+
+    orbits, runs = zip(*in_threads(workers, of, scenes.values()), strict=True)
+    ends = np.concatenate([*(velocity for velocity, _ in orbits), *(own for (own, _), _ in runs)])
+    if ends.size == 0:
+        rest = "mesh 1 is not struck in the long run at any of these values; choose some at which it rattles"
+        raise InputError("over", list(scenes), rest)
+    edges = np.linspace(ends.min(), ends.max(), DENSITY_BINS + 1)
+    width = edges[1] - edges[0]
+    quiet = np.array([np.histogram(velocity, edges)[0] / max(velocity.size, 1) / width for velocity, _ in orbits])
+    noisy = np.array([_rebin(density, edges) for density, _ in runs])
+    cells = {WITHOUT_NOISE: quiet, WITH_NOISE: noisy}
+    reasons = {side: [why for _, why in own] for side, own in zip(cells, (orbits, runs), strict=True)}
+    return Bifurcation(field, np.array(list(scenes)), edges, cells, reasons, ("velocity", "density"))
+
+
+def _orbit_velocities(scene: Scene, impacts: int, meshes: tuple[int, ...]) -> tuple[Floats, Regime]:
+    """Velocities y1 before the impacts of the orbit at some meshes; none without a record."""
+    regime = Regime()
+    record = orbit_record(scene, impacts, regime, tangent=False)
+    found = [np.empty(0), *(s.before[np.isin(np.abs(s.code), meshes), 1] for s in record)]
+    return np.concatenate(found if regime.has_record else found[:1]), regime
+
+
+def _density(scene: Scene, seed: int) -> tuple[tuple[Floats, Floats], str]:
+    """Edges and density of the velocity at mesh 1 in the long run, or nothing and the reason why."""
+    nothing = np.empty(0), np.empty(0)
+    try:
+        run = long_run(scene, periods=PERIODS, paths=PATHS, rng=seed)
+    except (AtRest, BurnInError) as error:
+        return nothing, str(error)
+    density = next((d for d in run.densities if d.mesh == 1), None)
+    if density is None:
+        return nothing, "mesh 1 is not struck"
+    return (density.velocity, run.velocity_density(1)[0]), ""
+
+
+def _rebin(density: tuple[Floats, Floats], edges: Floats) -> Floats:
+    """A density over other cells, taken as constant within its own."""
+    own, height = density
+    if own.size == 0:
+        return np.zeros(edges.size - 1)
+    below = np.concatenate([[0.0], np.cumsum(height * np.diff(own))])
+    return np.asarray(np.diff(np.interp(edges, own, below)) / np.diff(edges))
