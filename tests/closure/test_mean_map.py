@@ -103,9 +103,6 @@ def test_breakdown_is_the_first_unrealizable_row():
     assert not realizable[m.breakdown.impact - 1]
 
 
-# --- fixed times -----------------------------------------------------------------------------------------------------
-
-
 def test_a_table_at_fixed_times_keeps_the_contract(dat21, closure):
     m = mean_map(dat21, impacts=5, closure=closure)
     times = [0.05, 0.4, 1.0]
@@ -120,9 +117,6 @@ def test_fixed_times_go_no_further_than_was_followed(dat21, closure, outside):
     m = mean_map(dat21, impacts=3, closure=closure)
     with pytest.raises(InputError, match="lies outside the times followed, 0 to "):
         m.at_times([0.1, outside])
-
-
-# --- the end, and the series -----------------------------------------------------------------------------------------
 
 
 def test_a_closure_that_stops_early_says_why_and_leaves_the_other_rows_empty():

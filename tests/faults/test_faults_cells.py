@@ -72,9 +72,6 @@ def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):
     assert "nothing can be compared yet, 1 of 2 cells could not be computed (paths = 64: are too few)" in found.output
 
 
-# --- who may read it
-
-
 @pytest.mark.parametrize("umask", [0o022, 0o077], ids=oct)
 def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask):
     """Cells, locks, log, tables, page and figures: missing permissions never make results look damaged."""
@@ -86,9 +83,6 @@ def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask)
     out = file.with_suffix("")
     found = {path.name: (path.is_dir(), path.stat().st_mode & 0o777) for path in [out, *out.rglob("*")]}
     assert set(found.values()) == {(False, 0o666 & ~umask), (True, 0o777 & ~umask)}, found
-
-
-# --- what killed processes leave
 
 
 def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):

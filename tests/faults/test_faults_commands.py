@@ -25,9 +25,6 @@ WRITERS = {
 """Commands that write a report folder, by way of `rattle.compare.report.folder.whole_folder` alone."""
 
 
-# --- disks
-
-
 @pytest.mark.parametrize("command", WRITERS)
 def test_no_room_is_said_before_any_work(command, tmp_path, monkeypatch):
     monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
@@ -64,9 +61,6 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
         assert "cannot be written" in rattle(*words, "--out", tmp_path, code=2).stderr
 
 
-# --- kills
-
-
 def test_killed_while_it_writes_a_report_is_the_old_one(tmp_path):
     out, words = tmp_path / "report", ["validate", *WRITERS["validate"], "--out"]
     rattle(*words, out)
@@ -83,8 +77,6 @@ def test_killed_while_it_writes_a_report_is_the_old_one(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["report"]
     assert json.loads((out / "manifest.json").read_text())["settings"]["seed"] == 1
 
-
-# --- Ctrl-C
 
 ENDLESS = 600.0  # seconds in which any machine has loaded a library
 LONG = {"validate": ["--paths", "100000000"], "order": ["--paths", "1000000"], "study": ["study.toml"], "chaos": []}
@@ -146,9 +138,6 @@ def test_an_interrupt_ends_a_command_soon(tmp_path):
             process.wait()
 
 
-# --- what was read
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_manifests_that_cannot_be_repeated(tmp_path):
     rattle("validate", *WRITERS["validate"], "--out", tmp_path / "report")
@@ -169,8 +158,6 @@ def test_manifests_that_cannot_be_repeated(tmp_path):
         assert said in rattle("validate", "--repeat", tmp_path / "manifest.json", code=2).stderr
     assert data["version"] == 1
 
-
-# --- ctrl-C at any moment, in the middle of an import too
 
 INTERRUPT = "import os, signal; os.kill(os.getpid(), signal.SIGINT)"
 EXTENSION = f"""

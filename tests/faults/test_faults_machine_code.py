@@ -49,9 +49,6 @@ def kept(tmp_path_factory):
     return folder
 
 
-# --- damage
-
-
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_damaged_machine_code_is_compiled_again(kept, tmp_path, kind, damage):
@@ -59,9 +56,6 @@ def test_damaged_machine_code_is_compiled_again(kept, tmp_path, kind, damage):
     (path,) = folder.rglob(f"*gaussian*.{kind}")
     path.write_bytes(DAMAGE[damage](path.read_bytes()))
     assert computed(folder) == 0
-
-
-# --- sources
 
 
 DECORATORS = {"inline", "internal", "jit", "lean", "splice"}
@@ -124,9 +118,6 @@ def imported(tree):
 
 def names(*nodes):
     return {part.id for node in nodes for part in ast.walk(node) if isinstance(part, ast.Name)}
-
-
-# --- where nothing can be written: files stand where folders would be, which stops a privileged process too
 
 
 @pytest.fixture

@@ -46,9 +46,6 @@ def finished(file, once):
     return shutil.copytree(once, file.with_suffix(""))
 
 
-# --- full and read-only
-
-
 def test_a_disk_that_fills_while_cells_are_written(tmp_path):
     wanted = Study.from_toml(study(impacts=2, paths=1024, sigma=(0.01, 0.02, 0.03, 0.04, 0.05)))
     with disk(tmp_path / "disk", "250k") as place:
@@ -75,9 +72,6 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
         subprocess.run(["mount", "-o", "remount,size=20m", place], check=True)
         assert "0 results computed, 4 stored" in rattle("study", file, "--out", place / "noise").output
         assert len(load_study(place / "noise").errors) == 2 * 2 * 2 * 4
-
-
-# --- damaged and newer
 
 
 DAMAGE = {"truncated": lambda b: b[: len(b) // 2], "empty": lambda b: b"", "flipped": lambda b: b[:9] + b"?" + b[10:]}

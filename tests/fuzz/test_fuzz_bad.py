@@ -127,8 +127,6 @@ def test_bad_settings_are_refused_by_name(place, value):
             refused(error, "" if name in ("text", "path", "data") else name.rstrip("s"))
 
 
-# --- files
-
 SETTINGS = "seed = 3\nwithin = { mean = 0.05, sd = 0.1 }"
 STUDY = study("bad", closures=("saltation", "corrected"), sigma="{ log = [0.01, 0.1, 2] }", more=SETTINGS)
 STUDY += '\n[[axes]]\ngap1 = [0.4, 0.5]\n"tolerance.c1_max" = [0.0, 0.01]\n'

@@ -41,9 +41,6 @@ def test_the_watch_tells_hangs_deaths_and_warnings_and_goes_on():
     assert [kind for kind, o in found.items() if o.defect] == ["waits", "loops", "dies", "warns"]
 
 
-# --- orbits and closures
-
-
 def is_seen(monkeypatch, entry, settings, place, wrong, match=""):
     """A check passes, and fails once a function that it calls gives something wrong."""
     assert check(entry, SIMPLE, settings) == ("complete", "")
@@ -92,9 +89,6 @@ def test_a_refusal_of_what_nobody_has_given_is_seen(monkeypatch):
 
     given = {"impacts": 1, "paths": 64}
     is_seen(monkeypatch, "validate", given, (fuzz_checks, "validate"), wrong, "although the scene is valid")
-
-
-# --- simulations
 
 
 @pytest.fixture(scope="module")
@@ -211,9 +205,6 @@ def test_identical_paths_behind_an_accuracy_and_what_is_not_said_of_it_are_seen(
             assert fuzz_sampled.accuracy(answer.scene, {}) == ("complete", "")
 
 
-# --- files and verdicts
-
-
 FILE = {"paths": 3, "impacts": 1, "scheme": "exact-flight"}
 
 
@@ -262,8 +253,6 @@ def test_jobs_are_a_function_of_seed_and_number_and_reach_the_ends():
     assert meshes == {(1, 0), (1, 1), (2, 0), (2, 1), (2, 2)}
     assert {job(0, k)[0] for k in range(2000)} == set(PLAN)
 
-
-# --- scenes of every magnitude by every entry, always the same
 
 COUNT = {
     "scene": 100, "orbit": 100, "long orbit": 60, "published": 50, "corrected": 50, "saltation": 70, "branching": 16,

@@ -10,11 +10,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("scene", "closure", "montecarlo", "compare")
-IRREGULAR = (  # participles that do not end in -ed
-    "begun done drawn felt flown found given gone grown held hidden kept known left lost made met seen shown taken "
-    "thrown told worn written"
-)
-NOUNS = {"need", "seed", "speed"}
 
 
 def sources() -> dict[str, ast.Module]:
@@ -40,12 +35,6 @@ def docstring_lines(tree: ast.Module) -> set[int]:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         for line in range(node.lineno, (node.end_lineno or 0) + 1)
     }
-
-
-def is_participle(name: str) -> bool:
-    """Whether the first word of a name is a participle, such as ``kept`` or ``merged_rows``."""
-    word = name.strip("_").split("_")[0]
-    return word in IRREGULAR.split() or (word.endswith("ed") and len(word) > 3 and word not in NOUNS)
 
 
 def import_graph(modules: dict[str, ast.Module]) -> dict[str, set[str]]:
@@ -116,15 +105,7 @@ def main() -> None:
     print(f"{'':12}{'modules':>8}{'lines':>8}{'code':>8}{'docstrings':>12}")
     for package, modules, lines, code, documented in rows():
         print(f"{package:12}{modules:8}{lines:8}{code:8}{documented:8} {documented / lines:3.0%}")
-    trees = sources()
-    names = [function.name for tree in trees.values() for function in functions(tree)]
-    participles = [name for name in names if is_participle(name)]
-    print(f"{len(names)} functions, {len(participles) / len(names):.1%} named by a participle")
-    skipped = sum(
-        path.read_text().count("# fmt: skip") for package in PACKAGES for path in (ROOT / package).rglob("*.py")
-    )
-    print(f"{skipped} lines that the formatter skips")
-    print(f"{len(circles(import_graph(trees)))} import circles")
+    print(f"{len(circles(import_graph(sources())))} import circles")
 
 
 if __name__ == "__main__":

@@ -148,8 +148,6 @@ def test_what_does_not_vary_has_no_spread_and_no_skewness(value, parts):
     assert np.isnan(s["kurt"])
 
 
-# --- intervals of the long run hold the truth, and where few paths carry what is averaged they are wider
-
 SAMPLES, PATHS = 2000, 256
 
 

@@ -99,8 +99,6 @@ def test_bad_input_is_refused_by_name(settings, message):
         simulate_to(dat21(0.1), **settings)
 
 
-# --- where nothing is random one path is the answer, to any accuracy
-
 STILL = {"no noise": dat21(0.0), "fixed backlash": dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution="fixed"))}
 
 

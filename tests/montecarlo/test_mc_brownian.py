@@ -53,8 +53,6 @@ def test_split_is_a_rotation_of_four_standard_normals(share):
     assert np.abs(wide @ wide.T - np.eye(4)).max() > 1e-10
 
 
-# --- against a path laid out in fine steps
-
 FINE, H = 240, 0.3
 
 

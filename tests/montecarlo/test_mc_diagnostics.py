@@ -108,8 +108,6 @@ def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_war
                 assert (len(found.section), len(found.at_times())) == (4, 1)
 
 
-# --- a repr shows what is there
-
 SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
 STEPPED = {"scheme": "euler-maruyama-located", "dt": 0.01, "record": rattle.Record(step_bias=False)}
 MADE = {

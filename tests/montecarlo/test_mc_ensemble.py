@@ -30,9 +30,6 @@ def run():
     return simulate(dat21(0.3), paths=3000, impacts=IMPACTS, dt=5e-3, rng=7, record=record)
 
 
-# --- the contract of the tables
-
-
 def test_section_has_the_columns_of_the_contract(run):
     assert {"tau", "flight", "mesh", "side", *STATE} <= set(run.section.columns)
     for quantity in SECTION:
@@ -80,9 +77,6 @@ def test_agreement_is_the_share_of_paths_on_each_itinerary(run):
     assert run.section.agreement.equals(run.agreement["noise-free"].rename("agreement"))
 
 
-# --- moments at fixed times
-
-
 def test_fixed_times_have_the_rows_asked_for_and_the_columns_of_the_contract(run):
     assert run.at_times().index.tolist() == pytest.approx([0.3, 1.0, 2.0])
     assert run.at_times([2.0, 0.3]).index.tolist() == pytest.approx([2.0, 0.3])
@@ -117,8 +111,6 @@ def test_paths_that_run_on_to_a_late_fixed_time_are_finished():
     assert run.at_times()[["x1", "x2"]].abs().max(axis=None) < 0.5
 
 
-# --- how far the orbit holds
-
 # docs/model.md section 7, at impact 12 of DAT21 from the paper's start; given to three digits at most
 SHARES = {0.01: 1.00, 0.1: 0.945, 0.5: 0.13, np.sqrt(1.5): 0.014}
 AGREEING = 20_000
@@ -139,8 +131,6 @@ def test_share_of_another_noise_is_seen_to_differ():
     se = np.sqrt(0.945 * 0.055 / AGREEING)
     assert abs(agreement_at_12(0.11) - 0.945) > 4.0 * se + 0.005
 
-
-# --- the bias of the step
 
 COARSE_DT, FINE_DT, LAST = 0.01, 5e-4, 4
 
@@ -214,9 +204,6 @@ def test_step_bias_may_be_left_out(run):
         _ = run.step_bias
 
 
-# --- histograms and kept paths
-
-
 @pytest.mark.parametrize("quantity", SECTION)
 def test_histogram_counts_the_kept_paths(run, quantity):
     for impact in range(1, IMPACTS + 1):
@@ -235,9 +222,6 @@ def test_paths_histograms_and_times_are_kept_only_if_asked_for(run):
     assert bare.at_times().empty
 
 
-# --- paths that never get there
-
-
 def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
     run = simulate(
         dat21(0.3), paths=700, impacts=2, dt=5e-3, sampling=Sampling(horizon=0.96), rng=1, record=Record(raw=True)
@@ -246,9 +230,6 @@ def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
     assert 0 < reached.sum() < 700
     assert run.section.paths[2] == reached.sum() == 700 - run.unfinished
     assert run.section.tau[2] == pytest.approx(run.raw[reached, 1, 0].mean(), rel=1e-12)
-
-
-# --- only what the scene requires
 
 
 def test_noise_free_run_computes_one_path_for_all():
@@ -315,9 +296,6 @@ def test_what_is_not_random_has_no_error():
     assert (run.section[["se_y1", "se_sd_y1", "se_energy"]] == 0.0).all(axis=None)
     assert (run.at_times()[["se_x1", "se_cov_x1_y1"]] == 0.0).all(axis=None)
     assert (run.step_bias["se_bias"] == 0.0).all()
-
-
-# --- batches of paths and the energy of impacts
 
 
 def test_batches_are_the_paths_of_their_blocks():

@@ -20,8 +20,6 @@ from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 EXACT, LOCATED = "exact-flight", "euler-maruyama-located"
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 
-# --- the Gaussian distribution of a flight
-
 
 def by_steps(scene, t, steps, across=1.0):
     """Mean and covariance after a time t by the linear map of each step; `across` plants a wrong share of the area."""
@@ -88,8 +86,6 @@ def test_mean_of_a_flight_is_the_flow(case):
         assert np.abs(by_steps(scene, FLIGHT, steps)[0] - exact).max() < 1e-13
 
 
-# --- the noise-free orbit
-
 ORBITS = {
     "DAT21": dat21(), "unequal gaps": UNEQUAL_GAPS, "damped": DAMPED, "single": dat21(stages=1),
     "wider": dat21(tolerance=Tolerance(0.04, 0.02, distribution="fixed")),
@@ -120,9 +116,6 @@ def test_noise_free_path_is_the_orbit_at_any_step(case):
 
 def test_orbit_check_sees_another_restitution():
     assert orbit_error(dat21(), math.pi / 32.0, epsilon=dat21().epsilon + 1e-8) > 1e-9
-
-
-# --- no bias of the step
 
 
 def moments(run, prefixes=("", "sd_"), least=1e-9):
@@ -214,8 +207,6 @@ def test_coarse_levels_of_one_noise_differ_by_no_bias():
     assert agrees(seen.bias, 0.0, seen.se_bias)
 
 
-# --- against Euler's steps, extrapolated
-
 EULER = {
     "DAT21 0.05": (dat21(0.05), 60_000), "DAT21 0.5": (dat21(0.5), 20_000),
     "DAT21 1.22": (dat21(math.sqrt(1.5)), 20_000),
@@ -265,9 +256,6 @@ PLANTED = {
 def test_comparison_with_euler_steps_sees_another_scene(fault, extrapolated):
     other = replace(dat21(0.05), **PLANTED[fault])
     assert not agrees_with(extrapolated("DAT21 0.05"), sampled(other, math.pi / 128.0, 60_000, FEW))
-
-
-# --- close to a wall
 
 
 @pytest.mark.parametrize("scene", [UNEQUAL_GAPS, TOLERANT], ids=["fixed walls", "redrawn walls"])

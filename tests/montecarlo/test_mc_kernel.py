@@ -225,9 +225,6 @@ def test_a_path_sticks_where_that_of_the_oracle_does():
         assert np.abs(raw.fixed[0, p, 0] - path.state).max() < 1e-12
 
 
-# --- exact flights without walls: the noise a path gets, step by step
-
-
 def displaced(scene, tau, h, increment, area):
     """Displacement by the noise whose increment and area over a time h are given, all else zero: by quadrature."""
 

@@ -199,8 +199,6 @@ def test_slow_share_counts_what_is_slow(run):
     assert below / run.impacts == pytest.approx(every["slow_share"].value, rel=0.1)
 
 
-# --- a budget bounds all of a run; the clock ticks with the periods of its blocks, so that no machine is too slow
-
 SECOND = 1.0  # of a block of paths and a period
 
 

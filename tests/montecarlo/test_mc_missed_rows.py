@@ -87,8 +87,6 @@ def test_an_answer_in_place_of_a_refusal(monkeypatch):
     assert simulate_to(NOISY, 0.1, impacts=2, refuse=False).reach.missed == ()
 
 
-# --- the paths that an accuracy is expected to take, with the branches that a pilot run cannot have seen
-
 GEARS = Gears(
     alpha=1.5, epsilon=0.9, omega=300.0, inertia1=4000.0, inertia2=2500.0, radius1=41.0, radius2=26.4,
     backlash1=0.2, torque1=100.0,

@@ -22,7 +22,6 @@ U = np.uint64
 words, pair = for_python(module.words), for_python(module._pair)
 FULL = 0xFFFFFFFF
 
-# --- Philox 4x32-10
 
 # kat_vectors of Random123: counter, key, output
 KNOWN = [
@@ -81,8 +80,6 @@ def test_comparison_of_words_sees_one_round_less():
     counter, key, _ = KNOWN[2]
     assert found(counter, key) != philox(counter, key, rounds=9)
 
-
-# --- normals
 
 EXTREME = [0, 1, 0xFF, 0x100, 0xFFFF, 0xFFFFFF, 0x1000000, 0x7FFFFF00, 0x7FFFFFFF]
 EXTREME += [0x80000000, 0xFFFFFF00, FULL - 1, FULL]
@@ -161,9 +158,6 @@ def test_filled_normals_are_those_of_the_single_function_bit_for_bit():
         assert (z[:, lanes:] == 0.0).all()
 
 
-# --- laws
-
-
 @jit
 def drawn(low, high, paths, indices, purpose):
     """Normals of many paths and indices, shape (paths, indices, 4)."""
@@ -213,17 +207,11 @@ def test_keys_of_nearby_seeds_differ():
     assert len({tuple(int(w) for w in key_of(s)) for s in seeds}) == 2000
 
 
-# --- no counter twice
-
-
 def test_splits_of_a_step_stay_within_its_indices():
     """Calls 0 to `MOST_IN_A_STEP`, each with its own indices for the cuts: none reaches into the next step's."""
     assert int(CUTS_APART) > MOST_CUTS
     assert MOST_IN_A_STEP * int(CUTS_APART) + MOST_CUTS < int(SPLITS)
     assert int(SPLITS) > MOST_IN_A_STEP  # the located scheme: one split a call
-
-
-# --- two-point increments
 
 
 def signs(paths, steps):

@@ -133,8 +133,6 @@ def test_the_page_of_the_commands_is_short_and_has_every_option(browser, site):
     assert "--accuracy" in text
 
 
-# --- committed pages link what is committed with them
-
 REPOSITORY = Path(__file__).parents[2]
 LINK = {".html": re.compile(r'(?:href|src)="([^"#:]+)"'), ".md": re.compile(r"\]\(([^)#: ]+)\)")}
 

@@ -76,8 +76,6 @@ def test_numbers_of_cells():
     assert [leading_number(t) for t in ("below 0.5", "+3e-4 ✓", "0.001 – 2", "no")] == [0.5, 3e-4, 0.001, None]
 
 
-# --- ``rattle show``, as a user meets it
-
 show = partial(rattle, "show")
 
 

@@ -31,9 +31,6 @@ def still():
     return build
 
 
-# --- the restitution maps --------------------------------------------------------------------------------------------
-
-
 def wheels_after_mesh_2(gears, y2):
     """Changes of (u_1, u_2) by the impulse of Eq. 2 along W = (-R_1, R_2), such that Newton's law holds."""
     masses = np.array([gears.inertia1 / gears.radius1**2, gears.inertia2 / gears.radius2**2])
@@ -90,8 +87,6 @@ def test_elastic_impacts_conserve_energy_over_thousands(still, stages, mu):
     assert energy == pytest.approx(energy[0], rel=5000 * 4e-16)  # a rounding or two for each impact
 
 
-# --- the next impact, against an integrator with events --------------------------------------------------------------
-
 SCENES = {
     "DAT21": Scene.from_gears(DAT21),
     "unequal gaps": Scene(
@@ -119,9 +114,6 @@ def test_next_impact_is_the_first_crossing_of_an_integrator(name):
         assert abs(t - expected[0]) < 1e-11 + 1e-11 / speed  # what the integrator leaves in x, over the speed
         known = 2 * c.stages  # a single stage has no x2, y2
         assert there[:known] == pytest.approx(expected[3][:known], rel=0, abs=1e-10 + 1e-10 / speed)
-
-
-# --- crossings that a step could miss --------------------------------------------------------------------------------
 
 
 def turning_state(c, tau, x1, before):
@@ -188,9 +180,6 @@ def test_no_impact_within_the_horizon_is_reported(still, y1, horizon):
     assert (t, mesh, side) == (horizon, NONE, 0)
 
 
-# --- sticking and grazing contact -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("drag", [3.0, 50.0])
 def test_a_mesh_under_drag_sticks(still, drag):
     t, mesh, *_ = next_impact(still(gamma1=drag, gamma2=drag).constants, 0.0, 0.5, 0.0, 0.0, 0.0, HORIZON)
@@ -223,8 +212,6 @@ def test_states_that_barely_touch_their_walls_get_an_answer(tau, d1, y1, d2, y2)
     assert 0.0 <= t < HORIZON
     assert np.isfinite(there).all()
 
-
-# --- the orbit
 
 FIELDS = ("tau", "mesh", "side", "before", "after")
 

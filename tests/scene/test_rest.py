@@ -35,9 +35,6 @@ def sticking_of(scene, mesh, impacts, least=0.02):
     return orbit, next(r for r in orbit.sticking if r.mesh == mesh and r.opened - r.closed > least)
 
 
-# --- against compliant contact: the distance falls as stiffness ** -1/2 -----------------------------------------------
-
-
 def spring_and_damper(epsilon, stiffness):
     """Damping at which a unit mass leaves a spring with epsilon of its speed."""
     log = math.log(epsilon)
@@ -99,9 +96,6 @@ def test_a_mesh_closed_too_long_is_noticed():
     until = float(orbit.tau[phase.impact + 1]) - 1e-6
     soft, hard = (furthest(orbit, phase.closed, until, k) for k in (1e5, 1e7))
     assert hard > 0.9 * soft
-
-
-# --- where it opens ---------------------------------------------------------------------------------------------------
 
 
 def contact_forces(c, tau, state, sides):
@@ -195,9 +189,6 @@ def test_sticking_keeps_what_the_contact_does_not_act_on():
     )
 
 
-# --- when it closes ---------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("epsilon", [0.0, 0.1, 0.5, 0.9, 0.99])
 @pytest.mark.parametrize("drag", [1e-3, 1.0, 50.0])
 def test_the_sum_of_all_bounces(epsilon, drag):
@@ -227,9 +218,6 @@ def test_an_elastic_mesh_never_sticks():
     assert (orbit.found, orbit.sticking) == (5000, ())
 
 
-# --- what is said of it -----------------------------------------------------------------------------------------------
-
-
 def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     orbit = follow(SINGLE, 40)
     assert (orbit.found, orbit.stopped) == (40, "")
@@ -256,8 +244,6 @@ def test_an_orbit_that_strikes_no_more_is_reported():
     orbit = follow(Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(y1=0.01)), 5)
     assert (orbit.found, orbit.stopped) == (0, f"{MISSES[NONE]} after impact 0")
 
-
-# --- the threshold of rattle
 
 THREE = (Order(1, 1.0), Order(2, 0.4, 0.7), Order(5, 0.08, -1.1))
 SCENES = {

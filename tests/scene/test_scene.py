@@ -154,9 +154,6 @@ def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
     assert scene.start_state == pytest.approx((wall1, 2.0, 0.4, 2.0))
 
 
-# --- TOML ----------------------------------------------------------------------------------------------------------
-
-
 MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
 
 
@@ -216,8 +213,6 @@ def test_a_file_that_is_not_utf8_is_refused(tmp_path):
     with pytest.raises(FileError, match=r"latin\.toml.*is not UTF-8 text; give a TOML file"):
         Scene.load(path)
 
-
-# --- scenes show themselves as the Python text that makes them
 
 NAMES = {"DAT21": DAT21, "Gears": Gears, "Scene": Scene, "Start": Start, "Tolerance": Tolerance}
 LOOSE = replace(DAT21, backlash2=0.25)

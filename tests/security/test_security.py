@@ -27,9 +27,6 @@ NAMES = {"eval", "exec", "compile", "__import__", "system", "popen", "read_pickl
 SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-validity", "--closure", "corrected", "--sigma", "0.1"]
 
 
-# --- what the sources may do
-
-
 def offences(path, source):
     """Imports and calls in a source that run code from data, or open a shell or a connection."""
     for node in ast.walk(ast.parse(source)):
@@ -73,8 +70,6 @@ def test_every_dependency_is_pinned_by_name_and_hash():
     for pin in (ROOT / "requirements.txt").read_text().replace(" \\\n    ", " ").splitlines():
         assert re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9.]+( --hash=sha256:[0-9a-f]{64})+", pin)
 
-
-# --- names
 
 NASTY = "a\"'<script>alert(1)<$\\frac{&`_*[x](y)|# \x1b[31m%s{0}…"
 
@@ -120,9 +115,6 @@ def test_a_hostile_name_in_a_report(tmp_path, monkeypatch):
     (other,) = set((tmp_path / "reports").iterdir()) - {out}
     assert other.name.startswith("evil")
     assert set(tmp_path.parent.iterdir()) == before
-
-
-# --- connections
 
 
 @pytest.fixture

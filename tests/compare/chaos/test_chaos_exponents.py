@@ -164,9 +164,6 @@ def test_mean_maps_report_where_they_break_down():
     assert (maps["too_wide"][["corrected", "saltation"]] < 20).all()
 
 
-# --- distances of neighbours with the same noise
-
-
 @pytest.mark.slow
 def test_the_square_root_law_has_its_exponent_and_its_prefactor():
     """Seven ratios whose 95 % intervals are widened to 99.9 % together: 1.96 -> 3.8 standard errors."""
@@ -219,9 +216,6 @@ def test_without_noise_the_finite_size_exponent_is_the_lyapunov_exponent_and_wit
     assert (noisy["low"].to_numpy()[:-1] > noisy["high"].to_numpy()[1:]).all()
     assert noisy["low"][0] > 10.0 * orbit.value[0]
     assert noisy.equals(finite_size(DAT, deltas=(1e-7, 1e-5, 1e-3), events=1000, workers=1))
-
-
-# --- spectra, sections and bifurcations
 
 
 def test_the_band_covers_white_noise():

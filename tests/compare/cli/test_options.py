@@ -165,8 +165,6 @@ def test_an_example_loads_and_simulates(path):
     assert run.unfinished == 0
 
 
-# --- names may hold anything: what is said of them stays on one line that obeys nothing
-
 NAMES = ["two\nlines", "red \x1b[31m", "part\u2028part", "turned \u202e", "back\rover", "tab\tbell\a", "n" * 200]
 
 

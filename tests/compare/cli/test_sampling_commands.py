@@ -75,9 +75,6 @@ def test_speed_has_the_floor_and_every_scheme(monkeypatch):
     assert rows["a skilled loop in numba, without statistics"]["gain"] == 1.0
 
 
-# --- what is compiled, when, and what is said of it
-
-
 def test_after_warming_up_nothing_is_compiled():
     found = tasks()
     assert {f"closure {name}" for name in CLOSURES} | {f"scheme {name}" for name in SCHEMES} < set(found)

@@ -114,8 +114,6 @@ def test_a_parameter_that_cannot_be_changed_has_a_remark(tmp_path):
     assert len(found.answer) == 3  # a sentence for each quantity, and what was simulated
 
 
-# --- what closures say of parameters
-
 SMALL = Scene.from_gears(DAT21, sigma=0.01)
 CHANGED = ["amplitude", "epsilon", "sigma"]
 

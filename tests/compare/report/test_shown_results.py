@@ -111,8 +111,6 @@ def test_a_generator_is_refused_with_what_to_give(rng):
     assert caught.value.field == "rng"
 
 
-# --- a notebook shows the figures of results, once, whatever pyplot does
-
 MAKE = """import rattle as rt
 m = rt.mean_map(rt.Scene.from_gears(rt.DAT21, sigma=0.1), impacts=3)"""
 

@@ -84,9 +84,6 @@ def test_a_cluster_without_workers_is_named(study, tmp_path):
         run(study.cells, Store(tmp_path / CELLS), Cluster(empty.scheduler_address, patience=1.0))
 
 
-# --- what goes wrong later: nothing of it is waited for, what is finished is kept
-
-
 @pytest.fixture
 def small():
     return Study.from_toml(study_text(sigmas=(0.02, 0.1)))
@@ -181,9 +178,6 @@ def test_a_cell_that_cannot_be_computed_costs_itself_only(small, tmp_path, kind,
     assert len(kept(SimpleNamespace(cells=others), store)) == len(others)
 
 
-# --- what is no scheduler
-
-
 def test_a_server_that_is_no_scheduler_is_named(small, tmp_path):
     """One that accepts connections and is silent; one that is not there."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
@@ -204,9 +198,6 @@ def test_an_address_of_another_form_is_refused_before_anything_is_made(tmp_path,
     found = rattle("study", file, "--scheduler", address, code=2)
     assert f"scheduler = {address!r}: give tcp://HOST:PORT, or tls://HOST:PORT" in found.output
     assert not (tmp_path / "s").exists()
-
-
-# --- who may talk to whom
 
 
 @pytest.fixture(scope="module")

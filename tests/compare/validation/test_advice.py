@@ -107,9 +107,6 @@ def test_the_cost_is_that_of_a_run_to_the_accuracy():
     assert cost.core_seconds == pytest.approx(cost_of(run, cost.paths).core_seconds, rel=0.05)
 
 
-# --- what a simulation of a given accuracy costs
-
-
 def rows(**columns):
     return pd.DataFrame({"unit": [1.0], "se": 1.0, **columns})
 

@@ -105,8 +105,6 @@ def test_an_exact_flight_hits_the_wall_with_its_velocity_to_rounding():
         assert (orbit[q] - run[q]).abs().max() < 3e-14, q
 
 
-# --- which rows of a claim are judged
-
 SMALL = Scene.from_gears(DAT21, sigma=0.02)
 
 

@@ -100,9 +100,6 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     assert len(rows_to_judge(v, "saltation")) == 30
 
 
-# --- validity of the correlation coefficient on both sides
-
-
 @pytest.fixture(scope="module")
 def validation():
     return validate(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=6, paths=20_000, rng=3, workers=2)

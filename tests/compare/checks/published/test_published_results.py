@@ -117,8 +117,6 @@ def test_what_is_not_a_number_fails():
     assert not Check("sum", np.nan, 1.0).holds(4.0)
 
 
-# --- the return-speed result holds for the step of ``exact-flight``, which follows no tree of the noise
-
 GROWTH, STEP_TIME, NEAR, FAR, MOST, CALLS = 64.0, 1e-4, 1e-5, 1.0, 200, Word(2**16)
 NOWHERE = (0.0, 0.0, 0.0, 0.0)
 

@@ -1,4 +1,4 @@
-"""Run a fuzzing campaign: ``PYTHONPATH=. python tests/fuzz/campaign.py [--scenes N]``.
+"""Run a fuzzing campaign: ``PYTHONPATH=. python docs/results/measure_fuzzing.py [--scenes N]``.
 
 Every scene goes through one entry point, which is drawn with it.  Finished chunks are kept in a working folder, so that
 the same command continues an interrupted campaign.  The report has the counts, their figure and the slowest scenes.
@@ -20,7 +20,7 @@ from rattle.compare.report import provenance
 from rattle.compare.report.folder import check_free, whole_folder
 from rattle.compare.report.json_text import json_text
 
-sys.path.append(str(Path(__file__).parents[1] / "helpers"))  # as pytest does
+sys.path.extend(str(Path(__file__).parents[2] / "tests" / folder) for folder in ("helpers", "fuzz"))  # as pytest does
 from fuzz_checks import check
 from fuzz_plan import PLAN, job
 from fuzz_watched import BOUND, Watched
