@@ -1,22 +1,20 @@
 """The command ``rattle``."""
 
+import errno
+from typing import Any
+
+import click
+
+from rattle.compare.cli.check import check, claims, warm_up
+from rattle.compare.cli.parameters import boundary, sensitivity
+from rattle.compare.cli.shared import say
+from rattle.compare.cli.show import animate, drive, init, show
+from rattle.compare.cli.simulate import chaos, simulate, stationary
+from rattle.compare.cli.study import study
+from rattle.compare.cli.validate import order, tradeoff, validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon, said
-
-with ends_soon(raises=False):
-    import errno
-    from typing import Any
-
-    import click
-
-    from rattle.compare.cli.check import check, claims, warm_up
-    from rattle.compare.cli.parameters import boundary, sensitivity
-    from rattle.compare.cli.shared import say
-    from rattle.compare.cli.show import animate, drive, init, show
-    from rattle.compare.cli.simulate import chaos, simulate, stationary
-    from rattle.compare.cli.study import study
-    from rattle.compare.cli.validate import order, tradeoff, validate
-    from rattle.scene.errors import RattleError
-    from rattle.scene.text import harmless, line
+from rattle.scene.errors import RattleError
+from rattle.scene.text import harmless, line
 
 EXIT_BAD_INPUT = 2
 STORAGE = {
@@ -32,11 +30,6 @@ NO_TEMPORARY = ("MPLCONFIGDIR", "No usable temporary directory")
 
 class RattleGroup(click.Group):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
-
-    def main(self, *args: Any, **extra: Any) -> Any:
-        """Run the command line; Ctrl-C ends it at once where no command runs."""
-        with ends_soon(raises=False):
-            return super().main(*args, **extra)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command, and convert its errors to a message and an exit code."""

@@ -13,7 +13,6 @@ from types import FrameType
 
 EXIT_INTERRUPTED = 130
 NOTHING_WRITTEN = "interrupted; nothing was written"
-LOST = "interrupted; unfinished work is lost, no file is half written"
 GRACE = 1.2
 """Seconds from Ctrl-C to the end of the process: enough to finish running blocks of paths and to print one line."""
 LOSES_EXCEPTIONS = ("<frozen importlib._bootstrap>", "executionengine.py", "ffi.py")
@@ -24,11 +23,11 @@ said = threading.Event()
 
 
 @contextmanager
-def ends_soon(raises: bool = True) -> Iterator[None]:
+def ends_soon() -> Iterator[None]:
     """Context in which Ctrl-C raises KeyboardInterrupt, and ends the process `GRACE` seconds later at the latest.
 
-    It ends at once, which is safe because results are written whole or not at all, where an exception would be lost,
-    and without `raises`; the threads of a simulation cannot be stopped otherwise.
+    It ends at once where an exception would be lost; the threads of a simulation cannot be stopped otherwise.  That is
+    safe because results are written whole or not at all.
     """
     if threading.current_thread() is not threading.main_thread():  # which alone gets signals
         yield
@@ -39,9 +38,9 @@ def ends_soon(raises: bool = True) -> Iterator[None]:
         if asked.is_set():  # a second Ctrl-C does not stop the cleaning up
             return
         asked.set()
-        if not raises or _loses_exceptions(frame):
-            _end(LOST if raises else "interrupted")
-        _thread.start_new_thread(_end, (LOST, GRACE))  # a Thread takes locks that the main thread may hold
+        if any(part.f_code.co_filename.endswith(LOSES_EXCEPTIONS) for part, _ in walk_stack(frame)):
+            _end(0.0)
+        _thread.start_new_thread(_end, (GRACE,))  # a Thread takes locks that the main thread may hold
         raise KeyboardInterrupt
 
     said.clear()
@@ -75,15 +74,10 @@ def stop_after(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _loses_exceptions(frame: FrameType | None) -> bool:
-    stack = () if frame is None else walk_stack(frame)
-    return any(part.f_code.co_filename.endswith(LOSES_EXCEPTIONS) for part, _ in stack)
-
-
-def _end(text: str, seconds: float = 0.0) -> None:
+def _end(seconds: float) -> None:
     time.sleep(seconds)
     if said.is_set():
         time.sleep(0.1)  # the main thread is printing its line
     else:
-        os.write(2, f"rattle: {text}\n".encode())
+        os.write(2, b"rattle: interrupted; unfinished work is lost, no file is half written\n")
     os._exit(EXIT_INTERRUPTED)

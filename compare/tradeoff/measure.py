@@ -242,10 +242,13 @@ def multilevel_points(
 
 
 def means_seconds(model: CostModel, accuracy: float, *, control: bool, typical: bool = False) -> float:
-    """Nominal core-seconds of the counted work of exact flights for the section means alone."""
+    """Nominal core-seconds of the counted work of exact flights for the section means alone.
+
+    `control`: Whether by the standard errors of the run, with the control variate or with paths near rare branches.
+    """
     unit, section = units(model.best), model.best.section
     n = section["paths"].to_numpy(float)[:, None]
-    spread = np.sqrt(model.best.result.sums["section"].moment(2, 0))
+    spread = section[["sd_" + q for q in SECTION]].to_numpy()
     errors = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(n) if control else spread
     share = errors / unit.to_numpy()
     one = float(np.nanmedian(share) if typical else np.nanmax(share))

@@ -98,7 +98,8 @@ def _parts(m: Tradeoff) -> dict[str, Any]:
         cells = [f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())]
         cells += [f"{means_seconds(exact, a, control=control):.2g}" for control in (True, False)]
         means.append((f"{a:g}", *cells))
-    heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} with control", f"{EXACT} without"]
+    how = "with control" if exact.best.plan.mixture is None else "with paths near rare branches"
+    heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} {how}", f"{EXACT} without"]
     rates = ("alpha", "beta", "typical_beta", "gamma")
     parts: dict[str, Any] = {
         "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in m.accuracies]),

@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 from commands import rattle as command
 
-from rattle.compare.tradeoff.measure import CostModel, CostPoint, _compare, closure_points, slope
+from rattle.compare.tradeoff.measure import CostModel, CostPoint, _compare, closure_points, means_seconds, slope
 from rattle.compare.tradeoff.multilevel import Levels, Rate, control_table, fit, giles_cost, levels_of
 from rattle.compare.tradeoff.page import CONTENTS, cheapest
-from rattle.montecarlo import Record, simulate
+from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.kernel.block import sample
@@ -35,6 +35,18 @@ def runs():
 
 
 # multilevel
+
+
+@pytest.mark.parametrize("run", [simulate, simulate_rare])
+def test_the_cost_of_means_is_known_however_paths_were_drawn(run):
+    """One path for an accuracy of one sd; and the run's own standard errors beside it."""
+    scene, settings = Scene.from_gears(DAT21, sigma=0.1), {"impacts": 3, "paths": 4096}
+    first = simulate(scene, **settings)
+    model = CostModel("exact-flight", first, 0.0, 0.0, 0.0, 0.0, run(scene, **settings))
+    path = cost_of(first, 1).core_seconds
+    found = means_seconds(model, 0.01, control=False, typical=True)
+    assert found == pytest.approx(1e4 * path)
+    assert 0.01 * found < means_seconds(model, 0.01, control=True, typical=True) < 1.5 * found
 
 
 def test_giles_cost_is_that_of_the_best_allocation():
