@@ -181,8 +181,7 @@ class Store:
         except FileNotFoundError:
             return None
         except Exception as error:  # pyarrow and pandas raise many kinds for a file that is not theirs
-            number = errno.ENOMEM if isinstance(error, MemoryError) else getattr(error, "errno", None)
-            if number is not None:  # the system's own: the file may be sound
+            if number := getattr(error, "errno", None):  # the system's own: the file may be sound
                 how = "it stays as it is: remove the cause, and repeat the command"
                 raise self._refuse(f"{path.name} cannot be read ({os.strerror(number)}); {how}") from None
         return None

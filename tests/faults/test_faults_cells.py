@@ -27,7 +27,6 @@ def file(tmp_path, monkeypatch):
 REFUSALS = {
     "no right": (OSError(errno.EACCES, "Permission denied"), "Permission denied"),
     "a failing disk": (OSError(errno.EIO, "Input/output error"), "Input/output error"),
-    "no memory": (MemoryError(), "Cannot allocate memory"),
 }
 
 

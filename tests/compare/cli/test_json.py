@@ -1,6 +1,5 @@
 """Every ``--json`` output and every JSON file is strict JSON, and one module writes all of them."""
 
-import ast
 import math
 from pathlib import Path
 
@@ -87,46 +86,6 @@ def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():
     assert read["seconds"] is None
     assert manifest.is_whole(read)
     assert not manifest.is_whole(read | {"paths": 4})
-
-
-WRITERS = {
-    "report/json_text.py": {"dumps"},
-    "report/save.py": {"to_csv"},
-    "cli/shared.py": {"echo"},
-    "cli/show.py": {"echo"},
-    "engine/store.py": {"print"},
-}
-"""Where each of these may be called: a page on a terminal has colours, and each of its texts is escaped by itself;
-waiting for another process is reported on standard error, also within pytest."""
-
-
-def written_elsewhere(source, allowed=frozenset()):
-    """Calls in a source that print, or write JSON or CSV, by other ways than the one for it."""
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.ImportFrom) and node.module in ("json", "click"):
-            yield from ({a.name for a in node.names} & {"dump", "dumps", "echo", "secho"}) - allowed
-        if not isinstance(node, ast.Call):
-            continue
-        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
-        of = getattr(getattr(node.func, "value", None), "id", "")
-        json_or_terminal = (of == "json" and name in ("dump", "dumps")) or (of == "click" and name in ("echo", "secho"))
-        if (json_or_terminal or name in ("to_json", "to_csv", "print")) and name not in allowed:
-            yield name
-
-
-def test_one_place_prints_and_writes():
-    for path in sorted((ROOT / "compare").rglob("*.py")):
-        name = path.relative_to(ROOT / "compare").as_posix()
-        assert list(written_elsewhere(path.read_text(encoding="utf-8"), WRITERS.get(name, frozenset()))) == [], name
-
-
-@pytest.mark.parametrize(
-    "source",
-    ["json.dumps(x)", "json.dump(x, f)", "from json import dumps", "x.to_json()", "x.to_csv(f)", "click.echo(x)",
-     "from click import echo", "click.secho(x)", "print(x)"],
-)  # fmt: skip
-def test_what_writes_elsewhere_is_seen(source):
-    assert list(written_elsewhere(source))
 
 
 def test_numbers_in_csv_are_whole_and_texts_harmless():

@@ -1,6 +1,5 @@
 """Baselines: recorded on request, compared by default, regenerated where something changed and never silently."""
 
-import re
 import tomllib
 
 import pytest
@@ -95,39 +94,3 @@ def test_a_damaged_file_is_named(recorded, pytester):
     result = recorded()
     result.assert_outcomes(failed=2)
     result.stdout.fnmatch_lines(["rattle: baseline = '*.toml': is damaged *restore it, or remove and record it"])
-
-
-HOSTILE = """
-def model(scene, impacts):
-    section = mean_map(scene, impacts=impacts).section
-    return section.assign(y1=1.5 * section["y1"])
-model.__name__ = "\x1b]0;pwned\x07\u202e\x9b"
-
-SCENE = Scene.from_gears(DAT21, sigma=0.02)
-pytestmark = pytest.mark.rattle(scene=SCENE, impacts=1, quantities="y1", moments="mean", paths=1024)
-
-def test_recorded(rattle):
-    rattle.baseline(model)
-
-def test_checked(rattle):
-    rattle.check(model)
-"""
-
-
-def test_no_name_of_a_model_or_in_a_baseline_steers_the_terminal(run, pytester):
-    steering = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e]")
-
-    def said(*options):
-        found = run(HOSTILE, "--color=no", "-rA", *options, cache=None)
-        text = found.stdout.str() + found.stderr.str()
-        assert not steering.search(text)
-        assert r"\x1b]0;pwned\x07\u202e\x9b exceeds the allowed error" in text
-        return text
-
-    said("--rattle-baselines=record")
-    path = pytester.path / "baselines" / "test_suite" / "test_recorded.toml"
-    recorded = path.read_text(encoding="utf-8")
-    assert not steering.search(recorded)
-    path.write_text(recorded + '\n["\\u001b[2J\\u202e"]\nx = "\\u009b\\na"\n', encoding="utf-8")
-    assert r"\x1b[2J\u202e.x: \x9b a -> nothing" in said()
-    assert r"\x1b[2J\u202e.x: \x9b a -> nothing" in said("--rattle-baselines=regenerate")
