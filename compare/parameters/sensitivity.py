@@ -92,7 +92,9 @@ class Sensitivity(Finding):
                 said.append(f"For {words} no effect is larger than its error.")
                 continue
             lever = _effect_words(known[row["parameter"]], row)
-            said.append(f"The strongest lever on {words} (now {value_text(now['value'], now['unit'])}) is the {lever}.")
+            the = "" if lever.startswith("`") else "the "  # a field, or a parameter of the gears
+            at = value_text(now["value"], now["unit"])
+            said.append(f"The strongest lever on {words} (now {at}) is {the}{lever}.")
         return [*(said or ["Nothing that was changed has an effect that can be stated."]), self.said]
 
     def of(self, quantity: str) -> pd.DataFrame:
