@@ -242,15 +242,6 @@ def read_table(
 
     `whose`: Named in messages.  `index`: The rows that it must have; more are left aside.  `needed`: Columns that
     it must have.  `known`: Columns that it may have.  An infinite value counts as not predicted.
-
-    Examples
-    --------
-    >>> read_table("mine", {"tau": [0.5, 0.9]}, range(1, 3), ["tau"])["tau"].tolist()
-    [0.5, 0.9]
-    >>> read_table("mine", {"tau": [0.5], "sd_tua": [0.1]}, range(1, 2), [])
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: columns of mine = 'sd_tua': did you mean 'sd_tau'?
     """
     import pandas as pd
 

@@ -150,13 +150,6 @@ def within(error: Floats, tolerance: float) -> Bools:
     """Whether the bounds of an impact's errors are within a tolerance.
 
     Shapes: `error` (impacts + 1, 2, 6); result (impacts + 1,).
-
-    Examples
-    --------
-    >>> error = np.zeros((2, 2, 6))
-    >>> error[1, 0, 3] = 0.06
-    >>> within(error, 0.05).tolist()
-    [True, False]
     """
     limits = np.array([tolerance, SDS * tolerance])[:, None]
     return np.asarray(~(error > limits).any(axis=(1, 2)))

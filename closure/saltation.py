@@ -45,14 +45,7 @@ class Steps(NamedTuple):
 
 
 def section_start(scene: Scene) -> Floats:
-    """Covariance of the section state after the start.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> section_start(Scene.from_gears(DAT21, sigma=0.1, correlation_time=0.25)).diagonal().tolist()
-    [0.0, 0.0, 0.0, 0.0, 0.0, 2.0]
-    """
+    """Covariance of the section state after the start."""
     plain = start_covariance(scene)
     if not scene.correlation_time:
         return plain

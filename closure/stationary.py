@@ -69,16 +69,7 @@ def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floa
 
 
 def linear_law(scene: Scene, a: Attractor) -> Law:
-    """The stationary law of the linear closure at a stable periodic orbit.
-
-    Examples
-    --------
-    >>> from rattle.closure.long_orbit import attractor
-    >>> scene = Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=1e-3)
-    >>> law = linear_law(scene, attractor(scene))
-    >>> round(law.rate * math.pi, 12), bool(np.all(law.sd_speed < 2e-3))
-    (1.0, True)
-    """
+    """The stationary law of the linear closure at a stable periodic orbit."""
     if a.kind != PERIODIC:
         raise NotPredicted(f"the orbit {a.reason}")
     if scene.correlation_time:

@@ -34,13 +34,7 @@ def read_json(what: str, path: str | Path, give: str) -> Any:
 
 
 def read_toml(text: str) -> dict[str, Any]:
-    """Parse a TOML text.
-
-    Examples
-    --------
-    >>> read_toml("sigma = 0.1")
-    {'sigma': 0.1}
-    """
+    """Parse a TOML text."""
     if not isinstance(text, str):
         raise FileError("TOML", text, "give text")
     try:

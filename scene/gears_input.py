@@ -100,13 +100,7 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
 
 
 def own_amplitude(gears: dict[str, Any], drive: object) -> dict[str, Any]:
-    """The table of the gears, with the amplitude of the first order, in mm or rad, where it gives none of its own.
-
-    Examples
-    --------
-    >>> own_amplitude({"omega": 300.0}, [{"order": 1, "amplitude_mm": 0.3}])
-    {'omega': 300.0, 'amplitude': 0.3}
-    """
+    """The table of the gears, with the amplitude of the first order, in mm or rad, where it gives none of its own."""
     if isinstance(drive, list) and drive and isinstance(drive[0], Mapping) and not set(DRIVES) & set(gears):
         for name, own in AMPLITUDES.items():
             if name in drive[0]:

@@ -11,13 +11,7 @@ text or are invisible; halves of surrogate pairs (Cs); line and paragraph separa
 
 
 def harmless(text: str, keep: str = "\n\t") -> str:
-    r"""Show control and formatting characters as escapes, so that a terminal or a page does not obey them.
-
-    Examples
-    --------
-    >>> print(harmless("\x1b[31mred, \u202eturned"))
-    \x1b[31mred, \u202eturned
-    """
+    r"""Show control and formatting characters as escapes, so that a terminal or a page does not obey them."""
     if text.isprintable():
         return text
     return "".join(
@@ -27,24 +21,12 @@ def harmless(text: str, keep: str = "\n\t") -> str:
 
 
 def line(text: str) -> str:
-    r"""Put a text on one line: white space collapsed, control characters escaped.
-
-    Examples
-    --------
-    >>> print(line("one\n two\x1b[31m"))
-    one two\x1b[31m
-    """
+    r"""Put a text on one line: white space collapsed, control characters escaped."""
     return " ".join(harmless(text).split())
 
 
 def duration_text(seconds: float, digits: int = 3) -> str:
-    """A duration in a convenient unit, to some digits.
-
-    Examples
-    --------
-    >>> duration_text(3.0), duration_text(5400.0), duration_text(1e9), duration_text(0.00123, 2)
-    ('3 s', '1.5 h', '31.7 years', '1.2 ms')
-    """
+    """A duration in a convenient unit, to some digits."""
     units = {"s": 1.0, "minutes": 60.0, "h": 3600.0, "days": 24.0 * 3600.0, "years": 365.25 * 24.0 * 3600.0}
     name = max((n for n, size in units.items() if seconds >= 1.5 * size), key=lambda n: units[n], default="s")
     if 0.0 < seconds < 0.1:
@@ -56,13 +38,7 @@ WIDTH = 100
 
 
 def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> str:
-    """Python text of a call, on as many lines as it needs.
-
-    Examples
-    --------
-    >>> as_call("Start", {"tau": 0.0, "mesh": 1})
-    'Start(tau=0.0, mesh=1)'
-    """
+    """Python text of a call, on as many lines as it needs."""
     listed = ", ".join([first] * bool(first) + [f"{key}={value!r}" for key, value in arguments.items()])
     text = " ".join(f"{name}({listed})".split())
     return textwrap.fill(text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)

@@ -31,14 +31,7 @@ DIMENSIONLESS = {
 
 
 class Units(NamedTuple):
-    """What one dimensionless unit of a gear pair is in physical units; see `rattle.scene.Gears.units`.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> [round(x, 6) for x in DAT21.units]
-    [3.333333, 0.2, 60.0, 8.56633]
-    """
+    """What one dimensionless unit of a gear pair is in physical units; see `rattle.scene.Gears.units`."""
 
     time: float  # ``1 / omega``, in ms
     length: float  # ``backlash1``, in mm

@@ -190,13 +190,7 @@ def _height(x: Any, top: float) -> Any:
 
 @dataclass(frozen=True)
 class Wheel:
-    """A toothed wheel of `TEETH` teeth.
-
-    Examples
-    --------
-    >>> Wheel(6.0, 0.35).module
-    1.0
-    """
+    """A toothed wheel of `TEETH` teeth."""
 
     radius: float
     width: float

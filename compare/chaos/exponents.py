@@ -168,11 +168,6 @@ def signs(rows: pd.DataFrame) -> Ints:
     """Determine the sign of the largest exponent in each row, at 95 % simultaneous coverage (Bonferroni).
 
     Returns: 1 or -1; 0 if the widened interval contains zero, or there is none. Shapes: result (rows,).
-
-    Examples
-    --------
-    >>> signs(pd.DataFrame({"low": [0.5, -1.0, np.nan], "high": [1.5, 1.0, np.nan]})).tolist()
-    [1, 0, 0]
     """
     wider = float(ndtri(0.5 * (1.0 - CONFIDENCE) / len(rows)) / ndtri(0.5 * (1.0 - CONFIDENCE)))
     middle, half = 0.5 * (rows["high"] + rows["low"]), 0.5 * wider * (rows["high"] - rows["low"])
@@ -187,12 +182,6 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
 
     Returns: Columns: ``of, low, high`` (bracket of the field's value), ``to`` (+1: becomes positive, -1:
     negative) and ``undecided`` (number of values inside the bracket).
-
-    Examples
-    --------
-    >>> t = pd.DataFrame({"alpha": [1.0, 2.0, 3.0], "of": "orbit", "low": [-2.0, -1, 1], "high": [-1.0, 1, 2]})
-    >>> crossings(t).to_dict("records")
-    [{'of': 'orbit', 'low': 1.0, 'high': 3.0, 'to': 1, 'undecided': 1}]
     """
     rows = table[table["of"] == of].sort_values(field)
     sign = signs(rows)

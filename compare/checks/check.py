@@ -27,14 +27,7 @@ ALIGNMENT = "<<>>>>>><"  # of these columns; numbers stand on the right
 
 
 class Check(NamedTuple):
-    """A number computed by the program, with its true value.
-
-    Examples
-    --------
-    >>> check = Check("mean", 1.02, 1.0, se=0.01, slack=0.001)
-    >>> round(check.z, 3), check.holds(2.0)
-    (1.9, True)
-    """
+    """A number computed by the program, with its true value."""
 
     quantity: str  # description of the number; of extreme values, the fields of the scene that are extreme
     found: float  # computed value; of extreme values, the worst error
@@ -56,15 +49,7 @@ class Check(NamedTuple):
 
 
 class Result(NamedTuple):
-    """The checks of one subject, with their verdict.
-
-    Examples
-    --------
-    >>> checks = [Check("mean", 1.02, 1.0, 0.01)]
-    >>> result = Result("a result", "", "", checks, {"5 % more": [Check("mean", 1.02, 1.05, 0.01)]}, allowed=2.5)
-    >>> result.rejections, result.holds
-    ({'5 % more': True}, True)
-    """
+    """The checks of one subject, with their verdict."""
 
     name: str
     reference: str  # the publication, or what the numbers are compared with
@@ -179,13 +164,7 @@ def self_test(compute: Callable[[int, int], Found]) -> Subject:
 
 
 def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float:
-    """Compute the largest absolute error in given units, of which none counts as smaller than 1e-300.
-
-    Examples
-    --------
-    >>> farthest([1.0, np.nan], [1.5, np.nan], 2.0), farthest(np.nan, 1.0)
-    (0.25, inf)
-    """
+    """Compute the largest absolute error in given units, of which none counts as smaller than 1e-300."""
     a, b, u = (np.asarray(v, dtype=float) for v in (found, truth, unit))
     same = (a == b) | (np.isnan(a) & np.isnan(b))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -213,12 +192,6 @@ def result_lines(results: Sequence[Result], *, all_checks: bool = False) -> list
     """Format results: a row for each, the failures below, and a summary.
 
     `all_checks`: Whether to list every check and every negative control below the table, not only failures.
-
-    Examples
-    --------
-    >>> E = Result("E", "mpmath", "0 to 1e3", [Check("beta", 2e-16, 0.0, slack=4e-15)], {}, 4e-15, "its value")
-    >>> print(result_lines([E])[-1])
-    1 of 1 results hold; 1 checks, 0 of them statistical; 0 of 0 negative controls rejected; 0 s.
     """
     rows = [HEAD, *map(_result_row, results)]
     width = [max(map(len, column)) for column in zip(*rows, strict=True)]

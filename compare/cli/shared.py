@@ -30,13 +30,7 @@ MOST_DIGITS = 60
 
 
 class WholeNumber(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.2
-    """A whole number, also written as 1e5 or 100_000.
-
-    Examples
-    --------
-    >>> WholeNumber().convert("1e5", None, None), WholeNumber().convert("2_000", None, None)
-    (100000, 2000)
-    """
+    """A whole number, also written as 1e5 or 100_000."""
 
     name = "integer"
 
@@ -59,15 +53,7 @@ WHOLE = WholeNumber()
 
 
 class Name(click.Choice):  # type: ignore[type-arg]  # generic only since click 8.2
-    """A name from a list, which ``--help`` shows and the shell completes.
-
-    Examples
-    --------
-    >>> Name("scheme", SCHEMES).convert("exact-fligt", None, None)
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: scheme = 'exact-fligt': did you mean 'exact-flight'?
-    """
+    """A name from a list, which ``--help`` shows and the shell completes."""
 
     def __init__(self, field: str, names: Sequence[str]) -> None:
         super().__init__(names)

@@ -196,15 +196,7 @@ def animate(
 
 
 def template(name: str) -> str:
-    """Text of a scene file with DAT21's values.
-
-    Examples
-    --------
-    >>> from rattle.scene import Scene
-    >>> scene = Scene.from_toml(template("gears.toml"))
-    >>> round(scene.alpha, 12), round(scene.gears.sigma_from(rms=0.03, bandwidth=50.0), 2) == scene.sigma
-    (1.5, True)
-    """
+    """Text of a scene file with DAT21's values."""
     text = files("rattle.compare.cli").joinpath("templates", "gears.toml").read_text(encoding="utf-8")
     return text.replace("NAME", line(name))
 

@@ -137,20 +137,7 @@ def print_on_stderr(text: str) -> None:
 
 
 class Store:
-    """Results by key; files are written atomically, so that a killed process leaves no partial result.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from rattle.compare.study.cells import Prediction
-    >>> from rattle.scene import DAT21, Scene
-    >>> store = Store(Path(tempfile.mkdtemp()))
-    >>> cell = Prediction(Scene.from_gears(DAT21), impacts=1, closure="corrected")
-    >>> store.read(cell) is None
-    True
-    >>> round(float(store.obtain(cell).section.loc[1, "tau"]), 3)
-    0.56
-    """
+    """Results by key; files are written atomically, so that a killed process leaves no partial result."""
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
         self.folder, self._locks = folder, folder / "locks"

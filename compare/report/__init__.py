@@ -32,13 +32,7 @@ def leading_number(text: str) -> float | None:
 
 
 def parts(text: str) -> list[tuple[str, bool]]:
-    """Split a text at its backticks.
-
-    Examples
-    --------
-    >>> parts("see `a_b` there")
-    [('see ', False), ('a_b', True), (' there', False)]
-    """
+    """Split a text at its backticks."""
     pieces = CODE.split(text)
     return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
@@ -108,14 +102,7 @@ class Table:
 
     @classmethod
     def of(cls, columns: Sequence[Column | str], rows: Iterable[Row], summary: str = "") -> "Table":
-        """Make a table of plain values.
-
-        Examples
-        --------
-        >>> table = Table.of(["closure", *numbers("speed-up")], [["saltation", "≥ 480"], ["published", 0.057]])
-        >>> table.rows[0][1].value, table.rows[1][1].text
-        (480.0, '0.057')
-        """
+        """Make a table of plain values."""
         heads = tuple(c if isinstance(c, Column) else Column(c) for c in columns)
         made = (tuple(TableCell.of(content, c.kind) for content, c in zip(row, heads, strict=True)) for row in rows)
         return cls(heads, tuple(made), summary)
@@ -178,15 +165,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Page:
-    """The page of a report.
-
-    Examples
-    --------
-    >>> why = PageSection("Why", (Text("Tried."),))
-    >>> page = Page("Is it right?", ("Yes.",), Source("rattle validate"), sections=(why,))
-    >>> [section.title for section in page.all_sections()]
-    ['Why']
-    """
+    """The page of a report."""
 
     title: str
     # sentences that stand first; at least one.  The first is the advice, or what is most worth knowing

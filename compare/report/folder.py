@@ -190,11 +190,5 @@ def _clear(left: Path, out: Path) -> None:
 
 
 def name_of(path: Path) -> str:
-    """The name of a scene or study: that of its file without suffix.
-
-    Examples
-    --------
-    >>> name_of(Path("gears/mine.toml"))
-    'mine'
-    """
+    """The name of a scene or study: that of its file without suffix."""
     return path.stem.encode(errors="replace").decode()

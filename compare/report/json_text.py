@@ -16,14 +16,7 @@ from rattle.scene.files import read_json
 
 
 def plain(data: Any) -> Any:
-    """Convert data to the types of JSON; NaN and infinities become None, paths text.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> plain({"tau": np.float64("nan"), "mesh": np.arange(2), "made": (True, np.bool_(False))})
-    {'tau': None, 'mesh': [0, 1], 'made': [True, False]}
-    """
+    """Convert data to the types of JSON; NaN and infinities become None, paths text."""
     if isinstance(data, float):
         return float(data) if math.isfinite(data) else None
     if isinstance(data, Mapping):
@@ -38,13 +31,7 @@ def plain(data: Any) -> Any:
 
 
 def json_text(data: Any, indent: int | None = 2) -> str:
-    r"""Data as strict JSON (RFC 8259); terminal control characters are escaped, other non-ASCII characters are not.
-
-    Examples
-    --------
-    >>> print(json_text({"σ": float("inf"), "name": "\u202etxt\x9b1m"}, indent=None))
-    {"σ": null, "name": "\u202etxt\u009b1m"}
-    """
+    r"""Data as strict JSON (RFC 8259); terminal control characters are escaped, other non-ASCII characters are not."""
     text = json.dumps(plain(data), indent=indent, ensure_ascii=False, allow_nan=False)
     if harmless(text) == text:
         return text
@@ -52,13 +39,7 @@ def json_text(data: Any, indent: int | None = 2) -> str:
 
 
 def json_digest(data: Any) -> str:
-    """SHA-256 digest of data, independent of the order of keys.
-
-    Examples
-    --------
-    >>> json_digest({"a": 1, "b": 2}) == json_digest({"b": 2, "a": 1})
-    True
-    """
+    """SHA-256 digest of data, independent of the order of keys."""
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
@@ -68,15 +49,7 @@ KINDS = {kind: name for name, kind in BLOCKS.items()}
 
 
 def page_text(page: Page) -> str:
-    """A page as JSON, without fields that have their default.
-
-    Examples
-    --------
-    >>> from rattle.compare.report import Page, Source
-    >>> import json
-    >>> json.loads(page_text(Page("t", ("a",), Source("again"))))["page"]
-    {'title': 't', 'answer': ['a'], 'source': {'repeat': 'again'}}
-    """
+    """A page as JSON, without fields that have their default."""
     plain = _plain(page)
     data = {"format": FORMAT, "version": VERSION, "sha256": json_digest(plain), "page": plain}
     return json_text(data, indent=None) + "\n"

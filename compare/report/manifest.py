@@ -97,13 +97,7 @@ def read_settings(path: Path) -> Recorded:
 
 
 def seal(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Add a digest of a record to it, so that a later change is detected.
-
-    Examples
-    --------
-    >>> is_whole(seal({"z": 4.1})), is_whole(seal({"z": 4.1}) | {"z": 1.4})
-    (True, False)
-    """
+    """Add a digest of a record to it, so that a later change is detected."""
     record = plain(record)
     return {**record, "seal": json_digest(record)}
 
@@ -220,14 +214,7 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
 
 
 def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference:
-    """The largest difference between two tables of a report, relative to what rounding explains.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"quantity": ["y1"], "predicted": [1.0], "simulated": [1.5], "unit": [0.5], "se": [0.1]})
-    >>> difference(table, table.assign(simulated=1.75), 25)  # doctest: +ELLIPSIS
-    Difference(excess=249.9..., sds=0.5, errors=2.5, where='column simulated, quantity y1: 1.5 and 1.75')
-    """
+    """The largest difference between two tables of a report, relative to what rounding explains."""
     if list(one) != list(other) or len(one) != len(other):
         return Difference(math.inf, math.inf, math.nan, "it has other rows or columns")
     largest = Difference(0.0, 0.0, math.nan, "only digits or words differ")

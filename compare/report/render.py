@@ -91,14 +91,6 @@ class Terms:
     """Marks the terms of a page's glossaries in its texts; only the first mark of each is in the order of the Tab key.
 
     A term "x1, x2" explains both words, and one between backticks is a term in code, heads and cells alone.
-
-    Examples
-    --------
-    >>> terms = Terms([Glossary("Words", (("τ", "time"), ("E, sd", "mean and spread")))])
-    >>> print(terms.text("sds of τ", False))
-    <abbr title="E, sd: mean and spread" tabindex="0">sds</abbr> of <abbr title="τ: time" tabindex="0">τ</abbr>
-    >>> print(terms.head("E τ", Markup("E τ")))
-    <abbr title="E, sd: mean and spread; τ: time">E τ</abbr>
     """
 
     def __init__(self, glossaries: Iterable[Glossary]) -> None:

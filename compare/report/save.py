@@ -22,14 +22,7 @@ from rattle.scene.measured_drive import CHANCE, SMALL, MeasuredDrive
 
 
 def csv_text(table: pd.DataFrame, **options: Any) -> str:
-    r"""A table as CSV.
-
-    Examples
-    --------
-    >>> print(csv_text(pd.DataFrame({"name": ["\x1b[31mnormal"], "sigma": [0.1]}), index=False).strip())
-    name,sigma
-    \x1b[31mnormal,0.1
-    """
+    r"""A table as CSV."""
     texts = table.select_dtypes(exclude=["number", "bool"])
     plain = texts.map(lambda value: harmless(value, keep="") if isinstance(value, str) else value)
     return str(table.assign(**{str(name): plain[name] for name in plain}).to_csv(**options))
@@ -41,13 +34,7 @@ MANIFEST = "manifest.json"
 def contents(
     name: str, *, figures: Sequence[str] = (), tables: Sequence[str] = (), large: Sequence[str] = ()
 ) -> frozenset[str]:
-    """Every file that a report folder may hold; a folder with any other file is not overwritten.
-
-    Examples
-    --------
-    >>> sorted(contents("claims", tables=["claims"]))
-    ['claims.csv', 'claims.html', 'claims.md', 'manifest.json', 'page.json']
-    """
+    """Every file that a report folder may hold; a folder with any other file is not overwritten."""
     csv, parquet, svg = (f"{t}.csv" for t in tables), (f"{t}.parquet" for t in large), (f"{f}.svg" for f in figures)
     return frozenset({MANIFEST, *pages(name), *csv, *parquet, *svg})
 

@@ -19,13 +19,7 @@ FIGURE, PART, PLAIN = (re.compile(form) for form in (r"!\[(.*?)\]\((.*?)\) ?(.*)
 
 
 def read_texts(package: str) -> dict[str, Any]:
-    """The entries of ``texts.toml`` in a folder of `rattle.compare`; within a text a line break is a space.
-
-    Examples
-    --------
-    >>> read_texts("report")["σ"]
-    'noise intensity: strength of the random part of the driving motion; 0 is none'
-    """
+    """The entries of ``texts.toml`` in a folder of `rattle.compare`; within a text a line break is a space."""
     return {name: _join_lines(value) for name, value in tomllib.loads(read_file(package, "texts.toml")).items()}
 
 

@@ -194,17 +194,7 @@ def _by_speed(slow: float, rate: float, weight: Floats, mean: Floats, sd: Floats
 
 
 def values_of(law: Law, scene: Scene, slow: float, contact: tuple[float, float] = (0.0, 0.0)) -> dict[str, float]:
-    """All quantities of `rattle.montecarlo.long_run.estimates.estimates` by a stationary law.
-
-    Examples
-    --------
-    >>> one, zero = np.ones(1), np.zeros(1)
-    >>> law = Law(2.0, one, np.array([1]), one, zero, 0.5 * one, zero, 0.5 * one, zero)
-    >>> scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1)
-    >>> found = values_of(law, scene, 0.1)
-    >>> found["rate"], found["power"], found["slow_share"], found["q50_speed"]
-    (2.0, 0.75, 0.0, 1.0)
-    """
+    """All quantities of `rattle.montecarlo.long_run.estimates.estimates` by a stationary law."""
     out = dict.fromkeys(all_names(scene.stages), math.nan)
     lost = 0.5 * (1.0 - scene.epsilon**2) * np.where(law.mesh == 1, 1.0, scene.mu)
     lost = lost * (law.speed**2 + law.sd_speed**2)

@@ -57,16 +57,7 @@ class Sampled:
 
 @dataclass(frozen=True)
 class Sample(Cell):
-    """An ensemble of paths of a scene.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=2, seed=0, paths=2048)
-    >>> run = cell.restore(cell.compute())
-    >>> round(float(run.section.loc[1, "tau"]), 3), run.paths
-    (0.56, 2048)
-    """
+    """An ensemble of paths of a scene."""
 
     group: ClassVar[str] = "ensembles"
     packages: ClassVar[tuple[str, ...]] = ("montecarlo",)
@@ -212,15 +203,7 @@ class Predicted:
 
 @dataclass(frozen=True)
 class Prediction(Cell):
-    """A closure's prediction for a scene.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> cell = Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure="corrected")
-    >>> cell.restore(cell.compute()).section.loc[2, "mesh"]
-    np.int64(2)
-    """
+    """A closure's prediction for a scene."""
 
     packages: ClassVar[tuple[str, ...]] = ("closure",)
 

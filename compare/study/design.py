@@ -63,11 +63,6 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
     `tables`: Each table gives one or more fields (dotted names for parts of the scene, such as ``start.y1`` or
     ``drive.2.amplitude``) and their values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH,
     POINTS] }``.  Fields of one table vary together and need equally many values.
-
-    Examples
-    --------
-    >>> read_axes([{"sigma": {"log": [0.01, 1.0, 3]}}, {"gap1": [0.4, 0.5], "gap2": [0.5, 0.6]}])[1].values
-    ((0.4, 0.5), (0.5, 0.6))
     """
     found: list[Axis] = []
     if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
@@ -94,13 +89,7 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
 
 
 def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
-    """Give one point of the grid by its index, the last axis running fastest.
-
-    Examples
-    --------
-    >>> combination(read_axes([{"sigma": [0.1, 0.2]}, {"gap1": [0.4, 0.5, 0.6]}]), 4)
-    {'sigma': 0.2, 'gap1': 0.5}
-    """
+    """Give one point of the grid by its index, the last axis running fastest."""
     steps = np.unravel_index(number, [len(axis.values) for axis in axes])
     pairs = (zip(axis.names, axis.values[i], strict=True) for axis, i in zip(axes, steps, strict=True))
     return dict(itertools.chain.from_iterable(pairs))
@@ -429,13 +418,7 @@ def make_scene(base: dict[str, Any], coordinates: Mapping[str, Any]) -> Scene:
 
 
 def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene's table, and its drive, with values replaced; a dotted name is a field of a nested table.
-
-    Examples
-    --------
-    >>> place({"alpha": 1.5}, {"drive.2.amplitude": 0.4})["drive"]
-    [{'order': 1, 'amplitude': 1.0}, {'order': 2, 'amplitude': 0.4}]
-    """
+    """The scene's table, and its drive, with values replaced; a dotted name is a field of a nested table."""
     out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
     for name, value in coordinates.items():
         part, _, field = name.partition(".")

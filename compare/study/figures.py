@@ -51,13 +51,7 @@ def _by_impact(rows: pd.DataFrame, r: Any) -> Iterator[tuple[dict[str, Any], pd.
 
 
 def scale_of(given: Iterable[float]) -> dict[str, Any]:
-    """The scale of an axis: logarithmic if the values span more than a decade, with room for a zero beside them.
-
-    Examples
-    --------
-    >>> scale_of([0.0, 0.1, 5.0]), scale_of([1.0, 2.0])
-    ({'value': 'symlog', 'linthresh': 0.1}, {'value': 'linear'})
-    """
+    """The scale of an axis: logarithmic if the values span more than a decade, with room for a zero beside them."""
     values = sorted(set(given))
     above = [v for v in values if v > 0.0]
     if not above or values[0] < 0.0 or above[-1] <= 10.0 * above[0]:

@@ -146,14 +146,7 @@ class FailedPoints(NamedTuple):
 
 
 def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[FailedPoints]:
-    """Group the error messages of a study's points by their reason.
-
-    Examples
-    --------
-    >>> said = "gap1 = {}: must be greater than 0"
-    >>> print(*group_failures([Point({"gap1": g}, None, (), {"scene": said.format(g)}) for g in (-0.1, -0.2)], {}))
-    the scene cannot be computed at 2 of 2 points, first at gap1 = -0.1: gap1 = -0.1: must be greater than 0
-    """
+    """Group the error messages of a study's points by their reason."""
     found: dict[tuple[str, str], list[tuple[Point, str]]] = {}
     for point in points:
         lost = {getattr(cell, "closure", "sample"): failed[cell.key] for cell in point.cells if cell.key in failed}

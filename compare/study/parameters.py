@@ -60,13 +60,6 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     Those of gears are the values in physical units; the drive is its amplitude in mm, which stays as it is while a
     backlash is changed, and so do tolerances in mm.  The amplitudes of several orders are relative to it.  The noise
     intensity `sigma` is one of them and stays as it is while the others are changed.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> found = find_parameters(Scene.from_gears(DAT21, sigma=0.1))
-    >>> list(found)[:4], found["torque1"].scene_at(110.0).gears.torque1
-    (['amplitude', 'epsilon', 'omega', 'inertia1'], 110.0)
     """
     gears = scene.gears
     if gears is None:
@@ -86,14 +79,7 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
 
 
 def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
-    """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``, ``drive.2.phase``.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> find_parameter(Scene.from_gears(DAT21), "drive.2.amplitude").scene_at(0.4).drive[1].amplitude
-    0.4
-    """
+    """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``, ``drive.2.phase``."""
     known = find_parameters(scene, absent=True)
     if name in known:
         return known[name]

@@ -50,13 +50,7 @@ class Settings(NamedTuple):
 
 
 def read_settings(chosen: Mapping[str, str]) -> Settings:
-    """Read settings from the text of the options.
-
-    Examples
-    --------
-    >>> read_settings({"rattle_false_alarm": "0.05", "rattle_cache": ""}).false_alarm
-    0.05
-    """
+    """Read settings from the text of the options."""
     given = {name.removeprefix("rattle_"): text for name, text in chosen.items() if text != ""}
     rate = _parse("rattle-false-alarm", given.pop("false_alarm", "0.01"), float)
     if not 0.0 < finite("rattle-false-alarm", rate) < 1.0:
@@ -151,13 +145,7 @@ def read_markers(markers: Iterable[Any], folder: Path) -> Claim:
 
 
 def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Merge the options of a test's markers with those of its class and module, which follow.
-
-    Examples
-    --------
-    >>> merge([{"absolute": 1e-3}, {"scene": "dat21.toml", "within": 0.05}])
-    {'scene': 'dat21.toml', 'absolute': 0.001}
-    """
+    """Merge the options of a test's markers with those of its class and module, which follow."""
     found: dict[str, Any] = {}
     for options in reversed(markers):
         replaced = {name for rivals in RIVALS if rivals & options.keys() for name in rivals}

@@ -43,17 +43,7 @@ Model = str | Closure | Callable[[Scene, int], Any]
 
 
 def predict(model: Model, claim: Claim) -> NamedSection:
-    """The section moments that a model, as `rattle.closure.mean_map` takes a closure, predicts for a claim.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from rattle.scene import DAT21, Scene
-    >>> from rattle.compare.thresholds.claim import read_claim
-    >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "impacts": 1, "quantities": "tau"}, Path())
-    >>> predict("saltation", claim).section.round(4).to_dict("list")
-    {'tau': [0.56], 'sd_tau': [0.0016]}
-    """
+    """The section moments that a model, as `rattle.closure.mean_map` takes a closure, predicts for a claim."""
     method = find_closure("closure" if isinstance(model, str) else "model", model)
     if method.own:
         method = replace(method, predicts=claim.columns)
@@ -172,23 +162,7 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
 
 
 def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
-    """Add the interval of each error, its verdict and its outcome (``pass``, ``fail`` or ``undecided``).
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from rattle.compare.validation.verdict import widest
-    >>> from rattle.compare.thresholds.claim import read_claim
-    >>> from rattle.compare.thresholds.decision import predict
-    >>> from rattle.montecarlo import Sampling, simulate
-    >>> from rattle.scene import DAT21, Scene
-    >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.01), "impacts": 1, "quantities": "y1"}, Path())
-    >>> run = simulate(claim.scene, paths=4096, impacts=1, sampling=Sampling(control=True))
-    >>> z = widest(len(claim.rows), 0.01)
-    >>> both = ("saltation", "corrected")
-    >>> [judge_errors(errors_of(predict(r, claim), run, claim), z)["outcome"].tolist() for r in both]
-    [['pass', 'pass'], ['fail', 'pass']]
-    """
+    """Add the interval of each error, its verdict and its outcome (``pass``, ``fail`` or ``undecided``)."""
     rows = table.assign(noise=z * table["noise"])
     student = half_width(rows["paths"], float(ndtr(-z))) * table["noise"]
     half = student + rows["rest"]
@@ -202,14 +176,7 @@ def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
 
 
 def choose_next(later: Sequence[int], table: pd.DataFrame) -> int | None:
-    """The paths of the next look: the first that should decide every row, or the last; None if none is of use.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"outcome": ["pass", "undecided"], "paths_needed": [float("nan"), 3000.0]})
-    >>> choose_next([2048, 4096, 8192], table), choose_next([2048], table), choose_next([], table)
-    (4096, 2048, None)
-    """
+    """The paths of the next look: the first that should decide every row, or the last; None if none is of use."""
     needed = table.loc[table["outcome"] == "undecided", "paths_needed"].max()  # NaN where there is none
     if not later or (table["outcome"] == "fail").any() or pd.isna(needed):
         return None

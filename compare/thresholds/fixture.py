@@ -73,13 +73,7 @@ def _flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def find_changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: float, absolute: float) -> Changes:
-    """Find what differs: values by more than ``absolute + relative * |recorded|``, everything else at all.
-
-    Examples
-    --------
-    >>> find_changes({"values": {"y1": {"2": 0.5}}}, {"values": {"y1": {"2": 0.6}}}, 1e-9, 1e-12)
-    {'values.y1.2': (0.5, 0.6)}
-    """
+    """Find what differs: values by more than ``absolute + relative * |recorded|``, everything else at all."""
     old, new = _flat(recorded), _flat(now)
 
     def same(key: str) -> bool:
@@ -92,13 +86,7 @@ def find_changes(recorded: Mapping[str, Any], now: Mapping[str, Any], relative: 
 
 
 def format_changes(changed: Changes) -> list[str]:
-    """Format changes as lines of text.
-
-    Examples
-    --------
-    >>> format_changes({"values.y1.2": (0.5, 0.6), "scene.sigma": (0.1, None)})
-    ['  values.y1.2: 0.5 -> 0.6', '  scene.sigma: 0.1 -> nothing']
-    """
+    """Format changes as lines of text."""
     return [f"  {line(f'{key}: {_text(old)} -> {_text(new)}')}" for key, (old, new) in changed.items()]
 
 

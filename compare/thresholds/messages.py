@@ -21,42 +21,14 @@ WIDER = 1.1
 
 
 def describe_remedy(paths: float) -> str:
-    """Describe what would decide an undecided test.
-
-    Examples
-    --------
-    >>> describe_remedy(141_234.0)
-    '140,000 paths would decide'
-    """
+    """Describe what would decide an undecided test."""
     if math.isfinite(paths):
         return f"{float(f'{paths:.2g}'):,.0f} paths would decide"
     return "no number of paths would decide; a smaller step may, or another tolerance"
 
 
 def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
-    """Lines of the summary, from the id of each test and what its fixture has recorded.
-
-    Examples
-    --------
-    >>> facts = {"kind": "check", "model": "corrected", "rows": 4, "failed": 1, "undecided": 0, "z": 3.2905}
-    >>> facts |= {"widened": 3.2905, "rate": 0.01, "drawn": 2, "computed": 1, "seconds": 1.5, "decide": 0.0}
-    >>> facts |= {"folder": "cache", "not_judged": 1, "by_size": 2, "size": "2,048 paths"}
-    >>> print("\\n".join(summary_lines([("test_a", facts)])))
-    checks     4 rows in 1 test: 3 passed, 1 failed, 0 undecided
-    excluded   1 row more (at the wall): displacements that are the position of the wall
-    by size    2 of the rows: sd is 0, or too small for doubles: compared with 1e-06 of the quantity's size
-    intervals  3.29 standard errors, so that a test whose claim is true fails with a probability of at most 0.01
-    ensembles  1 simulated in 1.5 s, 1 from the cache cache
-
-    >>> facts |= {"kind": "long check", "rows": 2, "failed": 0, "undecided": 1, "widened": 340.0, "decide": 4123.0}
-    >>> facts |= {"folder": "", "not_judged": 0, "by_size": 0, "size": "2,048 paths of 1,024 periods"}
-    >>> print("\\n".join(summary_lines([("test_b", facts)])))
-    long run   2 rows in 1 test: 1 passed, 0 failed, 1 undecided
-    intervals  3.29 standard errors, so that a test whose claim is true fails with a probability of at most 0.01
-    widened    up to 340 standard errors where a standard error rests on few paths
-    long runs  1 simulated in 1.5 s, 1 from memory; they are kept only with a cache (--rattle-cache)
-    undecided  test_b (corrected) after 2,048 paths of 1,024 periods: 4,100 paths would decide
-    """
+    """Lines of the summary, from the id of each test and what its fixture has recorded."""
     for kind, title, simulations in (("check", "checks", "ensembles"), ("long check", "long run", "long runs")):
         own = [(test, facts) for test, facts in records if facts["kind"] == kind]
         if own:

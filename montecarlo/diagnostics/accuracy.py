@@ -151,13 +151,7 @@ def unseen_shifts(hidden: Unseen) -> Floats:
 
 
 def find_exceedance(error: Floats, shift: Floats, share: float) -> float:
-    """Where the probabilities that normal errors exceed it, less a shift each, add up to `share`.
-
-    Examples
-    --------
-    >>> round(find_exceedance(np.ones(1), np.zeros(1), 0.05), 3)
-    1.96
-    """
+    """Where the probabilities that normal errors exceed it, less a shift each, add up to `share`."""
     low, high = float(shift.max()), float((shift + 40.0 * error).max())
     for _ in range(60):
         middle = 0.5 * (low + high)

@@ -91,19 +91,7 @@ def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
 
 
 def diagnose(run: Any) -> tuple[str, ...]:
-    """What may be wrong with the numbers of a run.
-
-    Examples
-    --------
-    >>> from rattle.montecarlo import simulate
-    >>> from rattle.scene import DAT21
-    >>> scene = Scene.from_gears(DAT21, sigma=0.5)
-    >>> run = simulate(scene, paths=1000, impacts=2, dt=0.05, scheme="euler-maruyama-located")
-    >>> len(diagnose(run))
-    2
-    >>> diagnose(simulate(run.scene, paths=1000, impacts=2))
-    ()
-    """
+    """What may be wrong with the numbers of a run."""
     accuracy, *impacts = _list_counted(run)
     found = (accuracy, diagnose_short_step(run), *_of_step(run), *impacts, diagnose_rare_branch(run))
     return tuple(line for line in found if line)
@@ -118,14 +106,6 @@ def diagnose_rare_branch(run: Any) -> str:
     """The diagnostic of a rare branch that may be missing from the sample.
 
     Returns: Empty if no such branch matters, and where an accuracy was asked for, which counts them.
-
-    Examples
-    --------
-    >>> from rattle.montecarlo import simulate
-    >>> from rattle.scene import DAT21
-    >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=1000, impacts=3, scheme="exact-flight")
-    >>> print(diagnose_rare_branch(run)[:51])
-    A rare branch (about 521 in a million paths) is mis
     """
     if run.reach is not None or run.plan.impacts > SEARCHED:
         return ""
@@ -138,16 +118,7 @@ def diagnose_rare_branch(run: Any) -> str:
 
 
 def diagnose_short_step(run: Any) -> str:
-    """The diagnostic of a step that is shorter than the scheme's default because the scene requires it.
-
-    Examples
-    --------
-    >>> from rattle.montecarlo import Sampling, simulate
-    >>> from rattle.scene import DAT21
-    >>> scene = Scene.from_gears(DAT21, sigma=1e4)
-    >>> print(diagnose_short_step(simulate(scene, paths=100, impacts=1, sampling=Sampling(horizon=0.01))))
-    dt = 0.00271 in place of the scheme's 0.0327: a longer step holds too many impacts.
-    """
+    """The diagnostic of a step that is shorter than the scheme's default because the scene requires it."""
     (allowed, why), usual = usual_step(run.scene, run.plan.scheme, run.plan.levels > 1), SCHEMES[run.plan.scheme].step
     if not run.plan.dt == allowed < usual:
         return ""

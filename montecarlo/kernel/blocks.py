@@ -67,12 +67,6 @@ class Budget:
     """A time budget that starts now, and what is left of it.
 
     `seconds`: the whole budget. `ends`: `clock` at which it is spent.
-
-    Examples
-    --------
-    >>> budget = Budget(60.0)
-    >>> 0.0 < budget.remaining <= 60.0
-    True
     """
 
     def __init__(self, seconds: float) -> None:

@@ -48,14 +48,7 @@ def tail(b: float) -> float:
 
 
 def mixture_of(shifts: Sequence[Floats], shares: Sequence[float], centre: Floats, block: int) -> BranchMixture:
-    """Mixture of plain paths and of parts with given design points and shares of the paths of a block.
-
-    Examples
-    --------
-    >>> one = mixture_of([np.array([3.0, 0.0])], [0.1], np.zeros((1, 6)), 1000)
-    >>> one.counts.tolist(), round(one.boost(np.array([3.1, 0.0])))
-    ([15, 25, 30, 30, 900], 17)
-    """
+    """Mixture of plain paths and of parts with given design points and shares of the paths of a block."""
     unit = np.zeros((len(shifts), max(s.size for s in shifts)))
     for row, s in zip(unit, shifts, strict=True):
         row[: s.size] = s / math.sqrt(float(s @ s))

@@ -47,13 +47,7 @@ def groups(stages: int) -> Iterator[tuple[int, str]]:
 
 
 def all_names(stages: int) -> tuple[str, ...]:
-    """Names of all quantities, in the order of a table.
-
-    Examples
-    --------
-    >>> all_names(1)[:4]
-    ('rate_above', 'speed_above', 'sd_speed_above', 'skew_speed_above')
-    """
+    """Names of all quantities, in the order of a table."""
     found = []
     spread = ("", "sd_", "skew_", *(f"q{percent:02d}_" for percent in QUANTILES))
     for _, suffix in groups(stages):

@@ -197,12 +197,6 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     The effect of the step on the noise-free motion is not included: that is measured by
     `rattle.montecarlo.diagnostics.diagnostics`.
     `rattle check stability` finds these limits to hold over all of its axes.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> round(trusted_step(Scene.from_gears(DAT21, sigma=0.5), "euler-maruyama")[0], 4)
-    0.01
     """
     if not SCHEMES[scheme].has_step_bias:
         return largest_step(scene, scheme)
