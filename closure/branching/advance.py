@@ -95,8 +95,15 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             linalg.put_scaled(n, q, length)
             depth = 1.0 / length
             if length * TAIL < 1.0:
-                b.error[i], b.depth[i], b.beyond[i] = w, depth, other
-                linalg.put_row(b.axis[i], linalg.apply(axes, n))
+                v, last = linalg.apply(axes, n), b.start.label[i]
+                last -= ON_ORBIT if last > 2 else 0
+                there = linalg.beyond(centre, 1.01 * depth, v)
+                if depth > reach * component.own_spread(c, centre, axes, there, t, last, before):
+                    b.ignored[i] |= 1 << (other + 2)  # the noise until that impact does not lead to it
+                    depth = 0.0
+                else:
+                    b.error[i], b.depth[i], b.beyond[i] = w, depth, other
+                    linalg.put_row(b.axis[i], v)
             else:
                 pieces = 2
                 b.halved[i] = depth

@@ -14,7 +14,7 @@ from rattle.closure.section_map import PLAIN, between, column, derivatives
 from rattle.scene import Constants, Floats
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
-from rattle.scene.flight import field, jacobian
+from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.impact import next_impact
 
 BISECTIONS = 6  # steps to locate a boundary
@@ -151,6 +151,48 @@ def half(depth: float, inner: bool) -> tuple[float, float, float]:
     return weight, rate, 1.0 + depth * rate - rate * rate
 
 
+@internal
+def _passing(c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats) -> Floats:
+    """Derivatives along the axes of the distance by which a flight of time `t`, to a state `before`, passes a wall.
+
+    Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); result (rank,).
+    """
+    mesh, side = abs(code), 1 if code > 0 else -1
+    i = 0 if mesh == 1 else 2
+    flown = jacobian(c, t)[i]
+    early = before[i + 1] - linalg.dot(flown, field(c, centre[0], centre[2], centre[4]))
+    passing = np.zeros(axes.shape[1])
+    for k in range(passing.size):
+        for m in range(4):
+            passing[k] += flown[m] * axes[1 + m, k]
+        passing[k] += early * axes[0, k]
+        if centre.size > PLAIN:
+            passing[k] -= side * axes[column(mesh, side), k]
+    return passing
+
+
+@splice
+def own_spread(
+    c: Constants, centre: Floats, axes: Floats, beyond: Floats, t: float, last: int, before: Floats
+) -> float:
+    """Sd of the distance to a wall by the noise until it is met, over that by the noise of the whole flight.
+
+    1 where it is met later than that of the centre at time `t`, or is the wall just left: who returns to that one at
+    once is on no side of a plane.
+
+    `beyond`: A point from which that wall is met.
+
+    Shapes: `centre`, `beyond` (d,); `axes` (d, rank); `before` (4,).
+    """
+    early, code = event(c, beyond, before)
+    if code == 0 or code == last or early >= t:
+        return 1.0
+    whole = linalg.norm(_passing(c, code, centre, axes, early, before))
+    late = linalg.congruence(jacobian(c, early - t), noise_covariance(c, centre[0] + early, t - early))
+    i = 0 if abs(code) == 1 else 2
+    return math.sqrt(max(1.0 - late[i, i] / (whole * whole), 0.0)) if whole > 0.0 else 1.0
+
+
 class Image(NamedTuple):
     """Images of Gaussian components just before their next impact."""
 
@@ -173,15 +215,7 @@ def _derivatives(
     """
     mesh, side, d = abs(code), 1 if code > 0 else -1, centre.size
     i = 0 if mesh == 1 else 2
-    flown = jacobian(c, t)[i]
-    early = before[i + 1] - linalg.dot(flown, field(c, centre[0], centre[2], centre[4]))
-    passing = np.zeros(axes.shape[1])
-    for k in range(passing.size):
-        for m in range(4):
-            passing[k] += flown[m] * axes[1 + m, k]
-        passing[k] += early * axes[0, k]
-        if d > PLAIN:
-            passing[k] -= side * axes[column(mesh, side), k]
+    passing = _passing(c, code, centre, axes, t, before)
     pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
     slowest = GRAZE * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
     regular = before.copy()

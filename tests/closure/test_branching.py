@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from random_gears import gear_sets
 
 from rattle import validate
 from rattle.closure import mean_map
@@ -90,6 +91,15 @@ def test_density_is_the_mixtures_and_sees_both_branches():
     assert misplaced(density) < 0.12
     single = mean_map(scene, impacts=12)
     assert misplaced(single.density(12, "y1", y)) > 3.0 * misplaced(density)  # negative control: one Gaussian
+
+
+def test_no_branch_is_made_by_noise_that_acts_after_it():
+    """A flight passes a wall early; the noise of all of it would lead there, and makes an sd 105 times too large."""
+    scene = gear_sets(20261125, 4)[1].with_sigma(0.005)
+    branching, saltation = (mean_map(scene, impacts=8, closure=c).section for c in ("branching", "saltation"))
+    for quantity in QUANTITIES:
+        ratio = branching[f"sd_{quantity}"] / saltation[f"sd_{quantity}"]
+        assert ratio.to_numpy() == pytest.approx(1.0, abs=0.01)
 
 
 def test_small_noise_is_the_saltation_closure():
