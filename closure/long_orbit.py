@@ -73,14 +73,6 @@ class LongOrbit:
 
     `start`: 0 for the scene's own start; start number n is the same state at a phase later by n times 0.618
     periods (the golden ratio, so that the phases of many starts are spread evenly).
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> orbit = LongOrbit(Scene.from_gears(DAT21))
-    >>> s = orbit.stretch(3)
-    >>> s.code.tolist(), s.growth.shape
-    ([-1, 2, -1], (3, 4))
     """
 
     def __init__(self, scene: Scene, start: int = 0) -> None:
@@ -109,13 +101,6 @@ def velocities(scene: Scene, s: Stretch, step: float) -> Floats:
     """``(y1, y2)`` at equal time steps from the first to the last impact of a stretch of the orbit.
 
     Shapes: result (steps, 2).
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> scene = Scene.from_gears(DAT21)
-    >>> velocities(scene, LongOrbit(scene).stretch(100), 0.05).shape[1]
-    2
     """
     velocity = np.empty((int(s.flight[1:].sum() / step) + 2, 2))
     return velocity[: _sample(scene.noise_free.constants, step, s, velocity)]
@@ -176,13 +161,6 @@ def attractor(scene: Scene, start: int = 0) -> Attractor:
 
     `start`: 0 for the scene's own start; start number n is the same state at a phase later by n times 0.618
     periods.
-
-    Examples
-    --------
-    >>> scene = Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1)
-    >>> found = attractor(scene)
-    >>> found.kind, found.periods, found.impacts, round(float(abs(found.before[1, 1])), 6)
-    ('periodic', 1, 2, 0.594973)
     """
     own = scene.phase_reduced.noise_free
     if start:

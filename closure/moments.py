@@ -103,14 +103,6 @@ def bounds(coarse: Trace, fine: Trace) -> Floats:
     Returns: Of mean and sd of the section quantities, in sds; infinite where only the finer one goes on, NaN at
     the start, at the displacement of the mesh that most paths strike, and where a quantity does not vary. Shapes:
     result (impacts + 1, 2, 6).
-
-    Examples
-    --------
-    >>> from rattle.closure import mean_map
-    >>> from rattle.scene import DAT21, Scene
-    >>> error = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closure="branching").trace.error
-    >>> bool(np.nanmax(error) < 0.01)
-    True
     """
     change = np.full((len(fine.tau), 2, 6), np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -156,13 +148,7 @@ def within(error: Floats, tolerance: float) -> Bools:
 
 
 def largest_error(errors: Floats) -> float:
-    """The largest of some errors, leaving out those that are NaN.
-
-    Examples
-    --------
-    >>> largest_error(np.array([0.1, np.nan, 0.3]))
-    0.3
-    """
+    """The largest of some errors, leaving out those that are NaN."""
     return float(np.fmax.reduce(errors, axis=None))
 
 

@@ -172,12 +172,6 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
     """Raw moments after a flight.
 
     Shapes: `raw` (order + 1, order + 1); `q` (2, 2); result (order + 1, order + 1).
-
-    Examples
-    --------
-    >>> raw = gaussian_raw_moments(0.0, 0.0, 1.0, 2)              # zeta ~ N(0, 1), xi = 0
-    >>> float(after_flight(raw, 0.0, 2.0, np.zeros((2, 2)))[2, 0])  # E[(2 zeta)^2]
-    4.0
     """
     order = raw.shape[0] - 1
     e, d = phi1(beta, t), decay(beta, t)

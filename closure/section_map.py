@@ -43,29 +43,13 @@ class Pieces(NamedTuple):
 
 
 def random_tolerance(scene: Scene) -> Tolerance | None:
-    """The tolerance of a scene if a flank is random.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> random_tolerance(Scene.from_gears(DAT21, tolerance=Tolerance(0.1, distribution="fixed"))) is None
-    True
-    """
+    """The tolerance of a scene if a flank is random."""
     tolerance = scene.tolerance
     return tolerance if tolerance is not None and any(tolerance.variances[: scene.stages]) else None
 
 
 def pieces(distribution: str) -> Pieces:
-    """A random deviation as a mixture, one Gaussian for each of `PIECES` cells that are narrower towards the ends.
-
-    Examples
-    --------
-    >>> cut = pieces("uniform")
-    >>> cut.weight.round(4).tolist()
-    [0.067, 0.183, 0.25, 0.25, 0.183, 0.067]
-    >>> round(float(cut.weight @ (cut.variance + cut.mean**2)), 12)
-    0.333333333333
-    """
+    """A random deviation as a mixture, one Gaussian for each of `PIECES` cells that are narrower towards the ends."""
     edges = -each(math.cos, np.linspace(0.0, np.pi, PIECES + 1))
     node, share = gauss_legendre(NODES)
     c = 0.5 * (edges[:-1, None] + edges[1:, None] + np.diff(edges)[:, None] * node)
@@ -93,12 +77,6 @@ def start_covariance(scene: Scene) -> Floats:
 
     Returns: Of ``(tau, x1, y1, x2, y2)`` and the deviations of +1, -1, +2, -2. Shapes: result (9, 9), or (5, 5)
     where no flank varies.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> start_covariance(Scene.from_gears(DAT21, tolerance=Tolerance(0.03, 0.06))).diagonal()[5:].round(6).tolist()
-    [0.0003, 0.0003, 0.0012, 0.0012]
     """
     tolerance = random_tolerance(scene)
     if tolerance is None:
@@ -122,13 +100,6 @@ def start_pieces(scene: Scene) -> Pieces:
     """The section state after the start relative to the orbit's, as a mixture over the deviations drawn once per path.
 
     Returns: Over 9 quantities, or 5 where no flank varies; one component if deviations are drawn per contact.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> parts = start_pieces(Scene.from_gears(DAT21, tolerance=Tolerance(0.03, 0.0)))
-    >>> parts.mean.shape, parts.mean[0].round(4).tolist()
-    ((6, 9), [0.0, -0.028, 0.0, 0.0, 0.0, -0.028, -0.028, 0.0, 0.0])
     """
     tolerance = random_tolerance(scene)
     if tolerance is None or tolerance.draw == "contact":
@@ -147,13 +118,7 @@ def start_pieces(scene: Scene) -> Pieces:
 
 @shared
 def column(mesh: Number, side: Number) -> Number:
-    """Index of a flank's deviation in the section state; of arrays, one by one.
-
-    Examples
-    --------
-    >>> [column(mesh, side) for mesh in (1, 2) for side in (1, -1)]
-    [5, 6, 7, 8]
-    """
+    """Index of a flank's deviation in the section state; of arrays, one by one."""
     return 3 + 2 * mesh + (side < 0)
 
 
@@ -239,12 +204,6 @@ def hit_matrix(c: Constants, mesh: int, d: int) -> Floats:
     """The restitution map on the section state ``(tau, x1, y1, x2, y2, ...)``.
 
     Shapes: result (d, d).
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> (hit_matrix(Scene.from_gears(DAT21).constants, 1, 5) @ np.array([0.3, 0.5, 2.0, 0.1, 2.0])).round(12).tolist()
-    [0.3, 0.5, -1.8, 0.1, -1.8]
     """
     contact, out = contact_matrix(c, mesh), np.zeros((d, d))
     for i in range(d):

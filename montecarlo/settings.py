@@ -119,14 +119,7 @@ def is_random(scene: Scene) -> bool:
 
 
 def count_followed(scene: Scene, paths: int) -> int:
-    """How many of these paths are followed: one stands for all where nothing is random.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> count_followed(Scene.from_gears(DAT21), 1000), count_followed(Scene.from_gears(DAT21, sigma=0.1), 1000)
-    (1, 1000)
-    """
+    """How many of these paths are followed: one stands for all where nothing is random."""
     return paths if is_random(scene) else 1
 
 

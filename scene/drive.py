@@ -38,11 +38,6 @@ def sine_cosine(tau: float) -> tuple[float, float]:
     """Sine and cosine to rounding, by the same operations on every processor.
 
     Reduction to a quarter turn and the polynomials of FDLIBM (k_sin.c, k_cos.c).
-
-    Examples
-    --------
-    >>> [round(v, 15) for v in sine_cosine(0.5)]
-    [0.479425538604203, 0.877582561890373]
     """
     turns = math.floor(QUARTERS * tau + 0.5)
     x = tau - turns * QUARTER_HIGH - turns * QUARTER_MIDDLE - turns * QUARTER_LOW

@@ -101,15 +101,7 @@ def unit_interval(field: str, value: float) -> float:
 
 
 def check_range(field: str, value: float, least: float, most: float, zero: bool = True) -> float:
-    """Check that the absolute value of a number lies within bounds, or is 0 where that is allowed.
-
-    Examples
-    --------
-    >>> check_range("alpha", 1e200, 1e-30, 1e6)
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: alpha = 1e+200: must be 0 or between 1e-30 and 1e+06 in size
-    """
+    """Check that the absolute value of a number lies within bounds, or is 0 where that is allowed."""
     size = abs(finite(field, value))
     if not least <= size <= most and not (zero and size == 0.0):
         zeros = "0 or " if zero and least > 0.0 else ""
@@ -157,17 +149,6 @@ def suggesting(cls: type[C]) -> type[C]:
 
     `cls`: The class; it is changed in place.  Its dictionary ``ELSEWHERE``, if it has one, says of keywords that
     people try here where they belong.
-
-    Examples
-    --------
-    >>> @suggesting
-    ... class Wheel:
-    ...     def __init__(self, radius: float) -> None:
-    ...         self.radius = radius
-    >>> Wheel(raduis=41.0)
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: Wheel = 'raduis': unknown key; did you mean 'radius'?
     """
     made = cls.__init__
     names = tuple(inspect.signature(made).parameters)[1:]
@@ -186,17 +167,7 @@ def suggesting(cls: type[C]) -> type[C]:
 
 
 def moved(elsewhere: Mapping[str, str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Make a function refuse keywords that it once had by an InputError that says where they are now.
-
-    Examples
-    --------
-    >>> @moved({"radius": "is now in wheel=Wheel(radius=...)"})
-    ... def turn(wheel: object) -> None: ...
-    >>> turn(radius=41.0)
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: radius = 41.0: is now in wheel=Wheel(radius=...)
-    """
+    """Make a function refuse keywords that it once had by an InputError that says where they are now."""
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         @functools.wraps(function)

@@ -56,16 +56,7 @@ def _remedy(text: str, error: str) -> str:
 
 @contextmanager
 def in_file(path: str | Path, text: str) -> Iterator[None]:
-    """Errors about the content of a TOML file name the file, and the line of the key where that can be found.
-
-    Examples
-    --------
-    >>> with in_file("mine.toml", "[scene]\\nsigma = -1.0"):
-    ...     raise InputError("sigma", -1.0, "must be 0 or greater")
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: mine.toml, line 2: sigma = -1.0: must be 0 or greater
-    """
+    """Errors about the content of a TOML file name the file, and the line of the key where that can be found."""
     try:
         yield
     except InputError as error:

@@ -40,13 +40,6 @@ def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> St
 
     Returns: Increments of the displacements, and final velocities; ``dx2 = 0`` and `y2` unchanged for a single
     stage.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> dx1, y1, dx2, y2 = displacement(Scene.from_gears(DAT21).constants, 0.0, 1e-9, 0.0, 1e-12)
-    >>> round(dx1 / 1e-21, 4)  # 1e-9 t, plus half the drag acceleration times t^2
-    1.0001
     """
     p = pair(c.beta1, c.beta2, t)
     moved, gained, driver = excite(c.drive, c.beta1, p, tau, t)
@@ -61,15 +54,7 @@ def displacement(c: Constants, tau: float, y1: float, y2: float, t: float) -> St
 
 @jit
 def flow(c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, t: float) -> State:
-    """State after a flight of time `t` from `tau` (Eq. 3; Eq. 10 is this map after a mesh-1 impact).
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> c = Scene.from_gears(DAT21).constants
-    >>> [round(v, 6) for v in flow(c, 0.0, 0.5, -1.8, 0.5, -1.8, 0.1)]
-    [0.321405, -1.774437, 0.320514, -1.789725]
-    """
+    """State after a flight of time `t` from `tau` (Eq. 3; Eq. 10 is this map after a mesh-1 impact)."""
     dx1, y1, dx2, y2 = displacement(c, tau, y1, y2, t)
     return x1 + dx1, y1, x2 + dx2, y2
 
@@ -285,13 +270,6 @@ def noise_covariance(c: Constants, tau: float, t: float) -> Floats:
     small variances would be lost as a difference.
 
     Shapes: result (4, 4).
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> c = Scene.from_gears(DAT21, sigma=0.1).constants
-    >>> float(noise_covariance(c, 0.0, 0.5)[1, 1].round(8))
-    0.00023253
     """
     most = max(c.beta1, c.beta2)
     relative = c.stages == 2 and abs(c.beta1 - c.beta2) * (min(t, 1.0 / most) if most > 0.0 else t) > 0.5

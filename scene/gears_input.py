@@ -44,12 +44,6 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
 
     `table`: The fields of Gears, which says what may be left out, and the arguments of `Gears.driven`. `stages`:
     Of the scene; for a single stage all values of wheel 2 may be left out.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> read_gears({k: v for k, v in vars(DAT21).items() if k[-1] != "2"}, 1).wheels
-    1
     """
     check_keys("gears", table, (*FIELDS, *OPTIONAL))
     values = {name: value for name, value in table.items() if name != "tolerance"}
@@ -72,12 +66,6 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
     `table`: ``[gears]``; its table ``tolerance`` has ``backlash1`` and ``backlash2``, the largest deviations of
     the full backlashes in mm (the number behind ± in a drawing), ``distribution`` and ``draw``. Returns: Half the
     deviations, in units of ``backlash1``; None if the table has no tolerances.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> read_tolerance({"tolerance": {"backlash1": 0.05, "draw": "contact"}}, DAT21)
-    {'c1_max': 0.125, 'draw': 'contact'}
     """
     if "tolerance" not in table:
         return None
@@ -114,13 +102,6 @@ def read_drive(given: object, gears: Gears | None = None, radius: float | None =
     Each has ``order``, ``phase`` in radians (0 if left out), and its amplitude relative to the excitation amplitude
     alpha of the scene, as ``amplitude``; with gears in place of it on the driver's pitch circle, in mm as
     ``amplitude_mm``, or the driver's in rad as ``amplitude_rad``, for which the gears give ``driver_radius``.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> second = read_drive([{"order": 1, "amplitude": 1.0}, {"order": 2, "amplitude_mm": 0.075}], DAT21)[1]
-    >>> f"order {second.order}, amplitude {second.amplitude:.4f}"
-    'order 2, amplitude 0.2500'
     """
     if not isinstance(given, list) or not all(isinstance(table, Mapping) for table in given):
         raise InputError("drive", given, "write each order as a table: [[drive]]")
@@ -216,18 +197,7 @@ SMALLER = {"amplitude": ("um", 1e-3), "amplitude_rad": ("degrees", math.pi / 180
 
 
 def check_plausible(gears: Gears, table: Mapping[str, Any]) -> None:
-    """Refuse gears that cannot exist as given; the bounds are those of this module.
-
-    Examples
-    --------
-    >>> from dataclasses import replace
-    >>> from rattle.scene import DAT21
-    >>> check_plausible(replace(DAT21, inertia1=0.004), {})
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: gears.inertia1 = 0.004: is too little for a wheel of radius1 = 41 mm, of whatever \
-it is made; the unit is kg mm^2: if 0.004 is in kg m^2, write 4000; if it is meant, write a [scene] without [gears]
-    """
+    """Refuse gears that cannot exist as given; the bounds are those of this module."""
     for i in range(1, gears.wheels + 1):
         names = ("radius", "backlash", "inertia", "torque")
         radius, backlash, inertia, torque = (getattr(gears, f"{name}{i}") for name in names)

@@ -219,12 +219,6 @@ def eigen(symmetric: Floats) -> tuple[Floats, Floats]:
     -----
     Golub and Van Loan, Matrix Computations, section 8.5.  Entries that are below rounding of both of their diagonal
     entries are left, so small eigenvalues keep their relative accuracy where the matrix determines them.
-
-    Examples
-    --------
-    >>> values, vectors = eigen(np.array([[2.0, 1.0], [1.0, 2.0]]))
-    >>> values.round(12).tolist(), abs(vectors).round(6).tolist()
-    ([1.0, 3.0], [[0.707107, 0.707107], [0.707107, 0.707107]])
     """
     n = symmetric.shape[0]
     a, turned = symmetric.copy(), np.zeros((n, n))
@@ -255,11 +249,6 @@ def product(a: Floats, b: Floats) -> Floats:
     """``A B``; of stacks of matrices, one by one.
 
     Shapes: `a`, `b` (..., m, k) and (..., k, n); result (..., m, n).
-
-    Examples
-    --------
-    >>> product(np.array([[1.0, 2.0]]), np.array([[3.0], [4.0]])).tolist()
-    [[11.0]]
     """
     if a.ndim == b.ndim == 2:
         out = np.zeros((a.shape[0], b.shape[1]))
@@ -273,11 +262,6 @@ def transform(linear: Floats, form: Floats) -> Floats:
     """``T A T'``, the covariance A after a linear map T; of stacks, one by one.
 
     Shapes: `linear` (..., m, n); `form` (..., n, n); result (..., m, m).
-
-    Examples
-    --------
-    >>> transform(np.array([[1.0, 2.0]]), np.eye(2)).tolist()
-    [[5.0]]
     """
     return product(product(linear, form), linear.mT)
 
@@ -286,11 +270,6 @@ def image(matrix: Floats, v: Floats) -> Floats:
     """``A v``; of stacks, one by one.
 
     Shapes: `matrix` (..., m, n); `v` (..., n); result (..., m).
-
-    Examples
-    --------
-    >>> image(np.array([[1.0, 2.0], [0.0, 1.0]]), np.array([3.0, 4.0])).tolist()
-    [11.0, 4.0]
     """
     return product(matrix, v[..., None])[..., 0]
 
@@ -299,10 +278,5 @@ def totals(terms: Floats) -> Floats:
     """Sum of all numbers of each matrix, in order.
 
     Shapes: `terms` (..., m, n); result (...).
-
-    Examples
-    --------
-    >>> totals(np.array([[[1.0, 2.0], [3.0, 4.0]]])).tolist()
-    [10.0]
     """
     return np.asarray(np.add.accumulate(terms.reshape(*terms.shape[:-2], -1), axis=-1)[..., -1] + 0.0)

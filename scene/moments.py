@@ -32,11 +32,6 @@ def correlation(covariance: Floats) -> float:
     """Correlation ``rho`` of a 2 x 2 covariance; what is beyond 1 by rounding alone is 1.
 
     Shapes: `covariance` (2, 2).
-
-    Examples
-    --------
-    >>> correlation(np.array([[4.0, 1.0], [1.0, 1.0]]))
-    0.5
     """
     if not (covariance[0, 0] > 0.0 and covariance[1, 1] > 0.0):
         return float("nan")
@@ -50,11 +45,6 @@ def realizability(covariance: Floats) -> Realizability:
     A point mass (all zero) is realizable.  What fails is named, never clipped.
 
     Shapes: `covariance` (2, 2).
-
-    Examples
-    --------
-    >>> realizability(np.array([[1.0, 1.2], [1.2, 1.0]])).reason
-    '|rho| = 1.2 > 1'
     """
     vx, vy = float(covariance[0, 0]), float(covariance[1, 1])
     rho = correlation(covariance)
@@ -110,11 +100,6 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     is clearly positive definite is returned as it is, symmetrised.
 
     Shapes: `covariance` (n, n); `scale` (n,); result (n, n).
-
-    Examples
-    --------
-    >>> semidefinite(np.array([[1.0, 1e-9], [1e-9, -1e-17]]), np.array([1.0, 0.1])).tolist()
-    [[1.0, 0.0], [0.0, 0.0]]
     """
     covariance = 0.5 * (covariance + covariance.T)  # rounding is not symmetric
     if _is_clear(covariance, scale) or not np.isfinite(covariance).all():
@@ -148,11 +133,6 @@ def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats
     """``E[x^n y^p]`` of a centred Gaussian pair for ``n + p <= order``, by Isserlis' theorem as a recursion.
 
     Shapes: result (order + 1, order + 1).
-
-    Examples
-    --------
-    >>> float(gaussian_raw_moments(1.0, 0.5, 2.0, 4)[2, 2])  # vx vy + 2 cxy^2
-    2.5
     """
     m = np.zeros((order + 1, order + 1))
     fill_gaussian_moments(vx, cxy, vy, m)
@@ -163,11 +143,6 @@ def central_from_raw(raw: Floats) -> Floats:
     """Central moments from raw moments.
 
     Shapes: `raw` (orders, ...); result (orders, ...).
-
-    Examples
-    --------
-    >>> central_from_raw(np.array([1.0, 2.0, 5.0])).tolist()
-    [1.0, 0.0, 1.0]
     """
     mean, shift = raw[1], powers(-raw[1], len(raw))
     terms = ([math.comb(p, k) * shift[p - k] * raw[k] for k in range(p + 1)] for p in range(len(raw)))

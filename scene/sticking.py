@@ -54,13 +54,6 @@ def find_sticking(c: Constants, tau: float, y1: float, y2: float, touching: Side
     It is unique, because the matrix of the contacts' effects on each other has a positive determinant, ``1 - mu``.
 
     `touching`: Sides on which meshes touch their wall at zero speed; 0 for a mesh that does not.
-
-    Examples
-    --------
-    >>> from rattle.scene import Scene
-    >>> c = Scene(alpha=0.5, epsilon=0.3, beta1=0.0, gamma1=1.0, stages=1).constants
-    >>> find_sticking(c, 0.0, 0.0, 0.0, (1, 0))
-    (1, 0)
     """
     first, second = touching
     press1, press2 = presses(c, tau, y1, y2, touching)
@@ -109,16 +102,7 @@ def _until_orders(drive: Any, side: int, beta: float, gamma: float, alpha: float
 
 @shared
 def opening(c: Constants, tau: float, y1: float, y2: float, sides: Sides) -> tuple[float, int]:
-    """Time until the first of the sticking meshes opens, because its contact force has fallen to zero.
-
-    Examples
-    --------
-    >>> from rattle.scene import Scene
-    >>> c = Scene(alpha=2.0, epsilon=0.3, beta1=0.0, gamma1=1.0, stages=1).constants
-    >>> t, mesh = opening(c, 0.0, 0.0, 0.0, (1, 0))
-    >>> round(2.0 * math.sin(t), 12), mesh     # the driver's acceleration has come up to the drag
-    (1.0, 1)
-    """
+    """Time until the first of the sticking meshes opens, because its contact force has fallen to zero."""
     first, second = sides
     if first != 0 and second != 0:
         beta, gamma = _as_one(c)

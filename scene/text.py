@@ -45,11 +45,5 @@ def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> s
 
 
 def as_html(text: str, table: str = "") -> str:
-    """Show a text, and a table below it, in a notebook.
-
-    Examples
-    --------
-    >>> as_html("1 < 2")
-    '<pre>1 &lt; 2</pre>'
-    """
+    """Show a text, and a table below it, in a notebook."""
     return f"<pre>{escape(text)}</pre>{table}"

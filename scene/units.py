@@ -57,11 +57,6 @@ class Units(NamedTuple):
         Returns: The same columns in the same order.  A column with a dimension is converted, and its name ends with
         its unit: ``tau_ms``, ``x1_mm``, ``y1_mm_per_s``, ``cov_x1_x1_mm2``, ``energy_mJ``.  After the mean time of
         flight stands its inverse, ``impacts_per_s``.
-
-        Examples
-        --------
-        >>> Units(time=2.0, length=0.2, speed=60.0, energy=8.0).convert({"flight": 5.0, "se_y1": 0.1, "mesh": 1})
-        {'flight_ms': 10.0, 'impacts_per_s': 100.0, 'se_y1_mm_per_s': 6.0, 'mesh': 1}
         """
         known, converted = self.columns_of, {}
         for name, values in columns.items():

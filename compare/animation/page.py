@@ -40,16 +40,7 @@ FLANK = 7  # points of a flank
 
 
 def animation(shown: Recording, name: str, command: str = "") -> str:
-    """The text of an animation's HTML file.
-
-    Examples
-    --------
-    >>> from rattle.compare.animation.record import record
-    >>> from rattle.scene import DAT21, Scene
-    >>> page = animation(record(Scene.from_gears(DAT21, sigma=0.1), impacts=2), "DAT21")
-    >>> page.startswith("<!doctype html>"), page.count('class="mark orbit"')
-    (True, 2)
-    """
+    """The text of an animation's HTML file."""
     scene, span, walls = shown.scene, shown.span, shown.scene.noise_free.constants
     gaps = (walls.wall1, walls.wall2)[: scene.stages]
     begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
@@ -93,15 +84,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
 
 
 def check_file(out: Path, overwrite: bool) -> None:
-    """Check before the work that a file can be written without losing another's.
-
-    Examples
-    --------
-    >>> check_file(Path("wheels.gif"), False)
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.OutputError: out = 'wheels.gif': an animation is an HTML file; give a name that ends in .html
-    """
+    """Check before the work that a file can be written without losing another's."""
     with refusals(out):
         if out.suffix.lower() != ".html":
             raise OutputError(f"out = {str(out)!r}: an animation is an HTML file; give a name that ends in .html")
@@ -209,12 +192,6 @@ class Wheel:
         """Half the angle that a tooth spans at a radius.
 
         `radius`: From the root to the tip; below the base circle the flank is radial.
-
-        Examples
-        --------
-        >>> wheel = Wheel(6.0, 0.35)
-        >>> round(2.0 * wheel.half_angle(6.0) * 6.0 / wheel.pitch, 12)
-        0.35
         """
         base = self.radius * math.cos(PRESSURE)
         at = math.acos(min(base / radius, 1.0))
@@ -223,13 +200,7 @@ class Wheel:
 
 
 def outline(wheel: Wheel) -> str:
-    """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x axis.
-
-    Examples
-    --------
-    >>> outline(Wheel(96.0, 0.35)).count("A")  # a tip and a root for each tooth
-    24
-    """
+    """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x axis."""
     root, tip = wheel.radius - DEDENDUM * wheel.module, wheel.radius + ADDENDUM * wheel.module
     base = wheel.radius * math.cos(PRESSURE)
     radii = [root, *(base + (tip - base) * (i / (FLANK - 1)) for i in range(FLANK))]

@@ -56,16 +56,7 @@ class Recording:
 
 
 def check_recording(scene: Scene, impacts: int, seed: int) -> None:
-    """Refuse settings that `record` could not take, before any work.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> check_recording(Scene.from_gears(DAT21), 12, 0)
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: sigma = 0.0: nothing is random, so both paths are the same; give noise, such as 0.1
-    """
+    """Refuse settings that `record` could not take, before any work."""
     count("impacts", impacts, most=MOST_IMPACTS)
     count("seed", seed, least=0)
     if not is_random(scene):
@@ -80,13 +71,6 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
 
     `impacts`: Impacts of the orbit after the start, at most `MOST_IMPACTS`; the path has as many as it has in
     that time.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> shown = record(Scene.from_gears(DAT21, sigma=0.1), impacts=3, seed=1)
-    >>> shown.orbit.impacts, shown.orbit.code.tolist(), round(shown.span, 2)
-    (3, [-1, 2, -1], 2.03)
     """
     check_recording(scene, impacts, seed)
     orbit = follow(scene.noise_free, impacts + 1)  # one more: the time shown ends before it

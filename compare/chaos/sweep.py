@@ -57,12 +57,6 @@ def vary(
     """The same scene at each value of a field; a default start is adapted to new gaps.
 
     `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> [s.alpha for s in vary(Scene.from_gears(DAT21), "alpha", (0.5, 1.0)).values()]
-    [0.5, 1.0]
     """
     choice("field", field, SWEPT)
     usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)

@@ -96,13 +96,7 @@ Subject: TypeAlias = Callable[[int, int], Result]
 
 
 def limit(checks: int) -> float:
-    """Compute the admissible error of each check in standard errors, for `FALSE_ALARM` over all (Bonferroni).
-
-    Examples
-    --------
-    >>> round(limit(1), 2), round(limit(50), 2)
-    (3.29, 4.26)
-    """
+    """Compute the admissible error of each check in standard errors, for `FALSE_ALARM` over all (Bonferroni)."""
     return float(-ndtri(0.5 * FALSE_ALARM / max(checks, 1)))
 
 
@@ -128,12 +122,6 @@ def extreme(allowed: float = ROUNDING, **texts: str) -> Callable[[Callable[[], I
     """Decorate a function that yields errors, so that it returns the check of the worst of them; NaN is the worst.
 
     `allowed`: The largest admissible error. `texts`: As in `EXTREMES`, for a function that is not there.
-
-    Examples
-    --------
-    >>> phi = extreme(name="phi", field="beta", tried="0 to 1e3", truth="mpmath")(lambda: [2e-16, 0.0])
-    >>> phi().holds, phi().worst.found
-    (True, 2e-16)
     """
 
     def make(errors: Callable[[], Iterable[float]]) -> Subject:
@@ -173,13 +161,7 @@ def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float
 
 
 def spread(low: float, high: float, count: int, *also: float) -> list[float]:
-    """List logarithmically spaced values, preceded by others.
-
-    Examples
-    --------
-    >>> spread(1e-2, 1e2, 3, 0.0)
-    [0.0, 0.01, 1.0, 100.0]
-    """
+    """List logarithmically spaced values, preceded by others."""
     return [*also, *(float(v) for v in np.geomspace(low, high, count))]
 
 

@@ -27,17 +27,7 @@ if TYPE_CHECKING:
 
 
 def check_address(address: str) -> None:
-    """Check the form of a scheduler's address.
-
-    Examples
-    --------
-    >>> check_address("tcp://127.0.0.1:8786")
-    >>> check_address("ucx://127.0.0.1:8786")
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.InputError: scheduler = 'ucx://127.0.0.1:8786': give tcp://HOST:PORT, or tls://HOST:PORT where \
-it has certificates
-    """
+    """Check the form of a scheduler's address."""
     found = re.fullmatch(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})", address)
     if not found or not 0 < int(found[3]) < 2**16:
         raise InputError("scheduler", address, "give tcp://HOST:PORT, or tls://HOST:PORT where it has certificates")

@@ -20,13 +20,7 @@ CODE = re.compile(r"`([^`\n]+)`")
 
 
 def leading_number(text: str) -> float | None:
-    """The first number in a text, by which a column of numbers is sorted.
-
-    Examples
-    --------
-    >>> leading_number("≤ 0.0006"), leading_number("17,229 paths"), leading_number("-1.5e-3 ± 0.1"), leading_number("–")
-    (0.0006, 17229.0, -0.0015, None)
-    """
+    """The first number in a text, by which a column of numbers is sorted."""
     found = re.search(r"[-+]?\d[\d,]*(?:\.\d+)?(?:[eE][-+]?\d+)?", text)
     return float(found[0].replace(",", "")) if found else None
 
@@ -127,13 +121,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Glossary:
-    """Words and symbols of a page, each with its meaning; HTML shows it folded.
-
-    Examples
-    --------
-    >>> Glossary("Symbols", (("σ", "noise intensity"),)).terms[0][0]
-    'σ'
-    """
+    """Words and symbols of a page, each with its meaning; HTML shows it folded."""
 
     title: str  # the line beneath which it is folded
     terms: tuple[tuple[str, str], ...]  # each term and its meaning; at least one

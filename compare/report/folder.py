@@ -20,25 +20,13 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def default_place(name: str, suffix: str = "") -> Path:
-    """The default output folder ``reports/NAME``, without the separators and control characters of a name.
-
-    Examples
-    --------
-    >>> default_place("DAT21").as_posix(), default_place("../../etc/x", "-repeated").as_posix()
-    ('reports/dat21', 'reports/etc-x-repeated')
-    """
+    """The default output folder ``reports/NAME``, without the separators and control characters of a name."""
     safe = re.sub(r"[/\\]+|\.\.+", "-", harmless(name.lower(), keep="")).encode()[:120].decode(errors="ignore")
     return Path("reports") / f"{safe.strip('.- ') or 'scene'}{suffix}"
 
 
 def describe_refusal(out: Path, error: OSError) -> OutputError:
-    """The error message for a failed write.
-
-    Examples
-    --------
-    >>> print(describe_refusal(Path("a"), OSError(errno.ENOSPC, "No space left on device")))
-    out = 'a': the disk is full; nothing is half written, what was there is untouched: make room and try again
-    """
+    """The error message for a failed write."""
     why = f"cannot be written ({error.strerror or error}); choose another place"
     if error.errno in FULL:
         why = "the disk is full; nothing is half written, what was there is untouched: make room and try again"

@@ -63,15 +63,7 @@ def check_not_newer(what: str, version: Any, newest: int, path: Path) -> None:
 
 
 def read_page(path: Path) -> Page:
-    """Read a page from its file.
-
-    Examples
-    --------
-    >>> read_page(Path("no.json"))
-    Traceback (most recent call last):
-    ...
-    rattle.scene.errors.FileError: page = 'no.json': cannot be read (No such file or directory); give a page.json
-    """
+    """Read a page from its file."""
     try:
         data = read_json("page", path, "a page.json")
         if data["format"] != FORMAT:

@@ -61,13 +61,7 @@ def source_of(
 
 
 def command_line(words: Sequence[str]) -> str:
-    """A command as it is typed in a shell.
-
-    Examples
-    --------
-    >>> command_line(["show", "my report"])
-    "rattle show 'my report'"
-    """
+    """A command as it is typed in a shell."""
     return shlex.join(["rattle", *words]).encode(errors="backslashreplace").decode()
 
 

@@ -23,11 +23,6 @@ def as_html(text: str, files: Collection[str] = (), words: Words = lambda piece,
     """A text as HTML: what stands between backticks as ``<code>``, and as a link if it is one of the files.
 
     `words`: Makes a piece of the text HTML, and is told whether it is code.
-
-    Examples
-    --------
-    >>> as_html("see `a.csv`", ["a.csv"])
-    Markup('see <a href="a.csv"><code>a.csv</code></a>')
     """
 
     def render(piece: str, code: bool) -> Markup:
@@ -41,13 +36,7 @@ def as_html(text: str, files: Collection[str] = (), words: Words = lambda piece,
 
 
 def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> str:
-    r"""A text as Markdown that shows it literally.
-
-    Examples
-    --------
-    >>> print(as_markdown("# <b> *x* `a_b` a_b"))
-    \# \<b> \*x\* `a_b` a_b
-    """
+    r"""A text as Markdown that shows it literally."""
     written = "".join(
         (f"[`{piece}`]({piece})" if piece in files else f"`{piece}`") if code else _escape(piece)
         for piece, code in parts(line(text))
@@ -63,13 +52,7 @@ def _escape(text: str) -> str:
 
 
 def as_code(text: str) -> str:
-    """A text as inline code in Markdown, with as many backticks around it as its own require.
-
-    Examples
-    --------
-    >>> as_code("rattle validate"), as_code("a`b")
-    ('`rattle validate`', '`` a`b ``')
-    """
+    """A text as inline code in Markdown, with as many backticks around it as its own require."""
     text, ticks = line(text), "`" * (1 + _longest_run(text))
     return f"{ticks} {text} {ticks}" if "`" in text else f"`{text}`"
 

@@ -62,31 +62,12 @@ def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
 
 
 def whole_impacts(ax: Axes) -> None:
-    """Put the ticks of the horizontal axis at whole numbers of impacts.
-
-    Examples
-    --------
-    >>> figure, (ax,) = new_figure(2.0, 2.0, 1, 1)
-    >>> ax.set_xlim(0.5, 3.5)
-    (0.5, 3.5)
-    >>> whole_impacts(ax)
-    >>> all(float(tick).is_integer() for tick in ax.get_xticks())
-    True
-    """
+    """Put the ticks of the horizontal axis at whole numbers of impacts."""
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
 def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
-    """The caption of a figure: the texts whose word is in a label of its legends, or empty.
-
-    Examples
-    --------
-    >>> figure, (ax,) = new_figure(2.0, 2.0, 1, 1)
-    >>> _ = ax.plot([0.0, 1.0], label="closure")
-    >>> legend_above(figure, [ax], 1)
-    >>> caption_of(figure, (("Means", ""), (" of the closure", "closure"), (" and of the paths", "Monte"), (".", "")))
-    'Means of the closure.'
-    """
+    """The caption of a figure: the texts whose word is in a label of its legends, or empty."""
     drawn = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     return "".join(text for text, word in parts if any(word in label for label in drawn) or not word)
 

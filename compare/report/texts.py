@@ -119,16 +119,7 @@ IN_UNITS = {
 
 
 def glossary(*names: str, gears: Gears | None = None) -> Glossary:
-    """The glossary of the terms that a page uses, in the order of `TERMS`; with gears, what 1 is in their units.
-
-    Examples
-    --------
-    >>> [term for term, _ in glossary("τ", "σ").terms]
-    ['σ', 'τ']
-    >>> from rattle.scene import DAT21
-    >>> print(glossary("Δτ", gears=DAT21).terms[0][1])
-    time of flight between two impacts; 1 is 3.333 ms for these gears
-    """
+    """The glossary of the terms that a page uses, in the order of `TERMS`; with gears, what 1 is in their units."""
     if unknown := set(names) - TERMS.keys():
         raise InputError("names", unknown.pop(), "is not explained; add it to TERMS")
     terms = {name: meaning for name, meaning in TERMS.items() if name in names}
@@ -140,15 +131,7 @@ def glossary(*names: str, gears: Gears | None = None) -> Glossary:
 
 
 def table_of(frame: pd.DataFrame, texts: Collection[str] = (), summary: str = "") -> Table:
-    """A table of all columns as they are; those in `texts` are text.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = table_of(pd.DataFrame({"scheme": ["exact-flight"], "paths": [4000]}), ["scheme"])
-    >>> [cell.text for cell in table.rows[0]]
-    ['exact-flight', '4,000']
-    """
+    """A table of all columns as they are; those in `texts` are text."""
     names = [str(name) for name in frame.columns]
     rows = (
         [str(v) if n in texts else float(v) for n, v in zip(names, row, strict=True)]

@@ -39,15 +39,7 @@ class Work(NamedTuple):
 
 
 def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
-    """Expected work of cells, by key.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> cell = Sample(Scene.from_gears(DAT21, sigma=0.1), impacts=12, seed=0, paths=100_000)
-    >>> round(expect_work([cell])[cell.key].path_steps / 100_000, -1)
-    190.0
-    """
+    """Expected work of cells, by key."""
     asked = sum(isinstance(cell, Sample) and cell.accuracy is not None for cell in cells)
     every, seen = -(-asked // PILOTS), 0
     found, last = {}, Work(0.0, 0.0)

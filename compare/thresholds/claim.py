@@ -36,11 +36,6 @@ class Settings(NamedTuple):
         """Numbers of paths of all possible looks at a claim: from its first one doubled up to its budget.
 
         They are fixed before anything is simulated, so that the intervals of all looks can have simultaneous coverage.
-
-        Examples
-        --------
-        >>> Settings().sizes(10_000, None), Settings(budget=30_000).sizes(10_000, None), Settings().sizes(10_000, 1)
-        ((10000, 20000, 40000, 80000), (10000, 20000, 30000), (10000,))
         """
         sizes = [first or PROFILES[self.profile]]
         most = most or self.budget or TIMES * sizes[0]
@@ -154,15 +149,7 @@ def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
-    """Read a claim from the options of a marker; `folder` is that of the test, to which a scene file is relative.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "impacts": 2, "within": 0.05}, Path())
-    >>> len(claim.rows), claim.rows[0], claim.allowed["sd"]
-    (12, ClaimRow(moment='mean', quantity='tau', impact=1), Allowed(error=0.05, in_sd=True))
-    """
+    """Read a claim from the options of a marker; `folder` is that of the test, to which a scene file is relative."""
     check_keys("option of the marker rattle", options, OPTIONS)
     scene = _scene(options.get("scene"), folder).phase_reduced  # so that a late start loses no digits
     state = STATE[: 2 * scene.stages]

@@ -26,13 +26,7 @@ Changes = dict[str, tuple[Any, Any]]
 
 
 def baseline_path(module: Path, test: str) -> Path:
-    """Give the path of a test's baseline.
-
-    Examples
-    --------
-    >>> baseline_path(Path("tests/test_gate.py"), "test_mine").as_posix()
-    'tests/baselines/test_gate/test_mine.toml'
-    """
+    """Give the path of a test's baseline."""
     name = re.sub(r"[^\w.\[\]-]+", "-", test)
     if name != test:  # two tests may not share a file
         name += "-" + hashlib.sha256(test.encode()).hexdigest()[:6]

@@ -84,16 +84,7 @@ def _format_signed(value: float) -> str:
 
 
 def row_table(rows: pd.DataFrame) -> str:
-    """Format rows as an aligned table, with errors and intervals in sds of the quantity.
-
-    Examples
-    --------
-    >>> row = {"moment": "mean", "quantity": "y1", "impact": 2, "predicted": 1.13, "simulated": 1.03, "error": 0.1}
-    >>> row |= {"low": 0.08, "high": 0.12, "tolerance": 0.005, "unit": 0.1, "agreement": 1.0, "outcome": "fail"}
-    >>> print(row_table(pd.DataFrame([row])))
-                 model simulated error/sd      low     high  allowed on itinerary
-    E y1 at 2     1.13      1.03  +1.0000  +0.8000  +1.2000   0.0500       1.0000
-    """
+    """Format rows as an aligned table, with errors and intervals in sds of the quantity."""
     signed = {"error/sd": "error", "low": "low", "high": "high", "allowed": "tolerance"}
     shown = rows[["predicted", "simulated"]].rename(columns={"predicted": "model"}).map("{:.7g}".format)
     shown = shown.assign(**{head: (rows[name] / rows["unit"]).map(_format_signed) for head, name in signed.items()})
@@ -145,19 +136,7 @@ def describe_undecided(model: str, table: pd.DataFrame, shown: Callable[[pd.Data
 
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:
-    """Describe what can be done about undecided rows.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from rattle.compare.thresholds.claim import read_claim
-    >>> from rattle.scene import DAT21, Scene
-    >>> claim = read_claim({"scene": Scene.from_gears(DAT21, sigma=0.1), "within": 0.01}, Path())
-    >>> print(remedies(pd.DataFrame({"outcome": ["undecided"], "paths_needed": [4e5], "moment": ["sd"]}), claim))
-    ... # doctest: +NORMALIZE_WHITESPACE
-    Undecided is not passed: give it more paths (budget=800_000 in its marker, or --rattle-budget), or allow a larger
-    error (within), or accept that it is undecided (undecided="skip" in its marker, or --rattle-undecided=skip).
-    """
+    """Describe what can be done about undecided rows."""
     needed, options = MARGIN * paths_to_decide(table), []
     if claim.accuracy is not None and "moment" in table:
         options.append(f"ask for a smaller accuracy than {claim.accuracy:g}")

@@ -61,12 +61,6 @@ def fit(level: Floats, value: Floats) -> Rate:
     """Fit an exponential by a straight line through the binary logarithms.
 
     Shapes: `level`, `value` (levels,).
-
-    Examples
-    --------
-    >>> rate = fit(np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.25, 0.125]))
-    >>> round(rate.slope, 6), round(rate.intercept, 6), round(rate.half, 6)
-    (-1.0, 0.0, 0.0)
     """
     line = stats.linregress(level, np.log2(value))
     half = float(line.stderr * stats.t.isf(0.025, level.size - 2)) if level.size > 2 else math.inf
@@ -137,11 +131,6 @@ def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
     Level l gets paths in proportion to ``sqrt(V_l / C_l)``; the total is ``(sum sqrt(V_l C_l))^2 / accuracy^2``.
 
     Shapes: `variance`, `seconds` (levels,).
-
-    Examples
-    --------
-    >>> giles_cost(np.array([1.0, 0.25]), np.array([1.0, 4.0]), 0.1)  # both levels cost alike
-    400.0
     """
     return round(float((np.sqrt(variance * seconds).sum() / accuracy) ** 2), 12)
 

@@ -35,18 +35,7 @@ def _largest_rho(validations: Sequence[Comparison], closure: str) -> float:
 
 
 def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
-    """What to take for a gear pair at each noise intensity that was asked for, in one sentence.
-
-    Examples
-    --------
-    >>> rows = [("saltation", 0.01, 12, 12), ("saltation", 0.1, 3, 3)]
-    >>> table = pd.DataFrame(rows, columns=["closure", "sigma", "accurate", "not_inaccurate"])
-    >>> work = pd.DataFrame([("saltation", 0.01, 12, True, 1e-3, 900.0)],
-    ...     columns=["closure", "sigma", "impacts", "resolved", "closure_seconds", "speed_up"])
-    >>> print(advice(table, 12, work).replace("; ", ";\\n"))
-    For this gear pair take `saltation` at σ = 0.01 (all means and sds at 12 impacts are accurate);
-    simulate at σ = 0.1 (no closure is accurate at all 12 impacts, `saltation` at the first 3).
-    """
+    """What to take for a gear pair at each noise intensity that was asked for, in one sentence."""
     said, at = [], f"{impacts} impacts" if impacts > 1 else "the first impact"
     for sigma, rows in validity.groupby("sigma", sort=False):
         own = speed[(speed["sigma"] == sigma) & (speed["impacts"] == impacts)]
@@ -129,16 +118,7 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
 
 
 def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
-    """What each closure is worth on its itinerary, and over all paths, in one sentence; and where there is no bulk.
-
-    Examples
-    --------
-    >>> names = ["closure", "sigma", "accurate", "itinerary_accurate", "leaving", "on_itinerary"]
-    >>> rows = [("saltation", 0.03, 12, 12, 0.0, 12), ("saltation", 0.06, 4, 12, 1.9e-5, 12)]
-    >>> print(itinerary_sentence(pd.DataFrame(rows, columns=names), 12)[0].replace("; ", ";\\n"))
-    On the itinerary, which all but 19 in a million paths follow, `saltation` is accurate up to σ = 0.06;
-    all paths together: up to σ = 0.03.
-    """
+    """What each closure is worth on its itinerary, and over all paths, in one sentence; and where there is no bulk."""
     said, alone = [], validity["sigma"].nunique() == 1
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
@@ -170,14 +150,7 @@ def _all_but(probability: float) -> str:
 
 
 def explain_missing(scene: Scene, shown: Iterable[str]) -> list[str]:
-    """Which closures cannot be applied to a scene, and why.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene, Start
-    >>> explain_missing(Scene.from_gears(DAT21, start=Start()), ["corrected", "saltation"])
-    ['Left out: `published` (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10)).']
-    """
+    """Which closures cannot be applied to a scene, and why."""
     missing = [f"`{name}` ({why})" for name, why in refusals(scene).items() if name not in shown]
     return [f"Left out: {join_words(missing)}."] if missing else []
 

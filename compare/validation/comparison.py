@@ -112,16 +112,7 @@ class Validity(NamedTuple):
 
 
 def find_validity(v: Comparison, closure: str) -> Validity:
-    """Range of validity of one closure of a validation.
-
-    Examples
-    --------
-    >>> from rattle import validate
-    >>> from rattle.scene import DAT21, Scene
-    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=3, paths=20_000, rng=1)
-    >>> find_validity(v, "saltation").accurate, find_validity(v, "published").not_inaccurate
-    (3, 0)
-    """
+    """Range of validity of one closure of a validation."""
     rows = rows_to_judge(v, closure)
     impacts = range(1, len(v.run.section) + 1)
     accurate, not_inaccurate = _reach(rows, impacts)
@@ -220,11 +211,6 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
 
     `rows`: A row for each moment: ``unit``, the sd of its quantity, and ``se``, its standard error for a single
     path.
-
-    Examples
-    --------
-    >>> paths_for(pd.DataFrame({"unit": [1.0], "se": [1.0]}), 0.0196)  # 1.96 standard errors
-    10000
     """
     return math.ceil(round(float(((widest(len(rows)) * rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
 

@@ -43,12 +43,6 @@ def bin_masses(density: Callable[[Floats], Floats | None], edges: Floats, mean: 
     than a bin is resolved. Returns: The first is integrated from 10 sds below the mean; the last is the
     remainder, so that all sum to 1.  A mass is negative where the density is. Shapes: `edges` (bins + 1,); result
     (bins + 2,).
-
-    Examples
-    --------
-    >>> from rattle.closure.edgeworth import section_density
-    >>> bin_masses(lambda z: section_density(z, 0.0, 1.0, 0.0), np.array([-1.0, 0.0, 1.0]), 0.0, 1.0).round(6).tolist()
-    [0.158655, 0.341345, 0.341345, 0.158655]
     """
     own = mean + sd * np.arange(-REACH, REACH + STEP, STEP)
     panels = np.union1d(edges, own)
@@ -67,11 +61,6 @@ def distances(masses: Floats, counts: Ints) -> Distances:
     ``kolmogorov_floor`` is the 95 % quantile of Kolmogorov's limit distribution over sqrt(n), conservative on
     bins; ``total_variation_floor`` the expected value for a sample of the true density. Shapes: `masses` (bins +
     2,); `counts` (bins + 2,).
-
-    Examples
-    --------
-    >>> distances(np.array([0.0, 0.5, 0.5, 0.0]), np.array([0, 75, 25, 0]))[::2]
-    (0.25, 0.25)
     """
     n = int(counts.sum())
     shares = counts / n
@@ -101,17 +90,6 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     time is off by a fixed share of dt, whatever its sd.  If the run measured its step bias, the sample is shifted and
     scaled to the mean and sd from Richardson extrapolation, and only the bias of the shape remains; else the whole
     bias is part of every distance.
-
-    Examples
-    --------
-    >>> from rattle.closure import mean_map
-    >>> from rattle.montecarlo import Record, simulate
-    >>> from rattle.scene import DAT21, Scene
-    >>> scene = Scene.from_gears(DAT21, sigma=0.02)
-    >>> run = simulate(scene, paths=10_000, impacts=1, rng=7, record=Record(histogram=True))
-    >>> table = section_distances(mean_map(scene, impacts=1, closure="saltation"), run).set_index("quantity")
-    >>> bool((table["kolmogorov"] < 1.5 * table["kolmogorov_floor"]).all())
-    True
     """
     prediction, run = prediction.phase_reduced, run.phase_reduced
     predicted, sampled, histograms = prediction.section, run.section, run.histograms
@@ -179,11 +157,6 @@ def covariance_eigenvalue(covariance: Floats) -> float:
     """Smallest eigenvalue of a covariance matrix over its largest diagonal entry; negative for no distribution.
 
     Shapes: `covariance` (n, n).
-
-    Examples
-    --------
-    >>> round(covariance_eigenvalue(np.array([[2.0, 3.0], [3.0, 2.0]])), 6)
-    -0.5
     """
     if not np.isfinite(covariance).all():
         return NAN
@@ -198,12 +171,6 @@ def kurtosis_margin(raw: Floats) -> Statistic:
     Pearson (1916), Phil. Trans. R. Soc. A 216, 429.  It is zero for distributions on two points.
 
     Shapes: `raw` (order + 1, order + 1).
-
-    Examples
-    --------
-    >>> from rattle.scene.moments import gaussian_raw_moments
-    >>> kurtosis_margin(gaussian_raw_moments(4.0, 1.0, 1.0, 4)).value
-    2.0
     """
     if len(raw) < 5:
         return Statistic(NAN)
@@ -225,16 +192,6 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
     (Akhiezer 1965, The Classical Moment Problem, chapter 2).
 
     Shapes: `raw` (order + 1, order + 1).
-
-    Examples
-    --------
-    >>> from rattle.scene.moments import gaussian_raw_moments
-    >>> raw = gaussian_raw_moments(4.0, 1.0, 1.0, 4)
-    >>> round(moment_matrix_eigenvalue(raw).value, 4)
-    0.2682
-    >>> raw[2, 2] = 0.5                                # E[u^2 v^2] = 0.125 with rho = 0.5: below rho^2
-    >>> moment_matrix_eigenvalue(raw).value < 0.0
-    True
     """
     order = len(raw) - 1
     monomials = [(n, p) for n in range(order // 2 + 1) for p in range(order // 2 + 1 - n)]
@@ -257,13 +214,6 @@ def negative_mass(values: Floats, spacing: float) -> float:
     """Mass of the negative part of a density given on a uniform grid of any dimension, by the rectangle rule.
 
     `values`: Density at the grid points; it vanishes at the grid's ends, so that this is the trapezoidal rule.
-
-    Examples
-    --------
-    >>> from rattle.closure.edgeworth import section_density
-    >>> z = np.linspace(-8.0, 8.0, 481)
-    >>> round(negative_mass(section_density(z, 0.0, 1.0, 1.0), z[1] - z[0]), 4)           # of skewness 1
-    0.0096
     """
     return float(np.maximum(-values, 0.0).sum() * spacing)
 
@@ -325,15 +275,6 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     the truncation, and may fail although the moments are realizable.
     ``section negative mass``: the largest over the one-dimensional section densities with a skewness.
     A point mass satisfies every bound: it has no correlation, kurtosis or series, and these are NA.
-
-    Examples
-    --------
-    >>> from rattle.closure import mean_map
-    >>> from rattle.scene import DAT21, Scene
-    >>> scene = Scene.from_gears(DAT21, sigma=1.5**0.5)
-    >>> table = realizability_table([mean_map(scene, impacts=4, closure="published")])
-    >>> first_failures(table).set_index("check").loc[["variance of velocity", "moment matrix"], "impact"].tolist()
-    [2, 2]
     """
     rows = [
         (prediction.closure, impact, stage, check, *statistic, *CHECKS[check])
@@ -353,13 +294,6 @@ def first_failures(table: pd.DataFrame) -> pd.DataFrame:
     """The first impact (and there the first stage) at which each closure violates each bound.
 
     Returns: Columns ``closure, check, impact, stage, value, excess``; no row for a bound that is never violated.
-
-    Examples
-    --------
-    >>> from rattle.closure import mean_map
-    >>> from rattle.scene import DAT21, Scene
-    >>> first_failures(realizability_table([mean_map(Scene.from_gears(DAT21), impacts=2, closure="published")])).empty
-    True
     """
     failed = ~table["holds"].fillna(True).astype(bool)
     first = failed.groupby([table["closure"], table["check"]], sort=False).idxmax()  # the rows are in order of impact

@@ -148,13 +148,7 @@ SCHEME = "exact-flight"
 
 
 def read_grid(text: str) -> tuple[float, ...]:
-    """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to three digits.
-
-    Examples
-    --------
-    >>> read_grid("0.01:1:3")
-    (0.01, 0.1, 1.0)
-    """
+    """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to three digits."""
     try:
         first, last, number = text.split(":")
         low, high, points = float(first), float(last), int(number)

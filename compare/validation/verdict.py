@@ -52,24 +52,12 @@ class Tolerances(NamedTuple):
 
 
 def widest(checks: int, family_error: float = 0.05) -> float:
-    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals (Bonferroni).
-
-    Examples
-    --------
-    >>> round(widest(1), 2), round(widest(100), 2)
-    (1.96, 3.48)
-    """
+    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals (Bonferroni)."""
     return float(-ndtri(0.5 * family_error / max(checks, 1)))
 
 
 def at_wall(quantity: Any, mesh: Any) -> Any:
-    """Whether a quantity is the displacement at the struck mesh, which is not judged, see `RULE`.
-
-    Examples
-    --------
-    >>> at_wall(np.array(["x1", "x2", "y1"]), np.array([1, 1, 1])).tolist()
-    [True, False, False]
-    """
+    """Whether a quantity is the displacement at the struck mesh, which is not judged, see `RULE`."""
     return ((quantity == "x1") & (mesh == 1)) | ((quantity == "x2") & (mesh == 2))
 
 
@@ -132,25 +120,13 @@ def is_wrong(verdicts: Iterable[str]) -> bool:
 
 
 def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
-    """The last value up to which a condition is true without a gap.
-
-    Examples
-    --------
-    >>> unbroken([0.1, 0.2, 0.4, 0.8], [True, True, False, True])
-    0.2
-    """
+    """The last value up to which a condition is true without a gap."""
     reached = [value for value, _ in takewhile(itemgetter(1), zip(values, holds, strict=True))]
     return reached[-1] if reached else None
 
 
 def want(rows: pd.DataFrame) -> str:
-    """Whether undecided rows lack paths, a smaller step, or both.
-
-    Examples
-    --------
-    >>> want(pd.DataFrame({"verdict": ["undecided", "accurate"], "paths_needed": [1e6, float("nan")]}))
-    'too few paths to decide'
-    """
+    """Whether undecided rows lack paths, a smaller step, or both."""
     needed = rows.loc[rows["verdict"] == "undecided", "paths_needed"]
     if not needed.isna().any():
         return UNDECIDED
@@ -171,15 +147,6 @@ def in_words(
     `accurate`, `not_wrong`: The last value up to which all is accurate, and up to which nothing is inaccurate;
     NaN if not even the first. `ended`: Whether beyond ``not_wrong`` the closure cannot be continued to the last
     impact, rather than being inaccurate.
-
-    Examples
-    --------
-    >>> in_words("σ", [0.1, 0.2, 0.4], 0.1, 0.2)
-    'accurate up to σ = 0.1, not shown wrong up to 0.2 (too few paths to decide), shown wrong at 0.4'
-    >>> in_words("σ", [0.1, 0.2], math.nan, 0.2)
-    'not shown wrong up to σ = 0.2 (too few paths to decide)'
-    >>> in_words("σ", [0.1, 0.2], math.nan, math.nan)
-    'shown wrong at σ = 0.1, the smallest'
     """
     beyond = [value for value in values if not value <= not_wrong]
     parts = []
@@ -194,13 +161,7 @@ def in_words(
 
 
 def join_words(items: Sequence[str]) -> str:
-    """Join items as in a sentence: commas, and ``and`` before the last.
-
-    Examples
-    --------
-    >>> join_words(["a", "b", "c"])
-    'a, b and c'
-    """
+    """Join items as in a sentence: commas, and ``and`` before the last."""
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
 
 

@@ -188,12 +188,5 @@ def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:
     """Search the orbit, and the branches that are more probable than `least`, for other events.
 
     `least`: Probability from which on a representative of a branch is searched for branches of its own.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> found = rare_events(Scene.from_gears(DAT21, sigma=0.1), 2)
-    >>> found.known, [(b.impact, b.mesh, b.side, round(b.beta, 1)) for b in found.branches]
-    (2, [(1, 2, -1, 3.3)])
     """
     return BranchSearch(scene, impacts).until(least)

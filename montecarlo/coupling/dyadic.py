@@ -58,14 +58,7 @@ def step_time(scene: Scene) -> float:
 
 
 def clockwork(scene: Scene, depth: int) -> Clockwork:
-    """The step tables of a scene.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> clockwork(Scene.from_gears(DAT21), 12).forcing.shape
-    (128, 14)
-    """
+    """The step tables of a scene."""
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
         why = "a path on a shared Brownian tree needs gaps that do not vary: give 'fixed', or no tolerance"
         raise InputError("tolerance.distribution", scene.tolerance.distribution, why)

@@ -74,14 +74,6 @@ class LongPath:
     `step`: time between the velocities that `stretch` returns. `steps`: number of the next step, counted from
     time 0 (modulo the period at the start). `sticking_steps`: steps with more impacts than there is space for;
     the path stays as it is to their end.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> path = LongPath(Scene.from_gears(DAT21, sigma=0.01), seed=7)
-    >>> s, velocity = path.stretch(5000)
-    >>> s.code[:3].tolist(), velocity.shape[1]
-    ([-1, 2, -1], 2)
     """
 
     def __init__(self, scene: Scene, seed: int, path: int = 0, depth: int = DEPTH) -> None:
@@ -160,13 +152,6 @@ def after_impact(
     """Difference in ``y1`` after an impact at mesh 1, of two paths that reach the wall some distance apart.
 
     Shapes: `apart` (impacts, deltas); `place` (impacts, 3).
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> apart, place, missed = after_impact(Scene.from_gears(DAT21, sigma=0.5), np.array([1e-5]), 100, seed=1)
-    >>> apart.shape
-    (100, 1)
     """
     tree = tree_of(scene, seed, DEEPEST)
     apart, place, steps = np.empty((impacts, deltas.size)), np.empty((impacts, 3)), settle + 2000 * impacts
@@ -246,13 +231,6 @@ def growths(
     its present direction.  The distance is that of ``(x1, y1, x2, y2)``, the smaller one of two successive steps.
 
     `patience`: Time after which a growth is given up; it is returned as it is then.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> duration, growth = growths(Scene.from_gears(DAT21, sigma=0.5), 1e-4, 50, seed=1)
-    >>> bool((growth >= np.log(2.0)).all())
-    True
     """
     tree = tree_of(scene, seed, DEEPEST)
     wait, found = max(2, int(patience / tree.clock.h)), np.empty((2, events))

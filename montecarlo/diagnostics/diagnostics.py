@@ -31,14 +31,6 @@ def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str,
     """Unit of each section quantity's errors: its sd, or 1 % of flight time, half gap or speed where that is more.
 
     Shapes: result (impacts,).
-
-    Examples
-    --------
-    >>> from rattle.montecarlo import simulate
-    >>> from rattle.scene import DAT21
-    >>> still = Scene.from_gears(DAT21)
-    >>> float(motion_units(simulate(still, paths=1, impacts=1).columns, still)["x2"][0])
-    0.005
     """
     flight = np.abs(columns["flight"])
     speed = np.hypot(columns["y1"], columns["sd_y1"])
@@ -54,15 +46,6 @@ def orbit_shift(run: Any) -> tuple[float, str]:
 
     The noise-free path is followed at dt and at dt / 4, as long as at least half of the paths share its itinerary.  A
     scheme that detects impacts at the end of a step is late by half a step on average, at every impact.
-
-    Examples
-    --------
-    >>> from rattle.montecarlo import simulate
-    >>> from rattle.scene import DAT21
-    >>> run = simulate(Scene.from_gears(DAT21, sigma=0.01), paths=1000, impacts=2, scheme="euler-maruyama-located")
-    >>> shift, where = orbit_shift(run)
-    >>> round(shift, 1), where
-    (0.2, 'x1 at impact 2')
     """
     unit, columns = motion_units(run.columns, run.scene), run.columns
     coarse, fine = (noise_free_path(run.plan, run.plan.scheme, run.plan.dt / times) for times in (1, FINER))

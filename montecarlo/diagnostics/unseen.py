@@ -162,13 +162,7 @@ def _range(scene: Scene, columns: Mapping[str, NDArray[Any]]) -> Floats:
 
 
 def unseen_text(moment: str, probability: float, change: float, needed: float) -> str:
-    """The unseen of a row in words.
-
-    Examples
-    --------
-    >>> unseen_text("sd", 7e-6, 0.12, 1.43e6)[71:]
-    'it could change this sd by 12 %; 1.5 million paths would settle it'
-    """
+    """The unseen of a row in words."""
     if not np.isfinite(needed):
         return (
             "rare branches are not known here; one that so many paths may miss could change this "
@@ -181,13 +175,7 @@ def unseen_text(moment: str, probability: float, change: float, needed: float) -
 
 
 def share_of(probability: float) -> str:
-    """A small share in words.
-
-    Examples
-    --------
-    >>> share_of(2.7e-5)
-    'about 27 in a million'
-    """
+    """A small share in words."""
     for per, name in ((1e3, "a thousand"), (1e6, "a million"), (1e9, "a billion")):
         if probability * per >= 1.0:
             return f"about {probability * per:.0f} in {name}"

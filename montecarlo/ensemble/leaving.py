@@ -56,13 +56,7 @@ def _share(left: Floats, paths: int) -> Floats:
 
 
 def interval(total: float, squares: float, largest: float) -> tuple[float, float]:
-    """Interval of a weighted sum of Poisson counts, from the sum of the weights, of their squares, and the largest.
-
-    Examples
-    --------
-    >>> [round(bound, 2) for bound in interval(10.0, 10.0, 1.0)], round(interval(0.0, 0.0, 1.0)[1], 2)
-    ([4.8, 18.39], 3.69)
-    """
+    """Interval of a weighted sum of Poisson counts, from the sum of the weights, of their squares, and the largest."""
     tail, more, wide = 0.5 - 0.5 * CONFIDENCE, total + largest, squares + largest**2
     low = 0.5 * squares / total * chdtri(2.0 * total**2 / squares, 1.0 - tail) if squares > 0.0 else 0.0
     high = 0.5 * wide / more * chdtri(2.0 * more**2 / wide, tail) if wide > 0.0 else 0.0

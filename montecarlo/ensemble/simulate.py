@@ -144,13 +144,6 @@ def extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = Non
     Where nothing is random, the one path that is there stands for the others too.
 
     Returns: Equal bit for bit to a run of that many paths from the start; without histograms and single paths.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> more = extend(simulate(Scene.from_gears(DAT21), paths=1024, impacts=1), 2048, in_threads(1))
-    >>> more.section[["paths", "agreement"]].loc[1].tolist()
-    [2048.0, 1.0]
     """
     plan = run.plan._replace(paths=count_followed(run.scene, paths))
     record = Record(batches=run.batches is not None)

@@ -158,14 +158,6 @@ class LongRun:
 
         Returns: Their means agree within the standard error of the mean of their difference, as long as no mesh is
         closed. Shapes: result (paths,).
-
-        Examples
-        --------
-        >>> from rattle.montecarlo.long_run.run import long_run
-        >>> scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
-        >>> lost, supplied = long_run(scene, periods=64, paths=64).energy_balance()
-        >>> float(supplied[0]), abs(float(lost.mean()) - 0.25) < 0.02
-        (0.25, True)
         """
         c = self.scene.constants
         y1, v2, drive1, drive2 = (self.sums.main[:, :, WORK:NOISE].sum(axis=1) / self.sums.samples).T

@@ -244,13 +244,6 @@ def long_run(
     `budget`: Seconds of processor time that it may take, all threads together; compiling is not counted.  Without
     it, what is expected to take more than an hour is refused. `rng`: Seed.  The result is the same bit for bit
     for any number of workers.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> run = long_run(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=64)
-    >>> run.periods, 2.1 < run.estimates["rate"].value < 2.4
-    (64, True)
     """
     check_long_run(scene, accuracy, periods, quantities, paths, burn_in, slow, rng, workers)
     goal = None if periods is not None else ACCURACY if accuracy is None else float(accuracy)

@@ -258,13 +258,6 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
     lies among bins of little probability, whatever the distribution looks like.
 
     Shapes: `seen` (impacts, 4).
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> s = scales_of_pilot(np.column_stack([np.ones(1000), *rng.uniform(1.0, 2.0, (3, 1000))]), 0.1)
-    >>> s.edges.shape, bool(abs(s.centre[0, FLIGHT] - 1.5) < 0.05)
-    ((3, 3, 399), True)
     """
     s = no_scales(slow)
     share = expit(np.linspace(-TAILS, TAILS, BINS - 1))

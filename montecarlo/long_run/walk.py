@@ -134,14 +134,7 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
 
 
 def steps_per_period(scene: Scene) -> int:
-    """Steps in a period of the excitation: the default step of exact flights or a little less, a multiple of `SAMPLES`.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21
-    >>> steps_per_period(Scene.from_gears(DAT21, sigma=0.1))
-    192
-    """
+    """Steps in a period of the excitation: the default step of exact flights or a little less, a multiple of `SAMPLES`."""
     return SAMPLES * math.ceil(PERIOD / default_step(scene, "exact-flight") / SAMPLES - 1e-9)
 
 

@@ -31,12 +31,6 @@ def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[N
     """Noise of the first part of an interval and of the second, conditional on that of the whole.
 
     `h`, `share`: Length of the interval, and the share of it before the cut, in (0, 1).
-
-    Examples
-    --------
-    >>> left, right = split(Noise(1.0, 0.1), 1.0, 0.25, 0.3, -0.4)
-    >>> round(left.increment + right.increment, 12)
-    1.0
     """
     rest = 1.0 - share
     inside = 1.0 - 3.0 * share * rest
@@ -51,14 +45,7 @@ def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[N
 
 @lean
 def join(first: Noise, second: Noise, share: float) -> Noise:
-    """Noise of an interval from that of its two parts; the inverse of `split`.
-
-    Examples
-    --------
-    >>> whole = join(*split(Noise(1.0, 0.1), 2.0, 0.25, 0.3, -0.4), 0.25)
-    >>> round(whole.increment, 12), round(whole.area, 12)
-    (1.0, 0.1)
-    """
+    """Noise of an interval from that of its two parts; the inverse of `split`."""
     rest = 1.0 - share
     return Noise(
         first.increment + second.increment,

@@ -29,14 +29,7 @@ class Memory(NamedTuple):
 
 
 def memory_of(theta: float, h: float) -> Memory:
-    """The step of length h of a process with correlation time theta; h is at most theta.
-
-    Examples
-    --------
-    >>> m = memory_of(0.5, 0.01)
-    >>> round(m.kept, 6), round(m.fresh / 0.2, 3)  # dW / theta has the sd sqrt(h) / theta = 0.2
-    (0.980199, 0.99)
-    """
+    """The step of length h of a process with correlation time theta; h is at most theta."""
     if theta == 0.0:
         return Memory()
     x = h / theta

@@ -106,15 +106,7 @@ def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tu
 
 @lru_cache(maxsize=2)  # consecutive runs often share a scene, and many steps take seconds
 def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
-    """The linearised path of a scene at a step.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> path = linear_path(Scene.from_gears(DAT21, sigma=0.01), 2, 0.05)
-    >>> path.at_step.tolist(), [round(v**0.5, 5) for v in path.variance[:, 0].tolist()]
-    ([11, 22], [0.00016, 0.00128])
-    """
+    """The linearised path of a scene at a step."""
     c = scene.constants
     orbit = [impact for impact in orbit_impacts(scene, impacts) if impact.tau - scene.phase < MOST_STEPS * dt]
     steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0

@@ -68,14 +68,6 @@ def short_flight(c: Constants, phase: Phase, h: float, s: State, increment: floa
     With u = s / h in [0, 1] the flight is ``dx/du = h y`` and ``dy1/du = -h beta1 y1 + h gamma1 + m1 (even + odd u)``,
     likewise for stage 2.  All series are summed until their terms, of relative size ``(h (1 + beta))^k / k!``, are
     below rounding: eight terms at the default step, three at the last trial before an impact.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> c = Scene.from_gears(DAT21, sigma=0.1).constants
-    >>> state, _ = short_flight(c, (0.0, 1.0), 0.01, (0.5, -1.0, 0.1, 0.2), 0.0, 0.0)
-    >>> round(state[0], 5)
-    0.49001
     """
     return _fly(c.drive, c, phase, h, s, increment, area)
 

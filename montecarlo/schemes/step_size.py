@@ -77,14 +77,7 @@ class TimeScales(NamedTuple):
 
 
 def time_scales(scene: Scene) -> TimeScales:
-    """The time scales of a scene.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> [round(t, 3) for t in time_scales(Scene.from_gears(DAT21, sigma=0.5))]
-    [7.5, 0.25, 0.998, 12.871]
-    """
+    """The time scales of a scene."""
     c, start, tolerance = scene.constants, scene.start, scene.tolerance
     narrow = (0.0, 0.0)
     if tolerance is not None and tolerance.distribution != "fixed":
@@ -131,12 +124,6 @@ def accurate_flight(scene: Scene) -> Limit:
 
     The neglected part (of relative order h^4 of the variance) matters where the variance grows from zero: at this limit
     0.8 % of sd(x1) after a flight of 0.2 from tau = 0, at half of it 0.05 %.
-
-    Examples
-    --------
-    >>> from rattle.scene import DAT21, Scene
-    >>> accurate_flight(Scene.from_gears(DAT21))
-    (0.1, "a longer step cannot follow the noise's modulation")
     """
     limits = {
         MEMORY: _memory(scene),
@@ -225,14 +212,6 @@ def neglected_noise(scene: Scene, dt: float) -> float:
     A step keeps two Legendre coefficients of its noise.  The third matters where the variance grows from zero and the
     modulation crosses zero within a flight of about a step: of ``x`` after a flight of n steps from there it is a share
     ``1 / (6 n^4)`` of the variance.
-
-    Examples
-    --------
-    >>> from rattle.scene import Scene, Start
-    >>> start = Start(0.07, 0.5, 17.0, 0.0, 0.0, mesh=1)
-    >>> scene = Scene(alpha=1.5, epsilon=0.9, beta1=0.08, gamma1=0.06, stages=1, sigma=0.1, start=start)
-    >>> [f"{neglected_noise(scene, dt):.0e}" for dt in (0.05, 0.025, 0.0125)]
-    ['5e-02', '3e-03', '2e-04']
     """
     if scene.sigma == 0.0 or scene.correlation_time:
         return 0.0

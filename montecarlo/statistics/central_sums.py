@@ -236,14 +236,6 @@ class CentralSums:
 
     Blocks are merged about the joint mean (Pebay 2008), always in block order, so that the result does not depend on
     the worker that computed a block.
-
-    Examples
-    --------
-    >>> x, own = np.arange(10.0)[:, None], np.zeros((2, 1), int)
-    >>> parts = [columns_of(part) for part in (x, x[:4], x[4:])]
-    >>> whole, first, second = (CentralSums.of_columns(part, part, own, SINGLE, (1,)) for part in parts)
-    >>> bool(np.allclose(whole.sums, first.merge(second).sums))
-    True
     """
 
     orders: Orders  # exponents of the sums that are kept; with each, all lower ones of degree 2 and more

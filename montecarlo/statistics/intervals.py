@@ -20,11 +20,6 @@ def half_width(effective_paths: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE)
     """Half width of an interval in standard errors, from the number of paths that the error rests on.
 
     `tail`: Probability on each side of the interval; by default those of a 95 % interval.
-
-    Examples
-    --------
-    >>> [round(float(half_width(n)), 2) for n in (1000, 10, 3)]
-    [1.96, 2.26, 4.3]
     """
     return -stdtrit(np.maximum(np.asarray(effective_paths) - 1.0, 1.0), tail)
 
@@ -36,13 +31,6 @@ def count_effective_paths(rest: Floats) -> float:
     deviations r are normal; the inverses are shifted such that these count in full.
 
     Shapes: `rest` (paths,).
-
-    Examples
-    --------
-    >>> burst = np.zeros(300)
-    >>> burst[:5] = 1.0
-    >>> round(count_effective_paths(burst - burst.mean()), 1)
-    5.3
     """
     n, largest = len(rest), float(np.abs(rest).max())
     if largest == 0.0:

@@ -136,12 +136,6 @@ def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
     `change`, `before`: Change of a value from dt to 2 dt, and from 2 dt to 4 dt. `se`: Standard error of
     `change`; that of ``2 change - before`` is taken to be three times as large, as the earlier change has about
     twice the error.
-
-    Examples
-    --------
-    >>> second_order = estimate_remainder(np.array([3.0]), np.array([12.0]), np.zeros(1))  # of 1, 4 and 16: 1 - 3 = -2
-    >>> second_order.tolist()
-    [2.0]
     """
     missing = 2.0 * change - before
     with np.errstate(invalid="ignore", divide="ignore"):

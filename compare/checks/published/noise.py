@@ -69,11 +69,6 @@ def mean_exit_time(start: float, gap: float, sigma: float) -> float:
     """Compute the mean time after which ``x'' = sigma eta``, starting at zero velocity, leaves a gap.
 
     Masoliver and Porra 1995; docs/model.md section 8.
-
-    Examples
-    --------
-    >>> round(mean_exit_time(0.5, 1.0, 1.0) / mean_exit_time(0.5, 1.0, 8.0), 12)
-    4.0
     """
     z = start / gap
     both = hyp2f1(1.0, -1.0 / 3.0, 7.0 / 6.0, z) + hyp2f1(1.0, -1.0 / 3.0, 7.0 / 6.0, 1.0 - z)
@@ -299,12 +294,6 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
 
     `coupled`: Whether the noise acts on the second stage directly; false only for a negative control. Shapes:
     `mean` (4,); `covariance` (4, 4).
-
-    Examples
-    --------
-    >>> mean, covariance = linear_moments(SCENE, 0.3)
-    >>> mean.tolist(), covariance.any()
-    ([0.1, -0.4, -0.2, 0.5], np.False_)
     """
     b1, b2, start = scene.beta1, scene.beta2, scene.start
     a = np.array([[0, 1, 0, 0], [0, -b1, 0, 0], [0, 0, 0, 1], [0, b2 - b1, 0, -b2]], dtype=float)
@@ -358,11 +347,6 @@ def speed_variance(tau: float, beta: float, sigma: float) -> float:
     """Compute the periodic solution of ``V' = -2 beta V + sigma^2 m^2`` with ``m = -sin tau + beta cos tau``.
 
     It follows from ``m^2 = (1 + beta^2) / 2 + a cos 2 tau + b sin 2 tau``.
-
-    Examples
-    --------
-    >>> round(speed_variance(0.0, 0.5, 1.0), 6)
-    0.75
     """
     a, b = -0.5 * (1.0 - beta**2), -beta
     wave = ((beta * a - b) * math.cos(2.0 * tau) + (a + beta * b) * math.sin(2.0 * tau)) / (2.0 * (beta**2 + 1.0))

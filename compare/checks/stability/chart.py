@@ -39,11 +39,6 @@ def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float =
     so that the two meshes are not struck together.  The speed is proportional to the square root of the gap g, as under
     constant acceleration.  It is at least ``(g sigma^2)^(1/3)``, which noise creates in a crossing, and at least g, so
     that a wide gap is crossed before the velocity is damped.
-
-    Examples
-    --------
-    >>> moderate(gap=0.5).start.y1, round(moderate(gap=1e-8).start.y1, 6)
-    (2.0, 0.000965)
     """
     pair = Scene.from_gears(DAT21)
     speed = max(SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
@@ -143,13 +138,7 @@ class Judged(NamedTuple):
 
 
 def looks(paths: int) -> int:
-    """Compute how often a verdict may be attempted, for the simultaneous intervals.
-
-    Examples
-    --------
-    >>> looks(FIRST), looks(FIRST + 1), looks(FIRST * GROWTH**2)
-    (1, 2, 3)
-    """
+    """Compute how often a verdict may be attempted, for the simultaneous intervals."""
     return 1 if paths <= FIRST else 1 + looks(math.ceil(paths / GROWTH))
 
 
