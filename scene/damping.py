@@ -19,7 +19,7 @@ PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
 
 @shared
 def phi1(beta: float, t: float) -> float:
-    """``E = t phi1(-beta t) = (1 - exp(-beta t)) / beta``: displacement of a unit initial speed under linear damping."""
+    """``E = t phi1(-beta t) = (1 - exp(-beta t)) / beta``: displacement of a unit initial speed under damping."""
     z = beta * t
     if abs(z) < 1e-300:
         return t

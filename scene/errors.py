@@ -6,16 +6,14 @@ A check returns the value that it was given, or raises an InputError that says w
 import functools
 import inspect
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from difflib import get_close_matches
 from numbers import Integral, Real
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, TypeVar
 
 from rattle.scene.text import harmless
 
 C = TypeVar("C")
-P = ParamSpec("P")
-R = TypeVar("R")
 
 LONGEST = 300  # most characters of a value that a message quotes
 
@@ -164,18 +162,3 @@ def suggesting(cls: type[C]) -> type[C]:
 
     setattr(cls, "__init__", check)  # noqa: B010  (a method, by its type)
     return cls
-
-
-def moved(elsewhere: Mapping[str, str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Make a function refuse keywords that it once had by an InputError that says where they are now."""
-
-    def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        @functools.wraps(function)
-        def check(*args: P.args, **given: P.kwargs) -> R:
-            for name in elsewhere.keys() & given.keys():
-                raise InputError(name, given[name], elsewhere[name])
-            return function(*args, **given)
-
-        return check
-
-    return decorate

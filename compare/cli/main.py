@@ -1,6 +1,5 @@
 """The command ``rattle``."""
 
-import errno
 from typing import Any
 
 import click
@@ -14,18 +13,9 @@ from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import order, tradeoff, validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon, said
 from rattle.scene.errors import RattleError
-from rattle.scene.text import harmless, line
+from rattle.scene.text import harmless
 
 EXIT_BAD_INPUT = 2
-STORAGE = {
-    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room on that disk"),
-    **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "choose another place"),
-    errno.ENAMETOOLONG: "choose a shorter name",
-}
-"""Remedies by error number, for files that are not written by this package itself, such as machine code by numba."""
-
-NO_TEMPORARY = ("MPLCONFIGDIR", "No usable temporary directory")
-"""What matplotlib and Python say where no folder for temporary files can be written."""
 
 
 class RattleGroup(click.Group):
@@ -39,17 +29,10 @@ class RattleGroup(click.Group):
         except click.ClickException as error:  # the message may quote a file name with control characters
             setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)
             raise
-        except (RattleError, OSError) as error:
-            if isinstance(error, RattleError):
-                why = str(error)
-            elif any(sign in str(error) for sign in NO_TEMPORARY):
-                why = "no folder for temporary files; set TMPDIR to one that can be written"
-            elif error.errno in STORAGE:
-                where = line(str(error.filename or "a file"))
-                why = f"{where}: {error.strerror}; {STORAGE[error.errno]}, and repeat the command"
-            else:
-                raise
-            say(f"rattle: {why}", err=True)
+        except BrokenPipeError:
+            raise
+        except (RattleError, OSError) as error:  # the system's own errors name the file and say what is wrong with it
+            say(f"rattle: {error}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
             said.set()

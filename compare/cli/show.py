@@ -217,8 +217,6 @@ def init(file: Path) -> None:
             new.write(text)
     except FileExistsError:
         raise OutputError(f"{file}: exists already; give another name") from None
-    except OSError as error:
-        raise OutputError(f"{file}: cannot be written ({error.strerror}); give another place") from None
     say(f"{file}: a gear pair to change; then: rattle simulate {file} --units physical")
 
 

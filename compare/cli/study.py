@@ -11,7 +11,7 @@ import click
 import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
-from rattle.compare.report.folder import ANY_TEXT, sweep, within, write_whole
+from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
 from rattle.scene import InputError, OutputError, RattleError, count, line
 
 LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of all
@@ -45,7 +45,6 @@ def study(
     folder = out or file.with_suffix("")
     if folder.resolve() == file.resolve():
         raise InputError("out", str(folder), "is the study file itself; give --out a folder")
-    within(folder, CELLS)
     seen = Store(folder / CELLS, read_only=True)
     if explain:
         say(_explain(wanted, seen, workers), keep="\n")
@@ -117,10 +116,7 @@ def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any
     for place, scratch in ((folder, PAGE), (folder, ANY_TEXT), (seen.folder, ANY_TEXT)):
         sweep(place, scratch)
     if file_digest(folder / FILE) != wanted.digest:
-        try:
-            write_whole(folder / FILE, wanted.text)
-        except OutputError as error:
-            say(f"rattle: {error}; the file was left as it is", err=True)
+        write_whole(folder / FILE, wanted.text)
     return current
 
 

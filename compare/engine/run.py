@@ -19,7 +19,7 @@ from typing import Any, NoReturn, Self
 from tqdm import tqdm
 
 from rattle.compare.engine.store import Cell, Content, Store
-from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep, within
+from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
 
@@ -82,7 +82,6 @@ class StudyProgress:
         self.computed, self.cell_seconds = 0, 0.0  # of this run; other cells may come from another process
         self.failed: dict[str, str] = {}  # error message of each cell that could not be computed, by key
         self._show, self._started = show, time.perf_counter()
-        within(folder, LOG)
         try:
             self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (closed by __exit__)
         except OSError as error:

@@ -23,7 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, SoftFileLock, Timeout
 
-from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path, within
+from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene import OutputError, Scene, harmless, line
@@ -137,7 +137,6 @@ class Store:
     def __init__(self, folder: Path, read_only: bool = False) -> None:
         self.folder, self._locks = folder, folder / "locks"
         self._tries: Counter[str] = Counter()  # of cells that other processes compute, by process
-        within(folder, self._locks.name)
         if read_only:
             return
         try:
@@ -157,15 +156,8 @@ class Store:
 
     def read(self, cell: Cell) -> Any:
         """Read the result of a cell; None if there is none, or a damaged file, which will be replaced."""
-        path = self.path(cell)
-        try:
-            return cell.restore(_parse(cell.key, path.read_bytes()))
-        except FileNotFoundError:
-            return None
-        except Exception as error:  # pyarrow and pandas raise many kinds for a file that is not theirs
-            if number := getattr(error, "errno", None):  # the system's own: the file may be sound
-                how = "it stays as it is: remove the cause, and repeat the command"
-                raise self._refuse(f"{path.name} cannot be read ({os.strerror(number)}); {how}") from None
+        with suppress(Exception):  # pyarrow and pandas raise many kinds for a file that is not theirs
+            return cell.restore(_parse(cell.key, self.path(cell).read_bytes()))
         return None
 
     def write(self, cell: Cell, content: Content) -> None:

@@ -93,15 +93,6 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def within(folder: Path, *names: str) -> None:
-    """Check that subfolders are no symbolic links, through which files would be written elsewhere."""
-    for name in names:
-        if (folder / name).is_symlink() and name != ".":
-            raise OutputError(
-                f"out = {str(folder)!r}: {name!r} is a link to elsewhere; remove it, or choose another place"
-            )
-
-
 def write_whole(path: Path, text: str) -> None:
     """Write a text file whole or not at all; a symbolic link of that name is replaced, not followed."""
     with refusals(path):

@@ -72,8 +72,6 @@ def read_settings(path: Path) -> Recorded:
         if not is_whole(data):
             raise FileError("manifest", str(path), "was changed after it was written; restore it")
         settings = data["settings"]
-        if not isinstance(settings["name"], str):
-            raise TypeError("its name is no text")
         check_keys("manifest.settings", settings, ReportSettings._fields)
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
         if not scenes:
@@ -82,13 +80,12 @@ def read_settings(path: Path) -> Recorded:
         digests = {name: data.get(name) for name in TABLES}
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")
-        name = settings["name"].encode(errors="replace").decode()
         versions = {str(of): str(version) for of, version in data.get("versions", {}).items()}
         tables = {}
         for of, file in TABLES.items():
             with suppress(OSError):
                 tables[of] = (path.parent / file).read_text(encoding="utf-8", errors="replace")
-        settings = ReportSettings(**{**settings, "name": name, "scenes": scenes, **lists})
+        settings = ReportSettings(**{**settings, "scenes": scenes, **lists})
         return Recorded(settings, digests, versions, tables)
     except InputError:
         raise

@@ -18,7 +18,6 @@ from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, PREDICTED, TEXTS
 from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
-from rattle.compare.study.folder import load_study as load
 from rattle.compare.validation.verdict import JUDGED, Tolerances, span
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
@@ -27,8 +26,6 @@ from rattle.scene import InputError, Scene, choice
 
 if TYPE_CHECKING:
     import xarray as xr
-
-__all__ = ["load"]  # earlier pages say that `load` loads a study of the long run
 
 SETTINGS = ("accuracy", "periods", "paths", "burn_in", "slow")  # of the simulation, besides its seed
 FACTS = ("kind", "said", "periods", "paths", "impacts", "burn_in", "seconds")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure as Drawn
 
 from rattle.compare.engine.store import numerical_version
 from rattle.compare.report import Code, Figure, Page, PageSection, Row, Table, Text, manifest, numbers
-from rattle.compare.report.folder import scratch_folder, within
+from rattle.compare.report.folder import scratch_folder
 from rattle.compare.report.json_text import check_not_newer
 from rattle.compare.report.provenance import provenance, source_of
 from rattle.compare.report.render import pages
@@ -75,8 +75,6 @@ def _read_record(folder: Path) -> dict[str, Any]:
         record = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, ValueError):
         record = None
-    except OSError as error:
-        raise FileError("study folder", str(folder), f"{MANIFEST} cannot be read ({error.strerror})") from None
     if not isinstance(record, dict):
         raise FileError("study folder", str(folder), "holds no finished study; give the folder of one")
     check_not_newer("manifest", record.get("version"), manifest.VERSION, folder / MANIFEST)
@@ -89,11 +87,7 @@ def _check_files(folder: Path, record: dict[str, Any], files: Iterable[str]) -> 
     """Refuse a folder in which a file is missing or has changed since it was written."""
     written = record.get("files")
     for file in files:
-        try:
-            sound = isinstance(written, dict) and written.get(file) == file_digest(folder / file)
-        except OSError as error:
-            raise FileError("study folder", str(folder), f"{file} cannot be read ({error.strerror})") from None
-        if not sound:
+        if not isinstance(written, dict) or written.get(file) != file_digest(folder / file):
             raise FileError("study folder", str(folder), f"{file} {BROKEN}")
 
 
@@ -175,7 +169,6 @@ def write_page(folder: Path, tables: Any, seconds: Mapping[str, float], facts: d
         with scratch_folder(folder, PAGE) as scratch:
             record = _write(scratch, tables, seconds, facts)
             files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
-            within(folder, *{str(file.parent) for file in files})
             (folder / MANIFEST).unlink(missing_ok=True)  # holds the digests of the others: removed first, written last
             for file in sorted(files, key=lambda f: f.name == MANIFEST):
                 (folder / file).parent.mkdir(exist_ok=True)

@@ -37,7 +37,6 @@ from rattle.montecarlo.settings import (
     is_random,
 )
 from rattle.scene import InputError, Scene, duration_text, positive
-from rattle.scene.errors import moved
 
 __all__ = ["ESTIMATES", "simulate_to"]
 
@@ -82,7 +81,6 @@ def _round_up(accuracy: float) -> float:
     return math.ceil(accuracy / unit) * unit
 
 
-@moved({"blocks": "is now in sampling=Sampling(blocks=...)"})
 def simulate_to(
     scene: Scene,
     accuracy: float,

@@ -16,10 +16,8 @@ from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step,
 from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, line
-from rattle.scene.errors import moved
 
 
-@moved({name: f"is now in sampling=Sampling({name}=...)" for name in Sampling.__dataclass_fields__})
 def simulate(
     scene: Scene,
     *,

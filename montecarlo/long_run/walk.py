@@ -134,7 +134,7 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
 
 
 def steps_per_period(scene: Scene) -> int:
-    """Steps in a period of the excitation: the default step of exact flights or a little less, a multiple of `SAMPLES`."""
+    """Steps in a period of the excitation, a multiple of `SAMPLES`: those of exact flights or a little shorter."""
     return SAMPLES * math.ceil(PERIOD / default_step(scene, "exact-flight") / SAMPLES - 1e-9)
 
 

@@ -1,8 +1,5 @@
-"""Cells that cannot be read temporarily, and permissions of what is written."""
+"""Cells that cannot be computed, permissions of what is written, and what killed processes have left."""
 
-import builtins
-import errno
-import io
 import os
 
 import pytest
@@ -10,10 +7,9 @@ from commands import rattle, study
 from small_disks import DEAD, scratch_name
 
 from rattle.compare.engine.run import CELLS
-from rattle.compare.engine.store import Store
-from rattle.compare.study.cells import Prediction, Sample
+from rattle.compare.study.cells import Sample
 from rattle.compare.study.figures import FIGURES
-from rattle.scene import DAT21, InputError, OutputError, Scene
+from rattle.scene import InputError
 
 
 @pytest.fixture
@@ -22,42 +18,6 @@ def file(tmp_path, monkeypatch):
     monkeypatch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
     (tmp_path / "s.toml").write_text(study())
     return tmp_path / "s.toml"
-
-
-REFUSALS = {
-    "no right": (OSError(errno.EACCES, "Permission denied"), "Permission denied"),
-    "a failing disk": (OSError(errno.EIO, "Input/output error"), "Input/output error"),
-}
-
-
-def refuse_to_read(monkeypatch, error):
-    """Make opening Parquet files fail."""
-
-    def opened(path, mode="r", *more, **options):
-        if str(path).endswith(".parquet") and "r" in mode:
-            raise error
-        return plain(path, mode, *more, **options)
-
-    plain = io.open
-    monkeypatch.setattr(builtins, "open", opened)
-    monkeypatch.setattr(io, "open", opened)
-
-
-@pytest.mark.parametrize("case", REFUSALS)
-def test_what_the_system_does_not_let_be_read_stays(tmp_path, monkeypatch, case):
-    """The file may be undamaged: the message names it and the reason; it is neither moved nor computed again."""
-    error, why = REFUSALS[case]
-    cell, store = Prediction(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure="corrected"), Store(tmp_path / "s")
-    before = store.obtain(cell)
-    content = store.path(cell).read_bytes()
-    with monkeypatch.context() as patch:
-        refuse_to_read(patch, error)
-        with pytest.raises(OutputError, match=rf"{cell.key}.parquet cannot be read .{why}.*, and repeat the command"):
-            store.read(cell)
-        with pytest.raises(OutputError, match="stays as it is"):
-            store.obtain(cell)
-    assert store.path(cell).read_bytes() == content
-    assert store.read(cell).section.equals(before.section)
 
 
 def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):

@@ -14,8 +14,6 @@ from commands import rattle, study
 from programs import python
 from small_disks import disk, make_read_only
 
-from rattle.compare.report import folder
-
 WRITERS = {
     "validate": "--paths 600 --impacts 2 --dt 0.01 --no-validity --sigma 0.1 --closure saltation".split(),  # noqa: SIM905
     "tradeoff": [],
@@ -37,14 +35,6 @@ def test_no_room_is_said_before_any_work(command, tmp_path, monkeypatch):
         assert not any(place.iterdir())
 
 
-def test_a_disk_that_fills_while_the_report_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(folder, "ROOM", 0)
-    with disk(tmp_path / "disk", "100k") as place:
-        found = rattle("validate", *WRITERS["validate"], "--out", place / "report", code=2)
-        assert "the disk is full; nothing is half written" in found.stderr
-        assert not any(place.iterdir())
-
-
 def test_the_table_of_simulate_on_a_full_disk(tmp_path):
     """The results are printed, and the earlier table is whole."""
     words = ["simulate", "--paths", "100", "--impacts", "2", "--dt", "0.01"]
@@ -59,23 +49,6 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
         make_read_only(place)
         assert "cannot be written" in rattle(*words, "--out", place / "table.csv", code=2).stderr
         assert "cannot be written" in rattle(*words, "--out", tmp_path, code=2).stderr
-
-
-def test_killed_while_it_writes_a_report_is_the_old_one(tmp_path):
-    out, words = tmp_path / "report", ["validate", *WRITERS["validate"], "--out"]
-    rattle(*words, out)
-    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
-    command = [sys.executable, "-m", "rattle.compare.cli.main", *words, str(out), "--overwrite", "--seed", "1"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as running:
-        while running.poll() is None and not list(tmp_path.glob(".report-*/table.csv")):
-            time.sleep(0.002)
-        running.kill()
-    assert running.returncode == -signal.SIGKILL
-    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
-    assert list(tmp_path.glob(".report-*"))
-    rattle(*words, out, "--overwrite", "--seed", "1")  # and the next run clears away what it left
-    assert [p.name for p in tmp_path.iterdir()] == ["report"]
-    assert json.loads((out / "manifest.json").read_text())["settings"]["seed"] == 1
 
 
 ENDLESS = 600.0  # seconds in which any machine has loaded a library
@@ -151,7 +124,6 @@ def test_manifests_that_cannot_be_repeated(tmp_path):
         "empty": ("", "is no manifest of this version"),
         "a list": ("[1]", "is no manifest of this version"),
         "newer": (json.dumps(data | {"version": 2}), "comes from a newer version of rattle"),
-        "name no text": (json.dumps(data | {"settings": data["settings"] | {"name": 3}}), "its name is no text"),
     }
     for content, said in bad.values():
         (tmp_path / "manifest.json").write_text(content)

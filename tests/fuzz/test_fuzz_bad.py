@@ -3,7 +3,6 @@
 Scenes with one thing wrong in them, settings, texts and damaged files, always the same.
 """
 
-import json
 import math
 import tempfile
 from decimal import Decimal
@@ -13,7 +12,6 @@ from itertools import count
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 import pytest
 from commands import rattle, study
 from fuzz_must import finite, refused
@@ -211,29 +209,6 @@ def damaged_cell(place, share, bit=0):
 @tried(share=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7), inputs=60)
 def test_damaged_cells_are_refused_or_read_as_written(share, bit, place):
     damaged_cell(place, share, bit)
-
-
-def blind(self, cell):
-    """A store that believes its files."""
-    try:
-        found = pq.read_table(self.path(cell), use_threads=False, memory_map=False)
-        facts = json.loads(found.schema.metadata[store.NAME])["facts"]
-        return cell.restore(store.Content(found.to_pandas(), facts))
-    except Exception:
-        return None
-
-
-@pytest.mark.slow
-def test_a_changed_number_in_a_cell_is_seen_where_there_is_no_seal(monkeypatch, place):
-    """Negative control: a changed footer renumbers the impacts in silence; where that is differs from run to run."""
-
-    def ends(flips):
-        return {damaged_cell(place, share) for share in np.linspace(0.75, 0.999, flips)}
-
-    assert ends(60) <= {"refused", "read"}
-    monkeypatch.setattr(store.Store, "read", blind)
-    with pytest.raises(AssertionError):
-        ends(5000)
 
 
 def test_an_error_without_the_name_of_its_field_is_seen():

@@ -148,15 +148,6 @@ def test_paths_unfinished_at_the_horizon_are_diagnosed():
     assert run.diagnostics[-1].startswith("10 of 10 paths did not finish before the time limit, 0.3 after")
 
 
-@pytest.mark.parametrize(
-    "old", [{"control": True}, {"increments": "two-point"}, {"horizon": 1.0}, {"device": "cuda"}, {"blocks": None}]
-)
-def test_an_old_keyword_is_refused_with_its_new_place(old):
-    (name,) = old
-    with pytest.raises(InputError, match=rf"^{name} = .*is now in sampling=Sampling\({name}=\.\.\.\)"):
-        simulate(dat21(0.1), paths=1, **old)
-
-
 def test_rare_branches_are_of_white_noise():
     with pytest.raises(InputError, match="with white noise only"):
         simulate_rare(MEMORY, paths=10, impacts=2)

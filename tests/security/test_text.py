@@ -8,7 +8,6 @@ import pytest
 from commands import rattle as command
 from commands import study
 
-from rattle.scene import DAT21, Scene
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.text import harmless, line
 
@@ -18,7 +17,6 @@ IN_A_NAME = STEERING.replace("\x85", "")
 RAW = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\U000e0000-\U000e007f]"
 )
-SMALL = ["--paths", "64", "--impacts", "1", "--dt", "0.01", "--no-validity", "--closure", "corrected", "--sigma", "0.1"]
 TOLERANCE = '[scene.tolerance]\nc1_max = 0.01\n[[axes]]\n"tolerance.distribution" = ["uniform", "{}"]\n'
 
 
@@ -90,27 +88,3 @@ def test_a_study_from_end_to_end(tmp_path):
     record = json.loads(rattle("study", file, "--out", tmp_path / "out", "--json", code=1).stdout)
     assert record["title"] == STEERING  # data are as they were
     assert "\\x1b]0;pwned" in rattle("show", tmp_path / "out").stdout
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_names_of_files_and_folders(tmp_path, monkeypatch):
-    """Hostile names of a scene, of the folder, of files in it; and hostile arguments."""
-    monkeypatch.chdir(tmp_path)
-    scene = tmp_path / f"{IN_A_NAME}.toml"
-    scene.write_text(Scene.from_gears(DAT21).to_toml())
-    rattle("validate", scene, *SMALL)
-    (out,) = (tmp_path / "reports").iterdir()
-    assert not RAW.search(out.name)
-    files_are_harmless(out)
-    assert "\\x1b]0;pwned" in rattle("show", out).stdout
-    rattle("show", out, "--section", STEERING, code=2)
-    rattle("validate", scene, *SMALL, "--out", STEERING)
-    rattle("validate", scene, *SMALL, "--out", STEERING, code=2)
-    rattle("show", f"{STEERING}-2", code=2)
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full" / STEERING).touch()
-    assert "\\x1b]0;pwned" in rattle("validate", scene, *SMALL, "--out", "full", code=2).stderr
-    assert "\\x1b]0;pwned" in rattle("simulate", scene, STEERING, code=2).stderr
-    rattle(STEERING, code=2)
-    rattle("simulate", f"--{STEERING}", code=2)
-    rattle("simulate", scene, "--paths", "64", "--impacts", "1", "--out", f"none{STEERING}/x.csv", code=2)
