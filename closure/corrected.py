@@ -1,9 +1,8 @@
 """The paper's closure with its algebra corrected (docs/model.md sections 5, 6, 9).
 
-The deterministic part is the event-driven orbit.  Linear flow, restitution maps applied at the orbit's own impact
-times, and additive noise keep ``(xi_1, zeta_1, xi_2, zeta_2)`` exactly Gaussian: every cumulant beyond the second
-starts at zero and is only ever mapped linearly.  So only the covariance has to be propagated, raw moments of any order
-follow from it, and ``|rho| <= 1`` always.  The means are shifted by the window means of Eqs. 20 and 21.
+Linear flow, restitution maps at the orbit's own impact times and additive noise keep ``(xi_1, zeta_1, xi_2, zeta_2)``
+exactly Gaussian: only the covariance has to be propagated, raw moments of any order follow from it, and ``|rho| <= 1``
+always.  The means are shifted by the window means of Eqs. 20 and 21.
 """
 
 from functools import partial

@@ -1,11 +1,8 @@
 """What every closure returns, its moments just before each impact and between impacts, and the bounds of their errors.
 
-`branching` bounds its own error, without simulation.  Three signs of error are added as independent ones: the change
-from the next coarser level (its largest so far, since a change of sign is no accuracy); the largest share so far of the
-squared impact speed that the noise of one flight makes, since a path that leaves a wall so slowly may return at once,
-and the time and the speed of its return are far from Gaussian; and what splitting the components further would be
-worth.  Their factors were found on six random gear sets and DAT21, so that at most a tenth of the errors are larger,
-and tried on six others (docs/theory/closures.md).
+`branching` bounds its own error, without simulation, from three signs that are added as independent ones: the change
+from the next coarser level, the share of the squared impact speed that the noise of one flight makes, and what
+splitting the components further would be worth (docs/theory/closures.md).
 """
 
 from collections.abc import Callable

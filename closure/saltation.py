@@ -1,14 +1,9 @@
-"""The saltation closure: first order in the noise, exactly, and its second-order corrections.
+"""The saltation closure: first order in the noise, exactly, and its second-order corrections (docs/model.md section 6).
 
-A perturbed path meets the wall at another time than the orbit.  So the state that is propagated is the one that each
-path has at its own k-th impact (the section state).  Its covariance is propagated by the derivative of the map from
-section to section; at fixed times that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md
-section 6).  From order 3 on, the second derivatives add the shift of the mean, an O(sigma^2) effect, and the third
-cumulants.
-
-White noise has the section state ``(tau, x1, y1, x2, y2)`` and the deviations of the flanks where they vary
-(`rattle.closure.section_map`).  Noise with a memory has its value eta as a last component: it is known no better at an
-impact than the state is, and the flight carries it on.
+What is propagated is the state that each path has at its own k-th impact (the section state: ``tau, x1, y1, x2, y2``,
+then the deviations of the flanks where they vary, or a noise's memory), by the derivative of the map from section to
+section; at fixed times that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)``.  From order 3 on, the second
+derivatives add the shift of the mean, an O(sigma^2) effect, and the third cumulants.
 """
 
 import math

@@ -5,12 +5,10 @@ they vary, in the order +1, -1, +2, -2; flank ``side`` of a mesh stands at ``sid
 ``s' = H(s, n)``: let the path fly for the orbit's flight time, add the flight's noise ``n ~ N(0, Q)``, and continue (or
 go back) without noise to the path's own wall.
 
-One Gaussian can give c the mean and variance of its distribution, but not the bound ``|c| <= c_max``: its tails reach
-events that no gear has.  So the branching closure represents a deviation that is drawn once per path by `PIECES`
-Gaussians, each with the mean and variance of the distribution in one cell of ``[-c_max, c_max]``.  With one Gaussian
-the means of DAT21 without noise are wrong by up to 0.2 sds, with six by 0.02.  A deviation that is drawn anew at each
-contact is one Gaussian all the same: there several would use up mixture components that the itineraries need, and with
-noise the moments became less accurate.
+A deviation that is drawn once per path is `PIECES` Gaussians for the branching closure, each with the mean and variance
+of the distribution in one cell of ``[-c_max, c_max]``: the tails of a single one reach events that no gear has (the
+means of DAT21 without noise are wrong by 0.2 sds with one, by 0.02 with six).  One that is drawn anew at each contact
+is one Gaussian: several would use up mixture components that the itineraries need.
 """
 
 import math

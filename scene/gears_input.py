@@ -1,20 +1,9 @@
 """Gears as people write them: the tables of a scene file, and questions about gears that cannot exist.
 
 The table ``[gears]`` has gears, and their tolerances as a drawing gives them; each table ``[[drive]]`` has an order,
-and a table ``[drive]`` the file of a measured drive.  A value is questioned, in the user's own fields and units and
-with the likely conversion, only where no gear pair can have it:
-
-- a radius below 0.05 mm, under the smallest pinions of watches;
-- a backlash that is not smaller than its radius, or smaller than 1e-5 of it, by which steel grows in one kelvin;
-- an inertia below that of a plastic disc a thousandth of its radius thick, or above 1e7 times that of a solid steel
-  cylinder as long as wide (`LIGHTEST` and `HEAVIEST`, times the fifth power of the radius);
-- a drag torque above 0 but below 0.003 of the wheel's weight (the mass at its rim that has its inertia) times its
-  radius: a needle bearing alone takes about as much;
-- a drive that swings by more than half a radian, or wheel 1 with it;
-- a drive whose pitch circle moves faster than sound in steel, 5000 m/s.
-
-What follows from several values, and is outside the range of the model, is named by the field that differs most from
-the paper's example.
+and a table ``[drive]`` the file of a measured drive.  A value is questioned, in the user's own fields and units, only
+where no gear pair can have it (docs/guide/scenes.md).  What follows from several values, and is outside the range of
+the model, is named by the field that differs most from the paper's example.
 """
 
 import math

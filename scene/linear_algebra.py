@@ -1,9 +1,7 @@
-"""Small vectors and matrices whose sums are in order: the same to the last bit on every processor.
+"""Small vectors and matrices whose sums are in order: the same to the last bit on every processor, as BLAS's are not.
 
 First as explicit loops for compiled code, then in numpy for what is called a few times per answer; both give the same
-bits.  Assigning an array to a slice in compiled code brings in numpy's broadcasting and its error messages, and an
-array expression brings in iterators.  LLVM optimises these again in every caller.  BLAS and LAPACK choose their kernels
-by the processor, and with them the order of sums.
+bits.  Array expressions in compiled code would bring in numpy's iterators and error messages, for LLVM to optimise.
 """
 
 import math

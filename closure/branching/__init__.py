@@ -1,14 +1,11 @@
-"""The branching closure: a Gaussian mixture whose components follow different itineraries.
+"""The branching closure: a Gaussian mixture whose components follow different itineraries (docs/theory/closures.md).
 
 A component is a weight and a Gaussian of the section state after an impact, as in the saltation closure.  The noise of
-the next flight is added at its start, so that the next impact is a function of a point in five dimensions; in nine
-where flanks are random, whose distributions are Gaussians here, or mixtures of a few (`rattle.closure.section_map`).
-Components are split where the next impact changes or the section map is nonlinear (`rattle.closure.branching.advance`),
-propagated to the impact (`rattle.closure.branching.propagate`), and merged after it where they lie close together
-(`rattle.closure.branching.mixture`).
-
-How many components there may be is the closure's resolution.  It is followed at two of the `LEVELS` at least, and its
-own error is bounded without simulation (`rattle.closure.moments`).
+the next flight is added at its start, so that the next impact is a function of a point in five dimensions, or in nine
+where flanks are random.  Components are split (`rattle.closure.branching.advance`), propagated to the impact
+(`rattle.closure.branching.propagate`), and merged after it (`rattle.closure.branching.mixture`).  How many there may be
+is the closure's resolution: it is followed at two of the `LEVELS` at least, and bounds its own error from their
+difference (`rattle.closure.moments`).
 """
 
 import math

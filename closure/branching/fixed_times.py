@@ -1,10 +1,8 @@
-"""Moments of the branching closure at fixed times, when components are on different flights.
+"""Moments of the branching closure at fixed times, when components are on different flights (docs/theory/closures.md).
 
 At a time s a path is on the flight between its impacts at tau and tau' if ``tau <= s < tau'``.  A component and its two
-times are jointly Gaussian, so both ends are cuts of a Gaussian.  Given tau, the flight is affine: it is flown from
-three points of the Gaussian of tau (Gauss-Hermite).  The closure adds the noise of a whole flight at its start; of a
-point there, what acts after s is taken back by its Gaussian regression on the point, in the component before it was
-split.
+times are jointly Gaussian, so both ends are cuts of a Gaussian.  Given tau, the flight is affine, flown from three
+points of the Gaussian of tau (Gauss-Hermite); what acts after s is taken back by its Gaussian regression on the point.
 """
 
 import math

@@ -1,11 +1,7 @@
 """Growth rates of small distances, with their intervals: Lyapunov exponents, and two paths on the same noise.
 
-Growth rates are ratios of sums over a long record (log growth over time).  Their intervals come from batch means.
-
-Two paths on the same noise that reach a wall delta apart leave it about sqrt(delta) apart.  One path rebounds while the
-other still approaches the wall for a time ``delta / |y|``, y being the impact speed.  Noise during that time enters
-their velocities after the impact with different factors (1 and -epsilon).  They differ by ``(1 + epsilon) sigma |m|
-sqrt(delta / |y|) |N(0, 1)|``, where m is the modulation of the noise (docs/model.md section 8).
+Growth rates are ratios of sums over a long record (log growth over time); their intervals come from batch means.  Two
+paths on the same noise that reach a wall delta apart leave it about sqrt(delta) apart (docs/model.md section 8).
 """
 
 import math

@@ -1,9 +1,8 @@
 """Measures the chaos of a scene in one call: everything that the page and the folder of ``rattle chaos`` show.
 
-Among it the exponents of the closures as iterated maps, and the largest exponent over a field of the scene with its
-sign.  In `corrected`, `saltation` and `branching` the moments depend on the orbit but not the orbit on the moments.
-Such a skew product has a block-triangular Jacobian, so its exponents are those of the orbit together with those of the
-moments along the orbit.  Only `published` feeds the shifts of its means back into the next impact.
+The moments of `corrected`, `saltation` and `branching` depend on the orbit, but not the orbit on the moments: the
+exponents of such a skew product are those of the orbit together with those of the moments along it.  Only `published`
+feeds the shifts of its means back into the next impact.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,10 +1,6 @@
-"""Power spectra by Welch's method with a chi-square band, and tests for spectral lines above a continuous floor.
+"""Power spectra with a chi-square band, and tests for spectral lines above a continuous floor.
 
-References
-----------
-Welch, "The use of fast Fourier transform for the estimation of power spectra" (1967).
-Percival and Walden, "Spectral analysis for physical applications" (1993), section 6.17: the degrees of freedom of
-overlapping segments.
+By Welch's method (1967); degrees of freedom of overlapping segments by Percival and Walden (1993), section 6.17.
 """
 
 import math

@@ -1,11 +1,7 @@
-"""Runs the work of cells on a running Dask cluster, over a connection that can be secured.
+"""Runs the work of cells on a running Dask cluster, over a connection that can be secured (docs/guide/studies.md).
 
-A Dask scheduler has no authentication and runs what it is sent: whoever reaches its port can run programs as its
-workers, and whoever runs the scheduler can run programs here, for results come back as pickles.  Use one in a network
-where every machine is trusted, or over TLS, where only holders of a certificate of one authority can talk: give
-``tls://HOST:PORT`` and name the certificates in Dask's configuration, for example by
-``DASK_DISTRIBUTED__COMM__TLS__CA_FILE``, ``..__TLS__CLIENT__CERT`` and ``..__TLS__CLIENT__KEY``; the scheduler and the
-workers have their own, and ``DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION=true`` makes them refuse all else.
+A Dask scheduler runs what it is sent, and its results come back as pickles: use one in a trusted network, or over TLS
+(``tls://HOST:PORT``), with the certificates that Dask's configuration names.
 """
 
 import asyncio

@@ -28,8 +28,6 @@ from rattle.scene import InputError, Scene, check_scene, count, positive
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Boundary", "boundary"]
-
 SIGMAS = (1e-3, 2.0)  # where the noise intensity is searched by default
 ORDER = 4  # of the closures' moments
 AROUND = 4.0  # other parameters: from a fourth of their value to four times it

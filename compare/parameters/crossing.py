@@ -28,8 +28,6 @@ from rattle.scene import InputError, Scene, check_scene, choice, count, positive
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Crossing", "crossing"]
-
 PATHS = 64  # of each long run
 LOOKS = (64, 256, 1024, 4096)
 """Periods after which a value is judged."""

@@ -25,8 +25,6 @@ from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["BoundaryMap", "boundary_map"]
-
 SETTINGS = ("between", "impacts", "points", "width", "tolerances", "rng")
 """Settings of every search; those of `boundary`."""
 

@@ -22,8 +22,6 @@ from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
 
-__all__ = ["ClosureSensitivity", "closure_sensitivity"]
-
 GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
 STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
 CLOSE = 1e-3  # the same of the closure, which has no noise

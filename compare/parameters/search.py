@@ -1,9 +1,8 @@
 """Sequential search for the values of a parameter between which a closure stops holding.
 
-At each value paths are added until the verdict on the closure is decided.  All looks at all values share one family of
-95 %, so what is said of the whole search is right with 95 % probability.  A closure is shown wrong by any one row, so
-all rows are counted then; it is accurate if every row is, which no single row says falsely more often than at its own
-level (an intersection-union test: Berger 1982, Technometrics 24, 295), so they are not.
+At each value paths are added until the verdict on the closure is decided; all looks at all values share one family of
+95 %.  A closure is shown wrong by any one row, so all rows are counted then; it is accurate if every row is, which no
+single row says falsely more often than at its own level (an intersection-union test: Berger 1982, Technometrics 24).
 """
 
 import math

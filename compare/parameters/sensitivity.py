@@ -23,8 +23,6 @@ from rattle.scene import Floats, InputError, Scene, check_scene, choice, positiv
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Sensitivity", "sensitivity"]
-
 PATHS, PERIODS = 32, 64  # of each long run; a group is one long run of every scene
 GROUPS = (4, 6, 9, 13, 19, 28, 42, 64)  # independent groups after which the intervals are looked at
 ACCURACY = 0.001

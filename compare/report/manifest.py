@@ -113,15 +113,10 @@ def digest(text: str) -> str:
 SAME, ROUNDED, DIFFERENT = "bit for bit", "but for rounding", "different"
 
 ROUNDING = 0.01
-"""The largest difference that counts as rounding, in standard errors of the simulated number.
+"""The largest difference that counts as rounding, in standard errors of the simulated number: another seed makes one.
 
-Code compiled for other vector instructions sums the paths in another order, which changes a mean by about 1e-14 sd
-(measured on DAT21 between two kinds of x86-64: 2e-14).  If products are rounded differently too, each path differs in
-its last bit, and impacts amplify that: without fused multiply-add, 256 000 paths at sigma = 1.2 differ by 1e-11 sd at
-their impacts, and at a fixed time after twelve impacts by 1e-6 sd, or 1e-3 standard errors, because one path in a
-million takes another itinerary.  The number of such paths grows with the number of paths, but the influence of each
-falls; in standard errors the sum stays small.  Another seed changes the rows by about one standard error.  The bound
-is a hundred times smaller than that, and ten times larger than the measured effect of rounding.
+Code for other vector instructions sums in another order (2e-14 sd between two kinds of x86-64).  Where products are
+rounded differently too, one path in a million takes another itinerary: 1e-3 standard errors (256 000 paths of DAT21).
 """
 EXACT = 1e-9
 """The same for numbers that are not sampled, those of a closure, in sds of the quantity (measured: 5e-15)."""

@@ -14,8 +14,6 @@ from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, choice
 
-__all__ = ["stationary"]
-
 STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
 COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
 

@@ -1,15 +1,8 @@
 """Cost of multilevel Monte Carlo over the step for the section means, estimated from runs at halved steps.
 
-Every run at dt also simulates 2 dt on the same Brownian paths.  So one run per level provides all that the analysis of
-Giles needs: mean and variance of the difference between neighbouring levels, and its work, which is counted, not timed.
-Errors are in units of each quantity's sd, as in `rattle.montecarlo.diagnostics.accuracy`.
-
-Beside it: what the control variate and antithetic pairs are worth.
-
-References
-----------
-Giles, "Multilevel Monte Carlo path simulation", Operations Research 56 (2008); "Multilevel Monte Carlo methods", Acta
-Numerica 24 (2015), section 3: the table of levels and its checks.
+Every run at dt also simulates 2 dt on the same Brownian paths, so one run per level gives all that the analysis needs
+(Giles, Acta Numerica 24, 2015, section 3): mean and variance of the difference between neighbouring levels, and its
+work, which is counted, not timed.  Beside it: what the control variate and antithetic pairs are worth.
 """
 
 import math

@@ -1,11 +1,9 @@
 """Slopes of the step bias of a scheme with inelastic impacts, for which no weak order has been published.
 
-Two questions are separated (as in the tests of diffrax): how fast does a scheme converge towards its own limit, and is
-that limit correct?  The first is answered by differences between a step and twice the step on the same Brownian paths;
-the second by comparing Richardson extrapolation from the smallest steps with exact flights, which have no step bias.
-
-Each quantity has a slope of its own, over a stated range of steps.  It is called an order only where it has settled:
-where the local slopes at the finest steps agree, and no change turns its sign.
+How fast a scheme converges towards its own limit is answered by differences between a step and twice the step on the
+same Brownian paths (as in the tests of diffrax); whether that limit is correct, by comparing Richardson extrapolation
+from the smallest steps with exact flights.  Each quantity has a slope of its own, over a stated range of steps.  It is
+called an order only where the local slopes at the finest steps agree, and no change turns its sign.
 """
 
 import math

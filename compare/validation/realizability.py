@@ -84,12 +84,8 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     many reached the impact. A row only where the closure has a density and the quantity varies on both sides: not
     the displacement at the mesh that most paths strike.
 
-    Notes
-    -----
-    The step bias is no error of the closure, yet at small noise it is many times the sampling floor: the mean impact
-    time is off by a fixed share of dt, whatever its sd.  If the run measured its step bias, the sample is shifted and
-    scaled to the mean and sd from Richardson extrapolation, and only the bias of the shape remains; else the whole
-    bias is part of every distance.
+    If the run measured its step bias, the sample is shifted and scaled to the mean and sd of Richardson extrapolation,
+    and only the bias of the shape remains; else all of it is part of every distance, at small noise most of it.
     """
     prediction, run = prediction.phase_reduced, run.phase_reduced
     predicted, sampled, histograms = prediction.section, run.section, run.histograms
@@ -263,10 +259,7 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     stands for both stages jointly.  ``holds`` is nullable: NA where the closure has no such moment, and then
     ``value`` and ``excess`` are NaN.  ``excess`` is the amount by which a bound is violated, 0 where it holds.
 
-    Notes
-    -----
-    ``variance of displacement``, ``variance of velocity``: not negative.
-    ``|rho|``: at most 1; NA without positive variances.
+    ``variance of displacement`` and ``of velocity`` are not negative, ``|rho|`` is at most 1 (NA without variances).
     ``covariance eigenvalue``: the smallest, over the largest diagonal entry; of a stage, and at stage 0 of all four
     quantities (NA for ``published``, which has no moments across the stages).
     ``kurtosis``, ``moment matrix``: see `kurtosis_margin` and `moment_matrix_eigenvalue`.

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["Validation"]
-
 
 class Validation(Comparison):
     """Result of comparing closures with a simulation of the same scene.

@@ -20,8 +20,6 @@ from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, sim
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
 
-__all__ = ["COLUMNS", "validate"]
-
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
 

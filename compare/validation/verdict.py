@@ -16,8 +16,6 @@ from scipy.special import ndtri
 
 from rattle.compare.report.texts import read_texts
 
-__all__ = ["Tolerances"]
-
 JUDGED = ("accurate", "inaccurate", "undecided")
 """Verdicts on rows that are judged and predicted; counts and sentences refer to these rows only."""
 

@@ -1,10 +1,8 @@
 """Ask for accuracy, not for settings: scheme, step and number of paths from pilot runs, then paths until it is there.
 
-Where nothing is random one path is the answer, and only the bias of the step is left to be made small.
-
-A budget of processor time bounds all of it, the search for rare branches too.  Without one, an answer that is expected
-to cost more than an hour is refused as soon as pilots have shown it, or cut to a stated amount of counted work.  The
-budget is looked at between runs and between blocks of paths: a block that runs is not cut short.
+Where nothing is random one path is the answer, and only the bias of the step is left to be made small.  A budget of
+processor time bounds all of it, and is looked at between runs and between blocks of paths.  Without one, an answer that
+is expected to cost more than an hour is refused as soon as pilots have shown it, or cut to an amount of counted work.
 """
 
 from __future__ import annotations
@@ -37,8 +35,6 @@ from rattle.montecarlo.settings import (
     is_random,
 )
 from rattle.scene import InputError, Scene, duration_text, positive
-
-__all__ = ["ESTIMATES", "simulate_to"]
 
 ESTIMATES = logging.getLogger("rattle.estimate")
 """What an accuracy is expected to take is said here (level INFO) before the work starts."""

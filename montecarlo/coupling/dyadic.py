@@ -1,10 +1,9 @@
 """Steps of a path on a shared Brownian tree: a Brownian path that is a function of time, the same for all who use it.
 
 The noise of a step is given by its increment and area (`rattle.montecarlo.noise.brownian`) and, near a wall, halved
-recursively.  The normals of a split belong to the node of the dyadic tree, not to the path that uses them.  At the
-leaves, ``2^-depth`` steps long, the noise is constant, so that the flight there is smooth and its impact a root.  Two
-paths on one tree therefore have the same noise at every time, before, between and after their impacts.  The only
-discretisation is that the noise is smooth below a leaf.
+recursively.  The normals of a split belong to the node of the dyadic tree, not to the path, so that two paths on one
+tree have the same noise at every time.  At the leaves, ``2^-depth`` steps long, the noise is constant, the flight
+smooth and its impact a root: the only discretisation.
 """
 
 import math

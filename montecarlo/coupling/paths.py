@@ -1,13 +1,9 @@
 """Paths on a shared Brownian tree: one over as many impacts as wanted, and two of them on the same noise.
 
-The **long path** is followed a stretch at a time, with the tangent growth of the drift along it.  Under white noise the
-distance of two paths is not proportional to their initial distance, however small (docs/model.md section 8), so a path
-has no Jacobian.  What grows here is a frame under the **linearisation of the drift**: the exact Jacobian of the flight,
-and the saltation matrix with the drift's rates at the path's own impacts.  Its determinant obeys the orbit's formula:
-the damping between impacts, and ``epsilon^2`` at each.
-
-Of **two paths**: how far apart an impact leaves them, and how fast they diverge.  Both experiments use
-`rattle.montecarlo.coupling.dyadic` at its full depth, so that the noise is resolved to times of 1e-9.
+The **long path** is followed a stretch at a time, with the growth of a frame under the **linearisation of the drift**:
+the exact Jacobian of the flight, and the saltation matrix with the drift's rates at the path's own impacts.  The
+distance of two noisy paths is not proportional to their initial one, however small (docs/model.md section 8).  Of **two
+paths**: how far apart an impact leaves them, and how fast they diverge, the noise resolved to times of 1e-9.
 """
 
 import math

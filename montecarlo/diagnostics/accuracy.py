@@ -1,14 +1,9 @@
-"""How accurate an answer is: a 95 % bound of the error of all section means and sds at once.
+"""How accurate an answer is: a 95 % bound of the error of all section means and sds (docs/theory/statistics.md).
 
-The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %: each row counts
-with its own standard error, so that rows that are much better known cost nothing.  Errors are larger where the sampling
-distribution of a row is skewed (`skewness_gain`), and by what branches that the sample cannot have seen could change
-(`rattle.montecarlo.diagnostics.unseen`).  Looks share the 5 %, so that a run may stop as soon as it holds
-(`share_of_look`).
-
-Errors are in units of each quantity's sd; the worst of all section means and sds counts.  Errors are absolute where the
-sd is no scale: where nothing varies, and for the displacement at the mesh that most paths strike, whose spread comes
-from off-itinerary paths only.
+The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %.  Errors are larger
+where the sampling distribution of a row is skewed (`skewness_gain`), and by what branches that the sample cannot have
+seen could change (`rattle.montecarlo.diagnostics.unseen`).  They are in units of each quantity's sd, and absolute where
+the sd is no scale: where nothing varies, and for the displacement at the mesh that most paths strike.
 """
 
 from collections.abc import Mapping

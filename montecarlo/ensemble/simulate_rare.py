@@ -17,8 +17,6 @@ from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.records import Batches
 from rattle.scene import InputError, Scene, check_scene
 
-__all__ = ["begin_rare", "extend_rare", "simulate_rare"]
-
 PILOT = 32 * BLOCK  # plain paths from which branches are chosen
 SAMPLED = 0x7A5  # spawn key of the random numbers of a run that samples rare branches
 

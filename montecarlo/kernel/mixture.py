@@ -3,8 +3,7 @@
 A part draws its noise conditionally on ``u z > b``: z the standard normals of all steps, u the unit vector towards a
 design point, b a threshold before it.  The likelihood ratio to the plain distribution is ``1{u z > b} / Phi(-b)``, and
 given the steps so far ``Phi((r - b) / sqrt(s)) / Phi(-b)``, with r what they add to ``u z`` and s the squared norm of u
-over the steps ahead.  A path's weight is the inverse of the mixture's ratio (balance heuristic, Veach and Guibas 1995),
-so at most 1 over the plain share: whatever u and b are, weighted means are unbiased.
+over the steps ahead.  A path's weight is the inverse of the mixture's ratio (docs/theory/statistics.md).
 """
 
 import math

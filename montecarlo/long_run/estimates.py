@@ -1,22 +1,9 @@
 """Estimates of stationary quantities from the sums of independent paths, with standard errors and autocorrelations.
 
-Every estimate is a function of sums over all paths.  Its standard error is that of the jackknife over paths: paths are
-independent, so it is right however long the memory of a path is.  Means are taken from sums that are corrected by what
-is known of the noise (`control`), quantiles from counts as they are.
-
-The **autocorrelation** of a quantity is a property of the motion: the variance of its plain estimate over the variance
-that it would have if successive impacts were independent, the integrated autocorrelation time in impacts.  Above 1 an
-error computed as if impacts were independent is too small, below 1 too large (the energy lost in a period is, since
-what one impact leaves the next ones lose).
-
-The **control variates** of `rattle.montecarlo.long_run.noise_work` have the exact mean zero.  Each sum of a path is
-corrected by a linear function of them, whose coefficients come from all **other** paths: they do not depend on what
-they multiply, so that the correction has the exact mean zero too, and estimates stay unbiased.  Where strong noise
-drives the motion, most of the variance goes: on DAT21 at sigma = sqrt(1.5), four fifths of that of the energy lost.
-
-References
-----------
-Avramidis and Wilson, "A splitting scheme for control variates" (1993).
+Every estimate is a function of sums over all paths, and its standard error that of the jackknife over paths.  Sums are
+corrected by the control variates of `rattle.montecarlo.long_run.noise_work`, whose exact mean is zero, with
+coefficients from all **other** paths, so that estimates stay unbiased (Avramidis and Wilson 1993); quantiles are from
+counts as they are.  docs/guide/stationary.md explains them, and the autocorrelation.
 """
 
 import math

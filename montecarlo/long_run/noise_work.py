@@ -1,10 +1,8 @@
 """What the noise does to the wheels between impacts: sums of mean zero, the control variates of a long run.
 
-Between impacts each wheel flies freely: its speed obeys ``u' = -beta u - gamma - sigma m eta``, the same noise at both
-(docs/model.md sections 4 and 10).  Over a piece of flight, from a point that is known when it begins (an impact or a
-fixed time) to a stopping time, ``W = e^(beta t) u_end + gamma (e^(beta t) - 1) / beta`` is a martingale of the length
-of the piece, and so is ``W^2`` less its variance.  Their sums over the pieces of a path have the exact mean zero,
-however the path moves: what chance has put into a path, known from what was recorded anyway.
+Over a piece of flight, from a point that is known when it begins to a stopping time, ``W = e^(beta t) u_end + gamma
+(e^(beta t) - 1) / beta`` is a martingale of the length of the piece, and so is ``W^2`` less its variance, u a wheel's
+speed (docs/model.md section 10).  Their sums over the pieces of a path have the exact mean zero, however it moves.
 """
 
 import math

@@ -1,16 +1,8 @@
 """Ensembles of long paths: burn-in, pilot run, and as much of the stationary motion as an accuracy takes.
 
-**Burn-in**: whether a run has forgotten its start is tested by comparing the halves of it over independent paths.  The
-paths start anywhere between the walls.  For each of the rates of impacts, speed, energy, slow impacts and contact,
-the means over the second and the last two quarters of the time so far are compared path by path (as Geweke's diagnostic
-does along one chain).  The paths are independent, so the difference over its standard error is a Student t, whatever
-the memory of a path is.  Besides, paths that never meet (several attractors) differ from each other more than the parts
-of each path do: an F test.
-
-References
-----------
-Geweke, "Evaluating the accuracy of sampling-based approaches to the calculation of posterior moments" (1992).
-Gelman and Rubin, "Inference from iterative simulation using multiple sequences" (1992).
+Whether a run has forgotten its start is tested over independent paths: parts of the time so far are compared path by
+path by Student's t (Geweke 1992), and the variance between paths with that within them by an F test (Gelman and Rubin
+1992), as docs/guide/stationary.md says.
 """
 
 import math

@@ -1,9 +1,8 @@
 """The sums that a long run keeps of each path: their size does not depend on how long it is.
 
-Impacts are counted in groups: all, and with two stages those at mesh 1 and at mesh 2.  The flight of a group is the
-time since the last impact of that group.  Distributions are histograms over edges that a pilot run has set, with power
-sums about its mean; those of the speed are the same for all groups, so that all impacts are the sum of both meshes and
-are not counted again.
+Impacts are counted in groups: all, and with two stages those at mesh 1 and at mesh 2; the flight of a group is the time
+since its last impact.  Distributions are histograms over edges that a pilot run has set, with power sums about its
+mean; those of the speed are the same for all groups, so that all impacts are the sum of both meshes.
 """
 
 import math

@@ -1,9 +1,8 @@
 """Paths followed without end: the kernel of `simulate`, then the sums, a stretch of steps at a time.
 
 A block of paths goes through the compiled kernel of the exact flights for a part of a period; its impacts are added to
-sums, and it goes on.  What is done once for a stretch (random numbers, times, and the way into compiled code) is spread
-over few impacts where a block has few paths, so that many stretches are one call.  A stretch has random numbers of its
-own: in stretch s path p has the number ``s 2^32 + p``.
+sums, and it goes on.  Many stretches are one call, over which its overhead is spread.  A stretch has random numbers of
+its own: in stretch s path p has the number ``s 2^32 + p``.
 """
 
 import math

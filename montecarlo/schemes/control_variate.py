@@ -1,10 +1,9 @@
-"""The linearised path as a control variate: first order in the noise, driven by the noise of the simulated path itself.
+"""The linearised path as a control variate: first order in the noise, driven by the path's own noise.
 
-A perturbation of the noise-free orbit obeys the linear flight, and at each impact of the orbit the saltation matrix
-``Xi = R + (F+ - R F-) g' / (g' F-)`` (docs/model.md section 6).  At a path's own impact it changes the time by
-``-xi_i / y_i`` and the state by ``(I - F- g' / (g' F-)) xi``.  Step by step this is a linear map of the normals, so its
-mean is zero and its variance is known without sampling, however good or bad the approximation is: the control variate
-can reduce the variance of an estimate and never adds a bias.  It is most effective at small noise.
+A perturbation of the noise-free orbit obeys the linear flight, and at each impact the saltation matrix (docs/model.md
+section 6); at a path's own impact it changes the time by ``-xi_i / y_i`` and the state by ``(I - F- g' / (g' F-)) xi``.
+Step by step this is a linear map of the normals: its mean is zero and its variance is known without sampling, so it
+never adds a bias, however bad the approximation is.
 """
 
 from functools import lru_cache

@@ -1,18 +1,10 @@
 """``exact-flight``: the exact Gaussian distribution of the flight, and impacts located by refining the Brownian path.
 
-Between impacts Eq. 5 is linear: the state after a step is the flight of Eq. 3 plus a Gaussian displacement, the
-increment and area of the step's noise (`rattle.montecarlo.noise.brownian`) times vectors that are the same for all
-paths.  So a whole step is taken of all paths side by side (`flight_lanes`), and it is exact in distribution.  The
-kernels' projections on higher Legendre polynomials are of relative size ``h^2`` and are neglected (their share of the
-variance is about ``h^4 / 720``).
-
-A step that may have an impact (`rattle.montecarlo.schemes.crossing`) is cut where the cubic through its ends meets the
-wall, its noise is split there (`split`), its first part is flown as a trial (`rattle.montecarlo.schemes.short_flight`),
-and so on: the distance to the wall falls with exponent 3/2, so that about two cuts bring a path so near that the rest
-of its way is flown without noise.
-
-There is no step bias apart from these bounds.  At the default step the neglected noise is at most 2e-4 of any sd of
-the section: where the variance grows from zero the step is shortened (`rattle.montecarlo.schemes.step_size`).
+A whole step is taken of all paths side by side (`flight_lanes`): Eq. 5 is linear, so the state after it is the flight
+of Eq. 3 plus the noise's increment and area (`rattle.montecarlo.noise.brownian`) times vectors that all paths share.
+Projections on higher Legendre polynomials are neglected: about ``h^4 / 720`` of the variance.  A step that may have an
+impact (`rattle.montecarlo.schemes.crossing`) is cut where the cubic through its ends meets the wall, its noise is split
+there, its first part is flown as a trial, and so on (docs/theory/schemes.md).
 """
 
 import math

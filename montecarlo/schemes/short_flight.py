@@ -1,10 +1,8 @@
 """The flight of one path over a part of a step, its noise given: the trial of ``exact-flight``.
 
-The noise of a time h is represented by its increment and area (`rattle.montecarlo.noise.brownian`): the rate
-``dB/ds = (increment + 12 area (s / h - 1/2)) / h``.  Excitation and noise then force Eq. 5 together, ``y' = -beta y +
-... + m(tau + s) (alpha + sigma dB/ds)`` with a modulation m that is a sine and a polynomial beside it, so that the
-Taylor series of the flight follow from a recursion.  Sine and cosine of the phase are two of these series: one that
-carries them along calls no other function.
+The noise of a time h is represented by its increment and area: the rate ``dB/ds = (increment + 12 area (s / h - 1/2)) /
+h``.  Excitation and noise then force Eq. 5 together, ``y' = -beta y + ... + m(tau + s) (alpha + sigma dB/ds)``, and the
+Taylor series of the flight follow from a recursion, in which sine and cosine of the phase are two more series.
 """
 
 from typing import Any

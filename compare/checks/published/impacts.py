@@ -1,17 +1,13 @@
 """Impacts and the orbits that they make: laws and energy, the bouncing ball's chatter, periodic orbits that are known.
 
-The laws of impact are those of the rim speeds ``u1 = f' - y1`` and ``u2 = u1 + y2``, with the rims' masses
-``I / R^2`` of the gears themselves: an impact at mesh 1 acts on wheel 1 alone (so that y2 is kicked by as much as y1),
-one at mesh 2 on both wheels with opposite forces; each turns the relative speed at its flank into ``-epsilon`` of it
-(Newton).
+The laws of impact are those of the rim speeds ``u1 = f' - y1`` and ``u2 = u1 + y2``, with the rims' masses ``I / R^2``:
+an impact at mesh 1 acts on wheel 1 alone (so that y2 is kicked by as much as y1), one at mesh 2 on both wheels with
+opposite forces; each turns the relative speed at its flank into ``-epsilon`` of it (Newton).  The sum of all exponents
+is the rate at which damping and impacts contract volumes of state space.
 
-The impact pair's symmetric orbit has two impacts a period.  The sum of all exponents is the rate at which damping and
-impacts contract volumes of state space.
-
-Basins are those of a published gear-rattling model.  De Souza and Caldas (2001): ``s'' + beta s' = gamma + alpha (sin t
-- beta cos t)`` between walls at -1 and 0.  With ``x1 = s + 1/2`` and ``tau = t + pi`` that is one stage of this model.
-Equation, values and the figure are taken from Wagemakers, "The Basins Zoo" (2025), arXiv:2504.01580, whose figure has
-1200 x 1200 starts.
+Basins are those of a published gear-rattling model (De Souza and Caldas 2001): ``s'' + beta s' = gamma + alpha (sin t -
+beta cos t)`` between walls at -1 and 0; with ``x1 = s + 1/2`` and ``tau = t + pi`` one stage of this model.  Equation,
+values and figure (1200 x 1200 starts) are from Wagemakers, "The Basins Zoo" (2025), arXiv:2504.01580.
 """
 
 import math

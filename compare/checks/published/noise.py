@@ -1,24 +1,15 @@
 """Motions that noise alone drives: a particle in a gap and at a wall, gaps that are random, and Gaussian motions.
 
 A randomly accelerated particle leaves a gap after a mean time and to a side that are known, and returns to a wall with
-a known distribution of its speed; below a critical restitution it collapses.
+a known distribution of its speed; below a critical restitution it collapses.  Return times are heavy-tailed, ``P(T > t)
+~ t^(-1/4)``, but ``x'' = sigma eta`` is self-similar under ``(t, y, x) -> (s^2 t, s y, s^3 x)``: the state is rescaled
+before each step such that the step is `GROWTH` times the particle's time scale ``max(y^2, d^(2/3)) / sigma^2``, d the
+distance to the wall.  The step is one of `rattle.montecarlo.coupling.dyadic.walk_step`, at the phase where the
+modulation of the noise is stationary; it fails to return with a probability of about ``GROWTH^(-1/4)``.
 
-Return times are heavy-tailed, ``P(T > t) ~ t^(-1/4)``, so that a fixed step and horizon would truncate them.  But
-``x'' = sigma eta`` is self-similar under ``(t, y, x) -> (s^2 t, s y, s^3 x)``.  So the state is rescaled before each
-step such that the step is `GROWTH` times the particle's time scale ``max(y^2, d^(2/3)) / sigma^2``, where d is the
-distance to the wall.  The logarithm of the accumulated scale is kept separately.  The step itself is one of
-`rattle.montecarlo.coupling.dyadic.walk_step` (flow, Brownian bridge bisection near the wall, impact), at the phase
-where the modulation of the noise is stationary.  A step fails to return to the wall with a probability of about
-``GROWTH^(-1/4)`` and is then followed by another.  The bisection resolves the noise down to a millionth of the time
-scale.
-
-Without walls the state is Gaussian, with the moments of a linear SDE that is driven by one modulated noise.
-
-Between elastic walls an impact changes the sign of y.  Damping and white noise are symmetric under this reflection.  So
-``x = fold(X), y = +-Y`` in distribution, exactly and at any time, with the free stage
-``Y' = -beta Y + sigma (-sin tau + beta cos tau) eta, X' = Y`` (Eq. 5).  The modulated noise makes the distribution
-periodic in time, not stationary: ``V = E y^2`` obeys ``V' = -2 beta V + sigma^2 m^2`` and y is Gaussian.  Once X has
-spread over many boxes, x is uniform and independent of y.
+Between elastic walls an impact changes the sign of y, and damping and white noise are symmetric under this reflection:
+``x = fold(X), y = +-Y`` in distribution, exactly and at any time, with the free stage ``Y' = -beta Y + sigma (-sin tau
++ beta cos tau) eta, X' = Y`` (Eq. 5).  Once X has spread over many boxes, x is uniform and independent of y.
 """
 
 import math
