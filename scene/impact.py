@@ -100,8 +100,7 @@ def next_impact(
     the difference of the dampings can add.  Near a transversal crossing these steps are Newton steps from the safe
     side; an excursion beyond the wall and back cannot be missed.
 
-    Distances are computed from the initial distance and the displacement since, so that a flight of time 1e-12 from a
-    wall back to it is resolved as well as any other.
+    Distances are from the initial distance and the displacement since: a flight of time 1e-12 is resolved too.
 
     Returns: 1 or 2; `NONE` if there is no impact within the horizon; `REST` if a mesh sticks; `LOST` after
     `MOST_STEPS` steps. If both meshes are struck at one instant mesh 1 comes first, and mesh 2 follows after a

@@ -9,8 +9,7 @@ With ``p_i = beta_i u_i + gamma_i`` and the free accelerations ``f1 = p1 + alpha
   drag averaged likewise;
 - both stick: everything moves with the driver.
 
-Chatter (impacts that accumulate) is completed analytically, as a geometric series, once all that is left of it takes
-no longer than `CHATTER` and the contact acceleration changes by no more than this share of itself meanwhile.
+Chatter is completed as a geometric series (`complete_chatter`).
 """
 
 import math

@@ -31,8 +31,15 @@ class RattleGroup(click.Group):
             raise
         except BrokenPipeError:
             raise
-        except (RattleError, OSError) as error:  # the system's own errors name the file and say what is wrong with it
+        except RattleError as error:
             say(f"rattle: {error}", err=True)
+            ctx.exit(EXIT_BAD_INPUT)
+        except OSError as error:
+            remedy = "choose another place or make room there, and repeat the command"
+            say(
+                f"rattle: {error.filename}: {error.strerror}; {remedy}" if error.filename else f"rattle: {error}",
+                err=True,
+            )
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
             said.set()

@@ -1,13 +1,11 @@
 """Noise with a memory: an Ornstein-Uhlenbeck process in place of white noise (docs/model.md section 4).
 
 ``d eta = -eta dtau / theta + dW / theta``, started in its stationary distribution, of variance ``1 / (2 theta)``.  A
-step of length h takes the integral of eta in place of the Brownian increment, and its area (`brownian`) in place of
-that of the Brownian path: normals become those of the process, and the schemes need to know nothing else.  Given eta
-at both ends of the step the integral has the mean ``theta tanh(h / 2 theta) (eta_0 + eta_1)`` and the variance ``h - 2
-theta tanh(h / 2 theta)``, and the area a mean in the proportion of ``eta_1 - eta_0``.  What varies beyond that, of the
-order ``h^3 / theta^2`` of a variance, is neglected: the area's by ``exact-flight``, the integral's too by the Euler
-schemes, which draw one normal per step.  So steps are at most a tenth of theta.  Within a step the integral is the
-parabola of its increment and area.
+step of length h takes the integral of eta in place of the Brownian increment, and its area in place of that of the
+Brownian path: the schemes need to know nothing else.  Given eta at both ends the integral has the mean ``theta tanh(h /
+2 theta) (eta_0 + eta_1)`` and the variance ``h - 2 theta tanh(h / 2 theta)``, and the area a mean in the proportion of
+``eta_1 - eta_0``.  What varies beyond that, of the order ``h^3 / theta^2`` of a variance, is neglected: the area's by
+``exact-flight``, the integral's too by the Euler schemes.  So steps are at most a tenth of theta.
 """
 
 import math

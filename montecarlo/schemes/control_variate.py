@@ -180,17 +180,12 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
     """Mean and sd of a quantity with standard errors, by regression on a control variate of known variance.
 
     The quantity and its square are regressed on the control variate l and on ``l^2``, whose expectations are known
-    (zero, and the variance).  The
-    regression is not used in cells where l does not vary, which some paths have not reached, or which fewer than
-    `FEWEST` have.  Nor is it used where it gives something impossible, as it may with few paths: a variance that is not
-    positive, or (then for all times and flights together) mean impact times out of order or negative mean flights.
+    (Glasserman 2003, section 4.1), but not in cells where l does not vary, which some paths have not reached, or which
+    fewer than `FEWEST` have.  Nor where that gives something impossible, as it may with few paths: a variance that is
+    not positive, or (then for all times and flights together) mean impact times out of order or negative mean flights.
 
     `sums`: Of the quantity (first) and the control variate (second), orders `PAIR`, shape (impacts, quantities of
     `SECTION`). Shapes: `variance` (impacts, quantities); result (impacts, quantities).
-
-    References
-    ----------
-    Glasserman, "Monte Carlo methods in financial engineering" (2003), section 4.1.
     """
     n, m = sums.n, sums.moment
     reached = n == n.max()

@@ -1,7 +1,4 @@
-"""Runs at extreme values: exact invariances, published results of a noisy particle, sticking, tolerances like gaps.
-
-The invariances are those of units of length, of shifts by whole periods, and of the energy and timing of long runs.
-"""
+"""Runs at extreme values: exact invariances (units, whole periods), a noisy particle, sticking, tolerances."""
 
 import math
 from collections.abc import Iterator
