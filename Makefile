@@ -10,11 +10,11 @@ SLOW := tests/faults tests/interpreted tests/page tests/security
 PHYSICS := arithmetic drive flight impact moments rest
 INTERPRETED := tests/interpreted $(PHYSICS:%=tests/scene/test_%.py)
 
-# The lines that tests reach are counted where both tiers run, for that slows the interpreter.
-COUNT := $(if $(filter test-all,$(MAKECMDGOALS)),--cov --cov-append --cov-report=)
+# The lines that the first tier reaches are counted where both tiers run, for that slows the interpreter.
+COUNT := --cov --cov-append --cov-report=
 # Three files at a time on two cores, for many tests wait for processes that they have started; in their order, so that
 # the many small files of the doctests come last and fill up.
-TEST = $(RUN)/pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder $(COUNT)
+TEST = $(RUN)/pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder
 
 # Hundreds of processes import the same modules: byte code is kept, whatever the caller's environment says.
 unexport PYTHONDONTWRITEBYTECODE
@@ -29,13 +29,13 @@ test: $(READY)
 	rm -f .coverage
 	$(RUN)/rattle warm-up & compiling=$$!; \
 		$(RUN)/ruff check . && $(RUN)/ruff format --check . && $(RUN)/mypy && wait $$compiling
-	$(TEST) -m "not slow" $(SLOW:%=--ignore=%)
+	$(TEST) -m "not slow" $(SLOW:%=--ignore=%) $(if $(filter test-all,$(MAKECMDGOALS)),$(COUNT))
 
-# Both tiers, and how much of each package they reach.
+# Both tiers, and how much of each package the first one and the interpreter reach.
 test-all: test
 	sh setup-browser.sh
 	$(TEST) -m slow --ignore=tests/interpreted tests
-	NUMBA_DISABLE_JIT=1 $(TEST) $(INTERPRETED)
+	NUMBA_DISABLE_JIT=1 $(TEST) $(INTERPRETED) $(COUNT)
 	for package in scene closure montecarlo compare; do \
 		$(RUN)/coverage report --include="$$package/*" --skip-covered --fail-under=95 || exit 1; \
 	done

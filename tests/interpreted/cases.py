@@ -191,7 +191,9 @@ for scheme, dt in STEP.items():
             CASES[f"{scheme}, {name}, {tolerance.distribution} walls"] = lambda s=tolerant, k=scheme, d=dt: simulated(
                 s, k, dt=d
             )
-    CASES[f"{scheme}, sticking paths"] = lambda k=scheme, d=dt: simulated(STICKING, k, 1, 200, dt=d)
+    CASES[f"{scheme}, sticking paths"] = lambda k=scheme, d=dt: simulated(
+        STICKING, k, 1, 200, dt=d, sampling=Sampling(horizon=20.0)
+    )
     if biased:
         CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(
             PAIR, k, dt=d, sampling=Sampling(increments="two-point")

@@ -36,7 +36,6 @@ def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
     assert "--overwrite" in run(*SMALL, "--out", out, code=2).output
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
     scene = tmp_path / "one.toml"
