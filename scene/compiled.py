@@ -33,7 +33,6 @@ from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic, register_jitable
-from numba.np import linalg
 
 PACKAGES = ("scene", "closure", "montecarlo")
 TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
@@ -221,21 +220,6 @@ def keep(function: D) -> D:
         made._cache = OnDisk(made.py_func)
     return function
 
-
-def _without_blas() -> None:
-    """Have numba's array functions imported without their search for a BLAS, which loads `scipy.linalg` (0.3 s).
-
-    Nothing here calls it, and scipy, a requirement, has one for who does.
-    """
-    search, linalg.ensure_blas = linalg.ensure_blas, lambda: None
-    try:
-        from numba.np import arraymath
-    finally:
-        linalg.ensure_blas = search
-    setattr(arraymath, "ensure_blas", search)  # noqa: B010  (numba has no types)
-
-
-_without_blas()
 
 keep_by_source()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
