@@ -1,8 +1,8 @@
 """Sequential search for the values of a parameter between which a closure stops holding.
 
 At each value paths are added until the verdict on the closure is decided; all looks at all values share one family of
-95 %.  A closure is shown wrong by any one row, so all rows are counted then; it is accurate if every row is, which no
-single row says falsely more often than at its own level (an intersection-union test: Berger 1982, Technometrics 24).
+95 %.  A closure is shown wrong by any one row, so all rows are counted then.  It is accurate if every row is, which no
+single row says falsely more often than at its own level, so they are not (an intersection-union test, Berger 1982).
 """
 
 import math
