@@ -189,16 +189,9 @@ def boundary(
     >>> found.points["verdict"].tolist(), found.edges
     (['wrong', 'wrong'], ())
     """
-    check_scene(scene)
-    count("points", points, least=2)
-    if not positive("width", width) < 1.0:
-        raise InputError("width", width, "must be below 1")
-    count("impacts", impacts)
-    parameter = find_parameter(scene, over)
-    low, high = find_range(parameter, between)
-    z = search.critical(impacts, scene.stages, count("searches", searches))
+    parameter, low, high, limit = check_search(scene, over, between, points, width, budget)
+    z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
     limits = Tolerances(*tolerances) if tolerances else Tolerances()
-    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
     steps = 0
@@ -251,6 +244,19 @@ def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:
 def own_seed(scene: Scene, rng: int) -> int:
     """A seed for each scene: where a search goes next depends on what it saw, so the next noise must be another."""
     return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": rng})[:8], 16)
+
+
+def check_search(
+    scene: Scene, over: str, between: Sequence[float] | None, points: int, width: float, budget: float | None
+) -> tuple[Parameter, float, float, float]:
+    """What every search is given: its parameter, its range, and the processor time of this process at which it ends."""
+    check_scene(scene)
+    count("points", points, least=2)
+    if not positive("width", width) < 1.0:
+        raise InputError("width", width, "must be below 1")
+    parameter = find_parameter(scene, over)
+    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
+    return parameter, *find_range(parameter, between), limit
 
 
 def find_range(

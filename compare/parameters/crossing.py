@@ -15,15 +15,14 @@ from tqdm import tqdm
 
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import Store
-from rattle.compare.parameters.boundary import find_range, own_seed
+from rattle.compare.parameters.boundary import check_search, own_seed
 from rattle.compare.parameters.finding import Finding, list_values, with_unit
 from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
-from rattle.compare.study.parameters import find_parameter
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene import InputError, Scene, check_scene, choice, count, positive
+from rattle.scene import InputError, Scene, choice, positive
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -207,16 +206,10 @@ def crossing(
     >>> found.quantity_unit
     'mW'
     """
-    check_scene(scene)
+    parameter, low, high, limit = check_search(scene, over, between, points, width, budget)
     choice("quantity", quantity, all_names(scene.stages))
     level = float(positive("level", level))
-    count("points", points, least=2)
-    if not positive("width", width) < 1.0:
-        raise InputError("width", width, "must be below 1")
     positive("slow", slow)
-    parameter = find_parameter(scene, over)
-    low, high = find_range(parameter, between)
-    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     units = "dimensionless" if scene.gears is None else "physical"
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
     with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
