@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from rattle.compare.study.design import FIELDS, ORDER, make_scene, table_of
 from rattle.scene import Gears, Scene, Start, choice
+from rattle.scene.gears_input import UNIT
 from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import FREE, SWEPT
 
@@ -14,15 +15,6 @@ PERCENT = f"{100.0 * CHANGE:g} %"
 STEPS = (0.02, 0.04)  # relative changes of a parameter at which the motion is simulated, up and down
 SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")  # not of a single stage
 NOT_REAL = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
-UNITS = {
-    "amplitude": "mm",
-    "omega": "rad/s",
-    "inertia": "kg mm^2",
-    "radius": "mm",
-    "backlash": "mm",
-    "damping": "N mm s",
-    "torque": "N mm",
-}
 WORDS = {
     "amplitude": "amplitude of the drive",
     "omega": "frequency of the drive",
@@ -72,7 +64,7 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     if absent or scene.drive != SINE_ALONE:
         values |= {f"drive.{one.order}.amplitude": one.amplitude for one in scene.drive}
     return {
-        name: Parameter(name, value, "" if gears is None else UNITS.get(name.rstrip("12"), ""), _at(scene, name))
+        name: Parameter(name, value, "" if gears is None else UNIT.get(name.rstrip("12"), ""), _at(scene, name))
         for name, value in values.items()
         if absent or value != 0.0
     }

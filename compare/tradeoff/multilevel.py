@@ -171,8 +171,7 @@ def levels_of(runs: Sequence[Ensemble]) -> Levels:
         )
         single.append((m(2, 0) / unit**2).ravel())
     table = pd.DataFrame(rows)
-    of = table[table["level"] >= FITTED_FROM]
-    clear = of[of["mean_worst"] > 3.0 * of["se_mean_worst"]]
+    of, clear = table[table["level"] >= FITTED_FROM], find_clear(table)
     alpha, beta, gamma, typical_beta = (
         fit(part["level"].to_numpy(float), part[name].to_numpy())
         for part, name in ((clear, "mean_worst"), (of, "variance_worst"), (of, "path_seconds"), (of, "variance_median"))
@@ -181,6 +180,13 @@ def levels_of(runs: Sequence[Ensemble]) -> Levels:
     clear = of[(of["mean_median"] > 3.0 * noise) | (of["level"] == FITTED_FROM)]
     intercept = float((np.log2(clear["mean_median"]) - alpha.slope * clear["level"]).mean())
     return Levels(table, np.array(single), alpha, beta, gamma, alpha._replace(intercept=intercept), typical_beta)
+
+
+def find_clear(table: pd.DataFrame) -> pd.DataFrame:
+    """The levels that show how the worst mean decays: those not hidden by noise, coarse ones for want of others."""
+    clear = table[table["mean_worst"] > 3.0 * table["se_mean_worst"]]
+    fine = clear[clear["level"] >= FITTED_FROM]
+    return next((part for part in (fine, clear) if len(part) > 1), table)
 
 
 def _consistency(a: CentralSums, b: CentralSums) -> float:

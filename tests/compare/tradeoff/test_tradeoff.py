@@ -11,7 +11,7 @@ import pytest
 from commands import rattle as command
 
 from rattle.compare.tradeoff.measure import CostModel, CostPoint, _compare, closure_points, means_seconds, slope
-from rattle.compare.tradeoff.multilevel import Levels, Rate, control_table, fit, giles_cost, levels_of
+from rattle.compare.tradeoff.multilevel import Levels, Rate, control_table, find_clear, fit, giles_cost, levels_of
 from rattle.compare.tradeoff.page import CONTENTS, cheapest
 from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.accuracy.cost import cost_of
@@ -115,6 +115,15 @@ def test_levels_are_consistent_and_a_negative_control_is_not(runs):
     caught = levels_of(controls).table["consistency"]
     assert caught[2] > 1.0
     assert caught[3] > 1.0
+
+
+def test_a_decay_that_noise_hides_at_fine_steps_is_that_of_coarser_ones():
+    """Of one stage at large noise: a rate of NaN made its multilevel cost 65 times too low."""
+    level = np.arange(7)
+    table = pd.DataFrame({"level": level, "mean_worst": np.maximum(0.1 * 0.5**level, 0.02), "se_mean_worst": 0.008})
+    assert find_clear(table)["level"].tolist() == [0, 1, 2]
+    assert find_clear(table.assign(se_mean_worst=1e-4))["level"].tolist() == [2, 3, 4, 5, 6]
+    assert len(find_clear(table.assign(se_mean_worst=1.0))) == 7
 
 
 def test_rates_come_with_intervals():
