@@ -186,7 +186,7 @@ def find_clear(table: pd.DataFrame) -> pd.DataFrame:
     """The levels that show how the worst mean decays: those not hidden by noise, coarse ones for want of others."""
     clear = table[table["mean_worst"] > 3.0 * table["se_mean_worst"]]
     fine = clear[clear["level"] >= FITTED_FROM]
-    return next((part for part in (fine, clear) if len(part) > 1), table)
+    return next((part for part in (fine, clear) if len(part) > 2), table)  # two have no interval
 
 
 def _consistency(a: CentralSums, b: CentralSums) -> float:
