@@ -50,14 +50,14 @@ def answer(m: Tradeoff) -> list[str]:
     predictions, wins = p[p["kind"] == "closure"], []
     for row in predictions[predictions["rows"] == p["rows"].max()].to_dict("records"):
         simulated = exact.at(row["error"]).work
-        if simulated > row["work"] and row["error"] <= 1.0:
+        if simulated > row["work"] and row["error"] <= m.accuracies[0]:
             below, after = "" if row["resolved"] else "below ", duration_text(row["core_seconds"], 2)
             times = float(format(simulated / row["work"], ".2g"))
             wins.append(SAID["closure"].format(**row, below=below, after=after, times=times))
     ratios = [plain.path_alone(finest, ns) / exact.path_alone(finest) for ns in (None, HAND_TUNED_NS)]
     ns, cost = (1e9 * plain.step_seconds, HAND_TUNED_NS), duration_text(exact.at(finest).core_seconds, 2)
     needs = SAID["plain"].format(finest=finest, dt=plain.at(finest).dt, ns=ns, times=ratios, cost=cost)
-    closures = SAID["closures" if wins else "no closure"].format("; ".join(wins))
+    closures = SAID["closures" if wins else "no closure"].format("; ".join(wins), roughest=m.accuracies[0])
     missing = explain_missing(m.reference.scene, list(predictions["method"]))
     return [advice(m), closures, needs, *missing, verdict(m)]
 

@@ -40,6 +40,7 @@ def slope_from(bias: Floats, se: Floats, steps: Sequence[float]) -> tuple[float,
     `se` (replicates, steps, rows).
     """
     slope, half = _jackknife(partial(_slope, bias, se, steps), len(bias))
+    slope = slope if half >= 0.0 else math.nan  # noise hides it without one of the replicates: it has no interval
     return slope, slope - half, slope + half
 
 

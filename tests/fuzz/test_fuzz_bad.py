@@ -182,13 +182,6 @@ def test_spoilt_texts_are_refused_or_read(name, cuts, place):
     read_or_refused(name, place, text)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", READERS)
-def test_a_text_may_be_long_and_odd(name, place):
-    for text in ("", "\x00", "=" * 10_000):
-        read_or_refused(name, place, text)
-
-
 def damaged_cell(place, share, bit=0):
     """How a cell with a flipped bit ends: refused, or read as it was written."""
     study, good = Study.load(place / "study.toml"), store.Store(place / "study" / "cells")

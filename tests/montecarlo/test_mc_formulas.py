@@ -10,7 +10,6 @@ from rattle.montecarlo.diagnostics.accuracy import share_of_look
 from rattle.montecarlo.ensemble.leaving import interval
 from rattle.montecarlo.long_run.estimates import corrections
 from rattle.montecarlo.long_run.run import long_run
-from rattle.montecarlo.long_run.sums import FLIGHT, scales_of_pilot
 from rattle.montecarlo.long_run.walk import steps_per_period
 from rattle.montecarlo.noise.memory import memory_of
 from rattle.montecarlo.schemes.step_size import accurate_flight, time_scales
@@ -47,13 +46,6 @@ def test_noise_with_a_memory_keeps_its_variance():
 def test_a_control_variate_is_taken_off_with_its_slope():
     chance = np.random.default_rng(1).normal(size=(64, 1))
     assert corrections(5.0 + 3.0 * chance, chance) == pytest.approx(np.full((64, 1, 1), 3.0), rel=0.1)
-
-
-def test_histograms_reach_over_what_the_pilot_has_seen():
-    seen = np.random.default_rng(1).uniform(1.0, 2.0, (3, 1000))
-    scales = scales_of_pilot(np.column_stack([np.ones(1000), *seen]), 0.1)
-    assert scales.edges.shape == (3, 3, 399)
-    assert scales.centre[0, FLIGHT] == pytest.approx(1.5, abs=0.05)
 
 
 def test_what_the_noise_supplies_is_lost_at_impacts():

@@ -28,6 +28,13 @@ def test_known_order_lies_in_the_interval(order):
     assert not low < order + 0.2 < high
 
 
+def test_a_slope_without_an_interval_is_hidden_by_noise():
+    """Of two replicates the second alone shows no change at the finer step; with less noise it does."""
+    bias = np.array([[[1.0], [0.3]], [[1.0], [0.05]]])
+    assert np.isnan(slope_from(bias, np.full(bias.shape, 0.1), (0.02, 0.01))).all()
+    assert np.isfinite(slope_from(bias, np.full(bias.shape, 0.01), (0.02, 0.01))).all()
+
+
 def test_interval_of_a_change_covers_as_often_as_it_says():
     true = np.array(STEPS) * np.sqrt(np.mean(np.linspace(0.5, 1.5, 30) ** 2))
     inside, beside = 0, 0
