@@ -77,7 +77,7 @@ class CostModel:
     pilot_seconds: float  # seconds of the pilot run, which are part of every cost
     bias: float  # worst step bias over dt, in sds; 0 for a scheme without step bias
     best: Ensemble  # the run with most paths
-    # A run of another scheme that foresees the paths if it has more: heavy tails show only in many
+    # A plain run of another scheme that foresees the paths if it has more: heavy tails show only in many
     shared: Ensemble | None = None
 
     @classmethod
@@ -185,6 +185,11 @@ def _measure_point(
     return point._replace(sampling_error=reach.sampling, step_error=reach.step, error=reach.bound), run
 
 
+def find_plain(runs: Sequence[Ensemble]) -> Ensemble:
+    """The largest run of plain paths: what paths near rare branches need says nothing of schemes that have none."""
+    return max((run for run in runs if run.plan.mixture is None), key=lambda run: run.paths)
+
+
 def _section_rows(scene: Scene) -> list[tuple[str, str]]:
     """Column and quantity of every section mean and sd of a scene."""
     return [(prefix + q, q) for q in SECTION[: 2 + 2 * scene.stages] for prefix in ("", "sd_")]
@@ -286,7 +291,7 @@ def measure(
     with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
         for scheme in (exact, *euler):
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
-            model.shared = models[exact].best
+            model.shared = find_plain([models[exact].first, *(run for _, run in found[exact] if run)])
             for accuracy in accuracies:
                 bar.set_postfix_str(f"{scheme}, {accuracy:g}")
                 found[scheme].append(_measure_point(model, accuracy, budget, asked))

@@ -67,11 +67,6 @@ def test_errors_are_harmless_wherever_they_are_shown(error):
     assert "\\x1b]0;pwned" in str(error)
 
 
-def test_a_message_of_one_error_is_one_line():
-    """A value cannot add a line that looks like a message of its own."""
-    assert "\n" not in str(InputError("a\nrattle: all is well", "b\nrattle: all is well", "c\nrattle: all is well"))
-
-
 def test_a_study_from_end_to_end(tmp_path):
     """A hostile title and value of an axis, on the terminal and in all files."""
     file = tmp_path / (IN_A_NAME.replace("/", "") + ".toml")

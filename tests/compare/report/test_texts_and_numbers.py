@@ -16,11 +16,7 @@ from rattle.compare.thresholds.claim import Settings
 from rattle.compare.thresholds.messages import row_table
 from rattle.compare.tradeoff.multilevel import fit
 from rattle.compare.validation.comparison import paths_for
-from rattle.compare.validation.realizability import (
-    covariance_eigenvalue,
-    kurtosis_margin,
-    moment_matrix_eigenvalue,
-)
+from rattle.compare.validation.realizability import covariance_eigenvalue, kurtosis_margin, moment_matrix_eigenvalue
 from rattle.compare.validation.verdict import at_wall
 from rattle.scene import DAT21, InputError, Scene
 from rattle.scene.moments import gaussian_raw_moments

@@ -4,13 +4,22 @@ import json
 import math
 import re
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from commands import rattle as command
 
-from rattle.compare.tradeoff.measure import CostModel, CostPoint, _compare, closure_points, means_seconds, slope
+from rattle.compare.tradeoff.measure import (
+    CostModel,
+    CostPoint,
+    _compare,
+    closure_points,
+    find_plain,
+    means_seconds,
+    slope,
+)
 from rattle.compare.tradeoff.multilevel import Levels, Rate, control_table, find_clear, fit, giles_cost, levels_of
 from rattle.compare.tradeoff.page import CONTENTS, cheapest
 from rattle.montecarlo import Record, simulate, simulate_rare
@@ -206,6 +215,11 @@ def test_the_control_is_worth_most_at_small_noise():
     assert (table["time_ratio"] > 0.5).all()
     assert table["antithetic_means"][0] > 100.0 > table["antithetic_means"][1] > 0.5
     assert table["antithetic_sds"][0] == pytest.approx(0.5, abs=0.01)
+
+
+def test_euler_s_paths_are_foreseen_by_plain_ones():
+    runs = [SimpleNamespace(paths=n, plan=SimpleNamespace(mixture=m)) for n, m in ((9, None), (50, "near"), (20, None))]
+    assert find_plain(runs).paths == 20
 
 
 # the command
