@@ -35,11 +35,8 @@ class RattleGroup(click.Group):
             say(f"rattle: {error}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except OSError as error:
-            remedy = "choose another place or make room there, and repeat the command"
-            say(
-                f"rattle: {error.filename}: {error.strerror}; {remedy}" if error.filename else f"rattle: {error}",
-                err=True,
-            )
+            why = f"{error.filename}: {error.strerror}; choose another place or make room there, and try again"
+            say(f"rattle: {why if error.filename else error}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
             said.set()

@@ -45,7 +45,7 @@ def test_noise_with_a_memory_keeps_its_variance():
 
 def test_a_control_variate_is_taken_off_with_its_slope():
     chance = np.random.default_rng(1).normal(size=(64, 1))
-    assert corrections(5.0 + 3.0 * chance, chance) == pytest.approx(np.full((64, 1, 1), 3.0), rel=0.1)
+    assert corrections(5.0 + 3.0 * chance, chance) == pytest.approx(np.full((64, 1, 1), 3.0), rel=0.02)
 
 
 def test_what_the_noise_supplies_is_lost_at_impacts():
@@ -53,4 +53,5 @@ def test_what_the_noise_supplies_is_lost_at_impacts():
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
     lost, supplied = long_run(scene, periods=64, paths=64).energy_balance()
     assert supplied[0] == pytest.approx(0.25)
-    assert lost.mean() == pytest.approx(0.25, abs=0.02)
+    se = lost.std(ddof=1) / math.sqrt(lost.size)
+    assert abs(lost.mean() - 0.25) < 4.0 * se < abs(lost.mean() - 1.1 * 0.25)  # a tenth more would be seen
