@@ -1,5 +1,6 @@
 """The model (parameters, start, noise, tolerances) and the physics that closures and simulation share."""
 
+from rattle.scene import sources as sources  # first: it notes the sources before they are imported
 from rattle.scene.errors import FileError as FileError
 from rattle.scene.errors import InputError as InputError
 from rattle.scene.errors import OutputError as OutputError

@@ -2,7 +2,8 @@
 
 Machine code is kept in a folder of the user's own, named by the sources that it was made from.  Cached files are
 unpickled and executed, so whoever can write to the folder can run code as you: it is used only where you own it and
-nobody else has access (mode 0700).  What is missing, damaged or cannot be read is compiled again.
+nobody else has access (mode 0700).  What is missing, damaged, of another function or cannot be read is compiled again.
+Where a source has been edited since this process began, nothing is taken from the folder or put into it.
 
 A compiler that may contract ``a * b + c`` does so on one processor and not on another.  Here the source says where it
 happens (`fma`), and every processor gives the same bits: by an instruction where there is one, by its emulation
@@ -15,11 +16,10 @@ import multiprocessing
 import os
 import pickle
 import platform
-import re
 import shutil
-import sys
 import tempfile
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
@@ -30,18 +30,29 @@ import llvmlite.binding
 import numba
 import numpy as np
 from numba.core import types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
+from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic, register_jitable
 
-PACKAGES = ("scene", "closure", "montecarlo")
+from rattle.scene.sources import (
+    PACKAGES,
+    ROOT,
+    Source,
+    describe_difference,
+    describe_edit,
+    digest_of,
+    note_imports,
+    read_sources,
+    sources_in,
+)
+from rattle.scene.text import has_terminal, print_on_stderr
+
 TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
 """Beside the sources that import the compiler, what compiled code takes."""
 COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this source is not compiled
-UNCOMPILED = re.compile(rb'"{3}(?:.|\n)*?"{3}|[ \t]*\x23[^\n]*')  # docstrings and comments
-NUMBAS_PLACE: Any = UserProvidedCacheLocator  # typed as Any: numba has no type hints
-NUMBAS_STORE: Any = CompileResultCacheImpl
-NUMBAS_CACHE: Any = FunctionCache
+NUMBAS_RESULT: Any = CompileResult  # typed as Any: numba has no type hints
+
+CHECKSUM = hashlib.sha256().digest_size
 
 D = TypeVar("D")
 P = ParamSpec("P")
@@ -50,27 +61,30 @@ R = TypeVar("R")
 _folder: Path | None = None  # the cache folder; None where there is none
 _warnings: list[str] = []  # printed when the first function is compiled
 _compiled = 0  # functions that this process has compiled
+_refused: set[str] = set()  # why machine code is not kept, which is printed once
 
 
-def strip(source: bytes) -> bytes:
-    """A source without its comments and empty lines, and with empty docstrings."""
-    stripped = UNCOMPILED.sub(lambda found: b'""' if found[0].startswith(b'"') else b"", source)
-    return b"\n".join(line for line in stripped.splitlines() if line.strip())
+def compiled_sources(sources: dict[str, Source]) -> dict[str, Source]:
+    """Those of all compiled code: they import `rattle.scene.compiled`, or are named in `TAKEN`."""
+    return {name: source for name, source in sources.items() if COMPILED in source.content or name in TAKEN}
 
 
 def source_digest(root: Path) -> str:
+    """Digest of the sources of all compiled code in an installation, as they stand now: see `compiled_digest`."""
+    return compiled_digest(compiled_sources(read_sources(root, *PACKAGES)))
+
+
+def compiled_digest(sources: dict[str, Source]) -> str:
     """Digest of the sources of all compiled code and of the versions of the libraries that compile it.
 
-    Sources of compiled code import `rattle.scene.compiled`, or are named in `TAKEN`; all others may change freely, and
-    so may comments and docstrings.  The processor is not part of it: numba's index records its features by entry.
+    All other sources may change freely, and so may comments and docstrings.  The processor is not part of it: it is
+    part of the name of each file.
     """
-    digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {np.__version__}".encode())
-    for package in PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
-            name, source = path.relative_to(root).as_posix(), path.read_bytes()
-            if COMPILED in source or name in TAKEN:
-                digest.update(name.encode() + strip(source))
-    return digest.hexdigest()[:16]
+    return digest_of(sources, numba.__version__, llvmlite.__version__, np.__version__)
+
+
+SOURCES = compiled_sources(sources_in(*PACKAGES))
+DIGEST = compiled_digest(SOURCES)
 
 
 def keep_by_source() -> None:
@@ -79,27 +93,41 @@ def keep_by_source() -> None:
     Numba by itself checks only the file of the function that is called: after a change in a file that it calls
     into, it would go on with the old machine code, and the results would be those of other sources.
 
-    The folder is the first of these that can be created and is private: in NUMBA_CACHE_DIR, in this installation, in
-    the user's cache, among the system's temporary files.  Folders of earlier sources are removed; a process that still
-    uses one compiles what it has not loaded.
+    The folder is the first that can be created and is private.  Folders of earlier sources are removed; a process that
+    still uses one compiles what it has not loaded.
     """
     global _folder
-    root = Path(__file__).resolve().parent.parent
-    mine = f"rattle-{os.geteuid()}-{hashlib.sha256(os.fsencode(root)).hexdigest()[:8]}-"
-    shared, own = Path(tempfile.gettempdir()), Path(os.environ.get("HOME") or tempfile.gettempdir()) / ".cache"
-    places = [root / "scene" / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME") or own), shared]
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        places.insert(0, Path(os.environ["NUMBA_CACHE_DIR"]))
-    folders = [place.absolute() / (mine + source_digest(root)) for place in places]
-    _folder = next(filter(_is_private, folders), None)
-    if _folder is None:
-        print(f"rattle: {folders[0].parent} cannot be written: machine code is not kept", file=sys.stderr)
+    mine = f"rattle-{os.geteuid()}-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:8]}-"
+    refused = []
+    for place in _places():
+        _folder = place / (mine + DIGEST)
+        if _is_private(_folder):
+            break
+        refused.append(place)
+    else:
+        _folder = None
+        print_on_stderr(f"{refused[0]} cannot be written: machine code is not kept")
         return
-    if _folder != folders[0]:
-        _warnings.append(f"{folders[0].parent} cannot be written: machine code is kept in {_folder}")
+    if refused:
+        _warnings.append(f"{refused[0]} cannot be written: machine code is kept in {_folder}")
     for other in _folder.parent.glob(mine + "*"):
         if other != _folder:
             shutil.rmtree(other, ignore_errors=True)
+
+
+def _places() -> Iterator[Path]:
+    """Where the folder may be: as told, in this installation, in the user's cache, among the temporary files."""
+    with suppress(FileNotFoundError):  # of a relative path, where the current folder was removed
+        if os.environ.get("NUMBA_CACHE_DIR"):
+            yield Path(os.environ["NUMBA_CACHE_DIR"]).absolute()
+    yield ROOT / "scene" / "__pycache__"
+    with suppress(FileNotFoundError):
+        if os.environ.get("XDG_CACHE_HOME"):
+            yield Path(os.environ["XDG_CACHE_HOME"]).absolute()
+        elif os.environ.get("HOME"):
+            yield (Path(os.environ["HOME"]) / ".cache").absolute()
+    with suppress(FileNotFoundError):  # no folder for temporary files can be written
+        yield Path(tempfile.gettempdir()).absolute()
 
 
 def _is_private(folder: Path) -> bool:
@@ -116,6 +144,14 @@ def _is_private(folder: Path) -> bool:
         closed = found.st_uid == os.geteuid() and not found.st_mode & 0o077
         return closed and folder.is_dir() and os.access(folder, os.W_OK)
     return False
+
+
+def _refuse(difference: str) -> bool:
+    """Whether machine code is not kept because some source differs, which is said once."""
+    if difference and not _refused:
+        _refused.add(difference)
+        print_on_stderr(f"{difference}: from now on machine code is not kept")
+    return bool(difference)
 
 
 def has_fma() -> bool:
@@ -147,77 +183,74 @@ def _count() -> None:
         return
     if not has_fma():
         _warnings.append("this processor has no AVX2 or no FMA: simulations take several times as long as they might")
-    if sys.stderr.isatty() and multiprocessing.parent_process() is None:
+    if has_terminal() and multiprocessing.parent_process() is None:
         _warnings.append("compiling for this processor, about a minute, once (rattle warm-up: for all)")
     for warning in _warnings:
-        print(f"rattle: {warning}", file=sys.stderr)
+        print_on_stderr(warning)
 
 
-class BySource(NUMBAS_PLACE):  # type: ignore[misc]
-    """Numba's place of a function's files: in our folder, whose name stands for the sources."""
+class Kept:
+    """The machine code of a function on disk, a file for each signature and processor, in place of numba's cache.
 
-    def __init__(self, function: Any, file: str) -> None:
-        self._py_file, self._cache_path = file, os.path.join(str(_folder), self.get_suitable_cache_subpath(file))
+    A file begins with a digest of its key and its content.  So whatever lies under its name, by damage or by exchange,
+    is used only if it was made from this function, for these types, for this processor and from these sources.
+    """
 
-    get_source_stamp = get_disambiguator = lambda self: ""  # numba's index has a digest of the bytecode
+    def __init__(self, function: Any) -> None:
+        self._function, self.cache_path = function, str(_folder)
+        self._cells = [cell.cell_contents for cell in function.__closure__ or ()]
 
-    @classmethod
-    def from_function(cls, function: Any, file: str) -> Any:
-        """Where the machine code of a function is kept."""
-        return cls(function, file)
-
-
-class Checked(NUMBAS_STORE):  # type: ignore[misc]
-    """Numba's form of a compiled function, with a checksum."""
-
-    _locator_classes = (BySource,)
-
-    def reduce(self, compiled: Any) -> tuple[bytes, bytes]:
-        """What is written."""
-        content = pickle.dumps(super().reduce(compiled))
-        return hashlib.sha256(content).digest(), content
-
-    def rebuild(self, target_context: Any, stored: tuple[bytes, bytes]) -> Any:
-        """The function from what was read; with numba's runtime, for functions that call it."""
-        checksum, content = stored
-        if hashlib.sha256(content).digest() != checksum:
-            raise ValueError("machine code is damaged")
-        rtsys.initialize(target_context)
-        return super().rebuild(target_context, pickle.loads(content))
-
-
-class OnDisk(NUMBAS_CACHE):  # type: ignore[misc]
-    """Numba's cache of a function, for a folder that may be full, damaged, or removed by another version."""
-
-    _impl_class = Checked
+    def _locate(self, signature: Any, codegen: Any) -> tuple[Path, bytes]:
+        """File and key of the function for some types."""
+        code = self._function.__code__
+        name = f"{self._function.__module__}.{self._function.__qualname__}"
+        key = repr((DIGEST, name, self._cells, code.co_code, signature, codegen.magic_tuple())).encode()
+        short = name.removeprefix("rattle.").replace("<locals>.", "")
+        return Path(self.cache_path, f"{short}-{hashlib.sha256(key).hexdigest()[:16]}.nbc"), key
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """Machine code from the cache; None where it has to be compiled, which is announced once.
+        """Machine code from the disk; None where it has to be compiled, which is announced once.
 
-        Numba would first describe all that it can compile (0.3 s), which only a function that is not here needs.
+        Numba's own cache would first describe all that it can compile (0.3 s), which only a function that is not here
+        needs.
         """
         found = None
-        try:
-            found = self._load_overload(signature, target_context)
-        except Exception:  # whatever a damaged file raises: all of the function is compiled again
-            with suppress(OSError):
-                self.flush()
+        with suppress(Exception):  # whatever a damaged file raises: the function is compiled again
+            if not _refuse(describe_edit(SOURCES)):
+                path, key = self._locate(signature, target_context.codegen())
+                stored = path.read_bytes()
+                checksum = hashlib.sha256(key + stored[CHECKSUM:]).digest()
+                if stored[:CHECKSUM] == checksum:
+                    rtsys.initialize(target_context)  # numba's runtime, for functions that call it
+                    found = NUMBAS_RESULT._rebuild(target_context, *pickle.loads(stored[CHECKSUM:]))
         if found is None:
             _count()
         return found
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Write machine code to the cache, where that is possible: otherwise it is compiled again next time."""
-        if _is_private(cast(Path, _folder)):
-            with suppress(OSError):
-                super().save_overload(signature, compiled)
+        """Write machine code to the disk, where that is possible: otherwise it is compiled again next time."""
+        if compiled.library.has_dynamic_globals or not _is_private(Path(self.cache_path)):
+            return
+        if _refuse(describe_difference(SOURCES)):
+            return
+        path, key = self._locate(signature, compiled.codegen)
+        content = pickle.dumps(compiled._reduce())
+        scratch = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
+        with suppress(OSError):
+            scratch.write_bytes(hashlib.sha256(key + content).digest() + content)
+            scratch.replace(path)
+        scratch.unlink(missing_ok=True)
+
+    def flush(self) -> None:
+        """Remove nothing: what is compiled again replaces its file."""
 
 
 def keep(function: D) -> D:
     """Have the machine code of a function kept on disk."""
+    note_imports()
     made: Any = function
     if _folder is not None and hasattr(made, "py_func"):
-        made._cache = OnDisk(made.py_func)
+        made._cache = Kept(made.py_func)
     return function
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Self
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import numerical_version
 from rattle.scene import InputError, RattleError
+from rattle.scene.sources import PACKAGES, describe_difference, sources_in
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -173,6 +174,8 @@ def compute_checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
     """On a worker: the result of some work, or Lost if the worker's numerical version is not `version`."""
     from distributed import get_worker
 
+    if change := describe_difference(sources_in(*PACKAGES)):
+        raise Lost(f"worker {get_worker().address}: {change}: start it again")
     if (own := numerical_version()) != version:
         worker = get_worker().address
         raise Lost(f"worker {worker} has numerical version {own}, here it is {version}: install the same there")

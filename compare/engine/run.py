@@ -3,9 +3,8 @@
 The work runs on threads of this process, or on a Dask cluster (`rattle.compare.engine.cluster`).
 """
 
+import io
 import os
-import sys
-import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Collection
@@ -14,14 +13,15 @@ from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn, Self, TextIO
 
 from tqdm import tqdm
 
-from rattle.compare.engine.store import Cell, Content, Store
+from rattle.compare.engine.store import Cell, Content, Store, TemporaryStore, open_store
 from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
+from rattle.scene.text import print_on_stderr
 
 CELLS, LOG = "cells", "study.log"
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
@@ -72,20 +72,22 @@ class Runner:
 
 
 class StudyProgress:
-    """What a run has done so far: a line on the terminal, a log file in the folder, and the counts for the manifest.
+    """What a run has done so far: a line on the terminal, a log file in a folder, and the counts for the manifest.
 
     `show`: Whether to draw the line if standard error is a terminal, and to print there which process is waited for
     and which cells fail.
     """
 
-    def __init__(self, todo: Collection[Cell], stored: int, folder: Path, show: bool) -> None:
+    def __init__(self, todo: Collection[Cell], stored: int, folder: Path | None, show: bool) -> None:
         self.computed, self.cell_seconds = 0, 0.0  # of this run; other cells may come from another process
         self.failed: dict[str, str] = {}  # error message of each cell that could not be computed, by key
         self._show, self._started = show, time.perf_counter()
         try:
-            self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (closed by __exit__)
+            self._file: TextIO = io.StringIO()
+            if folder is not None:
+                self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (see __exit__)
         except OSError as error:
-            raise describe_refusal(folder / LOG, error) from None
+            raise describe_refusal(Path(folder or "", LOG), error) from None
         self._bar: tqdm[NoReturn] = tqdm(
             total=stored + len(todo),
             initial=stored,
@@ -120,7 +122,8 @@ class StudyProgress:
         """Log a line, and print it at once: the other cells may take hours."""
         self.log(text)
         if self._show:
-            self._bar.write(f"rattle: {text}", file=sys.stderr)
+            with self._bar.external_write_mode():
+                print_on_stderr(text)
 
     def finish(self, cell: Cell, result: Any, here: bool) -> None:
         """Count a finished cell, computed here or by another process."""
@@ -143,7 +146,9 @@ class StudyProgress:
 
 def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = False) -> StudyProgress:
     """Compute the cells that are missing."""
-    sweep(store.folder, ANY_TEXT)
+    folder = None if isinstance(store, TemporaryStore) else store.folder
+    if folder:
+        sweep(folder, ANY_TEXT)
     todo = deque(cell for cell in cells if store.read(cell) is None)
     computed: set[str] = set()
 
@@ -152,7 +157,7 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
         computed.add(cell.key)
         return content
 
-    with runner, StudyProgress(todo, len(cells) - len(todo), store.folder.parent, show) as progress:
+    with runner, StudyProgress(todo, len(cells) - len(todo), folder and folder.parent, show) as progress:
         pool = ThreadPoolExecutor(runner.workers, thread_name_prefix="cell")
         running: dict[Future[Any], Cell] = {}
         try:
@@ -181,8 +186,7 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
 
 
 def obtain_all(cells: Collection[Cell], folder: Path | None, workers: int) -> list[Any]:
-    """Read or compute the results of some cells; without a folder they are kept until all are there."""
-    with tempfile.TemporaryDirectory() as scratch:
-        store = Store(Path(folder or scratch) / CELLS)
-        run(cells, store, Runner(workers), show=True)
-        return [store.obtain(cell) for cell in cells]
+    """Read or compute the results of some cells; without a folder none is stored."""
+    store = open_store(folder, CELLS)
+    run(cells, store, Runner(workers), show=True)
+    return [store.obtain(cell) for cell in cells]

@@ -2,11 +2,9 @@
 
 import errno
 import hashlib
-import importlib.metadata
 import json
 import os
 import platform
-import sys
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -14,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache, cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -26,29 +25,24 @@ from filelock import FileLock, SoftFileLock, Timeout
 from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
-from rattle.scene import OutputError, Scene, harmless, line
-from rattle.scene.compiled import has_fma, strip
+from rattle.scene import OutputError, Scene, line
+from rattle.scene.compiled import has_fma
+from rattle.scene.sources import PACKAGES, describe_difference, digest_of, sources_in
+from rattle.scene.text import print_on_stderr
 
-ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("scene", "closure", "montecarlo")
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
 
 
 @cache
 def numerical_version(*packages: str) -> str:
-    """Compute a digest of the numerical code, of its libraries, and of the kind of processor.
+    """Compute a digest of the numerical code that this process runs, of its libraries, and of the kind of processor.
 
     All x86-64 processors with AVX2 and FMA are of one kind, for their bits agree.  Each other is a kind of its own.
 
     Comments, docstrings and empty lines do not change the digest.
     """
-    digest = hashlib.sha256(" ".join((_processor(), *platform.libc_ver())).encode())
-    for library in LIBRARIES:
-        digest.update(f"{library} {importlib.metadata.version(library)};".encode())
-    for package in packages or PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            digest.update(path.name.encode() + strip(path.read_bytes()))
-    return digest.hexdigest()[:16]
+    libraries = (f"{library} {import_module(library).__version__};" for library in LIBRARIES)
+    return digest_of(sources_in(*packages or PACKAGES), _processor(), *platform.libc_ver(), *libraries)
 
 
 def _processor() -> str:
@@ -126,11 +120,6 @@ class Cell(ABC):
         return Content(table, facts | {"seconds": time.perf_counter() - started})
 
 
-def print_on_stderr(text: str) -> None:
-    """Print a line on standard error."""
-    print(harmless(f"rattle: {text}"), file=sys.stderr, flush=True)
-
-
 class Store:
     """Results by key; files are written atomically, so that a killed process leaves no partial result."""
 
@@ -160,8 +149,14 @@ class Store:
             return cell.restore(_parse(cell.key, self.path(cell).read_bytes()))
         return None
 
+    def check_sources(self, cell: Cell) -> None:
+        """Raise an error if the code that computes a cell is not that which its key stands for."""
+        if change := describe_difference(sources_in("scene", *cell.packages)):
+            raise self._refuse(f"{change}, so no result is stored; start it again")
+
     def write(self, cell: Cell, content: Content) -> None:
         """Store the result of a cell, atomically."""
+        self.check_sources(cell)
         table, sink = pa.Table.from_pandas(content.table), pa.BufferOutputStream()
         record = json_text({"key": cell.key, "facts": content.facts}, indent=None).encode()
         table = table.replace_schema_metadata({**table.schema.metadata, NAME: record})
@@ -190,6 +185,7 @@ class Store:
         with self.alone(cell.key) as alone:
             if alone:
                 if (found := self.read(cell)) is None:  # it may have been stored just before the lock was taken
+                    self.check_sources(cell)
                     content = compute(cell)
                     self.write(cell, content)
                     found = cell.restore(content)
@@ -235,6 +231,39 @@ class Store:
 
     def _refuse(self, why: str) -> OutputError:
         return OutputError(f"out = {str(self.folder)!r}: {why}")
+
+
+class TemporaryStore(Store):
+    """Results of one call, in memory."""
+
+    def __init__(self) -> None:
+        self._contents: dict[str, Content] = {}
+
+    def missing(self, cells: Iterable[Cell]) -> list[Cell]:
+        """List the cells that are not stored."""
+        return [cell for cell in cells if cell.key not in self._contents]
+
+    def read(self, cell: Cell) -> Any:
+        """Read the result of a cell; None if there is none."""
+        content = self._contents.get(cell.key)
+        return None if content is None else cell.restore(content)
+
+    def check_sources(self, cell: Cell) -> None:
+        """Accept any: what is in memory is used by the code in memory."""
+
+    def write(self, cell: Cell, content: Content) -> None:
+        """Store the result of a cell."""
+        self._contents[cell.key] = content
+
+    @contextmanager
+    def alone(self, key: str) -> Iterator[bool]:
+        """No other process can compute the cell."""
+        yield True
+
+
+def open_store(folder: Path | str | None, name: str = "") -> Store:
+    """The store of this name in a folder; without a folder, a temporary one."""
+    return Store(Path(folder) / name) if folder else TemporaryStore()
 
 
 def _parse(key: str, content: bytes) -> Content:

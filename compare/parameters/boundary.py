@@ -1,7 +1,6 @@
 """Where a closure stops holding: the public entry and its result."""
 
 import math
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ from tqdm import tqdm
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.engine.run import Runner
-from rattle.compare.engine.store import Store
+from rattle.compare.engine.store import open_store
 from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import Finding, list_values
 from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge, Judgement
@@ -196,8 +195,8 @@ def boundary(
     method.check(parameter.scene_at(low))
     steps = 0
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
-    with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
-        store = Store(Path(folder or scratch))
+    store = open_store(folder)
+    with Runner(workers) as runner, bar:
 
         def judge(value: float) -> Judgement:
             def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:

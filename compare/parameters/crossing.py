@@ -1,7 +1,6 @@
 """Where along a parameter a quantity of the long run crosses a level: the public entry and its result."""
 
 import math
-import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +13,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from rattle.compare.engine.run import Runner
-from rattle.compare.engine.store import Store
+from rattle.compare.engine.store import open_store
 from rattle.compare.parameters.boundary import check_search, own_seed
 from rattle.compare.parameters.finding import Finding, list_values, with_unit
 from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
@@ -212,8 +211,8 @@ def crossing(
     positive("slow", slow)
     units = "dimensionless" if scene.gears is None else "physical"
     bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
-    with tempfile.TemporaryDirectory() as scratch, Runner(workers) as runner, bar:
-        store = Store(Path(folder or scratch))
+    store = open_store(folder)
+    with Runner(workers) as runner, bar:
 
         def judge(value: float) -> SideOfLevel:
             changed = parameter.scene_at(value)

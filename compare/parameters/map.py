@@ -1,7 +1,6 @@
 """The curve along which a closure stops holding, over two parameters: a search at each value of the second one."""
 
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,7 +13,7 @@ import pandas as pd
 from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
 from rattle.compare.engine.run import CELLS, Runner, run
-from rattle.compare.engine.store import Cell, Content, Store
+from rattle.compare.engine.store import Cell, Content, open_store
 from rattle.compare.parameters.boundary import boundary, find_range
 from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
@@ -224,19 +223,18 @@ def boundary_map(
     asked = settings | {"closure": method, "over": over, "searches": values}
     found: dict[int, Found | str] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
-    with tempfile.TemporaryDirectory() as scratch:
-        store = Store(Path(folder or scratch) / CELLS)
-        while wave:
-            cells = {
-                i: Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": expect([found[j] for j in beside])})
-                for i, beside in wave.items()
-            }
-            runner = Cluster(scheduler) if scheduler else Runner(workers)
-            outcome = run(list(cells.values()), store, runner, show=progress)
-            if len(outcome.failed) == len(cells) and not found:
-                raise RattleError(next(iter(outcome.failed.values())))
-            found |= {i: outcome.failed.get(cell.key) or store.read(cell) for i, cell in cells.items()}
-            wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(found)) if j - i > 1}
+    store = open_store(folder, CELLS)
+    while wave:
+        cells = {
+            i: Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": expect([found[j] for j in beside])})
+            for i, beside in wave.items()
+        }
+        runner = Cluster(scheduler) if scheduler else Runner(workers)
+        outcome = run(list(cells.values()), store, runner, show=progress)
+        if len(outcome.failed) == len(cells) and not found:
+            raise RattleError(next(iter(outcome.failed.values())))
+        found |= {i: outcome.failed.get(cell.key) or store.read(cell) for i, cell in cells.items()}
+        wave = {(i + j) // 2: (i, j) for i, j in pairwise(sorted(found)) if j - i > 1}
     done = {at[i]: one for i, one in sorted(found.items())}
     curve = pd.DataFrame([row for value, one in done.items() for row in curve_rows(value, one)])
     points = pd.concat(

@@ -16,11 +16,12 @@ import numba
 from llvmlite import binding
 
 from rattle.compare.report import Block, Code, Source, Text
-from rattle.scene import Scene
+from rattle.scene import OutputError, Scene
+from rattle.scene.sources import PACKAGES, describe_difference, sources_in
 
 COMPILER: Any = numba.config  # numba has no type annotations
 
-PACKAGES = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
+DISTRIBUTIONS = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
 
 
 class Stopwatch:
@@ -37,7 +38,12 @@ class Stopwatch:
 
 
 def provenance(watch: Stopwatch | None = None) -> dict[str, Any]:
-    """Command, commit and versions of this run, and its time if a watch has taken it; for the manifest."""
+    """Command, commit and versions of this run, and its time if a watch has taken it; for the manifest.
+
+    Raises OutputError where the sources are no longer those that have computed the numbers.
+    """
+    if change := describe_difference(sources_in(*PACKAGES, "compare")):
+        raise OutputError(f"{change}, so nothing is written; start it again")
     origin = {"command": command_line(sys.argv[1:]), "commit": commit(), "versions": versions()}
     return origin if watch is None else origin | watch.seconds
 
@@ -74,10 +80,11 @@ def versions() -> dict[str, str]:
         "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(),
         "vectors": _vectors(),
     }
-    for package in PACKAGES:
+    for package in DISTRIBUTIONS:
         found[package] = "not installed"
         with suppress(importlib.metadata.PackageNotFoundError):
-            found[package] = importlib.metadata.version(package)
+            imported = sys.modules.get(package) if package != "rattle" else None  # another may be installed by now
+            found[package] = imported.__version__ if imported else importlib.metadata.version(package)
     return found
 
 

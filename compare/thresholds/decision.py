@@ -22,7 +22,7 @@ from rattle.closure import Closure, follow, mean_map
 from rattle.closure.closure import name_of
 from rattle.closure.mean_map import find_closure
 from rattle.closure.stationary import Law
-from rattle.compare.engine.store import Cell, Content, Store, print_on_stderr
+from rattle.compare.engine.store import Cell, Content, Store
 from rattle.compare.stationary.study import LongCell
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, values_of
 from rattle.compare.study.cells import Sample
@@ -37,6 +37,7 @@ from rattle.montecarlo.long_run.run import PATHS
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice
+from rattle.scene.text import print_on_stderr
 
 Model = str | Closure | Callable[[Scene, int], Any]
 """A closure's name, or a closure of one's own."""
