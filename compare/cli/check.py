@@ -226,12 +226,13 @@ def warm_up() -> None:
     from tqdm import tqdm
 
     from rattle.scene.compiled import count_compiled, folder
+    from rattle.scene.text import has_terminal
 
     started, found = time.perf_counter(), tasks()
     place = folder()
     if place is None:
         raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
-    for name in (line := tqdm(found, disable=None, unit="task", file=sys.stderr)):
+    for name in (line := tqdm(found, disable=not has_terminal(), unit="task")):
         line.set_postfix_str(name)
         found[name]()
     seconds = time.perf_counter() - started

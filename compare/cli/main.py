@@ -1,5 +1,7 @@
 """The command ``rattle``."""
 
+import os
+import sys
 from typing import Any
 
 import click
@@ -20,6 +22,13 @@ EXIT_BAD_INPUT = 2
 
 class RattleGroup(click.Group):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
+
+    def main(self, *args: Any, **settings: Any) -> Any:
+        """Run the program; what is printed goes nowhere where an output is closed, as a daemon's are."""
+        for name in ("stdout", "stderr"):
+            if getattr(sys, name) is None:
+                setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  (open as long as the process)
+        return super().main(*args, **settings)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command, and convert its errors to a message and an exit code."""

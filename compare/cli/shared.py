@@ -1,6 +1,7 @@
 """What the commands share: options and their types, the scene, the folder, and what is printed."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
 from functools import partial, reduce, wraps
@@ -223,7 +224,8 @@ class Results:
 
 def say(text: str, *, err: bool = False, keep: str = "") -> None:
     """Print a text on one line; control characters, such as those of a file's name, are shown as escapes."""
-    click.echo(harmless(text, keep), err=err)
+    with suppress(OSError) if err else nullcontext():  # nobody may read what is said besides the answer
+        click.echo(harmless(text, keep), err=err)
 
 
 def say_lines(sentences: Iterable[str]) -> None:

@@ -5,6 +5,7 @@ The work runs on threads of this process, or on a Dask cluster (`rattle.compare.
 
 import io
 import os
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Collection
@@ -21,7 +22,7 @@ from rattle.compare.engine.store import Cell, Content, Store, TemporaryStore, op
 from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
-from rattle.scene.text import print_on_stderr
+from rattle.scene.text import has_terminal
 
 CELLS, LOG = "cells", "study.log"
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
@@ -93,7 +94,7 @@ class StudyProgress:
             initial=stored,
             desc="study",
             unit=" cells",
-            disable=None if show else True,
+            disable=not (show and has_terminal()),
             bar_format="{desc} {n}/{total} cells |{bar:20}| {elapsed}, {remaining} left{postfix}",
         )
         self.log(f"start: {stored} results stored, {len(todo)} to compute")
@@ -122,8 +123,9 @@ class StudyProgress:
         """Log a line, and print it at once: the other cells may take hours."""
         self.log(text)
         if self._show:
-            with self._bar.external_write_mode():
-                print_on_stderr(text)
+            with suppress(OSError, ValueError):  # it may be closed
+                if sys.stderr is not None:  # tqdm would take standard output
+                    self._bar.write(f"rattle: {text}", file=sys.stderr)
 
     def finish(self, cell: Cell, result: Any, here: bool) -> None:
         """Count a finished cell, computed here or by another process."""

@@ -23,6 +23,7 @@ from rattle.compare.study.cells import Sample
 from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import InputError, Scene, check_scene, count, positive
+from rattle.scene.text import has_terminal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -194,7 +195,7 @@ def boundary(
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
     steps = 0
-    bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
+    bar = tqdm(desc=progress, unit=" values", disable=not (progress and has_terminal()))
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

@@ -22,6 +22,7 @@ from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
+from rattle.scene.text import has_terminal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -210,7 +211,7 @@ def crossing(
     level = float(positive("level", level))
     positive("slow", slow)
     units = "dimensionless" if scene.gears is None else "physical"
-    bar = tqdm(desc=progress, unit=" values", disable=None if progress else True)
+    bar = tqdm(desc=progress, unit=" values", disable=not (progress and has_terminal()))
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

@@ -21,6 +21,7 @@ from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
+from rattle.scene.text import has_terminal
 
 GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
 STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
@@ -171,7 +172,7 @@ def closure_sensitivity(
         bar.update()
         return _moments(found.section, job[0], impacts)
 
-    bar = tqdm(desc=progress, total=GROUPS * len(every), unit="run", disable=None if progress else True)
+    bar = tqdm(desc=progress, total=GROUPS * len(every), unit="run", disable=not (progress and has_terminal()))
     done: list[list[Floats]] = []
     with ThreadPoolExecutor(workers) as pool, bar:
         while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):

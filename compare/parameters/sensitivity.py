@@ -19,6 +19,7 @@ from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, positive
+from rattle.scene.text import has_terminal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -224,7 +225,7 @@ def sensitivity(
         except InputError as error:
             remarks[name] = f"cannot be changed by {STEPS[1]:.0%}: {error}"
     runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
-    bar = tqdm(desc=progress, unit="run", disable=None if progress else True)
+    bar = tqdm(desc=progress, unit="run", disable=not (progress and has_terminal()))
     with ThreadPoolExecutor(workers) as pool, bar:
         for groups in GROUPS:
             bar.total = groups * len(jobs)

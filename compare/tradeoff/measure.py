@@ -28,6 +28,7 @@ from rattle.montecarlo.accuracy.pilots import pilot
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, share_of_look, units
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene import SECTION, Floats, Scene, positive
+from rattle.scene.text import has_terminal
 
 T = TypeVar("T")
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
@@ -288,7 +289,7 @@ def measure(
     models: dict[str, CostModel] = {}
     found: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in SCHEMES}
     exact, *euler = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
-    with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=None) as bar:
+    with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=not has_terminal()) as bar:
         for scheme in (exact, *euler):
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
             model.shared = find_plain([models[exact].first, *(run for _, run in found[exact] if run)])

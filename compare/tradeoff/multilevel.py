@@ -25,6 +25,7 @@ from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
 from rattle.montecarlo.settings import plan_of
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Floats, Scene
+from rattle.scene.text import has_terminal
 
 T = TypeVar("T")
 LEVELS, PATHS = 7, 16_384
@@ -134,7 +135,7 @@ def measure_levels(scene: Scene, scheme: str, *, impacts: int, seed: int, worker
     seeds = np.random.SeedSequence([seed, LEVELS]).spawn(LEVELS)
     common: dict[str, Any] = {"paths": PATHS, "impacts": impacts, "scheme": scheme, "workers": workers}
     common["record"], dt = Record(step_bias=True), min(COARSEST, longest)
-    bar = tqdm(seeds, desc=f"levels of {scheme}", unit="level", disable=None, leave=False)
+    bar = tqdm(seeds, desc=f"levels of {scheme}", unit="level", disable=not has_terminal(), leave=False)
     return levels_of([simulate(scene, dt=dt / 2**level, rng=own, **common) for level, own in enumerate(bar)])
 
 
@@ -218,7 +219,7 @@ def control_table(
     """
     rows = []
     settings: dict[str, Any] = {"paths": paths, "scheme": "exact-flight", "rng": seed}
-    for sigma in tqdm(sigmas, desc="control variate", unit="sigma", disable=None, leave=False):
+    for sigma in tqdm(sigmas, desc="control variate", unit="sigma", disable=not has_terminal(), leave=False):
         own = scene.with_sigma(sigma)
         call = partial(simulate, own, impacts=impacts, workers=workers, **settings)
         call(sampling=Sampling(control=True))

@@ -19,6 +19,7 @@ from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
+from rattle.scene.text import has_terminal
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
@@ -181,7 +182,7 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
     """
     own = [
         validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
-        for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=None)
+        for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=not has_terminal())
     ]
     return Sweep(find_validities(own), measure_speeds(own), simulation_costs(own))
 

@@ -16,6 +16,7 @@ from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step,
 from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, line
+from rattle.scene.text import has_terminal
 
 
 def simulate(
@@ -113,7 +114,7 @@ def _gather(
     batched = (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts)) if record.batches else None
     histograms: Histograms | None = None
     kept = []
-    label: dict[str, Any] = {"desc": progress and line(progress), "disable": None if progress else True}
+    label: dict[str, Any] = {"desc": progress and line(progress), "disable": not (progress and has_terminal())}
     with tqdm(total=plan.paths - done * size, unit="path", unit_scale=True, **label) as bar:
         for result, rows in results:
             merged = result if merged is None else merged.merge(result)

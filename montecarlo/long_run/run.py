@@ -21,6 +21,7 @@ from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongR
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, scales_of_pilot
 from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, line, positive
+from rattle.scene.text import has_terminal
 
 PATHS = 256
 ACCURACY = 0.01
@@ -244,7 +245,7 @@ def long_run(
     began = time.perf_counter()
     with limit.pause():
         warm_up(scene, slow)
-    bar = tqdm(unit="period", desc=progress and line(progress), disable=None if progress else True)
+    bar = tqdm(unit="period", desc=progress and line(progress), disable=not (progress and has_terminal()))
     with ThreadPoolExecutor(workers) as pool, bar:
         followed = LongPaths(scene, paths, seed, slow, limit, pool, bar)
         for _ in range(RESTARTS):
