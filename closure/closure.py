@@ -322,6 +322,8 @@ def sources(function: Callable[..., Any], seen: set[int] | None = None) -> list[
         found = [inspect.getsource(module)] if module is not None and hasattr(module, "__file__") else [repr(kind)]
     if kind is not function:  # an object that can be called: its state
         found.append(repr(sorted(vars(getattr(function, "__self__", function)).items())))
+    methods = vars(kind).values() if isinstance(kind, type) else [kind]
+    found += [code_text(one.__code__) for one in methods if isinstance(one, types.FunctionType)]
     if isinstance(kind, types.FunctionType):
         given = [*(kind.__defaults__ or ()), *(cell.cell_contents for cell in kind.__closure__ or ())]
         found += [repr(value) for value in given if not callable(value)]
@@ -330,6 +332,17 @@ def sources(function: Callable[..., Any], seen: set[int] | None = None) -> list[
             if getattr(other, "__module__", "") == kind.__module__ and isinstance(other, types.FunctionType | type):
                 found += sources(other, seen)
     return found
+
+
+def code_text(code: types.CodeType) -> str:
+    """The compiled Python of a function: its source is read when it is asked for, and may have been edited since."""
+    constants = (code_text(one) if isinstance(one, types.CodeType) else stable_repr(one) for one in code.co_consts)
+    return " ".join((code.co_code.hex(), *code.co_names, *constants))
+
+
+def stable_repr(constant: object) -> str:
+    """A constant as text; the order in a set changes from process to process."""
+    return repr(sorted(map(repr, constant)) if isinstance(constant, frozenset) else constant)
 
 
 def names_in(code: types.CodeType) -> list[str]:

@@ -1,7 +1,9 @@
 """A closure of one's own: what is read of its table, what is refused, and when its digest changes."""
 
 import functools
+import importlib
 import pickle
+import sys
 
 import numpy as np
 import pandas as pd
@@ -175,6 +177,20 @@ def test_its_digest_changes_with_its_source_and_with_what_that_names(tmp_path, m
         (tmp_path / f"own{number}.py").write_text(text)
         digests.add(find_closure("closure", f"own{number}:mine").digest)
     assert len(digests) == 3
+
+
+def test_its_digest_is_that_of_the_code_in_memory_after_its_source_was_edited(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    source, before, after = tmp_path / "edited.py", HELPER.format("x"), HELPER.format("x + 1")
+    source.write_text(before)
+    function = find_closure("closure", "edited:mine").function
+    source.write_text(after)
+    told = Closure("mine", function).digest
+    monkeypatch.delitem(sys.modules, "edited")
+    importlib.invalidate_caches()
+    imported = find_closure("closure", "edited:mine")
+    assert imported.function(None, 1) == [1]
+    assert told != Closure("mine", imported.function).digest
 
 
 def test_its_digest_changes_with_the_values_that_it_is_made_with_and_with_nothing_else():

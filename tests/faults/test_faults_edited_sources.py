@@ -1,10 +1,17 @@
 """Sources that are edited while a process runs: nothing is kept of others than those that it began with."""
 
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
+import pandas as pd
 import pytest
 from programs import python
+
+from rattle.compare.engine.store import Cell, Content, Store, numerical_version, open_store
+from rattle.compare.report.provenance import provenance
+from rattle.scene import OutputError, Scene, sources
 
 ROOT = Path(__file__).resolve().parents[2]
 INNER = """from rattle.scene.compiled import internal
@@ -135,3 +142,72 @@ def test_machine_code_under_the_name_of_another_is_compiled_again(run, tmp_path)
         file.write_bytes(content)
     assert run(EXCHANGED) == ([*right, "4"], "")
     assert run(EXCHANGED) == ([*right, "0"], "")
+
+
+SCENE = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
+
+
+@dataclass(frozen=True)
+class Number(Cell):
+    """A cell that takes no time, and counts how often it is computed."""
+
+    packages: ClassVar[tuple[str, ...]] = ("montecarlo",)
+    scene: Scene
+    settings: ClassVar[dict] = {"kind": "number"}
+    group: ClassVar[str] = "numbers"
+    computed: ClassVar[list[int]] = []
+
+    def evaluate(self, blocks=None):
+        self.computed.append(1)
+        return pd.DataFrame({"number": [1.0]}), {}
+
+
+@pytest.fixture
+def edit(tmp_path, monkeypatch):
+    """A function that writes something behind a source of this process: of a copy that it takes for its own."""
+    sources.note_imports()
+    for name in sources.BEGUN:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    monkeypatch.setattr(sources, "ROOT", tmp_path)
+    Number.computed.clear()
+
+    def append(name, text):
+        with (tmp_path / name).open("a") as file:
+            file.write(text)
+
+    return append
+
+
+REMEDY = "montecarlo/kernel/kernel.py was edited while this process ran, so no result is stored; start it again"
+
+
+def test_no_result_is_stored_under_the_version_of_sources_that_this_process_has_not_imported(edit, tmp_path):
+    store, version = Store(tmp_path / "cells"), numerical_version()
+    edit("closure/branching/mixture.py", "touched = 1\n")  # of no part in the result
+    store.obtain(Number(SCENE))
+    for content in list(store.folder.glob("*.parquet")):
+        content.unlink()
+    edit("montecarlo/kernel/kernel.py", "touched = 1\n")
+    with pytest.raises(OutputError, match=REMEDY):
+        store.obtain(Number(SCENE))
+    with pytest.raises(OutputError, match=REMEDY):  # it was edited while the result was computed
+        store.write(Number(SCENE), Content(pd.DataFrame({"number": [1.0]}), {"seconds": 1.0}))
+    assert not list(store.folder.glob("*.parquet"))
+    assert len(Number.computed) == 1
+    numerical_version.cache_clear()
+    assert numerical_version() == version
+
+
+def test_what_is_not_stored_goes_on_after_an_edit_and_all_goes_on_after_a_comment(edit, tmp_path):
+    edit("montecarlo/kernel/kernel.py", "# a comment\n")
+    Store(tmp_path / "cells").obtain(Number(SCENE))
+    edit("montecarlo/kernel/kernel.py", "touched = 1\n")
+    assert open_store(None).obtain(Number(SCENE)).table["number"].tolist() == [1.0]
+
+
+def test_no_manifest_names_a_commit_whose_sources_this_process_has_not_imported(edit):
+    assert provenance()["commit"]
+    edit("compare/report/style.py", "touched = 1\n")
+    with pytest.raises(OutputError, match=r"compare/report/style\.py was edited while this process ran"):
+        provenance()

@@ -1,0 +1,78 @@
+"""Programs without a standard error or output, as daemons are, and without a folder for temporary files."""
+
+import io
+import os
+import subprocess
+import sys
+
+import pytest
+from programs import LONG
+
+from rattle import DAT21, Scene, simulate
+from rattle.scene.text import has_terminal, print_on_stderr
+
+FUNCTION = "from rattle.scene.moments import gaussian_raw_moments as f; print(float(f(1.0, 0.5, 2.0, 4)[2, 2]))"
+COMMAND = "from rattle.compare.cli.main import main; main()"
+
+
+def shell(words, *command, **environment):
+    """Run Python in a shell with redirected outputs; returns exit code and standard output."""
+    found = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), **environment}
+    line = ["sh", "-c", f'exec "$@" {words}', "sh", sys.executable, *command]
+    done = subprocess.run(line, env=os.environ | found, stdout=subprocess.PIPE, text=True, timeout=LONG)
+    return done.returncode, done.stdout
+
+
+def test_machine_code_is_compiled_without_standard_error(tmp_path):
+    """What would be said there does not go to standard output."""
+    assert shell("2>&-", "-c", FUNCTION, NUMBA_CACHE_DIR="/dev/null/nowhere", TMPDIR=str(tmp_path)) == (0, "2.5\n")
+
+
+@pytest.mark.parametrize("words", ["2>&-", "2>/dev/full"])
+def test_an_error_that_nobody_can_read_ends_the_command_as_it_would(words):
+    assert shell(words, "-c", COMMAND, "simulate", "--paths", "-3") == (2, "")
+
+
+def test_a_wrong_option_is_not_explained_on_standard_output():
+    assert shell("2>&-", "-c", COMMAND, "simulate", "--nosuch") == (2, "")
+
+
+def test_a_command_without_any_output_ends_well():
+    assert shell("<&- >&- 2>&-", "-c", COMMAND, "--help") == (0, "")
+
+
+@pytest.fixture(params=["none", "closed"])
+def stderr(request, monkeypatch):
+    """No standard error, or one that is closed."""
+    stream = None if request.param == "none" else io.StringIO()
+    if request.param == "closed":
+        stream.close()
+    monkeypatch.setattr(sys, "stderr", stream)
+
+
+@pytest.mark.usefixtures("stderr")
+def test_progress_and_messages_go_nowhere_where_standard_error_cannot_be_written(capsys):
+    print_on_stderr("something")
+    assert not has_terminal()
+    simulate(Scene.from_gears(DAT21, sigma=0.1), paths=64, impacts=1, rng=1, progress="paths")
+    assert capsys.readouterr().out == ""
+
+
+NOWHERE = """
+import tempfile
+
+def none():
+    raise FileNotFoundError(2, "No usable temporary directory found")
+
+tempfile.gettempdir = none
+"""
+
+
+@pytest.mark.parametrize("place", ["kept", "/dev/null/nowhere"])
+def test_without_a_folder_for_temporary_files(tmp_path, place):
+    """Machine code is kept where it can be, and results of one call are."""
+    code = f"{NOWHERE}{FUNCTION}\nfrom rattle.scene.compiled import folder\nprint(folder())"
+    hidden = {"NUMBA_CACHE_DIR": str(tmp_path / place), "HOME": "/dev/null"}
+    rc, out = shell("2>&1", "-c", code, **hidden)
+    assert rc == 0, out
+    assert "2.5\n" in out
