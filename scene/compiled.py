@@ -37,7 +37,7 @@ from numba.extending import intrinsic, register_jitable
 from rattle.scene.sources import (
     PACKAGES,
     ROOT,
-    Source,
+    SourceFile,
     describe_difference,
     describe_edit,
     digest_of,
@@ -64,7 +64,7 @@ _compiled = 0  # functions that this process has compiled
 _refused: set[str] = set()  # why machine code is not kept, which is printed once
 
 
-def compiled_sources(sources: dict[str, Source]) -> dict[str, Source]:
+def compiled_sources(sources: dict[str, SourceFile]) -> dict[str, SourceFile]:
     """Those of all compiled code: they import `rattle.scene.compiled`, or are named in `TAKEN`."""
     return {name: source for name, source in sources.items() if COMPILED in source.content or name in TAKEN}
 
@@ -74,7 +74,7 @@ def source_digest(root: Path) -> str:
     return compiled_digest(compiled_sources(read_sources(root, *PACKAGES)))
 
 
-def compiled_digest(sources: dict[str, Source]) -> str:
+def compiled_digest(sources: dict[str, SourceFile]) -> str:
     """Digest of the sources of all compiled code and of the versions of the libraries that compile it.
 
     All other sources may change freely, and so may comments and docstrings.  The processor is not part of it: it is

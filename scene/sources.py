@@ -20,7 +20,7 @@ PACKAGES = ("scene", "closure", "montecarlo")
 UNCOMPILED = re.compile(rb'"{3}(?:.|\n)*?"{3}|[ \t]*\x23[^\n]*')  # docstrings and comments
 
 
-class Source(NamedTuple):
+class SourceFile(NamedTuple):
     """A source file."""
 
     written: int  # when its content, name or owner last changed, in ns
@@ -33,13 +33,13 @@ class Source(NamedTuple):
         return b"\n".join(line for line in stripped.splitlines() if line.strip())
 
 
-def read_source(path: Path) -> Source:
+def read_source(path: Path) -> SourceFile:
     """Read a source; an edit while it is read counts as later."""
     written = path.stat().st_ctime_ns
-    return Source(written, path.read_bytes())
+    return SourceFile(written, path.read_bytes())
 
 
-def read_sources(root: Path, *folders: str) -> dict[str, Source]:
+def read_sources(root: Path, *folders: str) -> dict[str, SourceFile]:
     """The sources in some folders, by their paths in an installation."""
     return {
         path.relative_to(root).as_posix(): read_source(path)
@@ -48,7 +48,7 @@ def read_sources(root: Path, *folders: str) -> dict[str, Source]:
     }
 
 
-def digest_of(sources: dict[str, Source], *what: str) -> str:
+def digest_of(sources: dict[str, SourceFile], *what: str) -> str:
     """Digest of some sources, which comments and docstrings do not change, and of what else is given."""
     digest = hashlib.sha256(" ".join(what).encode())
     for name, source in sources.items():
@@ -66,7 +66,7 @@ _otherwise: set[str] = set()  # sources that may have been imported otherwise
 _read: set[str] = set()  # sources from which Python's bytecode in memory is known to be
 
 
-def sources_in(*folders: str) -> dict[str, Source]:
+def sources_in(*folders: str) -> dict[str, SourceFile]:
     """The sources in some folders, as they stood when this process began."""
     return {name: source for name, source in BEGUN.items() if name.startswith(tuple(f"{f}/" for f in folders))}
 
