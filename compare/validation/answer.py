@@ -18,6 +18,7 @@ from rattle.compare.validation.tables import duration_words, motion_sentence
 from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
 from rattle.montecarlo.branches.search import SMALLEST
 from rattle.montecarlo.diagnostics.diagnostics import UNSEARCHED
+from rattle.montecarlo.diagnostics.reach import near_text
 from rattle.scene import Scene, duration_text
 
 SECTION = " (Poincaré section at the impacts)"
@@ -74,9 +75,11 @@ def cost_sentence(
     `duration`: How long the motion is in physical units, as "24 ms of rattling", if that is known.
     """
     number, motion = f"{impacts} impact{'s' if impacts > 1 else ''}", f" ({duration})" if duration else ""
-    what = f"{number}{motion} to {comparison.WANTED:.0%} of an sd"
+    schemes = sorted(set(simulation["scheme"]) - {"exact-flight"})  # which `rattle simulate` takes
+    by = f" by {join_words(schemes)}" if schemes else ""
+    what = f"{number}{motion}{by} to {comparison.WANTED:.0%} of an sd"
     each = [
-        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'])})"
+        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'], row['branches'])})"
         for row in simulation.to_dict("records")
     ]
     whole = speed[speed["impacts"] == impacts]
@@ -94,9 +97,9 @@ def cost_sentence(
     return f"{said}."
 
 
-def _paths(paths: float) -> str:
+def _paths(paths: float, branches: int) -> str:
     number = f"{paths:,.0f}" if paths < 1e4 else f"{float(f'{paths:.2g}'):,.0f}" if paths < 1e12 else f"{paths:.2g}"
-    return f"{number} path{'s' if paths > 1 else ''}"
+    return f"{number} path{'s' if paths > 1 else ''}{near_text(branches)}"
 
 
 def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
