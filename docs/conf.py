@@ -5,6 +5,10 @@ import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx_gallery.directives import imgsgnode
+
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "tests" / "helpers")]
 
@@ -78,6 +82,7 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "write_computation_times": False,  # its page asks another host for a script
     "image_srcset": ["2x"],
+    "thumbnail_size": (800, 560),
 }
 
 # No page asks for anything beyond its own folder.
@@ -101,3 +106,16 @@ html_context = {"default_mode": "auto"}
 rattle_reports = os.environ.get("RATTLE_REPORTS", str(HERE.parent / "reports"))
 
 release = version = version_of("rattle")
+
+
+def frame_pictures(app: Sphinx, doctree: nodes.document) -> None:
+    """Give each picture of the gallery a frame, in which it scrolls on a narrow screen (site.css)."""
+    for picture in list(doctree.findall(imgsgnode)):
+        frame = nodes.container(classes=["picture"])
+        picture.replace_self(frame)
+        frame += picture
+
+
+def setup(app: Sphinx) -> None:
+    """Register it."""
+    app.connect("doctree-read", frame_pictures)

@@ -217,7 +217,7 @@ def init(file: Path) -> None:
             new.write(text)
     except FileExistsError:
         raise OutputError(f"{file}: exists already; give another name") from None
-    say(f"{file}: a gear pair to change; then: rattle simulate {file} --units physical")
+    say(f"{file}: a gear pair to change; then: rattle stationary {file}")
 
 
 @click.command()

@@ -16,10 +16,10 @@ from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines, say_part
 from rattle.compare.report.folder import write_whole
 from rattle.scene import InputError, Scene, positive
-from rattle.scene.units import RATE, UNITS, check_units, in_units
+from rattle.scene.units import UNITS, check_units, in_units
 
 MOST_NAMED = 8  # rows that miss an accuracy which are named
-TABLE_UNITS = "Units of the tables; physical: ms, mm, mm/s and impacts per second, for a scene with [gears]."
+TABLE_UNITS = "Units of the tables; physical: ms, mm and mm/s, for a scene with [gears]."
 JSON_UNITS = "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
 STEP_BIAS = "Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work)."
 COMPARED = "Closure to compare; repeatable. [default: all]"
@@ -66,12 +66,17 @@ def simulate(
 
     Exit codes: 0 done; 2 bad input; 3 a mean or an sd misses the accuracy.
     """
+    from rattle.compare.validation.transient import describe_transient
+
     base = load_scene(scene, sigma)
     check_units(units, base.gears)
     if out is not None and not out.parent.is_dir():
         raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
     if out is not None and (out.is_dir() or not os.access(out.parent, os.W_OK)):
         raise InputError("out", str(out), "cannot be written; give the name of a file")
+    transient = describe_transient(base)
+    if transient and not as_json:
+        say(transient)
     common: dict[str, Any] = {"rng": seed, "progress": "simulate", **settings}
     if paths is not None and accuracy is None:
         recorded = None if step_bias else rt.Record(step_bias=False)
@@ -86,6 +91,7 @@ def simulate(
     reach, missed = run.reach, run.reach.missed if run.reach else ()
     if as_json:
         record = {"scheme": run.scheme, "dt": run.dt, "paths": run.paths, "seconds": round(run.wall_seconds, 3)}
+        record = {"long_run": transient or None} | record
         record |= {"reach": reach and reach.sentence, "missed": [row._asdict() for row in missed]}
         record |= {"diagnostics": run.diagnostics, "units": units}
         say_json(record | {"section": run.section_in(units).reset_index().to_dict("records")})
@@ -125,7 +131,7 @@ def _estimates_shown() -> Iterator[None]:
 FORMS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
 """How columns are printed whose names begin so: errors may be far smaller than what they belong to."""
 SHOWN = (
-    *("tau", RATE, "se_tau", "bias_tau", "sd_tau"),
+    *("tau", "se_tau", "bias_tau", "sd_tau"),
     *(f"{error}{name}" for name in ("y1", "y2") for error in ("", "se_", "bias_", "sd_")),
     *("mesh", "side", "agreement"),
 )

@@ -69,6 +69,7 @@ def validate(
     from rattle.compare.report import manifest
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
     from rattle.compare.validation.page import CONTENTS, write_report
+    from rattle.compare.validation.transient import describe_transient
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
     from rattle.montecarlo import check_settings
 
@@ -120,7 +121,14 @@ def validate(
     repeated = None if recorded is None else manifest.compare(recorded, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
-        summary = {"report": out, "answer": record["answer"], "accurate": accurate, "repeated": None}
+        transient = describe_transient(first)
+        summary = {
+            "long_run": transient or None,
+            "report": out,
+            "answer": record["answer"],
+            "accurate": accurate,
+            "repeated": None,
+        }
         if repeated:
             summary |= {"repeated": repeated.outcome == manifest.SAME, "repeat": repeated.to_dict()}
         say_json(summary)

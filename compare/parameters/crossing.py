@@ -19,7 +19,7 @@ from rattle.compare.parameters.finding import Finding, list_values, with_unit
 from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
-from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.estimates import all_names, most_unseen
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
 from rattle.scene.text import has_terminal
@@ -276,7 +276,7 @@ def find_interval(result: LongResult, quantity: str) -> tuple[float, float, floa
     if result.facts["kind"] != "simulated":
         return value, value, value
     if quantity.startswith("rate") and value == 0.0:  # none was seen: the upper limit of a Poisson count
-        return 0.0, 0.0, -math.log(TAIL) / (2.0 * math.pi * result.facts["paths"] * result.facts["periods"])
+        return 0.0, 0.0, most_unseen(2.0 * math.pi * result.facts["paths"] * result.facts["periods"], TAIL)
     if not se > 0.0:
         return math.nan, math.nan, math.nan
     half = float(half_width(np.asarray(row["effective_paths"]), TAIL)) * se

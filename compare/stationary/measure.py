@@ -1,6 +1,8 @@
 """The public entry: the stationary motion of a scene, simulated or, where nothing is random, exact."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,7 +11,7 @@ from rattle.closure.long_orbit import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.compare.stationary.result import Stationary
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, law_of, values_of
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
-from rattle.montecarlo.long_run.estimates import groups
+from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, choice
@@ -105,8 +107,9 @@ def stationary(
             workers=workers,
             progress=progress,
         )
-    except AtRest:
-        return _resting(scene, own, slow, named)
+    except AtRest as rest:
+        found = _resting(scene, own, slow, named)
+        return found if scene.sigma == 0.0 else _seen_at_rest(found, *rest.watched)
     except BurnInError as refused:
         kinds = _attractors(scene, own)
         if len(kinds) == 1:
@@ -137,6 +140,22 @@ def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...])
         values |= {f"{share}_mesh{m}": by_mesh[m - 1] for m in range(1, scene.stages + 1)}
     said = f"At rest: the motion {a.reason}; there are no impacts and no energy is lost."
     return Stationary(scene, "rest", said, _exact_table(values), None, a, slow, closures)
+
+
+def _seen_at_rest(found: Stationary, paths: int, periods: int) -> Stationary:
+    """A noisy motion of which no impact was seen: bounds in place of exact values."""
+    most = most_unseen(2.0 * math.pi * periods * paths)
+    table = found.table.assign(se=math.nan, low=math.nan, high=math.nan)
+    table.loc[table.index.str.startswith("rate"), ["low", "high"]] = 0.0, most
+    opens = "noise with a memory opens closed teeth only where it pulls"
+    if not found.scene.correlation_time:
+        opens = "white noise opens closed teeth at any drag, by less than is followed as an impact"
+    said = (
+        f"At rest as far as it was followed: the motion without noise {found.orbit.reason}; with noise none of {paths} "
+        f"paths had an impact in the last {periods} periods, so there are fewer than {most:.2g} per unit of "
+        f"dimensionless time, with 95 % probability ({opens})."
+    )
+    return replace(found, said=said, table=table)
 
 
 def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary | None:

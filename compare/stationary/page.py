@@ -14,6 +14,7 @@ from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary, 
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
+from rattle.compare.validation.transient import drag_text
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.long_run import LongRun
 from rattle.scene import Scene
@@ -104,8 +105,8 @@ def answer(found: Stationary) -> list[str]:
 def threshold_sentence(scene: Scene) -> str:
     """The drag from which on closed teeth stay closed, beside what the wheels have."""
     found = rattle_threshold(scene)
-    least = " and ".join(f"{t.least:.4g} {t.unit}".rstrip() + f" on wheel {t.wheel}" for t in found)
-    own = " and ".join(f"{t.drag:.4g} {t.unit}".rstrip() for t in found)
+    least = " and ".join(f"{drag_text(t.least, t.unit)} on wheel {t.wheel}" for t in found)
+    own = " and ".join(drag_text(t.drag, t.unit) for t in found)
     what = "drag torque" if scene.gears else "gamma"
     if any(t.opens for t in found):
         return f"Threshold of rattle, without noise: closed teeth open below a {what} of {least}; here it is {own}."
@@ -114,6 +115,8 @@ def threshold_sentence(scene: Scene) -> str:
 
 def _show(table: pd.DataFrame, name: str) -> str:
     row = table.loc[name].to_dict()
+    if row["value"] == 0.0 and row["high"] > 0.0:
+        return f"none seen, fewer than {_number(row['high'], 2)} {row['unit']!s}".rstrip()
     half = 0.5 * (row["high"] - row["low"])
     exact = _number(row["value"], 5) if half == 0.0 else f"{_number(row['value'], 4)} ± {_number(half, 1)}"
     return f"{exact} {row['unit']!s}".rstrip()
@@ -128,17 +131,21 @@ def _impacts(found: Stationary) -> list[str]:
     """The impacts that are not slow, and the others, in a sentence each."""
     table, gears = found.table_in(_units(found)), found.scene.gears
     value = {str(name): float(v) for name, v in table["value"].items()}
-    if value["rate"] == 0.0:
-        return ["There are no impacts in the long run: the motion comes to rest for good."]
     second, power = (" a second", f", {_show(table, 'power')}") if gears else (" per unit of dimensionless time", "")
     least = speed_text(found.slow, gears, _units(found))
+    most = float(table["high"]["rate_above"])
+    unseen = f" (fewer than {_number(most, 2)}{second} with 95 % probability)" if most > 0.0 else ""
+    if value["rate"] == 0.0 and unseen:
+        return [f"No impact was seen in the long run, so none faster than {least}{unseen}."]
+    if value["rate"] == 0.0:
+        return ["There are no impacts in the long run: the motion comes to rest for good."]
     lost = f"all impacts lose {_show(table, 'energy_per_period')} a period{power}."
     if value["rate_above"] == 0.0:
-        return [f"In the long run no impact is faster than {least}; {lost}", _slow(found, value, second)]
-    most = f"{value['q95_speed_above']:.3g} {table.loc['speed_above', 'unit']!s}".rstrip()
+        return [f"In the long run no impact is faster than {least}{unseen}; {lost}", _slow(found, value, second)]
+    fastest = f"{value['q95_speed_above']:.3g} {table.loc['speed_above', 'unit']!s}".rstrip()
     said = (
         f"In the long run there are {_show(table, 'rate_above').removesuffix(' 1/s')} impacts{second} faster than "
-        f"{least}, half of them faster than {value['q50_speed_above']:.3g}, one in twenty faster than {most} (mean "
+        f"{least}, half of them faster than {value['q50_speed_above']:.3g}, one in twenty faster than {fastest} (mean "
         f"{_show(table, 'speed_above')}); {lost}"
     )
     return [said, _slow(found, value, second)]

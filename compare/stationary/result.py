@@ -92,7 +92,8 @@ class Stationary:
     ----------
     scene : Scene
     kind : str
-        ``simulated``, or ``rest`` or ``periodic`` for a motion without a random part, whose values are exact.
+        ``simulated``, or ``rest`` or ``periodic`` for a motion without a random part, whose values are exact; ``rest``
+        also where noise moves nothing that is followed as an impact, with bounds of the rates.
     said : str
         What kind of motion it is, as a sentence.
     table : DataFrame
@@ -129,8 +130,8 @@ class Stationary:
     def __repr__(self) -> str:
         """The main quantities, on a few lines."""
         shown = [n for n in ("rate_above", "speed_above", "energy_per_period", "slow_share") if n in self.table.index]
-        rows = self.table.loc[shown]
-        each = zip(shown, rows["value"], 0.5 * (rows["high"] - rows["low"]), strict=True)
+        rows = self.table.loc[shown].dropna(subset="low")
+        each = zip(rows.index, rows["value"], 0.5 * (rows["high"] - rows["low"]), strict=True)
         return "\n".join([f"Stationary: {self.said}", *(f"  {name} = {v:.5g} ± {half:.2g}" for name, v, half in each)])
 
     def _repr_html_(self) -> str:

@@ -18,7 +18,7 @@ from rattle.montecarlo import SCHEMES, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import choose_scheme
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.kernel.blocks import Budget, in_threads
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.settings import count_followed
 
@@ -59,7 +59,8 @@ def _pilot(cell: Sample, accuracy: float) -> Work:
     """Work of an accuracy, as the pilot run of `rattle.montecarlo.simulate_to` lets expect."""
     scene = cell.scene.phase_reduced
     again = partial(simulate, scene, impacts=cell.impacts, rng=cell.seed)
-    pilot, (found, *_) = choose_scheme(scene, [cell.scheme], accuracy, again, Budget(PILOT_SECONDS))
+    budget = Budget(PILOT_SECONDS)
+    pilot, (found, *_) = choose_scheme(scene, [cell.scheme], accuracy, again, budget.limit(in_threads(1)), budget)
     slow = 0.0 if pilot.whole else pilot.path_seconds * found.paths
     return Work(found.path_steps, max(found.core_seconds, slow))
 

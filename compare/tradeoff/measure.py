@@ -24,9 +24,11 @@ from rattle.compare.tradeoff.weak_order import WeakOrders, orders_over
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, Record, simulate, simulate_to
 from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths, step_error
-from rattle.montecarlo.accuracy.pilots import pilot
+from rattle.montecarlo.accuracy.pilots import PilotRun, pilot, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, share_of_look, units
+from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.scene import SECTION, Floats, Scene, positive
 from rattle.scene.text import has_terminal
 
@@ -171,6 +173,10 @@ def _measure_point(
 ) -> tuple[CostPoint, Ensemble | None]:
     """The point of a scheme at an accuracy, with its run if it was measured."""
     point = model.at(accuracy)
+    if point.work > budget and not model.bias:  # as a run to that accuracy would go on
+        begin = partial(begin_rare, model.best, LEAST, in_threads(1))
+        model.best = sample_branches(PilotRun.of(model.best), accuracy, begin).run
+        point = model.at(accuracy)
     if point.work > budget:  # counted, so that no clock decides which rows are measured
         return point, None
     with warnings.catch_warnings():

@@ -15,9 +15,11 @@ from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.errors import BY_SIZE, HALF, SIMULATED, first_failure
 from rattle.compare.validation.tables import duration_words, motion_sentence
+from rattle.compare.validation.transient import describe_transient
 from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
 from rattle.montecarlo.branches.search import SMALLEST
 from rattle.montecarlo.diagnostics.diagnostics import UNSEARCHED
+from rattle.montecarlo.diagnostics.reach import near_text
 from rattle.scene import Scene, duration_text
 
 SECTION = " (Poincaré section at the impacts)"
@@ -71,12 +73,14 @@ def cost_sentence(
 ) -> str:
     """What a simulation and the closures cost in counted work.
 
-    `duration`: How long the motion is in physical units, as "24 ms of rattling", if that is known.
+    `duration`: How long the motion is in physical units, as "the first 24 ms", if that is known.
     """
     number, motion = f"{impacts} impact{'s' if impacts > 1 else ''}", f" ({duration})" if duration else ""
-    what = f"{number}{motion} to {comparison.WANTED:.0%} of an sd"
+    schemes = sorted(set(simulation["scheme"]) - {"exact-flight"})  # which `rattle simulate` takes
+    by = f" by {join_words(schemes)}" if schemes else ""
+    what = f"{number}{motion}{by} to {comparison.WANTED:.0%} of an sd"
     each = [
-        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'])})"
+        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'], row['branches'])})"
         for row in simulation.to_dict("records")
     ]
     whole = speed[speed["impacts"] == impacts]
@@ -94,9 +98,9 @@ def cost_sentence(
     return f"{said}."
 
 
-def _paths(paths: float) -> str:
+def _paths(paths: float, branches: int) -> str:
     number = f"{paths:,.0f}" if paths < 1e4 else f"{float(f'{paths:.2g}'):,.0f}" if paths < 1e12 else f"{paths:.2g}"
-    return f"{number} path{'s' if paths > 1 else ''}"
+    return f"{number} path{'s' if paths > 1 else ''}{near_text(branches)}"
 
 
 def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
@@ -161,8 +165,9 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
     Advice at their own noise intensities, cost, accuracy, realizability, and agreement of itineraries.
 
     `swept`: Ranges of validity over the noise intensity; they add a second sentence, see `validity_sentence`.
-    Returns: Four sentences; one more with `swept`, of a scene that was made from gears (the motion in physical
-    units), where paths leave the itinerary, and where closures cannot be applied to the scene.
+    Returns: Four sentences; one before them where the first impacts are a transient; one more with `swept`, of a scene
+    that was made from gears (the motion in physical units), where paths leave the itinerary, and where closures cannot
+    be applied to the scene.
     """
     first, impacts = validations[0], validations[0].run.impacts
     broken, realizable = [], []
@@ -178,7 +183,9 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         broken.append(f"the moments of {join_words(realizable)} stay possible")
     speed, over = comparison.measure_speeds(validations), swept.speed if swept else None
     validity = comparison.find_validities(validations)
+    transient = describe_transient(first.scene)
     return [
+        *([transient] if transient else []),
         advice(validity, impacts, speed),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         *itinerary_sentence(swept.validity if swept else validity, impacts),

@@ -8,6 +8,7 @@ is advised.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +21,13 @@ from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.errors import ON_ITINERARY, first_failure
 from rattle.compare.validation.verdict import NOT_JUDGED, Tolerances, is_accurate, is_wrong, unbroken, want, widest
 from rattle.montecarlo import Ensemble
-from rattle.montecarlo.accuracy.cost import cost_of, cost_to
+from rattle.montecarlo.accuracy.cost import cost_of
+from rattle.montecarlo.accuracy.pilots import PilotRun, sample_branches
+from rattle.montecarlo.diagnostics.accuracy import LEAST
+from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.leaving import interval
+from rattle.montecarlo.ensemble.simulate_rare import begin_rare
+from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.scene import Scene
 
@@ -52,6 +58,15 @@ class Comparison:
         """Closures of one's own that raised an exception, and what it said."""
         rows = self.table[self.table["remark"].str.startswith(RAISED)]
         return dict(zip(rows["closure"], rows["remark"], strict=True))
+
+    @cached_property
+    def near_branches(self) -> Ensemble | None:
+        """Paths by the simulation's scheme of which a part is drawn near the rare branches that matter, if any does."""
+        return begin_rare(self.run, LEAST, in_threads(1))
+
+    def foresee(self, accuracy: float) -> PilotRun:
+        """What `rattle.montecarlo.simulate_to` is expected to take by the simulation's scheme."""
+        return sample_branches(PilotRun.of(self.run), accuracy, lambda: self.near_branches)
 
     def leaving(self, closure: str) -> tuple[float, float, float]:
         """Probability of having left a closure's itinerary by its last impact, with a 95 % interval."""
@@ -186,6 +201,7 @@ def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
 
 
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
+SE = {"mean": "se_", "sd": "se_sd_"}  # column of the standard error of a moment, before its quantity
 
 
 class Speed(NamedTuple):
@@ -216,9 +232,9 @@ def paths_for(rows: pd.DataFrame, error: float) -> int:
 
 
 def simulation_costs(validations: Sequence[Comparison]) -> pd.DataFrame:
-    """What a run of the scheme of each validation to an accuracy of `WANTED` takes, as its paths let expect."""
-    rows = [{"sigma": v.scene.sigma, "impacts": v.run.impacts, **cost_to(v.run, WANTED)._asdict()} for v in validations]
-    return pd.DataFrame(rows)
+    """What `rattle.montecarlo.simulate_to` takes to an accuracy of `WANTED` with the scheme of each validation."""
+    found = [(v, v.foresee(WANTED).at(WANTED)) for v in validations]
+    return pd.DataFrame([{"sigma": v.scene.sigma, "impacts": v.run.impacts, **cost._asdict()} for v, cost in found])
 
 
 def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
@@ -238,7 +254,17 @@ def measure_speed(v: Comparison, closure: str) -> Speed | None:
     worst, own = rows.iloc[int(errors.argmax())], prediction.method.own
     if reached < prediction.impacts or own:  # one's own again: its first call may have compiled something
         prediction = predict(v.scene, prediction.method, reached, prediction.order)
-    paths = paths_for(rows.assign(se=rows["se"] * math.sqrt(v.run.paths)), float(errors.max()))
-    seconds, cost = closure_seconds(prediction), cost_of(v.run, paths).core_seconds * reached / v.run.impacts
+    costs = [_cost_of_rows(run, rows, float(errors.max())) for run in (v.run, v.foresee(float(errors.max())).run)]
+    cheapest = min(costs, key=lambda cost: cost.core_seconds)
+    seconds, cost = closure_seconds(prediction), cheapest.core_seconds * reached / v.run.impacts
     size = float(errors.max()), float(errors.median()), bool(worst["low"] > 0.0 or worst["high"] < 0.0)
-    return Speed(closure, v.scene.sigma, reached, *size, seconds, paths, cost, math.nan if own else cost / seconds)
+    return Speed(
+        closure, v.scene.sigma, reached, *size, seconds, cheapest.paths, cost, math.nan if own else cost / seconds
+    )
+
+
+def _cost_of_rows(run: Ensemble, rows: pd.DataFrame, error: float) -> Candidate:
+    """Work of paths like those of a run with which none of some rows is off by more than `error`."""
+    at = rows[["moment", "quantity", "impact"]].itertuples(index=False)
+    se = [run.columns[SE[moment] + quantity][impact - 1] for moment, quantity, impact in at]
+    return cost_of(run, paths_for(rows.assign(se=np.array(se) * math.sqrt(run.paths)), error))

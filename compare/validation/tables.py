@@ -12,7 +12,7 @@ from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.realizability import first_failures, realizability_table, section_distances
 from rattle.compare.validation.verdict import JUDGED, VERDICTS
 from rattle.scene import STATE
-from rattle.scene.units import PRODUCTS, RATE
+from rattle.scene.units import PRODUCTS
 
 MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
 """Mark of a table cell for each verdict, see `rattle.compare.report.MARKS`."""
@@ -159,7 +159,6 @@ def motion_table(v: Comparison) -> Table:
     columns = {"impact": [str(impact) for impact in plain.index], "τ": _spreads(plain, "tau")}
     columns |= {name: _spreads(plain, name) for name in speeds}
     columns |= {"time [ms]": _spreads(physical, "tau_ms")}
-    columns |= {"impacts per second": [f"{rate:.4g}" for rate in physical[RATE]]}
     columns |= {f"{name} [mm/s]": _spreads(physical, f"{name}_mm_per_s") for name in speeds}
     if "energy_mJ" in physical:
         columns["energy [mJ]"] = [f"{energy:.3g}" for energy in physical["energy_mJ"]]
@@ -182,11 +181,11 @@ def time_table(v: Comparison) -> Table:
 def duration_words(v: Comparison) -> str:
     """How long the simulated motion is, for the advice.
 
-    Returns: As "24 ms of rattling"; empty for a scene that was not made from gears, or if no path had all
+    Returns: As "the first 24 ms"; empty for a scene that was not made from gears, or if no path had all
     impacts.
     """
     time = _milliseconds(v)
-    return "" if math.isnan(time) else f"{time:.3g} ms of rattling"
+    return "" if math.isnan(time) else f"the first {time:.3g} ms"
 
 
 def motion_sentence(validations: Sequence[Comparison]) -> list[str]:
@@ -200,8 +199,8 @@ def _in_words(v: Comparison) -> str:
     speeds = physical[[f"y{i}_mm_per_s" for i in range(1, v.scene.stages + 1)]].abs()
     lost = f" and a mean loss of {physical['energy_mJ'].mean():.2g} mJ per impact" if "energy_mJ" in physical else ""
     return (
-        f"at σ = {v.scene.sigma:.4g}, {impacts} impacts take {time:.3g} ms on average ({1e3 * impacts / time:.3g} "
-        f"impacts per second), with mean velocities before an impact of up to {np.nanmax(speeds):.3g} mm/s{lost}"
+        f"at σ = {v.scene.sigma:.4g}, {impacts} impacts take {time:.3g} ms on average, with mean "
+        f"velocities before an impact of up to {np.nanmax(speeds):.3g} mm/s{lost}"
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from rattle.montecarlo.accuracy.cost import LOOKS, ExpectedPaths, cost_of, cost_
 from rattle.montecarlo.diagnostics.accuracy import LEAST, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
+from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, Budget, clock
@@ -59,6 +61,11 @@ class PilotRun:
     whole: bool  # whether `run` is the pilot
     _expected: dict[float, Candidate] = field(default_factory=dict, repr=False, compare=False)
 
+    @classmethod
+    def of(cls, run: Ensemble) -> PilotRun:
+        """Any run as a pilot, at the nominal time of its counted work."""
+        return cls(run, cost_of(run, 1).core_seconds, True)
+
     def expect_paths(self, accuracy: float) -> ExpectedPaths:
         """Paths for which sampling and unseen branches are within an accuracy."""
         return expect_paths(self.run, accuracy, share_of_look(LOOKS))
@@ -83,18 +90,18 @@ CHEAPER = 0.6  # share of the core-seconds of plain paths that it may take
 HEAVY = 20.0  # kurtosis of a row from which on a rare branch may be what an accuracy waits for
 
 
-def sample_branches(plain: PilotRun, accuracy: float, blocks: Blocks, budget: Budget) -> PilotRun:
+def sample_branches(plain: PilotRun, accuracy: float, begin: Callable[[], Ensemble | None]) -> PilotRun:
     """A pilot run that samples rare branches on purpose where an accuracy waits for them; else the same one.
 
-    `plain`: Of plain paths by exact flights.
+    `begin`: Starts such a run, at least `LEAST` paths, see `begin_rare`; called only where plain paths are expensive.
     """
     run, cost = plain.run, plain.at(accuracy).core_seconds
-    heavy = max(float(np.nanmax(run.columns["kurt_" + q], initial=0.0)) for q in SECTION)
-    if run.scene.sigma == 0.0 or cost < WAIT or budget.remaining <= 0.0:
+    if SCHEMES[run.scheme].has_step_bias or run.scene.sigma == 0.0 or cost < WAIT:
         return plain
+    heavy = max(float(np.nanmax(run.columns["kurt_" + q], initial=0.0)) for q in SECTION)
     if heavy < HEAVY and not plain.expect_paths(accuracy).branch:
         return plain
-    rare = begin_rare(run, max(LEAST, run.paths), blocks)
+    rare = begin()
     if rare is None or rare.paths < LEAST:
         return plain
     found = PilotRun(rare, max(plain.path_seconds, cost_of(rare, 1).core_seconds), True)
@@ -133,11 +140,18 @@ def _pilot_within(scene: Scene, scheme: str, accuracy: float, simulate: Simulate
 
 
 def choose_scheme(
-    scene: Scene, names: Sequence[str], accuracy: float, simulate: Simulate, budget: Budget
+    scene: Scene,
+    names: Sequence[str],
+    accuracy: float,
+    simulate: Simulate,
+    blocks: Blocks,
+    budget: Budget,
+    progress: str | None = None,
 ) -> tuple[PilotRun, list[Candidate]]:
-    """The scheme that is expected to cost least at an accuracy.
+    """The scheme that is expected to cost least at an accuracy, and what each that was tried is expected to cost.
 
-    Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget lasts.
+    Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget lasts.  Expensive exact
+    flights are drawn near rare branches where that takes less.
     """
     pilots = [_pilot_within(scene, names[0], accuracy, simulate, budget)]
     if pilots[0].whole and pilots[0].at(accuracy).core_seconds > ENOUGH:
@@ -145,5 +159,11 @@ def choose_scheme(
             if budget.remaining > 0.0:
                 pilots.append(_pilot_within(scene, name, accuracy, simulate, budget))
     tried = [pilots[0], *(p for p in pilots[1:] if p.whole)]
-    candidates = [p.at(accuracy) for p in tried]
-    return min(zip(tried, candidates, strict=True), key=lambda pair: pair[1].core_seconds)[0], candidates
+    place = int(np.argmin([p.at(accuracy).core_seconds for p in tried]))
+    best = tried[place]
+    if best.whole and not SCHEMES[best.run.scheme].has_step_bias and best.at(accuracy).core_seconds > WAIT:
+        longer = extend(best.run, count_followed(scene, LEAST), blocks, progress)
+        tried[place] = PilotRun(longer, best.path_seconds, True)
+        if budget.remaining > 0.0:
+            tried[place] = sample_branches(tried[place], accuracy, partial(begin_rare, longer, LEAST, blocks))
+    return tried[place], [p.at(accuracy) for p in tried]

@@ -11,17 +11,18 @@ import logging
 import math
 import warnings
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rattle.montecarlo.accuracy.cost import cost_of, expect_paths, find_missed_rows, name_dearest_row, step_error
-from rattle.montecarlo.accuracy.pilots import ROUGHEST, WAIT, PilotRun, Simulate, choose_scheme, sample_branches
+from rattle.montecarlo.accuracy.pilots import ROUGHEST, PilotRun, Simulate, choose_scheme, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import extend, simulate
-from rattle.montecarlo.ensemble.simulate_rare import extend_rare
+from rattle.montecarlo.ensemble.simulate_rare import begin_rare, extend_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import HOUR, Blocks, Budget, clock, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
@@ -168,12 +169,7 @@ def simulate_to(
         return simulate(scene, rng=rng, sampling=sampled, **given)
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
-    pilot_run, candidates = choose_scheme(scene, names, accuracy, again, left)
-    exact = not SCHEMES[pilot_run.run.scheme].has_step_bias
-    if pilot_run.whole and exact and pilot_run.at(accuracy).core_seconds > WAIT:
-        longer = _extend(pilot_run.run, count_followed(scene, LEAST), blocks, progress)
-        pilot_run = sample_branches(PilotRun(longer, pilot_run.path_seconds, True), accuracy, blocks, left)
-        candidates = [pilot_run.at(accuracy) if c.scheme == pilot_run.run.scheme else c for c in candidates]
+    pilot_run, candidates = choose_scheme(scene, names, accuracy, again, blocks, left, progress)
     dearest = name_dearest_row(pilot_run.run, accuracy, share_of_look(1)) if pilot_run.whole else ""
     said = pilot_run.at(accuracy).sentence + _most_for(pilot_run, accuracy) + (f"; {dearest}" if dearest else "")
     short = budget is None and _expect_seconds(pilot_run, accuracy) > HOUR
@@ -257,8 +253,10 @@ def _follow_up(
         if bound.error + step > accuracy:
             foreseen = SPARE * expect_paths(run, room, share_of_look(look + 1)).paths  # when it will be looked at
             wanted = math.ceil(max(foreseen, 1.1 * run.paths) / grain) * grain  # more also where a bias may be noise
-        if exact and run.plan.mixture is None and run.paths > GROWTH * tried:  # a spread that was found late
-            rare, tried = sample_branches(PilotRun(run, seconds_per_path, True), accuracy, blocks, budget), run.paths
+        late = exact and run.plan.mixture is None and run.paths > GROWTH * tried
+        if late and budget.remaining > 0.0:  # a spread that was found late
+            begin, tried = partial(begin_rare, run, run.paths, blocks), run.paths
+            rare = sample_branches(PilotRun(run, seconds_per_path, True), accuracy, begin)
             if rare.run is not run:
                 run, before, began = rare.run, 0, clock()
                 continue

@@ -29,9 +29,13 @@ class Candidate(NamedTuple):
         """The expected cost as text."""
         time = duration_text(self.core_seconds, 2)
         paths = (f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}") + " path" + "s" * (self.paths > 1)
-        if self.branches:
-            paths += f", a part of them near {self.branches} rare branch{'es' if self.branches > 1 else ''}"
+        paths += near_text(self.branches)
         return f"about {time} of processor time: {self.scheme}, dt = {self.dt:.3g}, {paths}"
+
+
+def near_text(branches: int) -> str:
+    """What is said beside a number of paths of which a part is drawn near rare branches."""
+    return f", a part of them near {branches} rare branch{'es' if branches > 1 else ''}" if branches else ""
 
 
 class Row(NamedTuple):

@@ -101,6 +101,11 @@ def _jackknife(sums: Floats, function: Callable[[Floats], Floats]) -> list[Sprea
     return [spread(n * value - (n - 1) * rest, value) for value, rest in zip(whole, without, strict=True)]
 
 
+def most_unseen(time: float, tail: float = 0.05) -> float:
+    """The rate that events of which none was seen in a time have at most, but for a probability `tail` (Poisson)."""
+    return -math.log(tail) / time
+
+
 def _root(square: float, n: float) -> float:
     """Standard error from a variance that rounding may have made negative."""
     return math.sqrt(max(square, 0.0) / n)
@@ -155,11 +160,16 @@ class _Maker:
         number, energy, slow = (self.c.main[:, :, 4 * g + k] for k in (tally.NUMBER, tally.ENERGY, tally.SLOW))
         above, n, products = number - slow, float(self.main[:, 4 * g + tally.NUMBER].sum()), self.c.products[:, g]
         square, cross = (float(total) for total in products[:, :2].sum(axis=0))
+        rates = {
+            "rate_above": self._per_time(above, g, float(above.sum()), float(products[:, 2].sum())),
+            "rate": self._per_time(number, g, float(number.sum()), self._raw(g, tally.FLIGHT)[0]),
+        }
+        most = most_unseen(self.c.time * self.c.paths)
+        rates |= {name: rate._replace(high=most) for name, rate in rates.items() if rate.value == rate.se == 0.0}
         loss, loss_batches = self._ratio(4 * g + tally.ENERGY, 4 * g + tally.NUMBER)
         share, share_batches = self._ratio(4 * g + tally.SLOW, 4 * g + tally.NUMBER)
         return {
-            "rate_above": self._per_time(above, g, float(above.sum()), float(products[:, 2].sum())),
-            "rate": self._per_time(number, g, float(number.sum()), self._raw(g, tally.FLIGHT)[0]),
+            **rates,
             "energy": self._make(loss, _root(float(products[:, 0].sum()) / n - loss.value**2, n), loss_batches),
             "energy_per_period": self._per_time(energy, g, square, cross, 2.0 * math.pi),
             "power": self._per_time(energy, g, square, cross),

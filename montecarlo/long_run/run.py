@@ -48,7 +48,9 @@ class BurnInError(InputError):
 
 
 class AtRest(InputError):
-    """There is no stationary motion: every path comes to rest for good."""
+    """There is no stationary motion: every path comes to rest, as far as it was followed."""
+
+    watched = (0, 0)  # paths, and periods of each in which a mesh was closed and no impact was seen
 
 
 def _names() -> list[str]:
@@ -106,8 +108,9 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         if burn_in is not None or (moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS):
             return BurnIn(paths.periods, moved, differ)
         if impacts == 0.0 and paths.at_rest():
-            why = "comes to rest for good: a mesh stays closed and nothing moves it"
-            raise AtRest("scene", paths.scene.sigma, why)
+            rest = AtRest("scene", paths.scene.sigma, "comes to rest: a mesh stays closed, and no impact was seen")
+            rest.watched = len(main), 2 * quarter * paths.length
+            raise rest
         if until >= MOST or paths.limit.remaining < 2.0 * (clock() - began) or paths.is_refused(until):
             raise refusal(paths.elapsed, moved, differ, before, impacts)
         before, until = moved, 2 * until

@@ -114,6 +114,26 @@ def test_fits_in_a_browser(browser, site, name, width):
     assert not [e for e in browser.events if e["method"] == "Runtime.exceptionThrown"]
 
 
+@pytest.mark.parametrize("width", [1280, 800, 390])
+def test_the_start_page_shows_all_of_its_animation_and_a_figure_that_can_be_read(browser, site, width):
+    browser.open(site / "index.html", width)
+    browser.run(
+        "new Promise(done => setTimeout(done, 500))"
+    )  # the animation says how high it is when it has been drawn
+    inner, height = browser.run("(f => [f.clientWidth, f.clientHeight])(document.querySelector('iframe'))")
+    natural, shown = browser.run(
+        "(i => [i.naturalWidth, i.getBoundingClientRect().width])(document.querySelector('figure img'))"
+    )
+    assert shown > 0.8 * min(natural, 900)  # its letters are of 9 px
+    browser.open(site / "_static" / "animation.html", inner)
+    assert 0 <= height - browser.run("document.body.offsetHeight") < 40
+
+
+def test_pictures_of_the_gallery_can_be_told_apart(browser, site):
+    browser.open(site / "auto_gallery" / "index.html", 1280)
+    assert browser.run("document.querySelector('.sphx-glr-thumbcontainer img').clientWidth") > 250
+
+
 def test_formulas_are_drawn(browser, site):
     """In the site's own font with a table for mathematics, whatever fonts the machine has."""
     browser.open(site / "model.html")

@@ -127,3 +127,6 @@ function asked() {  // "#t=3.2" shows that time, counted from the start, and sta
 addEventListener("hashchange", asked);
 draw();
 if (!asked() && !calm.matches) set(true);
+// within another page, that page is told how high this one is: how many lines the caption takes depends on the width
+const told = () => parent.postMessage({ height: document.body.offsetHeight }, "*");
+if (parent !== window) new ResizeObserver(told).observe(document.body);

@@ -11,11 +11,12 @@ from rattle import validate
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work, scaling
 from rattle.montecarlo import simulate_to
-from rattle.montecarlo.accuracy.cost import cost_to
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.scene import DAT21, Scene
 
-EXAMPLES = Path(__file__).parents[3] / "examples"
+ROOT = Path(__file__).parents[3]
+EXAMPLES = ROOT / "examples"
+README = (ROOT / "README.md").read_text().split("```toml\n")[1].split("```")[0]
 
 
 def asked(folder, accuracy, sigmas, code=0):
@@ -52,6 +53,8 @@ def test_what_is_not_random_is_expected_to_take_one_path():
 
 
 SCENES = {
+    "rare branches": (Scene.from_gears(DAT21, sigma=0.1), 0.02, 12),  # 30 times as many plain paths
+    "very rare branches": (Scene.from_toml(README), 0.02, 12),  # 3,600 times
     "quiet": (Scene.from_gears(DAT21, sigma=0.01), 0.02, 12),
     "loud": (Scene.from_gears(DAT21, sigma=0.3), 0.02, 12),
     "gearbox": (Scene.load(EXAMPLES / "gearbox.toml"), 0.03, 12),
@@ -74,5 +77,5 @@ def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
     assert run.reach.reached
     assert 0.5 < run.reach.expected.path_steps / run.path_steps < 2.0
     assert 0.5 < work[cell.key].path_steps / run.path_steps < 2.0
-    assert 0.5 < cost_to(page.run, accuracy).path_steps / run.path_steps < 2.0
+    assert 0.5 < page.foresee(accuracy).at(accuracy).path_steps / run.path_steps < 2.0
     assert 0.9 < work[fixed.key].path_steps / fixed.compute().facts["path_steps"] < 1.1

@@ -11,7 +11,7 @@ from rattle.compare.validation.answer import advice, answer, cost_sentence
 from rattle.compare.validation.comparison import WANTED, measure_speed, paths_for, simulation_costs
 from rattle.compare.validation.validate import sweep
 from rattle.montecarlo import simulate, simulate_to
-from rattle.montecarlo.accuracy.cost import cost_of
+from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.scene import DAT21, Scene
 
 SIGMAS = (0.01, 0.1, 1.0)
@@ -70,12 +70,14 @@ def test_work_does_not_decide_where_the_error_is_not_known():
 
 def test_cost_is_a_sentence_of_its_own():
     simulation = pd.DataFrame({"sigma": SIGMAS, "paths": [5_120, 123_456, 9.9e13], "core_seconds": [0.05, 180.0, 1e9]})
+    simulation = simulation.assign(branches=[0, 4, 0], scheme="exact-flight")
     ranges = table(saltation=[ALL, WRONG, WRONG], branching=[ALL, ALL, WRONG])
     over = work(ranges, {"branching": (20.0, 0.3, 0.1)})
     said = cost_sentence(simulation, work(ranges), 12, "24 ms of rattling", over)
     assert said == (
         "Nominal time on one core, from counted work: a simulation of 12 impacts (24 ms of rattling) to 1% of an sd "
-        "takes 50 ms at σ = 0.01 (5,120 paths), 3 minutes at σ = 0.1 (120,000 paths) and 32 years at σ = 1 "
+        "takes 50 ms at σ = 0.01 (5,120 paths), 3 minutes at σ = 0.1 (120,000 paths, a part of them near 4 rare "
+        "branches) and 32 years at σ = 1 "
         "(9.9e+13 paths); `saltation` 1 ms and `branching` 0.5 s; at σ = 0.1 an equally accurate simulation takes "
         "less than `branching`."
     )
@@ -105,6 +107,21 @@ def test_the_cost_is_that_of_a_run_to_the_accuracy():
     assert 0.7 < cost.paths / run.paths < 1.4
     assert 0.7 < cost.path_steps / run.path_steps < 1.4
     assert cost.core_seconds == pytest.approx(cost_of(run, cost.paths).core_seconds, rel=0.05)
+
+
+FORECAST = 1.5  # that a forecast is off by at most: a pilot run knows the kurtosis, so the paths, to a fifth
+
+
+def test_the_page_knows_that_a_run_to_an_accuracy_samples_rare_branches():
+    """Plain paths take 400 times as long here."""
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    pilot = validate(scene, impacts=3, closures=["saltation"], paths=16_384, rng=1)
+    (cost,) = simulation_costs([pilot]).itertuples()
+    run = simulate_to(scene, WANTED, impacts=3, rng=2)
+    work = cost_of(run, run.paths).core_seconds
+    assert cost.branches > 0
+    assert 1.0 / FORECAST < cost.core_seconds / work < FORECAST
+    assert cost_to(pilot.run, WANTED).core_seconds > 100.0 * work  # the negative control: plain paths
 
 
 def rows(**columns):
