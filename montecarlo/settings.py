@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from rattle.montecarlo.schemes.control_variate import linear_path, no_control
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene import Floats, InputError, Ints, Scene, check_scene, choice, count, finite, positive
-from rattle.scene.parts import SINE_ALONE
 
 NOISE_FREE = "noise-free"
 """Name of the itinerary of the noise-free path, by exact flights."""
@@ -90,9 +88,6 @@ class Sampling:
         step) have the same weak order 1 and cost one random bit.
     horizon : float, optional
         Time after the start at which unfinished paths are given up; by default 50 per impact, or 10 million steps.
-    device : {"cpu", "cuda"}
-        Where paths are followed and summed; "cuda" needs an NVIDIA GPU and the extra ``gpu`` (numba-cuda).  The paths
-        are the same to rounding.
     blocks : callable, optional
         Who runs the blocks of paths; by default threads of this process.  The result does not depend on it.
 
@@ -109,7 +104,6 @@ class Sampling:
     control: bool = False
     increments: str = "gaussian"
     horizon: float | None = None
-    device: str = "cpu"
     blocks: Blocks | None = None
 
 
@@ -180,17 +174,6 @@ def plan_of(
     if two_point and SCHEMES[scheme].normals > 1:
         why = f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}"
         raise InputError("sampling.increments", sampling.increments, why)
-    if choice("sampling.device", sampling.device, ("cpu", "cuda")) == "cuda":
-        names = ("step_bias", "energy", "batches", "on_itinerary")
-        asked = {f"record.{name}": getattr(record, name) for name in names}
-        for name, value in (asked | {"sampling.control": sampling.control}).items():
-            if value:
-                raise InputError(name, value, "is not computed on a GPU; leave it out, or use device='cpu'")
-        for name, usual in (("drive", SINE_ALONE), ("correlation_time", 0.0)):
-            if getattr(scene, name) != usual:
-                why = "is not simulated on a GPU, which knows one order and white noise; use device='cpu'"
-                raise InputError(name, getattr(scene, name), why)
-        check_gpu()
     levels, coarsest = (LEVELS, COARSEST) if record.step_bias else (1, 1)
     dt = float(dt)
     horizon = _horizon(sampling.horizon, impacts, dt * coarsest, scheme)
@@ -278,14 +261,3 @@ def _check_itinerary(name: str, itinerary: Sequence[int], impacts: int) -> tuple
     if not isinstance(itinerary, Sized) or len(itinerary) != impacts:
         raise InputError(field, itinerary, f"needs one entry for each of {impacts} impacts")
     return tuple(count(field, code, least=-2, most=2) for code in itinerary)
-
-
-def check_gpu() -> None:
-    """Raise an error if there is no GPU to run on."""
-    if find_spec("numba_cuda") is None:
-        raise InputError("sampling.device", "cuda", "needs the package numba-cuda; run: pip install 'rattle[gpu]'")
-    from numba import cuda  # not loaded before a GPU is asked for
-
-    if not cuda.is_available():
-        why = "needs an NVIDIA GPU with its driver, and CUDA's compiler libraries; run: pip install 'rattle[gpu]'"
-        raise InputError("sampling.device", "cuda", why)

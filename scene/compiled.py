@@ -258,8 +258,7 @@ keep_by_source()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}
-SIMULATED_GPU = bool(getattr(numba.config, "ENABLE_CUDASIM", False))  # runs as Python, and calls these
-LEAN_INTERNAL: dict[str, Any] = LEAN | {"no_cpython_wrapper": not SIMULATED_GPU}
+LEAN_INTERNAL: dict[str, Any] = LEAN | {"no_cpython_wrapper": True}
 INLINE: dict[str, Any] = LEAN_INTERNAL | {"forceinline": True}
 
 

@@ -45,7 +45,6 @@ NOT_RUN = {
     "rattle check extremes": "is part of the suite",
     "rattle stationary --accuracy 0.005 --out reports/dat21-stationary": "takes a minute; the others run",
     "rattle study reports/studies/long-restitution.toml": "takes a minute; the other long study runs",
-    "python -m rattle.montecarlo.cuda.bench": "needs a GPU",
 }
 """Shell examples that no test can run, and why."""
 

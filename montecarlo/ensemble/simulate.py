@@ -59,7 +59,7 @@ def simulate(
     progress : str
         Label of a progress bar on a terminal; none by default, and none in a pipe.
     sampling : Sampling
-        What few runs need: a control variate, two-point increments, a time limit, a GPU, or who runs blocks of paths.
+        What few runs need: a control variate, two-point increments, a time limit, or who runs blocks of paths.
 
     Returns
     -------
@@ -86,17 +86,12 @@ def simulate(
     sampling = Sampling() if sampling is None else sampling
     if not isinstance(sampling, Sampling):
         raise InputError("sampling", sampling, "give a Sampling, as in sampling=Sampling(control=True)")
-    if record.step_bias is None and SCHEMES[scheme].has_step_bias and sampling.device == "cpu":
+    if record.step_bias is None and SCHEMES[scheme].has_step_bias:
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
     plan = plan_of(scene, paths, impacts, dt, scheme, rng, workers, record, sampling)
-    size, results = BLOCK, (sampling.blocks or in_threads(workers))(plan, 0)
-    if sampling.device == "cuda":
-        from rattle.montecarlo.cuda import launch as gpu  # nothing of it is loaded before a GPU is asked for
-
-        size = gpu.launch_size(plan)
-        results = gpu.launches(plan, size)
-    return _gather(plan, paths, results, record, progress, size)
+    blocks = sampling.blocks or in_threads(workers)
+    return _gather(plan, paths, blocks(plan, 0), record, progress)
 
 
 def _gather(
@@ -105,31 +100,31 @@ def _gather(
     results: Iterator[tuple[BlockResult, Floats | None]],
     record: Record,
     progress: str | None,
-    size: int = BLOCK,
     begun: Ensemble | None = None,
 ) -> Ensemble:
-    """Merge the results of blocks of `size` paths, in order, with those of a run that was begun."""
+    """Merge the results of blocks of paths, in order, with those of a run that was begun."""
     started, done = time.perf_counter(), 0 if begun is None else begun.plan.blocks
     merged = begun.result if begun is not None and done else None
     batched = (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts)) if record.batches else None
     histograms: Histograms | None = None
     kept = []
     label: dict[str, Any] = {"desc": progress and line(progress), "disable": not (progress and has_terminal())}
-    with tqdm(total=plan.paths - done * size, unit="path", unit_scale=True, **label) as bar:
+    with tqdm(total=plan.paths - done * BLOCK, unit="path", unit_scale=True, **label) as bar:
         for result, rows in results:
             merged = result if merged is None else merged.merge(result)
             if batched is not None:
                 batched.add(done, result.sums)
             if record.histogram and rows is not None:
-                histograms = histograms or Histograms.for_sample(rows[:BLOCK, :, :6])
+                histograms = histograms or Histograms.for_sample(rows[:, :, :6])
                 histograms.add(rows[:, :, :6])
             if record.raw and rows is not None:
                 kept.append(rows)
-            bar.update(min(size, plan.paths - done * size))
+            bar.update(min(BLOCK, plan.paths - done * BLOCK))
             done += 1
     assert merged is not None
-    if done * size < plan.paths:  # the blocks ended early
-        plan, paths = plan._replace(paths=done * size), done * size
+    if done * BLOCK < plan.paths:  # the blocks ended early
+        paths = done * BLOCK
+        plan = plan._replace(paths=paths)
     whole = np.concatenate(kept) if kept else None
     if whole is not None and plan.paths < paths:
         whole = np.broadcast_to(whole, (paths, *whole.shape[1:]))

@@ -74,7 +74,7 @@ def next_event(
     walls: Walls,
     ahead: Floats,
 ) -> tuple[Progress, Phase]:
-    """Go to the next impact within a step, or to the end of the step; the same function on processors and GPUs.
+    """Go to the next impact within a step, or to the end of the step.
 
     `step`, `level`: Number of the step, in finest steps; its level (0 for dt, 1 for 2 dt, ...). Shapes: `ahead`
     (PARTS, 3).

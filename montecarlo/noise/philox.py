@@ -1,7 +1,7 @@
 """Random numbers as a function of (seed, path, index, purpose): Philox 4x32-10 and the Box-Muller transform.
 
 There is no generator state.  What a path draws depends on the seed and on its own number only: not on workers, blocks,
-lanes or other paths, nor on whether it runs on a processor or on a GPU.
+lanes or other paths.
 
 References
 ----------

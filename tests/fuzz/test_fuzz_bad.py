@@ -93,7 +93,7 @@ def test_bad_scenes_are_refused_by_name(spoilt):
 
 CALLS = {
     ("impacts", "closure", "order"): lambda **k: mean_map(DAT, **({"impacts": 1} | k)),
-    ("paths", "impacts", "dt", "scheme", "rng", "workers", "times", "itineraries", "increments", "horizon", "device"): (
+    ("paths", "impacts", "dt", "scheme", "rng", "workers", "times", "itineraries", "increments", "horizon"): (
         lambda **k: simulate(DAT, **recorded({"paths": 32, "impacts": 1, "horizon": 5.0} | k))
     ),
     ("accuracy", "impacts", "scheme", "rng", "workers", "budget"): (

@@ -55,15 +55,6 @@ BAD = {
     "a horizon without end": ({"horizon": 1e300}, "horizon"),
     "itineraries that are none": ({"itineraries": 5}, "itineraries"),
     "an itinerary that is none": ({"itineraries": {"mine": 5}}, "itineraries"),
-    "an unknown device": ({"device": "gpu"}, "sampling.device = 'gpu'"),
-    "a step bias on a GPU": ({"device": "cuda", "step_bias": True}, "record.step_bias = True: is not computed"),
-    "energy on a GPU": ({"device": "cuda", "energy": True}, "record.energy = True: is not computed on a GPU"),
-    "batches on a GPU": ({"device": "cuda", "batches": True}, "record.batches = True: is not computed on a GPU"),
-    "a control on a GPU": (
-        {"device": "cuda", "control": True, "scheme": "exact-flight"}, "sampling.control = True: is not computed",
-    ),
-    "orders on a GPU": ({"scene": ORDERS, "device": "cuda"}, "is not simulated on a GPU"),
-    "a memory on a GPU": ({"scene": MEMORY, "device": "cuda"}, "is not simulated on a GPU"),
     "a control with a memory": ({"scene": MEMORY, "control": True, "scheme": "exact-flight"}, "for white noise only"),
     "a step beyond the memory": ({"scene": SHORT, "dt": 0.01}, "at most 0.001: a longer step cannot follow the memory"),
     "a step beyond the orders": (

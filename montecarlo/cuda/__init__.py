@@ -1,1 +1,0 @@
-"""Ensembles on a GPU: the same scalar functions and the same random numbers as on the processor."""
