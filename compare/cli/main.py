@@ -11,7 +11,7 @@ from rattle.compare.cli.show import animate, drive, init, show
 from rattle.compare.cli.simulate import chaos, simulate, stationary
 from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import order, tradeoff, validate
-from rattle.compare.report.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon, said
+from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
 from rattle.scene.errors import RattleError
 from rattle.scene.text import harmless
 
@@ -40,7 +40,7 @@ class RattleGroup(click.Group):
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
             said.set()
-            say(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
+            say(f"rattle: {str(interrupt) or describe_interrupt()}", err=True)
             ctx.exit(EXIT_INTERRUPTED)
 
 
