@@ -1,5 +1,6 @@
 """The command ``rattle``."""
 
+import io
 import os
 import sys
 from typing import Any
@@ -13,7 +14,7 @@ from rattle.compare.cli.show import animate, drive, init, show
 from rattle.compare.cli.simulate import chaos, simulate, stationary
 from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import order, tradeoff, validate
-from rattle.compare.report.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon, said
+from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
 from rattle.scene.errors import RattleError
 from rattle.scene.text import harmless
 
@@ -24,10 +25,16 @@ class RattleGroup(click.Group):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
 
     def main(self, *args: Any, **settings: Any) -> Any:
-        """Run the program; what is printed goes nowhere where an output is closed, as a daemon's are."""
+        """Run the program; what is printed goes nowhere where an output is closed, as a daemon's are.
+
+        What the output's encoding cannot show, as σ on a Windows pipe, is replaced.
+        """
         for name in ("stdout", "stderr"):
-            if getattr(sys, name) is None:
+            stream = getattr(sys, name)
+            if stream is None:
                 setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  (open as long as the process)
+            elif isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="replace")
         return super().main(*args, **settings)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -49,7 +56,7 @@ class RattleGroup(click.Group):
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
             said.set()
-            say(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
+            say(f"rattle: {str(interrupt) or describe_interrupt()}", err=True)
             ctx.exit(EXIT_INTERRUPTED)
 
 

@@ -18,13 +18,14 @@ from typing import Any, NoReturn, Self, TextIO
 
 from tqdm import tqdm
 
-from rattle.compare.engine.store import Cell, Content, Store, TemporaryStore, open_store
-from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep
+from rattle.compare.engine.store import LOCKS, Cell, Content, Store, TemporaryStore
+from rattle.compare.report.folder import ANY_TEXT, check_own, describe_refusal, refuse_foreign, sweep
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
 from rattle.scene.text import has_terminal
 
 CELLS, LOG = "cells", "study.log"
+LOG_LINE = rb"\A\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} \d+ "
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
 
@@ -55,8 +56,8 @@ class Runner:
         """Abandon all work: what has not begun is cancelled, which raises CancelledError where it is waited for."""
         self._executor.shutdown(wait=False, cancel_futures=True)
 
-    def check(self) -> None:
-        """Raise an error if there are no workers any more; called every now and then."""
+    def check(self, say: Callable[[str], object]) -> None:
+        """Raise an error if there are no workers any more, and say which do not answer; called every now and then."""
 
     def reason(self, error: BaseException) -> str:
         """Why one cell cannot be computed; raises an error that concerns all cells."""
@@ -72,6 +73,29 @@ class Runner:
         return found
 
 
+def check_log(folder: Path) -> None:
+    """Check that a log can be continued, if there is one."""
+    check_own(folder / LOG, LOG_LINE, "a log of rattle")
+
+
+def open_cells(folder: Path | None) -> Store:
+    """Open the store of the cells in a folder, where it holds nothing of others under the names of cells and log.
+
+    Without a folder, a temporary one.
+    """
+    if folder is None:
+        return TemporaryStore()
+    check_log(folder)
+    if not has_cells(folder) and (folder / CELLS).is_dir():
+        refuse_foreign(folder / CELLS, os.listdir(folder / CELLS))
+    return Store(folder / CELLS)
+
+
+def has_cells(folder: Path) -> bool:
+    """Whether there is a store of cells in a folder."""
+    return (folder / CELLS / LOCKS).is_dir()
+
+
 class StudyProgress:
     """What a run has done so far: a line on the terminal, a log file in a folder, and the counts for the manifest.
 
@@ -83,6 +107,8 @@ class StudyProgress:
         self.computed, self.cell_seconds = 0, 0.0  # of this run; other cells may come from another process
         self.failed: dict[str, str] = {}  # error message of each cell that could not be computed, by key
         self._show, self._started = show, time.perf_counter()
+        if folder is not None:
+            check_log(folder)
         try:
             self._file: TextIO = io.StringIO()
             if folder is not None:
@@ -168,7 +194,7 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
                     cell = todo.popleft()
                     running[pool.submit(store.attempt, cell, compute, progress.notify)] = cell
                 done, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
-                runner.check()
+                runner.check(progress.notify)
                 for future in done:
                     cell = running.pop(future)
                     if error := future.exception():
@@ -178,6 +204,8 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
                     else:
                         progress.finish(cell, found, cell.key in computed)
         except KeyboardInterrupt:
+            if folder is None:
+                raise
             have = len(cells) - len(store.missing(cells))
             text = f"interrupted; {have} of {len(cells)} results stored; run the same command again to continue"
             raise KeyboardInterrupt(text) from None
@@ -189,6 +217,6 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
 
 def obtain_all(cells: Collection[Cell], folder: Path | None, workers: int) -> list[Any]:
     """Read or compute the results of some cells; without a folder none is stored."""
-    store = open_store(folder, CELLS)
+    store = open_cells(folder)
     run(cells, store, Runner(workers), show=True)
     return [store.obtain(cell) for cell in cells]

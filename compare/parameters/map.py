@@ -12,8 +12,8 @@ import pandas as pd
 
 from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
-from rattle.compare.engine.run import CELLS, Runner, run
-from rattle.compare.engine.store import Cell, Content, open_store
+from rattle.compare.engine.run import Runner, open_cells, run
+from rattle.compare.engine.store import Cell, Content
 from rattle.compare.parameters.boundary import boundary, find_range
 from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
@@ -223,7 +223,7 @@ def boundary_map(
     asked = settings | {"closure": method, "over": over, "searches": values}
     found: dict[int, Found | str] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
-    store = open_store(folder, CELLS)
+    store = open_cells(Path(folder) if folder else None)
     while wave:
         cells = {
             i: Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": expect([found[j] for j in beside])})
