@@ -57,7 +57,8 @@ def _read(path: Path) -> bytes:
             if first == b"":
                 raise OSError(errno.EPIPE, "nobody writes into this pipe")
         os.set_blocking(file.fileno(), True)
-        return (first or b"") + io.BufferedReader(file).read(MOST_BYTES + 1)
+        with io.BufferedReader(file) as reader:
+            return (first or b"") + reader.read(MOST_BYTES + 1)
 
 
 def read_regular(path: Path) -> bytes:

@@ -20,7 +20,7 @@ from study_files import Deadly, Refused, study_text, tables_of
 
 from rattle.compare.engine import cluster as module
 from rattle.compare.engine.cluster import SHARE, Cluster, Lost
-from rattle.compare.engine.run import CELLS, Runner, run
+from rattle.compare.engine.run import CELLS, LOG, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.study.design import Study
 from rattle.scene.errors import InputError
@@ -158,6 +158,20 @@ def test_the_loss_of_all_workers_is_said(small, tmp_path):
         with processes.worker(address):  # the same study goes on
             assert run(small.cells, store, Cluster(address, patience=60.0)).failed == {}
     assert len(kept(small, store)) == len(small.cells)
+
+
+def test_a_suspended_worker_is_named_and_its_cells_go_to_the_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "SILENCE", 5.0)
+    wanted = Study.from_toml(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
+    store = Store(tmp_path / CELLS)
+    with of_our_own(2) as (_, address, workers):
+        stopper = meanwhile(store, 2, lambda: os.kill(workers[0].pid, signal.SIGSTOP))
+        outcome = run(wanted.cells, store, Cluster(address, patience=60.0))
+        stopper.join()
+    assert outcome.failed == {}
+    assert len(kept(wanted, store)) == len(wanted.cells)
+    log = (tmp_path / LOG).read_text()
+    assert re.search(r"worker tcp://\S+ has not answered for 5 s; its cells go to the others", log)
 
 
 @pytest.mark.parametrize(
