@@ -3,6 +3,7 @@ r"""Text for terminals, pages and notebooks: control characters escaped, duratio
 import textwrap
 import unicodedata
 from collections.abc import Mapping
+from decimal import Decimal
 from html import escape
 
 CONTROL = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
@@ -47,3 +48,12 @@ def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> s
 def as_html(text: str, table: str = "") -> str:
     """Show a text, and a table below it, in a notebook."""
     return f"<pre>{escape(text)}</pre>{table}"
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share in percent to some digits, without a power of ten.
+
+    >>> percent(0.9996), percent(0.0123), percent(2.5e-6)
+    ('100 %', '1.2 %', '0.00025 %')
+    """
+    return f"{Decimal(f'{100.0 * share:.{digits}g}'):f} %"

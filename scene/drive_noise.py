@@ -1,0 +1,108 @@
+"""The noise of a measured drive, from what the acceleration of each period is of the mean one.
+
+That share is 1 plus the integral of the modulation with a weight; for white noise of the drive the periods are
+independent and normal, with variances that `rattle.scene.period_fits.measure_gains` knows.  So their scatter gives
+sigma, with an interval from the chi-square distribution.  Not noise are periods that stand far off, a slow change, and
+a pattern that repeats after some periods, such as that of a half order.
+"""
+
+import math
+from dataclasses import dataclass
+from operator import itemgetter
+
+import numpy as np
+from numpy.polynomial import Legendre
+
+from rattle.scene.types import Bools, Floats
+
+FAR = 6.0  # robust standard deviations from which on a period is left out: once in 5e8 normal ones
+FEW = 0.2  # share of the periods up to which they are left out
+CYCLES = (1, 2, 3, 4, 5, 6, 8)  # periods after which a pattern may repeat
+HIGHEST_DEGREE = 12  # of the polynomial of a slow change
+SLOW = 4  # periods for each number of a pattern
+PASSES = 3  # between leaving out periods and finding their pattern
+PENALTY = 3.0  # times log(periods) for each number of a model: white noise of 60 periods passes in 5 of 10,000
+RESOLVED = 1e-7  # scatter, relative to the mean, below which nothing is looked for
+RESOLUTION = 1e-5  # of sigma / alpha: what is smaller counts as 0
+SURE = 3.0  # standard errors of the noise of the measurement that an interval allows for
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """What in numbers of successive periods is no noise: a slow change, and a pattern of `cycle` periods."""
+
+    slow: Legendre  # over the number of the period, from 0
+    residual: Floats
+    parameters: int
+    cycle: int
+    good: Bools
+
+
+def _find_near(residual: Floats, good: Bools, least: float) -> Bools:
+    """Which of the good periods are not far off, by the median of all; where many are, it is no exception."""
+    size = np.abs(residual - np.median(residual[good]))
+    sd = 1.4826 * float(np.median(size[good]))
+    near = good & (size <= max(FAR * sd, least))
+    return near if near.sum() >= (1.0 - FEW) * good.sum() else good
+
+
+def find_pattern(values: Floats, good: Bools, least: float) -> Pattern:
+    """Tell noise from periods that stand far off, a slow change and a repeating pattern.
+
+    `least`: What does not count as far off.
+    """
+    number = np.arange(len(values))
+    domain = (0.0, len(values) - 1.0)
+    powers = [Legendre.basis(d, domain)(number) for d in range(min(HIGHEST_DEGREE, len(values) // SLOW) + 1)]
+    rows = _find_near(values, good, least)
+    for _ in range(PASSES):
+        models = []
+        for cycle in (c for c in CYCLES if c * SLOW <= len(values)):
+            phases = [(number % cycle == k) - 1.0 / cycle for k in range(1, cycle)]
+            for degree in range(len(powers)):
+                design = np.transpose([*powers[: degree + 1], *phases])
+                found = np.linalg.lstsq(design[rows], values[rows], rcond=None)[0]
+                residual = values - design @ found
+                error = math.log(float((residual[rows] ** 2).mean()) + RESOLVED**2)
+                score = error + PENALTY * len(found) * math.log(rows.sum()) / rows.sum()
+                slow = Legendre(found[: degree + 1], domain)
+                models.append((score, Pattern(slow, residual, len(found), cycle, rows)))
+        pattern = min(models, key=itemgetter(0))[1]
+        again = _find_near(pattern.residual, good, least)
+        if np.array_equal(again, rows):
+            break
+        rows = again
+    return pattern
+
+
+def correlate_neighbours(pattern: Pattern) -> float:
+    """Correlation of the residuals of successive periods."""
+    rest = np.where(pattern.good, pattern.residual, 0.0)
+    return float((rest[1:] * rest[:-1]).sum() / max((rest**2).sum(), 1e-300))
+
+
+def estimate_noise(
+    pattern: Pattern, gains: tuple[Floats, Floats], own_noise: tuple[float, float]
+) -> tuple[float, float, float, float]:
+    """Sigma over alpha, its 95 % interval, and the sigma that the noise of the measurement would be taken for.
+
+    `own_noise`: Variance of the samples by noise of the measurement, and its standard error.
+    """
+    from scipy.stats import chi2
+
+    drive, own = (gain[pattern.good] for gain in gains)
+    freedom = int(pattern.good.sum()) - pattern.parameters
+    scatter = float((pattern.residual[pattern.good] ** 2 / drive).sum())
+    share = float((own / drive).mean())
+    variance, error = own_noise
+    most = max(variance + SURE * error, 0.0) * share
+    least = max(variance - SURE * error, 0.0) * share
+    sigma = math.sqrt(max(scatter / freedom - max(variance, 0.0) * share, 0.0))
+    low = math.sqrt(max(scatter / float(chi2.ppf(0.975, freedom)) - most, 0.0))
+    high = math.sqrt(max(scatter / float(chi2.ppf(0.025, freedom)) - least, 0.0))
+    floor = max(math.sqrt(max(variance, 0.0) * share), RESOLUTION)
+    if low < RESOLUTION:
+        low = 0.0
+    if sigma < RESOLUTION:
+        sigma = 0.0
+    return sigma, low, max(high, RESOLUTION), floor
