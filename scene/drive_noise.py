@@ -15,11 +15,11 @@ from numpy.polynomial import Legendre
 
 from rattle.scene.types import Bools, Floats
 
-FAR = 6.0  # robust standard deviations from which on a period is left out: once in 5e8 normal ones
+FAR = 8.0  # robust standard deviations from which on a period is left out: never a normal one
 FEW = 0.2  # share of the periods up to which they are left out
 CYCLES = (1, 2, 3, 4, 5, 6, 8)  # periods after which a pattern may repeat
 HIGHEST_DEGREE = 12  # of the polynomial of a slow change
-SLOW = 4  # periods for each number of a pattern
+SLOW = 4  # periods at least for each number of a pattern
 PASSES = 3  # between leaving out periods and finding their pattern
 PENALTY = 3.0  # times log(periods) for each number of a model: white noise of 60 periods passes in 5 of 10,000
 RESOLVED = 1e-7  # scatter, relative to the mean, below which nothing is looked for
@@ -64,7 +64,7 @@ def find_pattern(values: Floats, good: Bools, least: float) -> Pattern:
                 found = np.linalg.lstsq(design[rows], values[rows], rcond=None)[0]
                 residual = values - design @ found
                 error = math.log(float((residual[rows] ** 2).mean()) + RESOLVED**2)
-                score = error + PENALTY * len(found) * math.log(rows.sum()) / rows.sum()
+                score = error + PENALTY * len(found) * math.log(rows.sum()) / (rows.sum() - len(found) - 1)
                 slow = Legendre(found[: degree + 1], domain)
                 models.append((score, Pattern(slow, residual, len(found), cycle, rows)))
         pattern = min(models, key=itemgetter(0))[1]
@@ -97,10 +97,11 @@ def estimate_noise(
     variance, error = own_noise
     most = max(variance + SURE * error, 0.0) * share
     least = max(variance - SURE * error, 0.0) * share
-    sigma = math.sqrt(max(scatter / freedom - max(variance, 0.0) * share, 0.0))
+    shown = variance * share if least > 0.0 else 0.0
+    sigma = math.sqrt(max(scatter / freedom - shown, 0.0))
     low = math.sqrt(max(scatter / float(chi2.ppf(0.975, freedom)) - most, 0.0))
     high = math.sqrt(max(scatter / float(chi2.ppf(0.025, freedom)) - least, 0.0))
-    floor = max(math.sqrt(max(variance, 0.0) * share), RESOLUTION)
+    floor = max(math.sqrt(shown), RESOLUTION)
     if low < RESOLUTION:
         low = 0.0
     if sigma < RESOLUTION:

@@ -15,15 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rattle.scene.drive_noise import Pattern, correlate_neighbours, estimate_noise, find_pattern
-from rattle.scene.drive_phase import SLIP, follow_phase, is_spike
+from rattle.scene.drive_phase import SLIP, Followed, follow, guess_phases, is_spike
 from rattle.scene.errors import InputError, count, positive
 from rattle.scene.measured_file import RPM, Measurement, read_measurement
 from rattle.scene.parts import Order
 from rattle.scene.period_fits import (
     TURN,
-    PeriodFits,
     Samples,
-    count_periods,
+    Waves,
     evaluate,
     fit_periods,
     measure_gains,
@@ -37,14 +36,11 @@ if TYPE_CHECKING:
     from rattle.scene.plot import ShownFigure
 
 
-LEAST_PERIODS, LEAST_SAMPLES = 8, 16
-LONGEST_STEP = TURN / 8.0  # of the phase, between two samples
 HIGHEST = 16  # order that is looked for by default
 SMALL = 0.01  # of the largest acceleration of an order, below which an order is left out
 CHANCE = 4.0  # standard errors up to which an order is left out
 COHERENT = 0.25  # share of the power of all periods that their mean has, below which the drive is not in the file
 REMEMBERS = 3.0  # standard errors of the correlation of successive periods from which on it is said
-SPIKE = 0.003  # of the range of the mean period, up to which no sample stands out from it
 FAR = 0.001  # of the mean period, up to which no period counts as far off
 DRIFTS = 0.002  # relative range of the frequency, or of the amplitude, from which on it is said
 CLEARLY = 0.5  # of the scatter over time, below which the orders follow the angle
@@ -210,163 +206,21 @@ def measure_drive(
     highest = count("drive.highest_order", highest_order)
     per_turn = count("drive.periods_per_turn", periods_per_turn)
     spikes = is_spike(measured.values)
-    phases = _guess_phases(measured, ~spikes, omega, periods, per_turn, driver_radius)
+    phases = guess_phases(measured, ~spikes, omega, periods, per_turn, driver_radius)
     slip = SLIP if periods is None else max(SLIP, 1.0 / periods)
-    followed = [_follow(measured, ~spikes, guess, radius, highest, slip) for guess in phases]
-    best = followed[0]
-    if len(followed) > 1 and followed[1].scatter < CLEARLY * best.scatter:
-        best = followed[1]
+    best, *others = [follow(measured, ~spikes, guess, radius, highest, slip) for guess in phases]
+    for other in others:
+        if other.scatter < CLEARLY * best.scatter:
+            best = other
     if best.coherence < COHERENT or (len(phases) == 1 and abs(best.shift) > 1.05 * slip):
-        stated = ("gears.omega", omega) if periods is None else ("drive.periods", periods)
+        name, value = ("gears.omega", omega) if periods is None else ("drive.periods", periods)
         why = f"is not in the file: its motion does not repeat within {percent(slip)} of it"
-        raise InputError(*stated, why)
+        raise InputError(name, value, why)
     return _analyse(measured, best, highest, radius, periods, per_turn)
 
 
-@dataclass(frozen=True)
-class _Followed:
-    """The good samples at the phase of the drive, and how well the periods repeat."""
-
-    samples: Samples
-    rate: Floats  # dtau/dt at each, in rad/s
-    fits: PeriodFits
-    good: Bools  # which samples of the file they are
-    shift: float  # relative change of the frequency from the guess
-
-    @property
-    def mean(self) -> Floats:
-        """Median of the periods' waves, which a few bad periods do not move."""
-        waves = self.fits.waves[self.fits.fitted]
-        return np.median(waves.real, axis=0) + 1j * np.median(waves.imag, axis=0)
-
-    @property
-    def omega(self) -> float:
-        """Mean frequency in rad/s."""
-        tau = self.samples.tau
-        return float((tau[-1] - tau[0]) / np.trapezoid(1.0 / self.rate, tau))
-
-    @property
-    def length(self) -> float:
-        """Periods from the first sample to one step after the last."""
-        tau = self.samples.tau
-        return float((tau[-1] + np.median(np.diff(tau))) / TURN)
-
-    @property
-    def scatter(self) -> float:
-        """Median power of what the periods are off their mean, over that of the mean."""
-        off = np.abs(self.fits.waves[self.fits.fitted] - self.mean) ** 2
-        return float(np.median(off.sum(axis=1)) / (np.abs(self.mean) ** 2).sum())
-
-    @property
-    def coherence(self) -> float:
-        """Share that the mean has of the power of the largest order."""
-        largest = int(np.abs(self.mean).argmax())
-        power = np.median(np.abs(self.fits.waves[self.fits.fitted, largest]) ** 2)
-        return float(np.abs(self.mean[largest]) ** 2 / power)
-
-
-def _guess_phases(
-    measured: Measurement, good: Bools, omega: float | None, periods: int | None, per_turn: int, radius: float | None
-) -> list[tuple[Floats, Floats]]:
-    """Phases of the drive at all samples, with their rates in rad/s: as stated, or with the time or the angle."""
-    at = measured.at
-    if measured.along == "angle":
-        turning = measured.values if measured.is_angular else measured.values / (radius or 1.0)
-        known = measured.quantity == "speed" and (measured.is_angular or radius is not None)
-        if known and _check_turning(measured, good, omega):
-            return _phases_of_rotation(at, turning, good, omega, per_turn)
-        if omega is None:
-            why = "give the frequency of the drive in rad/s: the file has no speed of rotation"
-            raise InputError("gears.omega", None, why)
-        at = at * per_turn / omega
-    if periods is not None:
-        stated = TURN * count("drive.periods", periods) / (at[-1] + at[-1] / (len(at) - 1))
-        if omega is not None and abs(stated / omega - 1.0) > SLIP:
-            why = f"would be a frequency of {stated:.5g} rad/s, not the {omega:.5g} of the gears"
-            raise InputError("drive.periods", periods, why)
-        omega = stated
-    if omega is None:
-        why = "give the frequency of the drive in rad/s, or drive.periods: how many the file has"
-        raise InputError("gears.omega", None, why)
-    omega = positive("gears.omega", omega)
-    return [(omega * at, np.full(len(at), omega))]
-
-
-def _check_turning(measured: Measurement, good: Bools, omega: float | None) -> bool:
-    """Whether a speed over the angle is that of the rotation, not its fluctuation."""
-    speed = measured.values
-    wrong = np.flatnonzero(good & (speed <= 0.0))
-    if len(wrong) == 0:
-        return True
-    k = wrong[0]
-    value = f"speed = {speed[k] / measured.factor:g} {measured.unit}"
-    if speed[good].max() <= 0.0:
-        why = "is negative where the angle rises; turn the sign of one of the columns"
-        raise InputError(f"drive.file, line {measured.lines[k]}", value, why)
-    if omega is None:
-        why = "give omega, since it is no speed of rotation: that has one sign"
-        raise InputError(f"drive.file, line {measured.lines[k]}", value, why)
-    return False
-
-
-def _phases_of_rotation(
-    angle: Floats, speed: Floats, good: Bools, omega: float | None, per_turn: int
-) -> list[tuple[Floats, Floats]]:
-    """The phase by a constant frequency in time, and that with a whole number of periods in each turn."""
-    from scipy.interpolate import CubicSpline
-
-    time = CubicSpline(angle[good], 1.0 / speed[good]).antiderivative()(angle)
-    time -= time[0]
-    own = per_turn * float(angle[-1] - angle[0]) / float(time[-1])
-    if omega is not None and abs(own / omega - 1.0) > SLIP:
-        why = f"but the file turns at {own / per_turn:.5g} rad/s, with {per_turn} periods in a turn"
-        raise InputError("gears.omega", omega, why)
-    steady = own * time, np.full(len(time), own)
-    starts = np.arange(0.0, per_turn * angle[-1], TURN)
-    if len(starts) < LEAST_PERIODS:
-        return [steady]
-    phase = CubicSpline(np.interp(starts / per_turn, angle, time), starts)
-    return [steady, (phase(time), phase.derivative()(time))]
-
-
-def _follow(
-    measured: Measurement, good: Bools, phase: tuple[Floats, Floats], radius: float, highest: int, slip: float
-) -> _Followed:
-    """Follow the phase of the drive from a first guess, and leave out samples that stand out from the mean period."""
-    tau, rate = phase
-    _check_sampling(measured, tau)
-    highest = min(2 * highest, int(len(tau) / (tau[-1] / TURN) / 4.0))
-    everything = Samples(tau, measured.values * radius / rate**measured.power, measured.power)
-    samples, factor = follow_phase(everything.select(good), highest, slip)
-    fits = fit_periods(samples, highest)
-    first = _Followed(samples, rate[good] * factor, fits, good, float(np.mean(factor)) - 1.0)
-    motion = evaluate(fits.orders, first.mean / (1j * fits.orders) ** (2 - samples.power), samples.tau)
-    fine = ~is_spike(samples.values - motion, SPIKE * float(np.ptp(motion)))
-    kept = good.copy()
-    kept[good] = fine
-    samples = samples.select(fine)
-    return _Followed(samples, first.rate[fine], fit_periods(samples, highest), kept, first.shift)
-
-
-def _check_sampling(measured: Measurement, tau: Floats) -> None:
-    """Refuse too few periods, too few samples in one, and gaps."""
-    number = count_periods(tau)
-    if number < LEAST_PERIODS:
-        why = f"is too short; {LEAST_PERIODS} periods are the least"
-        raise InputError("drive.file", f"{tau[-1] / TURN:.3g} periods", why)
-    each = TURN * len(tau) / tau[-1]
-    if each < LEAST_SAMPLES:
-        raise InputError("drive.file", f"{each:.3g} samples a period", f"is too coarse; {LEAST_SAMPLES} are the least")
-    steps = np.diff(tau)
-    k = int(steps.argmax())
-    if steps[k] > LONGEST_STEP:
-        where = f"drive.file, line {measured.lines[k + 1]}"
-        jump = f"follows a gap of {steps[k] / np.median(steps):.3g} steps"
-        raise InputError(where, measured.along, f"{jump}; give a part of the file without gaps")
-
-
 def _analyse(
-    measured: Measurement, found: _Followed, highest: int, radius: float, stated: int | None, per_turn: int
+    measured: Measurement, found: Followed, highest: int, radius: float, stated: int | None, per_turn: int
 ) -> MeasuredDrive:
     """Orders and noise from samples at the phase of the drive."""
     samples, orders, fitted = found.samples, found.fits.orders, found.fits.fitted
@@ -383,8 +237,9 @@ def _analyse(
     sigma, low, high, floor = estimate_noise(pattern, gains, measure_own_noise(samples, orders, mean))
 
     between = _fit_between(samples, len(orders), cycle)
-    columns = [np.concatenate(pair) for pair in zip((orders, mean, error, kept), between, strict=True)]
-    table = _tabulate(*columns, highest)
+    within = orders, mean, error, kept
+    every, waves_of_all, errors, used = (np.concatenate(pair) for pair in zip(within, between, strict=True))
+    table = _tabulate(every, waves_of_all, errors, used, highest)
     amplitude = max(a for a, k in zip(table["amplitude_mm"], table["kept"], strict=True) if k)
     rows = zip(*(table[name] for name in ("order", "amplitude_mm", "phase", "kept")), strict=True)
     made = tuple(Order(int(order), a / amplitude, phase) for order, a, phase, k in rows if k)
@@ -392,7 +247,7 @@ def _analyse(
     each = len(samples.tau) // len(fitted)
     tau = TURN * np.arange(each) / each
     unit = found.omega**samples.power / (measured.factor * radius)
-    derive = unit * (1j * orders) ** (samples.power - 2)
+    derive = np.asarray(unit * (1j * orders) ** (samples.power - 2), np.complex128)
     cycles = np.real((derive * waves[good]) @ np.exp(1j * np.outer(orders, tau)))
     return MeasuredDrive(
         drive=made,
@@ -404,7 +259,7 @@ def _analyse(
         high=high,
         floor=floor,
         memory=correlate_neighbours(pattern),
-        left_out=_measure_rest(*columns[1:]),
+        left_out=_measure_rest(waves_of_all, errors, used),
         remarks=tuple(_remark(measured, found, pattern, table, cycle, stated, per_turn)),
         table=table,
         quantity=measured.quantity,
@@ -415,7 +270,7 @@ def _analyse(
     )
 
 
-def _find_good_periods(waves: Floats, mean: Floats, fitted: Bools) -> tuple[Bools, int]:
+def _find_good_periods(waves: Waves, mean: Waves, fitted: Bools) -> tuple[Bools, int]:
     """Which periods do not stand far off the others, and after how many the motion repeats."""
     large = np.abs(mean) > SMALL * np.abs(mean).max()
     shares = project(waves[:, large], mean[large])
@@ -424,14 +279,14 @@ def _find_good_periods(waves: Floats, mean: Floats, fitted: Bools) -> tuple[Bool
     return across.good, max(along.cycle, across.cycle)
 
 
-def _average(waves: Floats) -> tuple[Floats, Floats]:
+def _average(waves: Waves) -> tuple[Waves, Floats]:
     """The mean of the periods, and the standard error of its real and imaginary parts."""
     number = len(waves)
     mean = waves.mean(axis=0)
     return mean, np.sqrt((np.abs(waves - mean) ** 2).sum(axis=0) / (number - 1) / number / 2.0)
 
 
-def _fit_between(samples: Samples, highest: int, cycle: int) -> tuple[Floats, Floats, Floats, Bools]:
+def _fit_between(samples: Samples, highest: int, cycle: int) -> tuple[Floats, Waves, Floats, Bools]:
     """Orders that are no whole numbers, of a motion that repeats after `cycle` periods; none of them is kept."""
     fits = fit_periods(samples, highest if cycle > 1 else 1, cycle)
     between = fits.orders % 1.0 > 0.0
@@ -439,13 +294,13 @@ def _fit_between(samples: Samples, highest: int, cycle: int) -> tuple[Floats, Fl
     return fits.orders[between], mean, error, np.zeros(len(mean), bool)
 
 
-def _measure_rest(mean: Floats, error: Floats, kept: Bools) -> float:
+def _measure_rest(mean: Waves, error: Floats, kept: Bools) -> float:
     """Root mean square of what is not kept over that of all, with the noise of the mean taken off."""
     rest = max(float((np.abs(mean) ** 2 - 2.0 * error**2)[~kept].sum()), 0.0)
     return math.sqrt(rest / (rest + float((np.abs(mean[kept]) ** 2).sum())))
 
 
-def _tabulate(orders: Floats, mean: Floats, error: Floats, kept: Bools, highest: int) -> dict[str, list[Any]]:
+def _tabulate(orders: Floats, mean: Waves, error: Floats, kept: Bools, highest: int) -> dict[str, list[Any]]:
     """The orders up to the highest, as a motion in mm."""
     rows = np.argsort(orders)
     rows = rows[orders[rows] <= highest]
@@ -463,7 +318,7 @@ def _tabulate(orders: Floats, mean: Floats, error: Floats, kept: Bools, highest:
 
 def _remark(
     measured: Measurement,
-    found: _Followed,
+    found: Followed,
     pattern: Pattern,
     table: dict[str, list[Any]],
     cycle: int,
@@ -473,7 +328,7 @@ def _remark(
     """What else was found, in sentences."""
     bad = np.flatnonzero(~found.good)
     if len(bad):
-        named = [f"{measured.lines[k]} ({measured.values[k] / measured.factor:g})" for k in bad[:NAMED]]
+        named = [f"{measured.lines[k]} ({measured.written[k]:g})" for k in bad[:NAMED]]
         more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
         yield f"Left out as bad, far off their neighbours: the samples of line {', '.join(named)}{more}."
     off = np.flatnonzero(~pattern.good)
@@ -482,7 +337,8 @@ def _remark(
         edges = np.searchsorted(found.samples.tau, TURN * np.stack([off, off + 1])) - np.array([[0], [1]])
         named = [f"{lines[first]} to {lines[last]}" for first, last in edges.T[:NAMED]]
         more = f" and {len(off) - NAMED} more" if len(off) > NAMED else ""
-        yield f"{len(off)} of {len(pattern.good)} periods are left out, far off the others: line {', '.join(named)}{more}."
+        many = f"{len(off)} of {len(pattern.good)} periods"
+        yield f"{many} are left out, far off the others: line {', '.join(named)}{more}."
     if stated is not None and abs(found.length - stated) > OFF:
         yield f"The file has {found.length:.4g} periods, not the {stated} that were stated."
     yield from _remark_drift(measured, found, pattern, per_turn)
@@ -491,11 +347,11 @@ def _remark(
     if between:
         largest = sorted(between, key=itemgetter(1), reverse=True)[:NAMED]
         largest = [(order, a) for order, a in largest if a > SMALL * largest[0][1]]
-        named = ", ".join(f"order {order:.3g} {a:.2g} mm" for order, a in sorted(largest))
-        yield f"The motion repeats only after {cycle} periods: {named} count as left out, not as noise."
+        parts = ", ".join(f"order {order:.3g} {a:.2g} mm" for order, a in sorted(largest))
+        yield f"The motion repeats only after {cycle} periods: {parts} count as left out, not as noise."
 
 
-def _remark_drift(measured: Measurement, found: _Followed, pattern: Pattern, per_turn: int) -> Iterator[str]:
+def _remark_drift(measured: Measurement, found: Followed, pattern: Pattern, per_turn: int) -> Iterator[str]:
     """A frequency or an amplitude that changes slowly."""
     slowest, fastest = float(found.rate.min()), float(found.rate.max())
     if fastest > (1.0 + DRIFTS) * slowest:
@@ -509,6 +365,6 @@ def _remark_drift(measured: Measurement, found: _Followed, pattern: Pattern, per
     share = pattern.slow(np.flatnonzero(pattern.good))
     if np.ptp(share) > DRIFTS:
         yield (
-            f"The motion runs from {percent(share.min(), 3)} to {percent(share.max(), 3)} of its mean: a slow change is "
-            "no noise; vary alpha for it."
+            f"The motion runs from {percent(share.min(), 3)} to {percent(share.max(), 3)} of its mean: a slow change "
+            "is no noise; vary alpha for it."
         )

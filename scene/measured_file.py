@@ -18,7 +18,7 @@ RPM = 2.0 * math.pi / 60.0
 ALONG = {"time": {"s": 1.0, "ms": 1e-3}, "angle": {"rad": 1.0, "deg": DEGREE, "°": DEGREE}}
 VALUES = {
     "displacement": {"rad": 1.0, "deg": DEGREE, "°": DEGREE, "mm": 1.0},
-    "speed": {"rad/s": 1.0, "deg/s": DEGREE, "rpm": RPM, "1/min": RPM, "mm/s": 1.0},
+    "speed": {"rad/s": 1.0, "rpm": RPM, "1/min": RPM, "deg/s": DEGREE, "mm/s": 1.0},
     "acceleration": {"rad/s^2": 1.0, "rad/s2": 1.0, "rad/s²": 1.0, "mm/s^2": 1.0, "mm/s2": 1.0, "mm/s²": 1.0},
 }
 """What a column may hold, by its name, and the factor of each unit to s, rad or mm."""
@@ -38,6 +38,7 @@ class Measurement:
     quantity: str
     unit: str
     values: Floats
+    written: Floats  # the values as they stand in the file
     lines: Ints
 
     @property
@@ -61,7 +62,7 @@ def read_measurement(file: str | Path) -> Measurement:
     text = str(file) if "\n" in str(file) else read_text("drive.file", file, "a CSV file")
     rows = _rows(text.removeprefix("\ufeff"))
     try:
-        _, head, mark, names = next(rows)
+        _, head, _, names = next(rows)
     except StopIteration:
         raise InputError("drive.file", text, "is empty; give a CSV file with two columns") from None
     (along, step), (quantity, unit) = _read_header(head, names)
@@ -70,9 +71,9 @@ def read_measurement(file: str | Path) -> Measurement:
         raise InputError("drive.file", head, "has no rows below its header")
     if len(read) < LEAST_ROWS:
         raise InputError("drive.file", f"{len(read)} samples", f"is too short: {LEAST_ROWS} rows are the least")
-    lines, at, values = (np.array(column) for column in zip(*read, strict=True))
+    lines, at, written = (np.array(column) for column in zip(*read, strict=True))
     at = at * ALONG[along][step]
-    values = values * VALUES[quantity][unit]
+    values = written * VALUES[quantity][unit]
     if along == "angle":
         at = np.unwrap(at)
         if at[-1] < at[0]:  # the driver turns the other way: both columns count against its turning
@@ -80,7 +81,7 @@ def read_measurement(file: str | Path) -> Measurement:
     if quantity == "displacement" and not unit.startswith("mm"):
         values = np.unwrap(values)
     _check_rise(along, step, at, lines)
-    return Measurement(along, at - at[0], quantity, unit, values, lines)
+    return Measurement(along, at - at[0], quantity, unit, values, written, lines)
 
 
 def _rows(text: str) -> Iterator[tuple[int, str, str, list[str]]]:
@@ -109,12 +110,14 @@ def _read_header(head: str, names: list[str]) -> list[tuple[str, str]]:
     for name, known in zip(names, (ALONG, VALUES), strict=True):
         parts = HEADER.fullmatch(name)
         if parts is None:
-            raise InputError("drive.file", head, f"name two columns with their units in its first line, as in: {EXAMPLE}")
+            why = f"name two columns with their units in its first line, as in: {EXAMPLE}"
+            raise InputError("drive.file", head, why)
         column, unit = parts[1].lower(), parts[2]
         if column not in known:
             raise InputError("drive.file", name, f"is no such column; give {' or '.join(known)}, as in: {EXAMPLE}")
         if unit not in known[column]:
-            raise InputError("drive.file", f"{column} [{unit}]", f"has an unknown unit; give {', '.join(known[column])}")
+            why = f"has an unknown unit; give {', '.join(known[column])}"
+            raise InputError("drive.file", f"{column} [{unit}]", why)
         found.append((column, unit))
     return found
 

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
+from numpy.typing import NDArray
 
 from rattle.scene.types import Bools, Floats, Ints
 
+Waves = NDArray[np.complex128]
 TURN = 2.0 * np.pi
 SPARE = 1.25  # rows over columns below which a period is not fitted
 NODES = (np.arange(4) + 0.5) / 4.0  # shares of a step at which the drive is integrated
@@ -40,7 +42,7 @@ class PeriodFits:
     """
 
     orders: Floats
-    waves: Floats
+    waves: Waves
     cycle: int
 
     @property
@@ -82,7 +84,7 @@ def fit_periods(samples: Samples, highest: int, cycle: int = 1) -> PeriodFits:
     return PeriodFits(orders, np.array(waves), cycle)
 
 
-def evaluate(orders: Floats, wave: Floats, tau: Floats) -> Floats:
+def evaluate(orders: Floats, wave: Waves, tau: Floats) -> Floats:
     """The sum of orders."""
     total = np.zeros(np.shape(tau))
     for order, one in zip(orders, wave, strict=True):
@@ -90,12 +92,12 @@ def evaluate(orders: Floats, wave: Floats, tau: Floats) -> Floats:
     return total
 
 
-def project(waves: Floats, mean: Floats) -> Floats:
+def project(waves: Waves, mean: Waves) -> Waves:
     """What the waves of each period are of the mean ones; the imaginary part is of a shift in phase."""
-    return (waves * np.conj(mean)).sum(axis=1) / (np.abs(mean) ** 2).sum()
+    return np.asarray((waves * np.conj(mean)).sum(axis=1) / (np.abs(mean) ** 2).sum())
 
 
-def measure_gains(samples: Samples, highest: int, mean: Floats) -> tuple[Floats, Floats]:
+def measure_gains(samples: Samples, highest: int, mean: Waves) -> tuple[Floats, Floats]:
     """Variance of the real part of `project` in each period, for white noise of the drive and of the measurement.
 
     The first is for ``sigma = alpha``, the second for noise of the samples of sd 1.  With weights q of the samples and
@@ -103,22 +105,20 @@ def measure_gains(samples: Samples, highest: int, mean: Floats) -> tuple[Floats,
     ``K(s) = sum over t_j > s of q_j (t_j - s)`` for a displacement and ``sum of q_j`` for a speed; each sample of an
     acceleration is taken as the mean over its step.
     """
-    orders = np.arange(1, highest + 1)
+    orders = np.arange(1.0, highest + 1.0)
     size = (np.abs(mean) ** 2).sum()
     target = (1j * orders) ** (2 - samples.power) * np.conj(mean) / size
     aim = np.concatenate([np.zeros(3 - samples.power), np.real(target), np.imag(target)])
-    drive, own = [], []
-    for rows, design in _windows(samples, 1, highest):
+    drive, own = np.full((2, count_periods(samples.tau)), np.nan)
+    for k, (rows, design) in enumerate(_windows(samples, 1, highest)):
         if len(rows) < SPARE * design.shape[1]:
-            drive.append(np.nan)
-            own.append(np.nan)
             continue
         q = design @ np.linalg.solve(design.T @ design, aim)
         tau = samples.tau[rows]
-        own.append(q @ q)
+        own[k] = q @ q
         if samples.power == 2:
             a = evaluate(orders, mean, tau)
-            drive.append((q**2 * a**2 / np.gradient(tau)).sum())
+            drive[k] = (q**2 * a**2 / np.gradient(tau)).sum()
             continue
         step = np.diff(tau)
         ahead = np.cumsum(q[::-1])[::-1][1:]  # sum of the weights from the end of each step on
@@ -127,11 +127,11 @@ def measure_gains(samples: Samples, highest: int, mean: Floats) -> tuple[Floats,
             at_end = np.append(np.cumsum((ahead * step)[::-1])[::-1][1:], 0.0)
             kernel = at_end[:, None] + ahead[:, None] * step[:, None] * (1.0 - NODES)
         a = evaluate(orders, mean, tau[:-1, None] + step[:, None] * NODES)
-        drive.append(((kernel * a) ** 2 * step[:, None] / len(NODES)).sum())
-    return np.array(drive), np.array(own)
+        drive[k] = ((kernel * a) ** 2 * step[:, None] / len(NODES)).sum()
+    return drive, own
 
 
-def measure_own_noise(samples: Samples, orders: Floats, mean: Floats) -> tuple[float, float]:
+def measure_own_noise(samples: Samples, orders: Floats, mean: Waves) -> tuple[float, float]:
     """Variance of white noise of the measurement, with its standard error; it may come out negative.
 
     Steps of a speed, and bends of a displacement, that share one sample and no time share the noise of that sample

@@ -38,9 +38,20 @@ def duration_text(seconds: float, digits: int = 3) -> str:
 WIDTH = 100
 
 
+def show(value: object) -> str:
+    """A value as Python text, its numbers without the names of numpy's types."""
+    text = repr(value)
+    if "np." not in text:
+        return text
+    import numpy as np
+
+    with np.printoptions(legacy="1.25"):
+        return repr(value)
+
+
 def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> str:
     """Python text of a call, on as many lines as it needs."""
-    listed = ", ".join([first] * bool(first) + [f"{key}={value!r}" for key, value in arguments.items()])
+    listed = ", ".join([first] * bool(first) + [f"{key}={show(value)}" for key, value in arguments.items()])
     text = " ".join(f"{name}({listed})".split())
     return textwrap.fill(text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
 
