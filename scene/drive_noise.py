@@ -7,8 +7,8 @@ a pattern that repeats after some periods, such as that of a half order.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -46,33 +46,42 @@ def _find_near(residual: Floats, good: Bools, least: float) -> Bools:
     return near if near.sum() >= (1.0 - FEW) * good.sum() else good
 
 
-def find_pattern(values: Floats, good: Bools, least: float) -> Pattern:
+def find_pattern(values: Floats, good: Bools, least: float, cycles: Sequence[int] = CYCLES) -> Pattern:
     """Tell noise from periods that stand far off, a slow change and a repeating pattern.
 
-    `least`: What does not count as far off.
+    `least`: What does not count as far off.  `cycles`: Periods after which a pattern may repeat.
     """
-    number = np.arange(len(values))
+    number = np.arange(float(len(values)))
     domain = (0.0, len(values) - 1.0)
-    powers = [Legendre.basis(d, domain)(number) for d in range(min(HIGHEST_DEGREE, len(values) // SLOW) + 1)]
+    degrees = range(min(HIGHEST_DEGREE, len(values) // SLOW) + 1)
+    powers = np.transpose([Legendre.basis(degree, domain)(number) for degree in degrees])
     rows = _find_near(values, good, least)
     for _ in range(PASSES):
-        models = []
-        for cycle in (c for c in CYCLES if c * SLOW <= len(values)):
-            phases = [(number % cycle == k) - 1.0 / cycle for k in range(1, cycle)]
-            for degree in range(len(powers)):
-                design = np.transpose([*powers[: degree + 1], *phases])
-                found = np.linalg.lstsq(design[rows], values[rows], rcond=None)[0]
-                residual = values - design @ found
-                error = math.log(float((residual[rows] ** 2).mean()) + RESOLVED**2)
-                score = error + PENALTY * len(found) * math.log(rows.sum()) / (rows.sum() - len(found) - 1)
-                slow = Legendre(found[: degree + 1], domain)
-                models.append((score, Pattern(slow, residual, len(found), cycle, rows)))
-        pattern = min(models, key=itemgetter(0))[1]
+        scores = {}
+        for cycle in (c for c in cycles if c * SLOW <= len(values)):
+            phases = _mark_phases(number, cycle)
+            parts, _ = np.linalg.qr(np.hstack([phases, powers])[rows])
+            rest = values[rows, None] - np.cumsum(parts * (parts.T @ values[rows]), axis=1)
+            error = np.log((rest**2).mean(axis=0)[cycle - 1 :] + RESOLVED**2)
+            count = np.arange(cycle, cycle + len(error))  # of the numbers of each model
+            score = error + PENALTY * count * math.log(rows.sum()) / np.maximum(rows.sum() - count - 1, 1)
+            degree = int(score.argmin())
+            scores[float(score[degree])] = cycle, degree
+        cycle, degree = scores[min(scores)]
+        design = np.hstack([powers[:, : degree + 1], _mark_phases(number, cycle)])
+        found = np.linalg.lstsq(design[rows], values[rows], rcond=None)[0]
+        slow = Legendre(found[: degree + 1], domain)
+        pattern = Pattern(slow, values - design @ found, len(found), cycle, rows)
         again = _find_near(pattern.residual, good, least)
         if np.array_equal(again, rows):
             break
         rows = again
     return pattern
+
+
+def _mark_phases(number: Floats, cycle: int) -> Floats:
+    """A column for each period of a cycle but one; each is 0 on the mean of a cycle."""
+    return np.transpose([(number % cycle == k) - 1.0 / cycle for k in range(cycle)])[:, 1:]
 
 
 def correlate_neighbours(pattern: Pattern) -> float:

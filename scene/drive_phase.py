@@ -67,7 +67,7 @@ def follow_phase(samples: Samples, highest: int, slip: float) -> tuple[Samples, 
     for _ in range(PASSES):
         now = Samples(tau, samples.values / rate**samples.power, samples.power)
         fits = fit_periods(now, highest)
-        size = np.abs(np.where(fits.fitted[:, None], fits.waves, 0.0))
+        size = np.abs(fits.filled)
         leader = int(np.median(size, axis=0).argmax())
         usual = float(np.median(size[:, leader]))
         alike = (size[:, leader] < ALIKE * usual) & (size[:, leader] > usual / ALIKE)

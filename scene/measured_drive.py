@@ -7,7 +7,7 @@ each period are fitted there (`rattle.scene.period_fits`), their mean is the dri
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from rattle.scene.measured_file import RPM, Measurement, read_measurement
 from rattle.scene.parts import Order
 from rattle.scene.period_fits import (
     TURN,
+    PeriodFits,
     Samples,
     Waves,
     evaluate,
@@ -223,20 +224,24 @@ def _analyse(
     measured: Measurement, found: Followed, highest: int, radius: float, stated: int | None, per_turn: int
 ) -> MeasuredDrive:
     """Orders and noise from samples at the phase of the drive."""
-    samples, orders, fitted = found.samples, found.fits.orders, found.fits.fitted
-    waves = np.where(fitted[:, None], found.fits.waves, 0.0)
-    good, cycle = _find_good_periods(waves, found.mean, fitted)
+    samples, fits = found.samples, found.fits
+    good, cycle = _find_good_periods(fits, found.mean)
+    between = _fit_between(samples, len(fits.orders), cycle)
+    if cycle > 1:
+        subharmonic = between[1] / (1j * between[0]) ** (2 - samples.power)
+        samples = replace(samples, values=samples.values - evaluate(between[0], subharmonic, samples.tau))
+        fits = fit_periods(samples, len(fits.orders))
+    orders, waves = fits.orders, fits.filled
     mean, error = _average(waves[good])
     size = np.abs(mean)
     kept = (orders <= highest) & (size > SMALL * size.max()) & (size > CHANCE * error)
     if not kept.any():
         raise InputError("gears.omega", found.omega, "is not in the file: no order of it is larger than its error")
     drive = np.where(kept, mean, 0.0)
-    pattern = find_pattern(project(waves, drive).real, good, math.inf)
+    pattern = find_pattern(project(waves, drive).real, good, math.inf, cycles=(cycle,))
     gains = measure_gains(samples, len(orders), drive)
     sigma, low, high, floor = estimate_noise(pattern, gains, measure_own_noise(samples, orders, mean))
 
-    between = _fit_between(samples, len(orders), cycle)
     within = orders, mean, error, kept
     every, waves_of_all, errors, used = (np.concatenate(pair) for pair in zip(within, between, strict=True))
     table = _tabulate(every, waves_of_all, errors, used, highest)
@@ -244,7 +249,7 @@ def _analyse(
     rows = zip(*(table[name] for name in ("order", "amplitude_mm", "phase", "kept")), strict=True)
     made = tuple(Order(int(order), a / amplitude, phase) for order, a, phase, k in rows if k)
 
-    each = len(samples.tau) // len(fitted)
+    each = len(samples.tau) // len(waves)
     tau = TURN * np.arange(each) / each
     unit = found.omega**samples.power / (measured.factor * radius)
     derive = np.asarray(unit * (1j * orders) ** (samples.power - 2), np.complex128)
@@ -270,11 +275,11 @@ def _analyse(
     )
 
 
-def _find_good_periods(waves: Waves, mean: Waves, fitted: Bools) -> tuple[Bools, int]:
+def _find_good_periods(fits: PeriodFits, mean: Waves) -> tuple[Bools, int]:
     """Which periods do not stand far off the others, and after how many the motion repeats."""
     large = np.abs(mean) > SMALL * np.abs(mean).max()
-    shares = project(waves[:, large], mean[large])
-    along = find_pattern(shares.real, fitted, FAR)
+    shares = project(fits.filled[:, large], mean[large])
+    along = find_pattern(shares.real, fits.fitted, FAR)
     across = find_pattern(shares.imag, along.good, FAR)
     return across.good, max(along.cycle, across.cycle)
 

@@ -91,11 +91,10 @@ def _rows(text: str) -> Iterator[tuple[int, str, str, list[str]]]:
         if not line.strip() or line.startswith("#"):
             continue
         mark = mark or next((m for m in (";", "\t") if m in line), ",")
-        try:
-            cells = next(csv.reader([line], delimiter=mark, skipinitialspace=True))
-        except csv.Error as error:
-            raise InputError(f"drive.file, line {number}", line, f"cannot be read: {error}") from None
-        cells = [cell.strip() for cell in cells]
+        if line.count('"') % 2 or len(line) > csv.field_size_limit():
+            why = "has a quotation mark that is not closed, or too much in one cell"
+            raise InputError(f"drive.file, line {number}", line, why)
+        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=mark, skipinitialspace=True))]
         while len(cells) > 2 and not cells[-1]:  # separators at the end of a line
             cells.pop()
         yield number, line.strip(), mark, cells
@@ -132,9 +131,7 @@ def _read_pair(number: int, line: str, mark: str, cells: list[str]) -> list[floa
         pair = []
     if len(pair) == 2 and all(map(math.isfinite, pair)):
         return pair
-    if line.count('"') % 2:
-        why = "has a quotation mark that is not closed"
-    elif CLOCK.search(cells[0]):
+    if CLOCK.search(cells[0]):
         why = "has a time of day or a date; give seconds from the first row"
     elif any(cell.lower() in MISSING for cell in cells):
         why = "needs two numbers; leave out a row without a value"

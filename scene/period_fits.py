@@ -50,6 +50,11 @@ class PeriodFits:
         """Which windows have enough samples."""
         return np.isfinite(self.waves[:, 0])
 
+    @property
+    def filled(self) -> Waves:
+        """The waves, with 0 in place of NaN."""
+        return np.where(self.fitted[:, None], self.waves, 0.0)
+
 
 def count_periods(tau: Floats) -> int:
     """Whole periods from the first sample to one step after the last."""
