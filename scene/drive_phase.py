@@ -43,8 +43,8 @@ def find_shift(fits: PeriodFits, slip: float) -> float:
     """The change of the frequency, up to a share `slip`, at which the strongest orders of all periods add up best."""
     waves, number = fits.waves[fits.fitted], np.flatnonzero(fits.fitted)
     size = np.abs(waves)
-    usual = np.median(np.linalg.norm(size, axis=1))
-    waves = waves * np.minimum(1.0, usual / np.linalg.norm(size, axis=1))[:, None]
+    length = np.linalg.norm(size, axis=1)
+    waves = waves / np.maximum(length, np.median(length))[:, None]  # no period counts for more than the others
     usable = fits.orders * slip < 0.4  # of a turn in a period: the direction of a faster one is not known
     strongest = np.argsort(np.where(usable, np.median(size, axis=0), 0.0))[-STRONGEST:]
     shares = np.linspace(-slip, slip, 1 + 2 * math.ceil(8.0 * slip * fits.orders[strongest].max() * len(fits.waves)))

@@ -164,7 +164,8 @@ def measure_drive(
     file : path or str
         A CSV file (comma, semicolon or tab), or its text.  Its first line names two columns with their units:
         ``time`` in s or ms, or the crank ``angle`` in deg or rad; and the driver's ``displacement`` (rad, deg, mm),
-        ``speed`` (rad/s, rpm, mm/s) or ``acceleration`` (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``.
+        ``speed`` (rad/s, rpm, deg/s, mm/s) or ``acceleration`` (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``.
+        Steps may be uneven; an angle may be wrapped.
     omega : float, optional
         Frequency of the drive in rad/s; it is found to a fraction of 2 % around it.  May be left out where `periods` is
         given, or where the file has the speed of the rotation over the angle.
@@ -184,8 +185,13 @@ def measure_drive(
     Raises
     ------
     InputError
-        For a file that cannot be read, with the line: no such columns or units, gaps, unequal steps, what is no number,
-        too few periods or samples, a frequency that is not in it.
+        For a file that cannot be read, with the line: no such columns or units, gaps, times that do not rise, what is
+        no number, too few periods or samples, a frequency that is not in it.
+
+    Notes
+    -----
+    Samples and periods that stand far off the others are left out, by medians, and named in ``answer``; so are orders
+    between whole ones, a slow change of the frequency or of the amplitude, and a number of periods that is wrong.
 
     Examples
     --------

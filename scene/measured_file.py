@@ -81,6 +81,8 @@ def read_measurement(file: str | Path) -> Measurement:
     if quantity == "displacement" and not unit.startswith("mm"):
         values = np.unwrap(values)
     _check_rise(along, step, at, lines)
+    if np.ptp(written) == 0.0:
+        raise InputError(f"drive.file, {quantity}", float(written[0]), "is the same in all rows; give a motion")
     return Measurement(along, at - at[0], quantity, unit, values, written, lines)
 
 
@@ -113,7 +115,7 @@ def _read_header(head: str, names: list[str]) -> list[tuple[str, str]]:
             raise InputError("drive.file", head, why)
         column, unit = parts[1].lower(), parts[2]
         if column not in known:
-            raise InputError("drive.file", name, f"is no such column; give {' or '.join(known)}, as in: {EXAMPLE}")
+            raise InputError("drive.file", parts[1], f"is no such column; give {' or '.join(known)}, as in: {EXAMPLE}")
         if unit not in known[column]:
             why = f"has an unknown unit; give {', '.join(known[column])}"
             raise InputError("drive.file", f"{column} [{unit}]", why)

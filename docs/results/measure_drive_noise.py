@@ -20,7 +20,7 @@ ORDERS = ((1, 1.0, -1.0), (4, 0.12, 0.5))
 OMEGA, PERIODS, SEEDS = 417.0, 60, 200
 SETTINGS = (
     (48, 0.0, (0.0005, 0.002, 0.05, 0.15)),
-    (48, 0.001, (0.0, 0.002, 0.05)),
+    (48, 0.001, (0.0, 0.05)),
 )
 """Samples in a period, the sd of the noise of the measurement over the amplitude of order 1, and sigma over alpha."""
 PLANTED = 1.5  # times the true noise: what an interval should not hold

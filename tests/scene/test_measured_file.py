@@ -67,7 +67,7 @@ def with_line(number, text):
         ("\n", "is empty"),
         (PLAIN.replace(HEAD, HEAD + ",torque [N m]"), "has 3 columns; keep two, as in: time"),
         (PLAIN.replace(HEAD, "time [s]"), "has 1 column; keep two"),
-        (PLAIN.replace(HEAD, "Zeit [s],Drehzahl [1/min]"), "'Zeit .s.': is no such column; give time or angle"),
+        (PLAIN.replace(HEAD, "Zeit [s],Drehzahl [1/min]"), "'Zeit': is no such column; give time or angle"),
         (PLAIN.replace(HEAD, "time [s],speed [U/min]"), "has an unknown unit; give rad/s, rpm"),
         (PLAIN.replace(HEAD, "time [h],speed [rpm]"), "'time .h.': has an unknown unit; give s, ms"),
         (PLAIN.replace(HEAD, "time,displacement"), "name two columns with their units"),
