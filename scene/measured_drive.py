@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rattle.scene.drive_noise import Pattern, correlate_neighbours, estimate_noise, find_pattern
+from rattle.scene.drive_noise import RESOLUTION, Pattern, correlate_neighbours, estimate_noise, find_pattern
 from rattle.scene.drive_phase import SLIP, Followed, follow, guess_phases, is_spike
 from rattle.scene.errors import InputError, count, positive
 from rattle.scene.measured_file import RPM, Measurement, read_measurement
@@ -87,7 +87,7 @@ class MeasuredDrive:
     >>> found.periods, round(found.amplitude, 6), [one.order for one in found.drive]
     (19, 0.3, [1])
     >>> found.answer[1]
-    'The periods show no noise: sigma is at most 1e-05 alpha.'
+    'The periods show no noise of the drive: sigma is at most 1e-05 alpha.'
     """
 
     drive: tuple[Order, ...]
@@ -117,14 +117,16 @@ class MeasuredDrive:
             f"{self.periods} periods at {self.omega:.5g} rad/s: {', '.join(named)}; what is left out has "
             f"{rest} of the rms acceleration."
         ]
+        own = ""
+        if self.floor > RESOLUTION:
+            own = f"; white noise of the measurement, which alone looks like {self.floor:.2g} alpha, is subtracted"
         if self.low > 0.0:
             said.append(
                 f"The scatter of the periods is that of white noise of sigma = {self.sigma_ratio:.3g} alpha (95 % "
-                f"interval {self.low:.3g} to {self.high:.3g} alpha), after white noise of the measurement, which alone "
-                f"would be taken for {self.floor:.2g} alpha, is subtracted."
+                f"interval {self.low:.3g} to {self.high:.3g} alpha){own}."
             )
         else:
-            said.append(f"The periods show no noise: sigma is at most {self.high:.3g} alpha.")
+            said.append(f"The periods show no noise of the drive: sigma is at most {self.high:.3g} alpha{own}.")
         said += self.remarks
         if self.low > 0.0 and abs(self.memory) > REMEMBERS / math.sqrt(self.periods):
             why = "the noise has a memory (correlation_time)" if self.memory > 0.0 else "something alternates"

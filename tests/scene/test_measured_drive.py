@@ -445,7 +445,7 @@ def test_noise_of_the_measurement_is_none_of_the_drive(quantity):
 
 
 def test_a_file_without_a_motion_is_refused():
-    with pytest.raises(InputError, match="displacement = 3.0: is the same in all rows"):
+    with pytest.raises(InputError, match=r"displacement = 3\.0: is the same in all rows"):
         measure_drive(write(TIMES, 0.0 * TIMES + 3.0), omega=OMEGA2)
     with pytest.raises(InputError, match="is not in the file"):
         measure_drive(write(TIMES, 80.0 * TIMES), omega=OMEGA2)
