@@ -167,6 +167,27 @@ def coverage(reports: Path) -> Table:
 
 
 @table
+def drive_noise(reports: Path) -> Table:
+    """How often the interval of a measured drive holds the noise that was put into made measurements."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "drive_noise.csv")
+    rows = [
+        [
+            r["quantity"],
+            f"{r['noise']:.1%}",
+            short(r["sigma"]),
+            short(r["median_sigma"]),
+            _share(r["hold"], r["seeds"]),
+            "" if r["sigma"] == 0.0 else f"{r['hold_planted']} of {r['seeds']}",
+            f"{r['at_most']} of {r['seeds']}",
+            short(r["median_floor"], 2),
+        ]
+        for r in found.to_dict("records")
+    ]
+    heads = ["file", "noise of the measurement", "σ/α", "median found", "intervals that hold it (95 % interval)"]
+    return [*heads, "that hold 1.5 times as much", "said as “at most”", "floor"], rows
+
+
+@table
 def energy_law(reports: Path) -> Table:
     """What ``rattle check published --result energy-law --all --json`` has printed, kept beside the page."""
     found = json.loads((Path(__file__).parent / "results" / "energy_law.json").read_text())["results"][0]

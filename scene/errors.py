@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
-from rattle.scene.text import harmless
+from rattle.scene.text import harmless, show
 
 C = TypeVar("C")
 
@@ -55,7 +55,7 @@ class InputError(RattleError, ValueError):
 
 def _show(value: object) -> str:
     """A value as it was given, cut to `LONGEST` characters."""
-    text = repr(value)
+    text = show(value)
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 

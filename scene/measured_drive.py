@@ -1,52 +1,53 @@
 """A measured drive: the orders of the driver's motion and the intensity of its noise, from a table of samples.
 
-The samples are cut into whole periods.  Each period has its Fourier coefficients; those of the acceleration follow
-from a displacement or a speed by ``c_j(x') = i j omega c_j(x) + (x(end) - x(start)) / T``, which holds for motion that
-is not periodic.  Their mean is the drive.  What the acceleration of a period is of the mean one,
-
-``p_k = 1 + (integral of m f''^2) / (integral of f''^2)``  with the modulation ``m`` of docs/model.md section 4,
-
-scatters with the variance ``S (integral of f''^4) / (integral of f''^2)^2`` where m is white noise of the spectral
-density ``S = (sigma / alpha)^2``: so the scatter of the periods gives sigma.
+The file (`rattle.scene.measured_file`) is brought to the phase of the drive (`rattle.scene.drive_phase`), the orders of
+each period are fitted there (`rattle.scene.period_fits`), their mean is the drive, and their scatter gives the noise
+(`rattle.scene.drive_noise`).
 """
 
-import csv
 import math
-import re
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rattle.scene.drive_noise import RESOLUTION, Pattern, correlate_neighbours, estimate_noise, find_pattern
+from rattle.scene.drive_phase import SLIP, Followed, follow, guess_phases, is_spike
 from rattle.scene.errors import InputError, count, positive
-from rattle.scene.files import read_text
+from rattle.scene.measured_file import RPM, Measurement, read_measurement
 from rattle.scene.parts import Order
-from rattle.scene.types import Floats
+from rattle.scene.period_fits import (
+    TURN,
+    PeriodFits,
+    Samples,
+    Waves,
+    evaluate,
+    fit_periods,
+    measure_gains,
+    measure_own_noise,
+    project,
+)
+from rattle.scene.text import percent
+from rattle.scene.types import Bools, Floats
 
 if TYPE_CHECKING:
     from rattle.scene.plot import ShownFigure
 
 
-ALONG = {"time": {"s": 1.0, "ms": 1e-3}, "angle": {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}}
-RPM = 2.0 * math.pi / 60.0
-VALUES = {
-    "displacement": {"rad": 1.0, "deg": math.pi / 180.0, "mm": 1.0},
-    "speed": {"rad/s": 1.0, "rpm": RPM, "1/min": RPM, "mm/s": 1.0},
-    "acceleration": {"rad/s^2": 1.0, "rad/s2": 1.0, "rad/s²": 1.0, "mm/s^2": 1.0, "mm/s2": 1.0, "mm/s²": 1.0},
-}
-"""What a column may hold, by its first word, and the factor of each unit to s, rad or mm."""
-HEADER = re.compile(r"(?:crank )?(\w+)\s*[\[(]\s*([^\])]+?)\s*[\])]", flags=re.I)
-JITTER = 0.02  # of a step, by which times may be rounded
-LEAST_PERIODS, LEAST_SAMPLES = 8, 16
-SLIP = 0.02  # share by which the frequency in the file may differ from the stated one
-ZOOMS = 4  # refinements of the frequency
-FUNDAMENTALS = 4  # orders by which the frequency is found
 HIGHEST = 16  # order that is looked for by default
 SMALL = 0.01  # of the largest acceleration of an order, below which an order is left out
 CHANCE = 4.0  # standard errors up to which an order is left out
-REMEMBERS = 3.0  # standard errors of the correlation of successive periods from which on the noise is said to remember
-STEADY = 5.0  # mean over sd of a speed from which on it is that of the rotation, not its fluctuation
+COHERENT = 0.25  # share of the power of all periods that their mean has, below which the drive is not in the file
+REMEMBERS = 3.0  # standard errors of the correlation of successive periods from which on it is said
+FAR = 0.001  # of the mean period, up to which no period counts as far off
+DRIFTS = 0.002  # relative range of the frequency, or of the amplitude, from which on it is said
+CLEARLY = 0.5  # of the scatter over time, below which the orders follow the angle
+OFF = 0.1  # periods by which a stated number of periods may be off
+VANISHING = 1e-4  # share that is not written
+NAMED = 5  # lines that are named
 
 
 @dataclass(frozen=True)
@@ -64,11 +65,16 @@ class MeasuredDrive:
     periods : int
         Whole periods that were averaged.
     sigma_ratio, low, high : float
-        Noise intensity ``sigma / alpha`` of white noise with the scatter of the periods, with its 95 % interval.
+        Noise intensity ``sigma / alpha`` of white noise with the scatter of the periods, with its 95 % interval;
+        ``low`` is 0 where the file does not show any.
+    floor : float
+        The ``sigma / alpha`` for which the noise of the measurement alone would be taken; it is subtracted.
     memory : float
         Correlation of the modulation of successive periods: about 0 for white noise.
     left_out : float
-        Root mean square acceleration of what is left out of the mean period, over that of the mean period.
+        Root mean square acceleration of what is left out, half orders included, over that of the motion.
+    remarks : tuple of str
+        What else was found: bad samples, periods left out, a drift, half orders.
     table : dict
         Columns ``order, amplitude_mm, phase, se_mm, kept`` of every order that was looked for.
 
@@ -80,6 +86,8 @@ class MeasuredDrive:
     >>> found = measure_drive("time [s],displacement [mm]\\n" + rows, omega=300.0)
     >>> found.periods, round(found.amplitude, 6), [one.order for one in found.drive]
     (19, 0.3, [1])
+    >>> found.answer[1]
+    'The periods show no noise of the drive: sigma is at most 1e-05 alpha.'
     """
 
     drive: tuple[Order, ...]
@@ -89,8 +97,10 @@ class MeasuredDrive:
     sigma_ratio: float
     low: float
     high: float
+    floor: float
     memory: float
     left_out: float
+    remarks: tuple[str, ...]
     table: dict[str, list[Any]] = field(repr=False)
     quantity: str  # what was measured: displacement, speed or acceleration
     unit: str
@@ -102,16 +112,27 @@ class MeasuredDrive:
     def answer(self) -> list[str]:
         """What was found, in sentences."""
         named = [f"order {one.order} {self.amplitude * one.amplitude:.3g} mm" for one in self.drive]
+        rest = percent(self.left_out) if self.left_out > VANISHING else f"less than {percent(VANISHING)}"
         said = [
             f"{self.periods} periods at {self.omega:.5g} rad/s: {', '.join(named)}; what is left out has "
-            f"{100.0 * self.left_out:.2g} % of the rms acceleration.",
-            f"The scatter of the periods is that of white noise of sigma = {self.sigma_ratio:.3g} alpha (95 % interval "
-            f"{self.low:.3g} to {self.high:.3g} alpha); noise of the measurement counts as noise of the drive.",
+            f"{rest} of the rms acceleration."
         ]
-        if self.memory > REMEMBERS / math.sqrt(self.periods):
+        own = ""
+        if self.floor > RESOLUTION:
+            own = f"; white noise of the measurement, which alone looks like {self.floor:.2g} alpha, is subtracted"
+        if self.low > 0.0:
             said.append(
-                f"Successive periods correlate by {self.memory:.2f}: the noise has a memory (correlation_time), and "
-                "sigma is that of white noise which scatters as much, not that of its own spectrum."
+                f"The scatter of the periods is that of white noise of sigma = {self.sigma_ratio:.3g} alpha (95 % "
+                f"interval {self.low:.3g} to {self.high:.3g} alpha){own}."
+            )
+        else:
+            said.append(f"The periods show no noise of the drive: sigma is at most {self.high:.3g} alpha{own}.")
+        said += self.remarks
+        if self.low > 0.0 and abs(self.memory) > REMEMBERS / math.sqrt(self.periods):
+            why = "the noise has a memory (correlation_time)" if self.memory > 0.0 else "something alternates"
+            said.append(
+                f"Successive periods correlate by {self.memory:.2f}: {why}, and sigma is that of white noise which "
+                "scatters as much, not that of its own spectrum."
             )
         return said
 
@@ -145,7 +166,8 @@ def measure_drive(
     file : path or str
         A CSV file (comma, semicolon or tab), or its text.  Its first line names two columns with their units:
         ``time`` in s or ms, or the crank ``angle`` in deg or rad; and the driver's ``displacement`` (rad, deg, mm),
-        ``speed`` (rad/s, rpm, mm/s) or ``acceleration`` (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``.
+        ``speed`` (rad/s, rpm, deg/s, mm/s) or ``acceleration`` (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``.
+        Steps may be uneven; an angle may be wrapped.
     omega : float, optional
         Frequency of the drive in rad/s; it is found to a fraction of 2 % around it.  May be left out where `periods` is
         given, or where the file has the speed of the rotation over the angle.
@@ -165,8 +187,13 @@ def measure_drive(
     Raises
     ------
     InputError
-        For a file that cannot be read, with the line: no such columns or units, gaps, unequal steps, what is no number,
-        too few periods or samples, a frequency that is not in it.
+        For a file that cannot be read, with the line: no such columns or units, gaps, times that do not rise, what is
+        no number, too few periods or samples, a frequency that is not in it.
+
+    Notes
+    -----
+    Samples and periods that stand far off the others are left out, by medians, and named in ``answer``; so are orders
+    between whole ones, a slow change of the frequency or of the amplitude, and a number of periods that is wrong.
 
     Examples
     --------
@@ -178,189 +205,179 @@ def measure_drive(
     >>> round(found.omega, 1), round(found.amplitude, 2)
     (167.5, 0.4)
     """
-    text = str(file) if "\n" in str(file) else read_text("drive.file", file, "a CSV file")
-    (along, step), (quantity, unit), x, y = _read_columns(text)
-    if unit.startswith(("rad", "deg", "rpm", "1/min", "°")):
+    measured = read_measurement(file)
+    radius = 1.0
+    if measured.is_angular:
         if driver_radius is None:
-            raise InputError("gears.driver_radius", None, f"give it, in mm, for a drive in {unit}")
-        y = y * positive("gears.driver_radius", driver_radius)
-    x, y = x * step, y * VALUES[quantity][unit]
-    if along == "angle":
-        turning = y / (driver_radius or 1.0) if quantity == "speed" else np.zeros_like(y)
-        x, omega = _time_of_angle(x, turning, omega, count("drive.periods_per_turn", periods_per_turn))
-    if periods is not None:
-        stated = 2.0 * math.pi * count("drive.periods", periods) / (len(x) * (x[1] - x[0]))
-        if omega is not None and abs(stated / omega - 1.0) > SLIP:
-            why = f"would be a frequency of {stated:.5g} rad/s, not the {omega:.5g} of the gears"
-            raise InputError("drive.periods", periods, why)
-        omega = stated
-    if omega is None:
-        why = "give the frequency of the drive in rad/s, or drive.periods: how many the file has"
-        raise InputError("gears.omega", None, why)
-    if periods is None:
-        omega = _find_frequency(x, y, omega)
-    return _analyse(x, y, omega, quantity, unit, count("drive.highest_order", highest_order), driver_radius)
-
-
-def _read_columns(text: str) -> tuple[tuple[str, float], tuple[str, str], Floats, Floats]:
-    """What runs along with its factor, what was measured with its unit, and both columns."""
-    lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if not lines:
-        raise InputError("drive.file", text, "is empty; give a CSV file with two columns")
-    head = lines[0][1]
-    mark = next((m for m in (";", "\t") if m in head), ",")
-    names = [cell.strip() for cell in head.split(mark)]
-    found = [HEADER.fullmatch(name) for name in names]
-    if len(names) != 2 or None in found:
-        why = "name two columns with their units in its first line, as in: time [ms], speed [rpm]"
-        raise InputError("drive.file", head, why)
-    (along, step), (quantity, unit) = ((m[1].lower(), m[2]) for m in found if m)
-    for name, given, known in ((along, step, ALONG), (quantity, unit, VALUES)):
-        if name not in known:
-            raise InputError("drive.file", name, f"is no such column; give {' or '.join(known)}")
-        if given not in known[name]:
-            raise InputError("drive.file", f"{name} [{given}]", f"has an unknown unit; give {', '.join(known[name])}")
-    rows = []
-    for (number, _), cells in zip(lines[1:], csv.reader((line for _, line in lines[1:]), delimiter=mark), strict=True):
-        try:
-            pair = [float(cell) for cell in cells]
-        except ValueError:
-            pair = [math.nan]
-        if len(pair) != 2 or not all(map(math.isfinite, pair)):
-            why = "needs two numbers, with decimal points; leave out the rows before or after a gap"
-            raise InputError(f"drive.file, line {number}", mark.join(cells), why)
-        rows.append((number, *pair))
-    if len(rows) < LEAST_PERIODS * LEAST_SAMPLES:
-        why = f"is too short: {LEAST_PERIODS} periods of {LEAST_SAMPLES} samples are the least"
-        raise InputError("drive.file", f"{len(rows)} samples", why)
-    numbers, x, y = (np.array(column) for column in zip(*rows, strict=True))
-    if along == "angle":
-        x = np.unwrap(x, period=2.0 * math.pi / ALONG[along][step])
-    _check_steps(x, numbers, along)
-    return (along, ALONG[along][step]), (quantity, unit), np.linspace(x[0], x[-1], len(x)), y
-
-
-def _check_steps(x: Floats, numbers: Floats, along: str) -> None:
-    """Refuse a column that does not rise by equal steps."""
-    rise = np.diff(x)
-    usual = float(np.median(rise))
-    if not usual > 0.0:
-        raise InputError("drive.file", along, "must rise from row to row")
-    off = np.abs(rise / usual - 1.0)
-    k = int(off.argmax())
-    if off[k] <= 2.0 * JITTER:
-        return
-    where, jump = f"drive.file, line {int(numbers[k + 1])}", float(rise[k])
-    why = f"has another step than the others, {jump:g} where {usual:g} is usual"
-    if jump > 1.5 * usual:
-        why = f"follows a gap of {jump / usual:.3g} steps; give a part of the file without gaps"
-    raise InputError(where, f"{along} = {x[k + 1]:g}", why)
-
-
-def _time_of_angle(angle: Floats, speed: Floats, omega: float | None, per_turn: int) -> tuple[Floats, float]:
-    """The time of each sample, for an angle of the driver, and the frequency of the drive.
-
-    `speed`: In rad/s; that of the rotation where its mean is far from 0.
-    """
-    if float(speed.mean()) > STEADY * float(speed.std()):
-        slow = 1.0 / speed
-        time = np.concatenate([[0.0], np.cumsum(0.5 * (slow[1:] + slow[:-1]) * np.diff(angle))])
-        own = per_turn * float(angle[-1] - angle[0]) / float(time[-1])
-        if omega is not None and abs(own / omega - 1.0) > SLIP:
-            why = f"but the file turns at {own / per_turn:.5g} rad/s, with {per_turn} periods in a turn"
-            raise InputError("gears.omega", omega, why)
-        return time, own
-    if omega is None:
-        why = "give the frequency of the drive in rad/s: the file has no speed of rotation"
-        raise InputError("gears.omega", None, why)
-    return angle * per_turn / omega, omega
-
-
-def _find_frequency(x: Floats, y: Floats, omega: float) -> float:
-    """The frequency near a stated one at which the first orders of all periods add up to most."""
-    start, half = omega, SLIP
-    for _ in range(ZOOMS):
-        shares = np.linspace(-half, half, 401)
-        cycles, _ = _cut(x, y, omega)
-        c = np.fft.rfft(cycles - cycles.mean(axis=1, keepdims=True), axis=1)[:, 1 : 1 + FUNDAMENTALS]
-        turn = 2.0 * math.pi * np.arange(len(c))[:, None] * np.arange(1, 1 + c.shape[1])
-        power = [(np.abs((c * np.exp(-1j * share * turn)).sum(axis=0)) ** 2).sum() for share in shares]
-        best = int(np.argmax(power))
-        if half == SLIP and best in (0, len(shares) - 1):
-            break
-        omega, half = omega * (1.0 + float(shares[best])), 0.05 * half
-    else:
-        return omega
-    raise InputError("gears.omega", start, f"is not in the file: its motion does not repeat within {SLIP:.0%} of it")
-
-
-def _cut(x: Floats, y: Floats, omega: float) -> tuple[Floats, Any]:
-    """Whole periods, each at as many equal times from its start on, shape (periods, samples), and a spline of all."""
-    from scipy.interpolate import CubicSpline
-
-    period = 2.0 * math.pi / omega
-    total = x[-1] - x[0] + (x[-1] - x[0]) / (len(x) - 1)
-    each = len(x) * period / total
-    whole = int((x[-1] - x[0]) / period + 1e-6)
-    if whole < LEAST_PERIODS:
-        why = f"is too short; {LEAST_PERIODS} periods are the least"
-        raise InputError("drive.file", f"{total / period:.3g} periods", why)
-    if each < LEAST_SAMPLES:
-        raise InputError("drive.file", f"{each:.3g} samples a period", f"is too coarse; {LEAST_SAMPLES} are the least")
-    samples = 1 << math.ceil(math.log2(each))
-    spline = CubicSpline(x, y)
-    times = x[0] + period * (np.arange(whole)[:, None] + np.arange(samples + 1) / samples)
-    return spline(times[:, :-1]), spline
+            why = f"give it, in mm, for a drive in {measured.unit}"
+            raise InputError("gears.driver_radius", None, why)
+        radius = positive("gears.driver_radius", driver_radius)
+    highest = count("drive.highest_order", highest_order)
+    per_turn = count("drive.periods_per_turn", periods_per_turn)
+    spikes = is_spike(measured.values)
+    phases = guess_phases(measured, ~spikes, omega, periods, per_turn, driver_radius)
+    slip = SLIP if periods is None else max(SLIP, 1.0 / periods)
+    best, *others = [follow(measured, ~spikes, guess, radius, highest, slip) for guess in phases]
+    for other in others:
+        if other.scatter < CLEARLY * best.scatter:
+            best = other
+    if best.coherence < COHERENT or (len(phases) == 1 and abs(best.shift) > 1.05 * slip):
+        name, value = ("gears.omega", omega) if periods is None else ("drive.periods", periods)
+        why = f"is not in the file: its motion does not repeat within {percent(slip)} of it"
+        raise InputError(name, value, why)
+    return _analyse(measured, best, highest, radius, periods, per_turn)
 
 
 def _analyse(
-    x: Floats, y: Floats, omega: float, quantity: str, unit: str, highest: int, radius: float | None
+    measured: Measurement, found: Followed, highest: int, radius: float, stated: int | None, per_turn: int
 ) -> MeasuredDrive:
-    """Orders and noise from samples in mm, mm/s or mm/s^2 at equal times."""
-    from scipy.stats import chi2
-
-    cycles, spline = _cut(x, y, omega)
-    periods, samples = cycles.shape
-    highest = min(highest, samples // 4)
-    orders = np.arange(1, samples // 2)
-    c = np.fft.rfft(cycles, axis=1)[:, 1 : samples // 2] / samples
-    edges = x[0] + 2.0 * math.pi / omega * np.arange(periods + 1)
-    power = list(VALUES).index(quantity)  # how often a displacement is differentiated
-    for degree in range(2 - power):
-        jump = np.diff(spline(edges, degree)) * omega / (2.0 * math.pi)
-        c = 1j * omega * orders * c + jump[:, None]
-    mean = c.mean(axis=0)
-    error = np.sqrt((np.abs(c - mean) ** 2).sum(axis=0) / (periods - 1) / periods / 2.0)
+    """Orders and noise from samples at the phase of the drive."""
+    samples, fits = found.samples, found.fits
+    good, cycle = _find_good_periods(fits, found.mean)
+    between = _fit_between(samples, len(fits.orders), cycle)
+    if cycle > 1:
+        subharmonic = between[1] / (1j * between[0]) ** (2 - samples.power)
+        samples = replace(samples, values=samples.values - evaluate(between[0], subharmonic, samples.tau))
+        fits = fit_periods(samples, len(fits.orders))
+    orders, waves = fits.orders, fits.filled
+    mean, error = _average(waves[good])
     size = np.abs(mean)
-    looked = orders <= highest
-    kept = looked & (size > SMALL * size.max()) & (size > CHANCE * error)
+    kept = (orders <= highest) & (size > SMALL * size.max()) & (size > CHANCE * error)
     if not kept.any():
-        raise InputError("gears.omega", omega, "is not in the file: no order of it is larger than its error")
-    displacement = -mean / (omega * orders) ** 2
-    sizes, phase = 2.0 * np.abs(displacement), np.angle(displacement) + 0.5 * math.pi
-    amplitude = float(sizes[kept].max())
-    drive = tuple(
-        Order(int(j), float(a / amplitude), float(math.remainder(p, 2.0 * math.pi)))
-        for j, a, p in zip(orders[kept], sizes[kept], phase[kept], strict=True)
+        raise InputError("gears.omega", found.omega, "is not in the file: no order of it is larger than its error")
+    drive = np.where(kept, mean, 0.0)
+    pattern = find_pattern(project(waves, drive).real, good, math.inf, cycles=(cycle,))
+    gains = measure_gains(samples, len(orders), drive)
+    sigma, low, high, floor = estimate_noise(pattern, gains, measure_own_noise(samples, orders, mean))
+
+    within = orders, mean, error, kept
+    every, waves_of_all, errors, used = (np.concatenate(pair) for pair in zip(within, between, strict=True))
+    table = _tabulate(every, waves_of_all, errors, used, highest)
+    amplitude = max(a for a, k in zip(table["amplitude_mm"], table["kept"], strict=True) if k)
+    rows = zip(*(table[name] for name in ("order", "amplitude_mm", "phase", "kept")), strict=True)
+    made = tuple(Order(int(order), a / amplitude, phase) for order, a, phase, k in rows if k)
+
+    each = len(samples.tau) // len(waves)
+    tau = TURN * np.arange(each) / each
+    unit = found.omega**samples.power / (measured.factor * radius)
+    derive = np.asarray(unit * (1j * orders) ** (samples.power - 2), np.complex128)
+    cycles = np.real((derive * waves[good]) @ np.exp(1j * np.outer(orders, tau)))
+    return MeasuredDrive(
+        drive=made,
+        amplitude=amplitude,
+        omega=found.omega,
+        periods=int(good.sum()),
+        sigma_ratio=sigma,
+        low=low,
+        high=high,
+        floor=floor,
+        memory=correlate_neighbours(pattern),
+        left_out=_measure_rest(waves_of_all, errors, used),
+        remarks=tuple(_remark(measured, found, pattern, table, cycle, stated, per_turn)),
+        table=table,
+        quantity=measured.quantity,
+        unit=measured.unit,
+        cycle=cycles.mean(axis=0),
+        spread=cycles.std(axis=0, ddof=1),
+        sum_of_orders=evaluate(orders, derive * drive, tau),
     )
-    share = np.real((c[:, kept] * np.conj(mean[kept])).sum(axis=1)) / (size[kept] ** 2).sum()
-    tau = 2.0 * math.pi * np.arange(16 * samples) / (16 * samples)
-    second = 2.0 * np.real(mean[kept] @ np.exp(1j * np.outer(orders[kept], tau)))
-    density = share.var(ddof=1) * 2.0 * math.pi * (second**2).mean() ** 2 / (second**4).mean()
-    low, high = (math.sqrt(density * (periods - 1) / chi2.ppf(q, periods - 1)) for q in (0.975, 0.025))
-    rest = share - share.mean()
-    memory = float((rest[1:] * rest[:-1]).sum() / max((rest**2).sum(), 1e-300))
-    factor = VALUES[quantity][unit] * (radius or 1.0 if not unit.startswith("mm") else 1.0)
-    own = cycles - cycles.mean(axis=1, keepdims=True)
-    times = np.exp(1j * np.outer(orders[kept], 2.0 * math.pi * np.arange(samples) / samples))
-    summed = 2.0 * np.real((displacement[kept] * (1j * omega * orders[kept]) ** power) @ times)
-    left_out = float(np.sqrt((size[~kept] ** 2).sum() / (size**2).sum()))
-    table = {
-        "order": orders[looked].tolist(),
-        "amplitude_mm": sizes[looked].tolist(),
-        "phase": [math.remainder(p, 2.0 * math.pi) for p in phase[looked]],
-        "se_mm": (2.0 * error / (omega * orders) ** 2)[looked].tolist(),
-        "kept": kept[looked].tolist(),
+
+
+def _find_good_periods(fits: PeriodFits, mean: Waves) -> tuple[Bools, int]:
+    """Which periods do not stand far off the others, and after how many the motion repeats."""
+    large = np.abs(mean) > SMALL * np.abs(mean).max()
+    shares = project(fits.filled[:, large], mean[large])
+    along = find_pattern(shares.real, fits.fitted, FAR)
+    across = find_pattern(shares.imag, along.good, FAR)
+    return across.good, max(along.cycle, across.cycle)
+
+
+def _average(waves: Waves) -> tuple[Waves, Floats]:
+    """The mean of the periods, and the standard error of its real and imaginary parts."""
+    number = len(waves)
+    mean = waves.mean(axis=0)
+    return mean, np.sqrt((np.abs(waves - mean) ** 2).sum(axis=0) / (number - 1) / number / 2.0)
+
+
+def _fit_between(samples: Samples, highest: int, cycle: int) -> tuple[Floats, Waves, Floats, Bools]:
+    """Orders that are no whole numbers, of a motion that repeats after `cycle` periods; none of them is kept."""
+    fits = fit_periods(samples, highest if cycle > 1 else 1, cycle)
+    between = fits.orders % 1.0 > 0.0
+    mean, error = _average(fits.waves[fits.fitted][:, between])
+    return fits.orders[between], mean, error, np.zeros(len(mean), bool)
+
+
+def _measure_rest(mean: Waves, error: Floats, kept: Bools) -> float:
+    """Root mean square of what is not kept over that of all, with the noise of the mean taken off."""
+    rest = max(float((np.abs(mean) ** 2 - 2.0 * error**2)[~kept].sum()), 0.0)
+    return math.sqrt(rest / (rest + float((np.abs(mean[kept]) ** 2).sum())))
+
+
+def _tabulate(orders: Floats, mean: Waves, error: Floats, kept: Bools, highest: int) -> dict[str, list[Any]]:
+    """The orders up to the highest, as a motion in mm."""
+    rows = np.argsort(orders)
+    rows = rows[orders[rows] <= highest]
+    displacement = -mean / orders**2
+    numbers = orders[rows].tolist()
+    phases = np.angle(displacement[rows]) + 0.5 * math.pi
+    return {
+        "order": [int(order) if order.is_integer() else order for order in numbers],
+        "amplitude_mm": np.abs(displacement[rows]).tolist(),
+        "phase": [math.remainder(phase, TURN) for phase in phases],
+        "se_mm": (error / orders**2)[rows].tolist(),
+        "kept": kept[rows].tolist(),
     }
-    found = drive, amplitude, omega, periods, math.sqrt(density), low, high, memory, left_out, table, quantity, unit
-    return MeasuredDrive(*found, own.mean(axis=0) / factor, own.std(axis=0, ddof=1) / factor, summed / factor)
+
+
+def _remark(
+    measured: Measurement,
+    found: Followed,
+    pattern: Pattern,
+    table: dict[str, list[Any]],
+    cycle: int,
+    stated: int | None,
+    per_turn: int,
+) -> Iterator[str]:
+    """What else was found, in sentences."""
+    bad = np.flatnonzero(~found.good)
+    if len(bad):
+        named = [f"{measured.lines[k]} ({measured.written[k]:g})" for k in bad[:NAMED]]
+        more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
+        yield f"Left out as bad, far off their neighbours: the samples of line {', '.join(named)}{more}."
+    off = np.flatnonzero(~pattern.good)
+    if len(off):
+        lines = measured.lines[found.good]
+        edges = np.searchsorted(found.samples.tau, TURN * np.stack([off, off + 1])) - np.array([[0], [1]])
+        named = [f"{lines[first]} to {lines[last]}" for first, last in edges.T[:NAMED]]
+        more = f" and {len(off) - NAMED} more" if len(off) > NAMED else ""
+        many = f"{len(off)} of {len(pattern.good)} periods"
+        yield f"{many} are left out, far off the others: line {', '.join(named)}{more}."
+    if stated is not None and abs(found.length - stated) > OFF:
+        yield f"The file has {found.length:.4g} periods, not the {stated} that were stated."
+    yield from _remark_drift(measured, found, pattern, per_turn)
+    rows = zip(table["order"], table["amplitude_mm"], table["se_mm"], strict=True)
+    between = [(order, a) for order, a, se in rows if order % 1.0 > 0.0 and a > CHANCE * se]
+    if between:
+        largest = sorted(between, key=itemgetter(1), reverse=True)[:NAMED]
+        largest = [(order, a) for order, a in largest if a > SMALL * largest[0][1]]
+        parts = ", ".join(f"order {order:.3g} {a:.2g} mm" for order, a in sorted(largest))
+        yield f"The motion repeats only after {cycle} periods: {parts} count as left out, not as noise."
+
+
+def _remark_drift(measured: Measurement, found: Followed, pattern: Pattern, per_turn: int) -> Iterator[str]:
+    """A frequency or an amplitude that changes slowly."""
+    slowest, fastest = float(found.rate.min()), float(found.rate.max())
+    if fastest > (1.0 + DRIFTS) * slowest:
+        speed = ""
+        if measured.along == "angle":
+            speed = f" (the mean speed from {slowest / per_turn / RPM:.4g} to {fastest / per_turn / RPM:.4g} rpm)"
+        yield (
+            f"The frequency runs from {slowest:.4g} to {fastest:.4g} rad/s{speed}: the orders follow its phase, and "
+            "this is no noise."
+        )
+    share = pattern.slow(np.flatnonzero(pattern.good))
+    if np.ptp(share) > DRIFTS:
+        yield (
+            f"The motion runs from {percent(share.min(), 3)} to {percent(share.max(), 3)} of its mean: a slow change "
+            "is no noise; vary alpha for it."
+        )

@@ -5,6 +5,7 @@ import textwrap
 import unicodedata
 from collections.abc import Mapping
 from contextlib import suppress
+from decimal import Decimal
 from html import escape
 
 CONTROL = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
@@ -53,9 +54,20 @@ def duration_text(seconds: float, digits: int = 3) -> str:
 WIDTH = 100
 
 
+def show(value: object) -> str:
+    """A value as Python text, its numbers without the names of numpy's types."""
+    text = repr(value)
+    if "np." not in text:
+        return text
+    import numpy as np
+
+    with np.printoptions(legacy="1.25"):
+        return repr(value)
+
+
 def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> str:
     """Python text of a call, on as many lines as it needs."""
-    listed = ", ".join([first] * bool(first) + [f"{key}={value!r}" for key, value in arguments.items()])
+    listed = ", ".join([first] * bool(first) + [f"{key}={show(value)}" for key, value in arguments.items()])
     text = " ".join(f"{name}({listed})".split())
     return textwrap.fill(text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
 
@@ -63,3 +75,12 @@ def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> s
 def as_html(text: str, table: str = "") -> str:
     """Show a text, and a table below it, in a notebook."""
     return f"<pre>{escape(text)}</pre>{table}"
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share in percent to some digits, without a power of ten.
+
+    >>> percent(0.9996), percent(0.0123), percent(2.5e-6)
+    ('100 %', '1.2 %', '0.00025 %')
+    """
+    return f"{Decimal(f'{100.0 * share:.{digits}g}'):f} %"

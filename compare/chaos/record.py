@@ -19,6 +19,7 @@ from rattle.montecarlo.coupling.paths import LongPath
 from rattle.scene import Floats, InputError, RattleError, Scene, count
 from rattle.scene.impact import MISSES, NONE
 from rattle.scene.tangent import Stretch
+from rattle.scene.text import percent
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -98,7 +99,7 @@ class Regime:
             r=self,
             times="times" if self.stuck > 1 else "time",
             transient=f", the first {self.transient:,} of them a transient" if self.transient else "",
-            closed=100.0 * (self.sticking_steps / self.steps if noisy else self.closed),
+            closed=percent(self.sticking_steps / self.steps if noisy else self.closed),
             silent=MISSES[NONE],
         )
 

@@ -16,6 +16,7 @@ from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.save import contents, save_report
 from rattle.compare.study.parameters import PERCENT, STEPS
 from rattle.compare.validation.verdict import JUDGED
+from rattle.scene.text import percent
 
 CONTENTS = contents("boundary", figures=("boundary",), tables=("boundary", "points"))
 CONTENTS |= contents("sensitivity", figures=("sensitivity", "by_mesh"), tables=("sensitivity", "values"))
@@ -29,7 +30,7 @@ LONG_RUNS = {"paths": crossing.PATHS, "looks": ", ".join(f"{n:,}" for n in cross
 
 
 def _steps(near: float, far: float) -> dict[str, str]:
-    return {"near": f"{100.0 * near:g} %", "far": f"{100.0 * far:g} %", "change": PERCENT}
+    return {"near": percent(near), "far": percent(far), "change": PERCENT}
 
 
 KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {

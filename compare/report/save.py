@@ -115,7 +115,7 @@ def write_drive(out: Path, found: MeasuredDrive, record: dict[str, Any], overwri
     """Write the folder of a measured drive."""
     orders = pd.DataFrame(found.table)
     shown = {"orders": orders.assign(said=np.where(orders["kept"], "kept", "left out"))}
-    names = ("amplitude", "omega", "periods", "sigma_ratio", "low", "high", "memory", "left_out")
+    names = ("amplitude", "omega", "periods", "sigma_ratio", "low", "high", "floor", "memory", "left_out")
     title, record = f"The measured drive of {record['name']}", record | {name: getattr(found, name) for name in names}
     page: dict[str, Any] = {"package": "report", "layout": "drive.md", "values": {"small": SMALL, "chance": CHANCE}}
     files: dict[str, Any] = {"figures": {"drive": found.plot()}, "tables": {"orders": orders}, "digits": "%.6g"}

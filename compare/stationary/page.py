@@ -18,6 +18,7 @@ from rattle.compare.validation.transient import drag_text
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.long_run import LongRun
 from rattle.scene import Scene
+from rattle.scene.text import percent
 from rattle.scene.threshold import rattle_threshold
 
 FIGURES = ("distribution", "section", "memory", "closures", "bifurcation")
@@ -158,7 +159,7 @@ def _slow(found: Stationary, value: dict[str, float], second: str) -> str:
         return ""
     each = f"{_number(slower, 3)} slower impacts{second}, {share:.2%} of all"
     closed = {mesh: value[f"contact_share_mesh{mesh}"] for mesh in range(1, found.scene.stages + 1)}
-    named = " and ".join(f"mesh {mesh} for {100.0 * part:.2g} %" for mesh, part in closed.items() if part > 0.0)
+    named = " and ".join(f"mesh {mesh} for {percent(part)}" for mesh, part in closed.items() if part > 0.0)
     if named:
         return (
             f"The others are chatter: {each}, in which teeth bounce ever more weakly until they stay closed ({named} "

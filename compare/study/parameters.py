@@ -9,9 +9,10 @@ from rattle.scene import Gears, Scene, Start, choice
 from rattle.scene.gears_input import UNIT
 from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import FREE, SWEPT
+from rattle.scene.text import percent
 
 CHANGE = 0.01  # the change of a parameter that effects are stated for
-PERCENT = f"{100.0 * CHANGE:g} %"
+PERCENT = percent(CHANGE)
 STEPS = (0.02, 0.04)  # relative changes of a parameter at which the motion is simulated, up and down
 SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")  # not of a single stage
 NOT_REAL = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")

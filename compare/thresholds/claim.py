@@ -11,6 +11,7 @@ from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo.settings import MOST_PATHS
 from rattle.scene import SECTION, STATE, FileError, InputError, Scene, check_keys, choice, count, finite, positive
+from rattle.scene.text import show
 
 PROFILES = {"quick": 32_768, "full": 1_048_576}
 """Simulated paths of the first look, unless the marker gives a number."""
@@ -160,7 +161,8 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     paths, budget, accuracy = (options.get(name) for name in ("paths", "budget", "accuracy"))
     for name, value, limits in (("paths", paths, {"least": FEWEST}), ("budget", budget, {"most": MOST_PATHS})):
         if value is not None and accuracy is not None:
-            raise InputError("accuracy", accuracy, f"chooses the number of paths itself; leave out {name} = {value!r}")
+            why = f"chooses the number of paths itself; leave out {name} = {show(value)}"
+            raise InputError("accuracy", accuracy, why)
         if value is not None:
             count(name, value, **limits)
     if (undecided := options.get("undecided")) is not None:

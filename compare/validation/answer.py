@@ -21,6 +21,7 @@ from rattle.montecarlo.branches.search import SMALLEST
 from rattle.montecarlo.diagnostics.diagnostics import UNSEARCHED
 from rattle.montecarlo.diagnostics.reach import near_text
 from rattle.scene import Scene, duration_text
+from rattle.scene.text import percent
 
 SECTION = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
@@ -148,7 +149,7 @@ def _all_but(probability: float) -> str:
     if not probability >= SMALLEST:
         return "all but fewer than one in a billion"
     if probability >= 1e-3:
-        return f"all but {100.0 * probability:.2g} % of the"
+        return f"all but {percent(probability)} of the"
     per, name = (1e6, "a million") if probability >= 1e-6 else (1e9, "a billion")
     return f"all but {float(f'{probability * per:.2g}'):g} in {name}"
 

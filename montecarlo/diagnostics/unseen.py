@@ -10,6 +10,7 @@ from rattle.montecarlo.branches.search import SMALLEST, RareEvents, search_of
 from rattle.montecarlo.kernel.mixture import BranchMixture
 from rattle.montecarlo.settings import is_random
 from rattle.scene import SECTION, Floats, Scene
+from rattle.scene.text import percent
 
 SEEN = 10.0
 """Expected number of sampled paths from which on a branch is in the sample; below, it may be missing."""
@@ -166,11 +167,11 @@ def unseen_text(moment: str, probability: float, change: float, needed: float) -
     if not np.isfinite(needed):
         return (
             "rare branches are not known here; one that so many paths may miss could change this "
-            f"{moment} by {100.0 * change:.2g} %"
+            f"{moment} by {percent(change)}"
         )
     return (
         f"a rare branch ({share_of(probability)} paths) is missing from the sample: it could change this {moment} by "
-        f"{100.0 * change:.2g} %{' of an sd' if moment == 'mean' else ''}; {_count(needed)} paths would settle it"
+        f"{percent(change)}{' of an sd' if moment == 'mean' else ''}; {_count(needed)} paths would settle it"
     )
 
 

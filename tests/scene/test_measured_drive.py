@@ -1,11 +1,14 @@
 """A measured drive: orders and noise from made measurements of every kind, files of scenes, and bad files."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import rattle
+from measurements import QUANTITIES, measure, wander, write
+from measurements import motion as moved
 
 from rattle import InputError, Scene, measure_drive
 
@@ -87,6 +90,7 @@ def test_an_angle_with_the_speed_of_rotation_needs_no_frequency():
     assert found.amplitude == pytest.approx(swing * RADIUS / found.omega, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_interval_of_the_noise_holds():
     """100 made measurements: 95 % of the intervals have the true intensity, and hardly any has half as much again."""
     ratio, seeds = 0.05, range(100)
@@ -100,6 +104,7 @@ def test_the_interval_of_the_noise_holds():
     assert 0.5 < np.std(errors) < 1.5
     said = found[0].answer
     assert len(said) == 2
+    assert "95 % interval" in said[1]
     assert "order 2 0.08" in said[0]
 
 
@@ -205,3 +210,244 @@ def test_the_example_is_found_again():
         off = found.table["amplitude_mm"][k] - amplitude * RADIUS
         assert abs(off) < 4.0 * found.table["se_mm"][k]
     assert found.low < 0.05 < found.high
+
+
+OMEGA2, TIMES = 300.0, np.arange(8000) * 2.5e-4
+SINE, TWO = ((1, 0.3, 0.2),), ((1, 1.0, -1.0), (4, 0.12, 0.5))
+ERROR = 1.0 / math.sqrt(2.0 * 95.0)  # relative standard error of sigma from 95 periods
+UNITS = ("mm", "mm/s", "mm/s^2")
+SWING = tuple(0.3 * OMEGA2**power for power in range(3))  # of the sine in each unit
+
+
+def assert_exact(found, amplitude=0.3, order=1):
+    """The one order that was put into the file, and no noise."""
+    assert [one.order for one in found.drive if one.amplitude > 0.01] == [order]
+    assert found.amplitude == pytest.approx(amplitude, rel=1e-4)
+    assert found.sigma_ratio < 1e-4
+    assert found.low == 0.0
+    assert "sigma is at most" in found.answer[1]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "extra"),
+    [
+        ("displacement", 80.0 * 30.0 * TIMES),
+        ("displacement", TIMES),
+        ("displacement", 5.0 * TIMES**2 - 3.0),
+        ("displacement", 2.0 * np.sin(2.0 * TIMES)),
+        ("speed", 100.0 * TIMES + 2000.0),
+        ("speed", 90.0 * np.sin(2.0 * TIMES)),
+        ("acceleration", 9810.0 + 0.0 * TIMES),
+    ],
+)
+def test_what_moves_slowly_is_no_order(quantity, extra):
+    found = measure_drive(measure(OMEGA2, SINE, TIMES, quantity=quantity, extra=extra), omega=OMEGA2)
+    assert_exact(found)
+    assert found.left_out < 1e-3
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("deg", 360.0), ("rad", 2.0 * math.pi)])
+@pytest.mark.parametrize("low", [None, 0.0, -0.5])
+def test_the_total_angle_of_an_encoder_has_the_order_of_its_fluctuation(unit, turn, low):
+    angle = (80.0 * TIMES + 0.01 * np.sin(OMEGA2 * TIMES)) / (2.0 * math.pi) * turn
+    if low is not None:
+        angle = (angle - low * turn) % turn + low * turn
+    text = write(TIMES, angle, f"time [s],displacement [{unit}]")
+    assert_exact(measure_drive(text, omega=OMEGA2, driver_radius=30.0))
+
+
+@pytest.mark.parametrize("per_turn", [1, 2])
+@pytest.mark.parametrize("speeds", [(700.0, 900.0), (900.0, 700.0), (300.0, 1200.0)])
+@pytest.mark.parametrize("wrap", [math.inf, 360.0])
+def test_over_the_angle_the_mean_speed_may_change(per_turn, speeds, wrap):
+    angle = np.arange(0.0, 360.0 * 60, 2.0)
+    speed = np.linspace(*speeds, len(angle)) * (1.0 + 0.02 * np.sin(np.radians(2.0 * angle)))
+    text = write(angle % wrap, speed, "crank angle [deg],speed [rpm]")
+    found = measure_drive(text, driver_radius=30.0, periods_per_turn=per_turn)
+    assert_exact(found, amplitude=30.0 * 0.02 / 2.0, order=2 // per_turn)
+    mean = re.search(r"the mean speed from ([\d.]+) to ([\d.]+) rpm", found.remarks[0])
+    assert [float(mean[1]), float(mean[2])] == pytest.approx(sorted(speeds), rel=2e-3)
+
+
+def test_a_swing_that_stays_while_the_speed_changes_is_a_slow_change():
+    angle = np.arange(0.0, 360.0 * 100, 2.0)
+    speed = np.linspace(700.0, 900.0, len(angle)) + 20.0 * np.sin(np.radians(2.0 * angle))
+    found = measure_drive(write(angle, speed, "angle [deg],speed [rpm]"), driver_radius=30.0)
+    assert found.sigma_ratio < 1e-4
+    assert "a slow change is no noise" in found.answer[-1]
+
+
+def teeth(number=60, turns=100):
+    """Times at which a driver with a mean speed of 80 rad/s passes its teeth."""
+    angle = np.arange(0.0, turns * 2.0 * math.pi, 2.0 * math.pi / number)
+    times = angle / 80.0
+    for _ in range(50):
+        times = (angle - 0.01 * np.sin(OMEGA2 * times)) / 80.0
+    return times
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize(
+    "times",
+    [
+        np.cumsum(2.5e-4 * np.linspace(1.0, 1.03, 8000)),
+        np.cumsum(2.5e-4 * np.linspace(1.0, 2.0, 8000)),
+        TIMES + 2.5e-6 * np.random.default_rng(1).normal(size=8000),
+        np.delete(TIMES, np.arange(5, 8000, 60)),
+        teeth(),
+    ],
+    ids=["growing", "doubling", "jitter", "missing-teeth", "teeth"],
+)
+def test_the_times_are_used_as_they_are(quantity, times):
+    found = measure_drive(measure(OMEGA2, SINE, times, quantity=quantity), omega=OMEGA2)
+    assert_exact(found)
+    assert abs(found.amplitude - 0.3) < max(10.0 * found.table["se_mm"][0], 1e-7)
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize(("order", "cycle"), [(0.5, 2), (1.5, 2), (1 / 3, 3), (2 / 3, 3), (1.25, 4)])
+@pytest.mark.parametrize("ratio", [0.0, 0.02])
+def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycle, ratio):
+    power = QUANTITIES.index(quantity)
+    size = 0.1 if ratio else 0.02
+    extra = moved(OMEGA2 * TIMES, power, ((order, size, 1.0),)) * OMEGA2**power
+    found = measure_drive(measure(OMEGA2, SINE, TIMES, quantity=quantity, ratio=ratio, extra=extra), omega=OMEGA2)
+    said = next(remark for remark in found.remarks if "repeats only after" in remark)
+    assert f"after {cycle} periods" in said
+    assert f"order {order:.3g} 0.02 mm" in said or ratio > 0.0
+    assert f"order {order:.3g} " in said
+    assert [one.order for one in found.drive] == [1]
+    assert found.sigma_ratio == pytest.approx(ratio, rel=4.0 * ERROR, abs=1e-5)
+    if ratio == 0.0:
+        assert found.left_out == pytest.approx(0.02 * order**2 / 0.3, rel=0.02)
+
+
+def test_a_modulation_by_half_orders_is_named():
+    value = 0.3 * np.sin(OMEGA2 * TIMES) * (1.0 + 0.05 * np.sin(0.5 * OMEGA2 * TIMES))
+    found = measure_drive(write(TIMES, value), omega=OMEGA2)
+    assert_exact(found)
+    assert "after 2 periods: order 0.5 0.0075 mm, order 1.5 0.0075 mm count as left out" in found.remarks[0]
+
+
+def test_noise_that_alternates_is_said():
+    """An order that repeats after no few periods: the periods correlate, and no half order is claimed."""
+    extra = 0.02 * np.sin(0.5377 * OMEGA2 * TIMES)
+    found = measure_drive(measure(OMEGA2, SINE, TIMES, extra=extra), omega=OMEGA2)
+    assert found.memory < -0.5
+    assert "something alternates" in found.answer[-1]
+
+
+@pytest.mark.parametrize("power", [0, 1, 2])
+@pytest.mark.parametrize("rows", [[4000], [100, 900, 4000, 5000, 7000], [4000, 4001, 4002]])
+@pytest.mark.parametrize(("ratio", "jump"), [(0.0, 1.5), (0.02, 1.5), (0.0, 0.05), (0.0, 1e6)])
+def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
+    spikes = np.zeros(len(TIMES))
+    spikes[rows] = jump * SWING[power]
+    clean, found = (
+        measure_drive(
+            measure(OMEGA2, SINE, TIMES, quantity=QUANTITIES[power], ratio=ratio, extra=extra, seed=3), omega=OMEGA2
+        )
+        for extra in (0.0, spikes)
+    )
+    assert f"line {rows[0] + 2} (" in found.remarks[0]
+    assert found.amplitude == pytest.approx(clean.amplitude, rel=2e-3)
+    assert found.sigma_ratio == pytest.approx(clean.sigma_ratio, rel=0.1, abs=1e-5)
+
+
+def test_dropouts_to_zero_are_named():
+    speed = 800.0 + 20.0 * np.sin(OMEGA2 * TIMES)
+    speed[[100, 900, 4000, 5000, 7000]] = 0.0
+    found = measure_drive(write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA2, driver_radius=30.0)
+    assert_exact(found, amplitude=20.0 * math.pi / 30.0 * 30.0 / OMEGA2)
+    assert "line 102 (0), 902 (0), 4002 (0), 5002 (0), 7002 (0)" in found.remarks[0]
+
+
+def test_a_bad_stretch_costs_its_periods_alone():
+    speed = 800.0 + 20.0 * np.sin(OMEGA2 * TIMES)
+    speed[4000:4060] = 0.0
+    found = measure_drive(write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA2, driver_radius=30.0)
+    assert_exact(found, amplitude=20.0 * math.pi / 30.0 * 30.0 / OMEGA2)
+    assert "2 of 95 periods are left out, far off the others: line 3940 to 4023" in found.answer[-1]
+
+
+def drifting(power, ratio, wave, seed=1):
+    """A file whose frequency is 1 + `wave` of its mean, and the range of the frequency."""
+    tau = OMEGA2 * np.concatenate([[0.0], np.cumsum(2.5e-4 * (1.0 + 0.5 * (wave[1:] + wave[:-1])))])
+    values = moved(tau, power, SINE)
+    if ratio:
+        values += wander(np.random.default_rng(seed), ratio, tau, power, SINE)
+    return write(TIMES, values * (OMEGA2 * (1.0 + wave)) ** power, f"time [s],{QUANTITIES[power]} [{UNITS[power]}]")
+
+
+@pytest.mark.parametrize("power", [0, 1, 2])
+@pytest.mark.parametrize("ratio", [0.0, 0.03])
+@pytest.mark.parametrize(
+    "wave", [0.005 * (TIMES - 1.0), 0.005 * np.sin(math.pi * TIMES), 0.02 * (TIMES - 1.0)], ids=["ramp", "swing", "2%"]
+)
+def test_a_drifting_frequency_is_no_noise(power, ratio, wave):
+    found = measure_drive(drifting(power, ratio, wave), omega=OMEGA2)
+    assert found.amplitude == pytest.approx(0.3, rel=1e-4 + 0.5 * ratio)
+    assert found.sigma_ratio == pytest.approx(ratio, rel=4.0 * ERROR, abs=1e-5)
+    said = re.search(r"frequency runs from ([\d.]+) to ([\d.]+)", found.remarks[0])
+    limits = OMEGA2 * (1.0 + wave.min()), OMEGA2 * (1.0 + wave.max())
+    assert [float(said[1]), float(said[2])] == pytest.approx(limits, rel=1e-4 + 0.05 * ratio)
+
+
+@pytest.mark.parametrize(("exact", "stated"), [(50.5, 50), (50.0, 51), (20.4, 20), (99.0, 100)])
+def test_a_wrong_number_of_periods_is_corrected_and_said(exact, stated):
+    times = np.arange(round(exact * 2.0 * math.pi / OMEGA2 / 2.5e-4)) * 2.5e-4
+    found = measure_drive(measure(OMEGA2, SINE, times), periods=stated)
+    assert_exact(found)
+    assert found.omega == pytest.approx(OMEGA2, rel=1e-6)
+    assert f"The file has {exact:.4g} periods, not the {stated}"[:20] in found.remarks[-1]
+    wrong = stated * 7 // 10
+    with pytest.raises(InputError, match=f"drive.periods = {wrong}: is not in the file"):
+        measure_drive(measure(OMEGA2, SINE, times), periods=wrong)
+
+
+def measure_often(quantity, ratio, seeds):
+    """What is found in made measurements of 30 periods with some noise of the measurement."""
+    times = 2.0 * math.pi / OMEGA2 / 40.0 * np.arange(40 * 30)
+    own = 2e-4 * OMEGA2 ** QUANTITIES.index(quantity)
+    texts = (measure(OMEGA2, TWO, times, quantity=quantity, ratio=ratio, seed=s, noise=own) for s in range(seeds))
+    return [measure_drive(text, omega=OMEGA2) for text in texts]
+
+
+def assert_coverage(quantity, ratio, seeds):
+    """95 % of the intervals hold the noise, within 3.5 standard errors; half as much again is hardly in any."""
+    found = measure_often(quantity, ratio, seeds)
+    holds = sum(one.low <= ratio <= one.high for one in found)
+    assert abs(holds - 0.95 * seeds) <= 3.5 * math.sqrt(seeds * 0.05 * 0.95)
+    assert sum(one.low <= 1.5 * ratio <= one.high for one in found) <= 0.3 * seeds
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_the_interval_holds_in_a_few(quantity):
+    assert_coverage(quantity, 0.15, 10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [0.02, 0.05, 0.15, 0.5])
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_the_interval_holds_for_each_quantity(quantity, ratio):
+    assert_coverage(quantity, ratio, 100)
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_noise_of_the_measurement_is_none_of_the_drive(quantity):
+    """The 95 % interval of no noise starts at 0; the floor is what the scatter would be taken for."""
+    found = measure_often(quantity, 0.0, 12)
+    assert sum(one.low == 0.0 for one in found) >= 11
+    assert all("sigma is at most" in one.answer[1] for one in found if one.low == 0.0)
+    floor = np.mean([one.floor for one in found])
+    assert np.mean([one.sigma_ratio for one in found]) < floor / 2.0
+    assert np.mean([one.high for one in found]) < 2.0 * floor
+
+
+def test_a_file_without_a_motion_is_refused():
+    with pytest.raises(InputError, match=r"displacement = 3\.0: is the same in all rows"):
+        measure_drive(write(TIMES, 0.0 * TIMES + 3.0), omega=OMEGA2)
+    with pytest.raises(InputError, match="is not in the file"):
+        measure_drive(write(TIMES, 80.0 * TIMES), omega=OMEGA2)
+    with pytest.raises(InputError, match="is not in the file"):
+        measure_drive(write(TIMES, np.random.default_rng(1).normal(size=8000)), omega=OMEGA2)
