@@ -55,7 +55,10 @@ class InputError(RattleError, ValueError):
 
 def _show(value: object) -> str:
     """A value as it was given, cut to `LONGEST` characters."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except Exception:  # a whole number of too many digits, or an object of the user's own
+        text = f"<{type(value).__name__}>"
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
@@ -71,7 +74,10 @@ def finite(field: str, value: object) -> float:
     """Check for a finite real number; booleans and strings are refused."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(field, value, "give a number")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number or a fraction beyond the range of floats
+        number = math.inf
     if not math.isfinite(number):
         raise InputError(field, value, "give a finite number")
     return number

@@ -215,7 +215,7 @@ def boundary(
             try:
                 changed = parameter.scene_at(value)
                 with stop_after(left if method.own else math.inf):
-                    predicted = predict(changed.phase_reduced, method, impacts, ORDER)
+                    predicted = predict(changed, method, impacts, ORDER).phase_reduced
                 found = search.judge_value(value, changed, predicted, simulate, z, limits)
             except BudgetEnded:
                 return ended

@@ -150,7 +150,7 @@ def closure_sensitivity(
     count("impacts", impacts)
     limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
-    scene, method = scene.phase_reduced, find_closure("closure", closure)
+    method = find_closure("closure", closure)
     method.check(scene)
     known, allowed = find_parameters(scene), Tolerances(*tolerances) if tolerances else Tolerances()
     chosen = {n: known[choice("parameters", n, known)] for n in (known if parameters is None else parameters)}
@@ -167,7 +167,9 @@ def closure_sensitivity(
 
     def run(job: tuple[Scene, int]) -> Floats:
         seed = np.random.SeedSequence([rng, job[1]])
-        found = simulate(job[0], paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=seed, sampling=sampling)
+        found = simulate(
+            job[0].phase_reduced, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=seed, sampling=sampling
+        )
         bar.update()
         return _moments(found.section, job[0], impacts)
 
@@ -182,7 +184,7 @@ def closure_sensitivity(
     unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
     for k, name in enumerate(scenes):
         near = [chosen[name].scene_at(f * chosen[name].value) for f in (1.0 - CLOSE, 1.0 + CLOSE)]
-        ends = [_moments(predict(one, method, impacts, ORDER).section, one, impacts) for one in near]
+        ends = [_moments(predict(one, method, impacts, ORDER).phase_reduced.section, one, impacts) for one in near]
         slope = (ends[1] - ends[0]) / math.log((1.0 + CLOSE) / (1.0 - CLOSE))
         own = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, ...)
         for (m, q, i), predicted in np.ndenumerate(slope):

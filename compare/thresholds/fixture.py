@@ -4,7 +4,6 @@ import hashlib
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -36,7 +35,7 @@ def baseline_path(module: Path, test: str) -> Path:
 def baseline_content(prediction: NamedSection, claim: Claim) -> dict[str, Any]:
     """Build the content of a baseline."""
     values = prediction.section[list(claim.columns)].astype(float).rename(str).to_dict()
-    return {"values": values, **replace(claim.scene).to_dict()}
+    return {"values": values, **claim.scene.phase_reduced.to_dict()}
 
 
 def read_baseline(path: Path) -> dict[str, Any]:

@@ -92,7 +92,8 @@ def validate(
     dt = default_step(scene, scheme, biased) if dt is None else dt
     common: dict[str, Any] = {"impacts": impacts, "dt": dt, "scheme": scheme, "rng": rng, "workers": workers}
     check_settings(scene, paths=paths, step_bias=biased, **common)
-    predictions = {method.name: predict(scene, method, impacts, order) for method in methods}
+    predictions = {method.name: predict(given, method, impacts, order) for method in methods}
+    maps = [m.phase_reduced for m in predictions.values()]
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
     grid = (4.0 if biased else 1.0) * dt  # fixed times are rounded to it; a flight shorter than it may contain none
@@ -109,7 +110,6 @@ def validate(
     moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
     checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
-    maps = list(predictions.values())
     parts = [errors.section_errors(m, run, z, limits) for m in maps]
     again = widest(checks, errors.AGAIN * 0.05)
     parts = errors.judge_again(parts, maps, run, again, limits, workers)
@@ -121,7 +121,6 @@ def validate(
     said = zip(table["closure"], table["remark"].fillna(""), strict=True)
     table["remark"] = [raised.get(name, remark) for name, remark in said]
     valid = errors.judge_correlation(maps, run, flights)
-    predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
     run = replace(run, plan=run.plan._replace(scene=given))
     return Validation(given, predictions, run, errors.to_absolute_time(table, given), valid, z, limits)
 
