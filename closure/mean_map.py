@@ -10,6 +10,7 @@ from rattle.closure.closure import Closure, OwnError, describe_error, import_clo
 from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
 from rattle.closure.result import MeanMap
 from rattle.scene import InputError, Scene, check_scene, choice, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ ORDERS = (2, 6)
 MOST_IMPACTS = 100_000  # an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
 
 
+@numpy_defaults
 def mean_map(
     scene: Scene,
     *,
@@ -184,6 +186,7 @@ def find_closures(field: str, given: object) -> tuple[Closure, ...]:
     return tuple(found.values())
 
 
+@numpy_defaults
 def refusals(scene: Scene) -> dict[str, str]:
     """The closures that do not apply to a scene, and why.
 
@@ -212,6 +215,7 @@ def refusals(scene: Scene) -> dict[str, str]:
     return found
 
 
+@numpy_defaults
 def closures_for(scene: Scene) -> tuple[str, ...]:
     """The closures that apply to a scene.
 

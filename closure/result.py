@@ -14,6 +14,7 @@ from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixtur
 from rattle.closure.moments import Trace, advice, largest_error, within
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, count
 from rattle.scene.moments import ROUNDING, SMALLEST, Realizability, correlation, realizability
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.section_result import SectionResult
 from rattle.scene.units import at_times_in, check_units
 
@@ -53,6 +54,7 @@ class Breakdown(NamedTuple):
     reason: str
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class MeanMap(SectionResult):
     """Prediction of a closure, from `mean_map`.

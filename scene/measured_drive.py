@@ -21,6 +21,7 @@ import numpy as np
 
 from rattle.scene.errors import InputError, count, positive
 from rattle.scene.files import read_text
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.parts import Order
 from rattle.scene.types import Floats
 
@@ -49,6 +50,7 @@ REMEMBERS = 3.0  # standard errors of the correlation of successive periods from
 STEADY = 5.0  # mean over sd of a speed from which on it is that of the rotation, not its fluctuation
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class MeasuredDrive:
     """The orders and the noise of a measured drive, from `measure_drive`.
@@ -129,6 +131,7 @@ class MeasuredDrive:
         return plot_drive(self.cycle, self.spread, self.sum_of_orders, self.table, what)
 
 
+@numpy_defaults
 def measure_drive(
     file: str | Path,
     *,

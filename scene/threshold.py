@@ -6,6 +6,7 @@ import numpy as np
 
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.gears import KG_MM_PER_S2_PER_N
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import Scene, check_scene
 from rattle.scene.types import Constants
 
@@ -46,6 +47,7 @@ class RattleThreshold(NamedTuple):
         return self.drag < self.least
 
 
+@numpy_defaults
 def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     """Compute the drag of each loose wheel from which on its closed teeth stay closed, without noise.
 

@@ -24,6 +24,7 @@ from rattle.compare.study.cells import Sample
 from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import InputError, Scene, check_scene, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +34,7 @@ ORDER = 4  # of the closures' moments
 AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Boundary(Finding):
     """The values of a parameter between which a closure stops holding, from `boundary`.
@@ -112,6 +114,7 @@ class Boundary(Finding):
         return boundary_figure(self.over, self.unit, self.edges, self.points)
 
 
+@numpy_defaults
 def boundary(
     scene: Scene,
     *,

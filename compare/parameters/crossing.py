@@ -23,6 +23,7 @@ from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,6 +55,7 @@ class Sides(NamedTuple):
     above: float
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Crossing(Finding):
     """The values of a parameter between which a quantity of the long run crosses a level, from `crossing`.
@@ -137,6 +139,7 @@ class Crossing(Finding):
         return crossing_figure(self.level, self.edges, self.points, across, up)
 
 
+@numpy_defaults
 def crossing(
     scene: Scene,
     *,

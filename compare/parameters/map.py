@@ -21,6 +21,7 @@ from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
 from rattle.compare.study.parameters import find_parameter
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count
+from rattle.scene.numpy_errors import numpy_defaults
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,6 +71,7 @@ class Search(Cell):
         return Found(tuple(Edge(*edge) for edge in content.facts["edges"]), content.table, content.facts)
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class BoundaryMap(Finding):
     """The curve along which a closure stops holding, over two parameters, from `boundary_map`.
@@ -148,6 +150,7 @@ class BoundaryMap(Finding):
         return map_figure(self.curve, self.points, across, up)
 
 
+@numpy_defaults
 def boundary_map(
     scene: Scene,
     *,

@@ -21,6 +21,7 @@ from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
 STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
@@ -32,6 +33,7 @@ COLUMNS = ["parameter", "impact", "quantity", "moment", "predicted", "simulated"
 COLUMNS += ["tolerance", "linear", "verdict", "paths_needed"]
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class ClosureSensitivity(Finding):
     """Changes of the section moments of a closure for 1 % more of each parameter, from `closure_sensitivity`.
@@ -83,6 +85,7 @@ class ClosureSensitivity(Finding):
         ]
 
 
+@numpy_defaults
 def closure_sensitivity(
     scene: Scene,
     *,

@@ -19,6 +19,7 @@ from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,6 +39,7 @@ class _Job(NamedTuple):
     scene: Scene
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Sensitivity(Finding):
     """Effects of the parameters of a scene on its stationary motion, from `sensitivity`.
@@ -148,6 +150,7 @@ def default_quantities(stages: int) -> tuple[str, ...]:
     return ("power", "rate_above", *(f"{name}_mesh{m}" for m in (1, 2) for name in names))
 
 
+@numpy_defaults
 def sensitivity(
     scene: Scene,
     *,

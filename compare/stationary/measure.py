@@ -13,11 +13,13 @@ from rattle.montecarlo.long_run.estimates import groups
 from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, choice
+from rattle.scene.numpy_errors import numpy_defaults
 
 STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
 COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
 
 
+@numpy_defaults
 def stationary(
     scene: Scene,
     *,

@@ -33,6 +33,7 @@ from rattle.scene import (
 )
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears_input import check_plausible
+from rattle.scene.numpy_errors import numpy_defaults
 
 SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
@@ -160,6 +161,7 @@ class Point:
         return (self.sample, *self.predictions) if self.sample else ()
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Study:
     """A grid over fields of a scene and of its simulation.

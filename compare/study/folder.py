@@ -21,6 +21,7 @@ from rattle.compare.report.render import pages
 from rattle.compare.report.save import MANIFEST, contents, file_digest, write_files
 from rattle.compare.study.design import Point, Study, kind_of, page_of
 from rattle.scene import FileError, OutputError
+from rattle.scene.numpy_errors import numpy_defaults
 
 FILE = "study.toml"
 """Names in a study's folder: the folder of results, and the study file."""
@@ -30,6 +31,7 @@ PAGE = "page"
 """Part of the name of scratch folders, in which the output is written before it is moved to its place."""
 
 
+@numpy_defaults
 def load_study(folder: str | Path) -> Any:
     """Load the tables of a study from a folder that ``rattle study`` has written.
 

@@ -37,6 +37,7 @@ from rattle.montecarlo.long_run.run import PATHS
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice
+from rattle.scene.numpy_errors import users_settings
 
 Model = str | Closure | Callable[[Scene, int], Any]
 """A closure's name, or a closure of one's own."""
@@ -251,7 +252,8 @@ def predict_long(model: Any, scene: Scene, quantities: Sequence[str]) -> LongPre
             raise InputError("closure", model, f"says nothing of the long run: {law}")
         found: Mapping[str, Any] = values_of(law, scene, 0.1)
     elif callable(model):
-        found = model(scene, tuple(quantities))
+        with users_settings():
+            found = model(scene, tuple(quantities))
     else:
         raise InputError("model", model, "give a closure's name, or a function (scene, quantities) -> mapping")
     label = model if isinstance(model, str) else name_of(model)

@@ -19,6 +19,7 @@ from rattle.compare.thresholds.decision import Decision, Model, Thresholds, deci
 from rattle.compare.validation.errors import NamedSection
 from rattle.scene import FileError, RattleError, harmless, line
 from rattle.scene.files import read_text
+from rattle.scene.numpy_errors import numpy_defaults
 
 Changes = dict[str, tuple[Any, Any]]
 """Recorded and present value, by dotted key in the file; None for a missing one."""
@@ -90,6 +91,7 @@ def _text(value: object) -> str:
 T = TypeVar("T")
 
 
+@numpy_defaults
 class Rattle:
     """The value of the fixture ``rattle``."""
 

@@ -24,8 +24,10 @@ from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.montecarlo.ensemble.leaving import interval
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.scene import Scene
+from rattle.scene.numpy_errors import numpy_defaults
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Comparison:
     """The fields of a `Validation`, where they are explained."""

@@ -19,6 +19,7 @@ from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
@@ -29,6 +30,7 @@ COLUMNS = (
 )
 
 
+@numpy_defaults
 def validate(
     scene: Scene,
     *,

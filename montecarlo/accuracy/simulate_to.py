@@ -35,6 +35,7 @@ from rattle.montecarlo.settings import (
     is_random,
 )
 from rattle.scene import InputError, Scene, duration_text, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 ESTIMATES = logging.getLogger("rattle.estimate")
 """What an accuracy is expected to take is said here (level INFO) before the work starts."""
@@ -77,6 +78,7 @@ def _round_up(accuracy: float) -> float:
     return math.ceil(accuracy / unit) * unit
 
 
+@numpy_defaults
 def simulate_to(
     scene: Scene,
     accuracy: float,

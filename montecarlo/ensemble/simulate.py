@@ -16,8 +16,10 @@ from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step,
 from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, line
+from rattle.scene.numpy_errors import numpy_defaults
 
 
+@numpy_defaults
 def simulate(
     scene: Scene,
     *,

@@ -16,6 +16,7 @@ from rattle.montecarlo.schemes.control_variate import no_control
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.records import Batches
 from rattle.scene import InputError, Scene, check_scene
+from rattle.scene.numpy_errors import numpy_defaults
 
 PILOT = 32 * BLOCK  # plain paths from which branches are chosen
 SAMPLED = 0x7A5  # spawn key of the random numbers of a run that samples rare branches
@@ -39,6 +40,7 @@ def extend_rare(run: Ensemble, paths: int, blocks: Blocks, progress: str | None 
     return replace(run, unseen=unseen_columns(hidden))
 
 
+@numpy_defaults
 def simulate_rare(
     scene: Scene, *, paths: int, impacts: int = 12, rng: int | np.random.SeedSequence = 0, workers: int = 1
 ) -> Ensemble:
