@@ -23,6 +23,7 @@ from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.validation.verdict import Tolerances
+from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 
@@ -129,7 +130,7 @@ def boundary(
     searches: int = 1,
     folder: str | Path | None = None,
     budget: float | None = None,
-    rng: int = 0,
+    rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> Boundary:
@@ -169,8 +170,8 @@ def boundary(
         Where results are stored: the same search continues there after an interruption.
     budget : float, optional
         Seconds of processor time after which no further value is judged.
-    rng : int
-        Seed.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
@@ -193,6 +194,7 @@ def boundary(
     (['wrong', 'wrong'], ())
     """
     parameter, low, high, limit = check_search(scene, over, between, points, width, budget)
+    seed = read_whole_seed(rng)
     z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
     limits = Tolerances(*tolerances) if tolerances else Tolerances()
     method = find_closure("closure", closure)
@@ -206,7 +208,7 @@ def boundary(
             def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
                 nonlocal steps
                 bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
-                cell = Sample(changed, impacts, own_seed(changed, rng), paths=paths, near_branches=near_branches)
+                cell = Sample(changed, impacts, own_seed(changed, seed), paths=paths, near_branches=near_branches)
                 run = store.obtain(cell, runner.compute)
                 steps += run.facts["path_steps"]
                 return run
@@ -244,9 +246,9 @@ def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:
     return f"If there is one, it lies {'above' if above else 'below'} {(last if above else first)['value']:.4g}{unit}."
 
 
-def own_seed(scene: Scene, rng: int) -> int:
+def own_seed(scene: Scene, seed: int) -> int:
     """A seed for each scene: where a search goes next depends on what it saw, so the next noise must be another."""
-    return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": rng})[:8], 16)
+    return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": seed})[:8], 16)
 
 
 def check_search(

@@ -20,6 +20,7 @@ from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
+from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 
@@ -95,7 +96,7 @@ def closure_sensitivity(
     paths: int = 16_384,
     tolerances: Tolerances | None = None,
     budget: float | None = None,
-    rng: int = 0,
+    rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> ClosureSensitivity:
@@ -123,8 +124,9 @@ def closure_sensitivity(
         In place of 5 and 10 %.
     budget : float, optional
         Seconds of processor time after which no more paths are begun; a fourth of them are in any case.
-    rng : int
-        Seed.  The result is the same for any number of workers.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        The result is the same for any number of workers.
     workers : int
         Threads.
     progress : str, optional
@@ -148,6 +150,7 @@ def closure_sensitivity(
     True
     """
     check_scene(scene)
+    whole = read_whole_seed(rng)
     if scene.sigma == 0.0:
         raise InputError("sigma", 0.0, "without noise there are no standard deviations; give one above 0")
     count("impacts", impacts)
@@ -169,7 +172,7 @@ def closure_sensitivity(
     sampling = Sampling(control=small_noise(scene))
 
     def run(job: tuple[Scene, int]) -> Floats:
-        seed = np.random.SeedSequence([rng, job[1]])
+        seed = np.random.SeedSequence([whole, job[1]])
         found = simulate(
             job[0].phase_reduced, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=seed, sampling=sampling
         )
@@ -182,7 +185,7 @@ def closure_sensitivity(
         while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):
             done.append(list(pool.map(run, [(one, len(done)) for one in every])))
     values = np.array(done).swapaxes(0, 1)  # (scenes, groups, moments, quantities, impacts)
-    mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=rng).section["mesh"].to_numpy()
+    mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=whole).section["mesh"].to_numpy()
     unit, rows = values[0, :, 1].mean(axis=0), []
     unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
     for k, name in enumerate(scenes):

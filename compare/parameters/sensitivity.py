@@ -18,6 +18,7 @@ from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, positive
 from rattle.scene.numpy_errors import numpy_defaults
 
@@ -159,7 +160,7 @@ def sensitivity(
     accuracy: float = ACCURACY,
     slow: float = 0.1,
     budget: float | None = None,
-    rng: int = 0,
+    rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> Sensitivity:
@@ -185,8 +186,9 @@ def sensitivity(
         Speed below which an impact counts as slow; of gears it stays the same in mm/s.
     budget : float, optional
         Seconds of processor time after which no more groups of runs are begun.
-    rng : int
-        Seed.  The result is the same for any number of workers.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        The result is the same for any number of workers.
     workers : int
         Threads.
     progress : str, optional
@@ -212,6 +214,7 @@ def sensitivity(
     (['omega'], 4)
     """
     check_scene(scene)
+    whole = read_whole_seed(rng)
     asked = list(dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities))
     for name in asked:
         choice("quantities", name, all_names(scene.stages))
@@ -233,7 +236,7 @@ def sensitivity(
             bar.total = groups * len(jobs)
             for group in range(len(runs), groups):
                 runs.append({})
-                call = partial(_run, scene=scene, asked=asked, slow=slow, rng=np.random.SeedSequence([rng, group]))
+                call = partial(_run, scene=scene, asked=asked, slow=slow, rng=np.random.SeedSequence([whole, group]))
                 for job, (values, why) in zip(jobs, pool.map(call, jobs), strict=True):
                     runs[group][job.name, job.factor] = values
                     if why:

@@ -17,6 +17,7 @@ from rattle.compare.validation.comparison import Comparison, Sweep, find_validit
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
+from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -39,7 +40,7 @@ def validate(
     paths: int = 256_000,
     dt: float | None = None,
     scheme: str = "exact-flight",
-    rng: int | np.random.SeedSequence = 0,
+    rng: Rng = 0,
     workers: int = 1,
     order: int = 4,
     tolerances: Tolerances | None = None,
@@ -92,6 +93,7 @@ def validate(
     given, scene = scene, scene.phase_reduced
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
+    rng = read_seed(rng)
     common: dict[str, Any] = {"impacts": impacts, "dt": dt, "scheme": scheme, "rng": rng, "workers": workers}
     check_settings(scene, paths=paths, step_bias=biased, **common)
     predictions = {method.name: predict(given, method, impacts, order) for method in methods}
