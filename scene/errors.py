@@ -7,7 +7,7 @@ import functools
 import inspect
 import math
 from collections.abc import Iterable
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
@@ -126,10 +126,18 @@ def count(field: str, value: object, least: int = 1, most: int | None = None) ->
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:
-    """The end of an error message about an unknown name: the closest valid one, or all of them."""
+    """The end of an error message about an unknown name: the closest valid ones, where several are as close, or all."""
     names = list(valid)
-    close = get_close_matches(word[:100], names, n=1)
-    return f"did you mean {close[0]!r}?" if close else "valid are " + ", ".join(map(repr, names))
+    plain = {name.casefold(): name for name in names}
+    match = SequenceMatcher(b=word[:100].casefold())
+    close = {}
+    for name in get_close_matches(word[:100].casefold(), plain):
+        match.set_seq1(name)
+        close[plain[name]] = match.ratio()
+    best = [name for name, likeness in close.items() if likeness == max(close.values())]
+    return (
+        f"did you mean {' or '.join(map(repr, sorted(best)))}?" if best else f"valid are {', '.join(map(repr, names))}"
+    )
 
 
 def choice(field: str, value: object, valid: Iterable[str]) -> str:

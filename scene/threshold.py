@@ -97,7 +97,7 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
         if gears is None:
             out.append(RattleThreshold(wheel, gamma, least, ""))
             continue
-        inertia, radius, torque = (gears.values[f"{name}{wheel}"] for name in ("inertia", "radius", "torque"))
+        inertia, radius, torque = (getattr(gears, f"{name}{wheel}") for name in ("inertia", "radius", "torque"))
         newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)  # N mm of gamma = 1
         out.append(RattleThreshold(wheel, torque, least * newton, "N mm"))
     return tuple(out)
