@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy, deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import follow
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, line, nearest
+from rattle.scene.numpy_errors import users_settings
 
 if TYPE_CHECKING:  # loading it takes as long as all the rest
     import pandas as pd
@@ -51,8 +53,9 @@ class Closure:
         ``function(scene, impacts)``, returns a DataFrame with a row for each impact (index 1 to ``impacts``), or a
         mapping of names to as many values.  Any of the columns of `MeanMap.section`: means ``tau, flight, x1, y1, x2,
         y2``, standard deviations ``sd_tau, sd_y1, ...``, skewness ``skew_...``, correlations ``rho1, rho2``; ``mesh``
-        and ``side`` where the impacts are not those of the orbit without noise.  What is missing, or NaN, is not
-        predicted.  The scene is `Scene.phase_reduced`: its times begin within a period of the drive.
+        and ``side`` where the impacts are not those of the orbit without noise.  What is missing, masked or NaN is not
+        predicted.  It is given the scene as you gave it, and its times ``tau`` are those of that scene, from
+        ``scene.start.tau`` on.
     at_times : callable, optional
         ``at_times(scene, times)``, the same at fixed times: columns of `MeanMap.at_times`, a row for each time, or a
         mapping of names to as many values.  An
@@ -142,17 +145,19 @@ class Closure:
             raise InputError("scene.stages", scene.stages, why)
 
     def trace(self, scene: Scene, impacts: int, order: int) -> Trace:
-        """Call the function, and read what it returns."""
-        scene = scene.phase_reduced
+        """Call the function, and read what it returns; raises `OwnError` where it raises an exception."""
         began = time.process_time()
         try:
-            given = self.function(deepcopy(scene), impacts)  # it may change its own
-        except Exception as error:
-            error.add_note(f"{NOTE} {self.name}")  # tells it from what is wrong with its table
-            raise
+            with users_settings():
+                given = self.function(deepcopy(scene), impacts)  # it may change its own
+        except (Exception, SystemExit) as error:
+            raise OwnError(error) from None
         seconds = time.process_time() - began
         table = read_table(self.name, given, range(1, impacts + 1), self.predicts)
-        return own_trace(scene, table, seconds)
+        check_itinerary(self.name, table, scene.stages)
+        if "tau" in table:
+            table["tau"] = scene.to_local_time(table["tau"].to_numpy())
+        return own_trace(scene.phase_reduced, table, seconds)
 
     def trace_failure(self, scene: Scene, impacts: int, why: str) -> Trace:
         """The trace of a function that raised an exception: nothing is predicted."""
@@ -162,13 +167,14 @@ class Closure:
         return replace(own_trace(scene.phase_reduced, table, np.nan), stopped=why, raised=True)
 
     def fixed_times(self, scene: Scene, times: Sequence[float]) -> "pd.DataFrame":
-        """Moments at fixed local times; NaN where it predicts none."""
+        """Moments at fixed times of the scene as it was given; NaN where it predicts none."""
         import pandas as pd
 
         index = pd.Index(np.asarray(times, dtype=float))
         if self.at_times is None or not len(index):
             return pd.DataFrame(np.nan, index=index, columns=list(AT_TIMES))
-        given = self.at_times(deepcopy(scene.phase_reduced), index.to_numpy())
+        with users_settings():
+            given = self.at_times(deepcopy(scene), index.to_numpy())
         table = read_table(f"{self.name}, at_times", given, index, (), AT_TIMES).reindex(columns=list(AT_TIMES))
         for stage in (1, 2):
             xx, xy, yy = (table[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
@@ -184,14 +190,30 @@ class Closure:
         return 1e-6 * GUESS * impacts
 
 
-NOTE = "in the closure"
+class OwnError(Exception):
+    """A function of one's own raised an exception: tells it from what is wrong with the table that one returns."""
+
+    def __init__(self, raised: BaseException) -> None:
+        super().__init__()
+        self.raised = raised
+
+
 RAISED = "raised "
 """How what is said of a function that raised an exception begins."""
 
 
-def describe_error(error: Exception) -> str:
+def describe_error(error: BaseException) -> str:
     """An exception of a function of one's own, on one line."""
-    return f"{RAISED}{type(error).__name__}: {line(str(error))[:200]}"
+    return RAISED + name_error(error)
+
+
+def name_error(error: BaseException) -> str:
+    """The kind of an exception and its text, on one line."""
+    try:
+        text = line(str(error))
+    except Exception:  # a text is made by code of the exception's own
+        text = "(its text cannot be shown)"
+    return f"{type(error).__name__}: {text[:200]}"
 
 
 def nothing_known(time: float) -> tuple[Floats, Floats]:
@@ -236,7 +258,7 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
 
 
 def read_table(
-    whose: str, given: object, index: Iterable[Any], needed: Sequence[str], known: Sequence[str] = PREDICTED
+    whose: str, given: Any, index: Iterable[Any], needed: Sequence[str], known: Sequence[str] = PREDICTED
 ) -> "pd.DataFrame":
     """Read the table that a function of one's own returns: numbers, a row for each impact or time.
 
@@ -247,34 +269,59 @@ def read_table(
 
     rows = pd.Index(index)
     what = "impact" if known is PREDICTED else "time"
-    if isinstance(given, Mapping):
-        sizes = {str(name): np.size(values) for name, values in given.items()}
-        if wrong := [name for name, size in sizes.items() if size != len(rows)]:
-            raise InputError(f"{wrong[0]} of {whose}", sizes[wrong[0]], f"has so many values; return {len(rows)}")
-        given = pd.DataFrame({name: np.asarray(values) for name, values in given.items()}, index=rows)
-    if not isinstance(given, pd.DataFrame):
+    if not isinstance(given, Mapping | pd.DataFrame):
         raise InputError(f"result of {whose}", type(given).__name__, f"return a DataFrame, a row for each {what}")
-    if not given.columns.is_unique:
-        raise InputError(f"columns of {whose}", list(given.columns), "holds a name twice")
-    for name in given.columns:
+    names = list(given)
+    if len(set(names)) < len(names):
+        raise InputError(f"columns of {whose}", names, "holds a name twice")
+    for name in names:
         choice(f"columns of {whose}", name, (*known, *DERIVED, "mesh", "side"))
-    if missing := [name for name in needed if name not in given]:
-        raise InputError(f"columns of {whose}", list(given.columns), f"{missing[0]!r} is missing; return it too")
-    if not set(given.columns) & set(known):
-        raise InputError(f"columns of {whose}", list(given.columns), "nothing is predicted; return tau or sd_y1, say")
-    if not (given.index.is_unique and rows.isin(given.index).all()):
-        why = f"must hold each {what} once, from {rows[0]:g} to {rows[-1]:g}; NaN where nothing is predicted"
-        raise InputError(f"index of {whose}", given.index.tolist(), why)
-    picked = given.loc[rows, [name for name in given.columns if name in (*known, "mesh", "side")]]
-    for name in picked:
-        try:
-            if picked[name].map(np.iscomplexobj).any():
-                raise TypeError
-            picked[name] = picked[name].astype(float)
-        except (TypeError, ValueError):
-            why = "must hold real numbers, or NaN where there is none"
-            raise InputError(f"{name} of {whose}", picked[name].tolist(), why) from None
-    return pd.DataFrame(picked.where(np.isfinite(picked)))
+    if missing := [name for name in needed if name not in names]:
+        raise InputError(f"columns of {whose}", names, f"{missing[0]!r} is missing; return it too")
+    if not set(names) & set(known):
+        raise InputError(f"columns of {whose}", names, "nothing is predicted; return tau or sd_y1, say")
+    if isinstance(given, pd.DataFrame):
+        if not (given.index.is_unique and rows.isin(given.index).all()):
+            why = f"must hold each {what} once, from {rows[0]:g} to {rows[-1]:g}; NaN where nothing is predicted"
+            raise InputError(f"index of {whose}", given.index.tolist(), why)
+        given = given.loc[rows]
+    picked = [name for name in names if name in (*known, "mesh", "side")]
+    columns = {name: _read_numbers(f"{name} of {whose}", given[name]) for name in picked}
+    for name, values in columns.items():
+        if len(values) != len(rows):
+            why = f"return {len(rows)} values, one for each {what}"
+            raise InputError(f"length of {name} of {whose}", len(values), why)
+    return pd.DataFrame(columns, index=rows)
+
+
+def _read_numbers(field: str, values: Any) -> Floats:
+    """A column as floats; NaN where a value is masked, missing or infinite, and so is not predicted."""
+    import pandas as pd
+
+    try:
+        given = np.ma.asarray(values)
+        if given.ndim != 1:
+            raise TypeError
+        listed = [np.nan if value is None or value is pd.NA else value for value in given.tolist()]
+        if not all(isinstance(value, Real) and not isinstance(value, bool) for value in listed):
+            raise TypeError
+        numbers = np.array([float(value) for value in listed])
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(field, values, "must hold real numbers, or NaN where there is none") from None
+    return np.where(np.isfinite(numbers), numbers, np.nan)
+
+
+def check_itinerary(whose: str, table: "pd.DataFrame", stages: int) -> None:
+    """Refuse an impact at a mesh or on a side that the scene does not have; 0 or NaN stands for no impact."""
+    for name, valid in (("mesh", range(1, stages + 1)), ("side", (1, -1))):
+        if name in table:
+            wrong = table[name][~table[name].isin((0, *valid)) & table[name].notna()]
+            if len(wrong):
+                value = float(wrong.iloc[0])
+                value = int(value) if value.is_integer() else value
+                raise InputError(
+                    f"{name} of {whose} at impact {wrong.index[0]}", value, "give " + " or ".join(map(str, valid))
+                )
 
 
 def name_of(function: object) -> str:
@@ -289,8 +336,8 @@ def import_closure(field: str, text: str) -> Closure:
         sys.path.append(os.getcwd())
     try:
         found: Any = importlib.import_module(module)
-    except Exception as error:
-        why = f"cannot be imported ({type(error).__name__}: {line(str(error))})"
+    except (Exception, SystemExit) as error:
+        why = f"cannot be imported ({name_error(error)})"
         raise InputError(field, text, f"{why}; run where its module is, or set PYTHONPATH") from None
     for name in path.split("."):
         if not hasattr(found, name):

@@ -11,6 +11,7 @@ from rattle.scene.compiled import jit, shared
 from rattle.scene.elementary import exponentials
 from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST
+from rattle.scene.numpy_errors import numpy_defaults
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
 NARROW = 1.0  # width of a window, in sds, below which it is integrated by Gauss-Legendre quadrature
@@ -162,6 +163,7 @@ def mixture_density(values: Floats, weights: Floats, means: Floats, variances: F
     return np.asarray(np.add.accumulate(terms, axis=-1)[..., -1])
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Edgeworth:
     """Density of the perturbation ``(xi, zeta)`` of one stage (Eqs. 18, 19).

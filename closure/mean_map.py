@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 
 from rattle.closure import branching, corrected, published, saltation
 from rattle.closure.branching import LEVELS
-from rattle.closure.closure import NOTE, Closure, describe_error, import_closure, name_of
+from rattle.closure.closure import Closure, OwnError, describe_error, import_closure, name_of
 from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
 from rattle.closure.result import MeanMap
 from rattle.scene import InputError, Scene, check_scene, choice, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ ORDERS = (2, 6)
 MOST_IMPACTS = 100_000  # an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
 
 
+@numpy_defaults
 def mean_map(
     scene: Scene,
     *,
@@ -123,9 +125,17 @@ def mean_map(
     >>> m.breakdown.impact
     2
     """
+    try:
+        return _predict(scene, find_closure("closure", closure), impacts, order, tolerance)
+    except OwnError as error:
+        raised = error.raised
+    raise raised  # outside of the handler, so that its traceback is that of the user's function alone
+
+
+def _predict(scene: Scene, method: Closure, impacts: int, order: int, tolerance: float | None = None) -> MeanMap:
+    """`mean_map`, which raises `OwnError` where a function of one's own raises an exception."""
     check_scene(scene)
     count("impacts", impacts, most=MOST_IMPACTS)
-    method = find_closure("closure", closure)
     count("order", order, *ORDERS)
     method.check(scene)
     asked = [] if tolerance is None else [positive("tolerance", tolerance)]
@@ -140,11 +150,10 @@ def mean_map(
 def predict(scene: Scene, method: Closure, impacts: int, order: int) -> MeanMap:
     """`mean_map`; where a function of one's own raises an exception, nothing is predicted, and `stopped` says what."""
     try:
-        return mean_map(scene, impacts=impacts, closure=method, order=order)
-    except Exception as error:
-        if not any(note.startswith(NOTE) for note in getattr(error, "__notes__", ())):
-            raise
-        return MeanMap(scene, method, impacts, order, method.trace_failure(scene, impacts, describe_error(error)))
+        return _predict(scene, method, impacts, order)
+    except OwnError as error:
+        why = describe_error(error.raised)
+        return MeanMap(scene, method, impacts, order, method.trace_failure(scene, impacts, why))
 
 
 def built_in(name: str) -> Closure:
@@ -177,6 +186,7 @@ def find_closures(field: str, given: object) -> tuple[Closure, ...]:
     return tuple(found.values())
 
 
+@numpy_defaults
 def refusals(scene: Scene) -> dict[str, str]:
     """The closures that do not apply to a scene, and why.
 
@@ -205,6 +215,7 @@ def refusals(scene: Scene) -> dict[str, str]:
     return found
 
 
+@numpy_defaults
 def closures_for(scene: Scene) -> tuple[str, ...]:
     """The closures that apply to a scene.
 

@@ -16,6 +16,7 @@ from rattle.scene import STATE, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean
 from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.sticking import complete_chatter, find_sticking, may_chatter, next_contact, stick_on, stuck
 from rattle.scene.units import as_dataset
 
@@ -111,6 +112,7 @@ class StickingPhase(NamedTuple):
     impact: int  # number of the last impact before it
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Orbit:
     """A deterministic orbit through a number of impacts; index 0 of every array is the start.
@@ -230,6 +232,7 @@ class Orbit:
         return data
 
 
+@numpy_defaults
 def follow(scene: Scene, impacts: int) -> Orbit:
     """Compute the orbit of a scene through a number of impacts, and the sticking phases between them.
 

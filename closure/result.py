@@ -14,6 +14,7 @@ from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixtur
 from rattle.closure.moments import Trace, advice, largest_error, within
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, count
 from rattle.scene.moments import ROUNDING, SMALLEST, Realizability, correlation, realizability
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.section_result import SectionResult
 from rattle.scene.units import at_times_in, check_units
 
@@ -53,6 +54,7 @@ class Breakdown(NamedTuple):
     reason: str
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class MeanMap(SectionResult):
     """Prediction of a closure, from `mean_map`.
@@ -82,6 +84,7 @@ class MeanMap(SectionResult):
     order: int
     trace: Trace
     tolerance: float | None = None
+    given: Scene | None = None  # what a closure of one's own is asked at fixed times of, where `scene` is phase-reduced
 
     def __repr__(self) -> str:
         """What was predicted, on a few lines."""
@@ -105,7 +108,8 @@ class MeanMap(SectionResult):
     @cached_property
     def phase_reduced(self) -> MeanMap:
         """The same result for `Scene.phase_reduced`: tau is in local time, with full precision for a late start."""
-        return self if self.scene.phase_reduced is self.scene else replace(self, scene=self.scene.phase_reduced)
+        reduced = self.scene.phase_reduced
+        return self if reduced is self.scene else replace(self, scene=reduced, given=self.scene)
 
     @property
     def advice(self) -> str:
@@ -295,7 +299,8 @@ class MeanMap(SectionResult):
         asked = _as_list(times)
         index, local = pd.Index(asked, dtype=float, name="time"), [self.scene.to_local_time(time) for time in asked]
         if self.method.own:
-            table = self.method.fixed_times(self.scene, local).set_axis(index)
+            given = self.given or self.scene
+            table = self.method.fixed_times(given, [given.to_absolute_time(time) for time in local]).set_axis(index)
             return at_times_in(table, self.scene.gears, units)
         low, high = self.trace.span
         for time, own in zip(asked, local, strict=True):

@@ -12,6 +12,7 @@ from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.control_variate import linear_path, no_control
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, accurate_flight, check_step, default_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.montecarlo.seed import read_seed
 from rattle.scene import Floats, InputError, Ints, Scene, check_scene, choice, count, finite, positive
 
 NOISE_FREE = "noise-free"
@@ -138,11 +139,7 @@ def check_settings(
     count("impacts", impacts, most=MOST_IMPACTS)
     count("workers", workers, most=MOST_WORKERS)
     choice("scheme", scheme, SCHEMES)
-    if isinstance(rng, np.random.Generator | np.random.BitGenerator | np.random.RandomState):
-        why = "is a generator, whose state moves on; give a seed, so that the run can be repeated: a whole number "
-        raise InputError("rng", rng, why + "(as int(generator.integers(2**63))) or a SeedSequence")
-    if not isinstance(rng, np.random.SeedSequence):
-        count("rng", rng, least=0)
+    read_seed(rng)
     if dt is not None:
         check_step(scene, dt, scheme, COARSEST if step_bias else 1)
 

@@ -7,7 +7,7 @@ import functools
 import inspect
 import math
 from collections.abc import Iterable
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
@@ -55,7 +55,10 @@ class InputError(RattleError, ValueError):
 
 def _show(value: object) -> str:
     """A value as it was given, cut to `LONGEST` characters."""
-    text = show(value)
+    try:
+        text = show(value)
+    except Exception:  # a whole number of too many digits, or an object of the user's own
+        text = f"<{type(value).__name__}>"
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
@@ -71,7 +74,10 @@ def finite(field: str, value: object) -> float:
     """Check for a finite real number; booleans and strings are refused."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(field, value, "give a number")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number or a fraction beyond the range of floats
+        number = math.inf
     if not math.isfinite(number):
         raise InputError(field, value, "give a finite number")
     return number
@@ -120,10 +126,18 @@ def count(field: str, value: object, least: int = 1, most: int | None = None) ->
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:
-    """The end of an error message about an unknown name: the closest valid one, or all of them."""
+    """The end of an error message about an unknown name: the closest valid ones, where several are as close, or all."""
     names = list(valid)
-    close = get_close_matches(word[:100], names, n=1)
-    return f"did you mean {close[0]!r}?" if close else "valid are " + ", ".join(map(repr, names))
+    plain = {name.casefold(): name for name in names}
+    match = SequenceMatcher(b=word[:100].casefold())
+    close = {}
+    for name in get_close_matches(word[:100].casefold(), plain):
+        match.set_seq1(name)
+        close[plain[name]] = match.ratio()
+    best = [name for name, likeness in close.items() if likeness == max(close.values())]
+    return (
+        f"did you mean {' or '.join(map(repr, sorted(best)))}?" if best else f"valid are {', '.join(map(repr, names))}"
+    )
 
 
 def choice(field: str, value: object, valid: Iterable[str]) -> str:

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import InitVar, dataclass, fields
+from typing import Any, ClassVar
 
 from rattle.scene.errors import InputError, check_range, finite, non_negative, positive, suggesting, unit_interval
 from rattle.scene.text import as_call
@@ -26,6 +27,9 @@ class Gears:
     `driven` takes the amplitude of the driver's motion in place of `alpha`, and the mean speed.  All dimensional values
     are at most 1e12 in the units below; frequency, inertias, radii and backlashes are at least 1e-12.
 
+    ``dataclasses.replace`` leaves everything else as it was typed: of a drive that was given in mm or rad another
+    ``backlash1`` makes another ``alpha``, and with ``alpha`` given another motion; a mean speed is counted in again.
+
     Parameters
     ----------
     alpha : float
@@ -45,6 +49,8 @@ class Gears:
     torque1, torque2 : float
         Drag torques in N mm at the mean speed; left out, none, and on wheel 2 that on wheel 1.  Damping acts on the
         oscillation alone: what it brakes the mean rotation by, ``damping * mean speed``, is part of the torque.
+    origin : Gears, optional
+        Those that these are a changed copy of; given by ``dataclasses.replace``.
 
     Raises
     ------
@@ -59,6 +65,11 @@ class Gears:
     >>> pair = Gears(alpha=1.5, epsilon=0.9, omega=300.0, backlash1=0.2, torque1=60.0, **wheels)
     >>> pair.backlash2, pair.damping2, pair.torque2
     (0.2, 0.0, 60.0)
+    >>> from dataclasses import replace
+    >>> pair = Gears.driven(amplitude=0.3, epsilon=0.9, omega=300.0, backlash1=0.2, **wheels)
+    >>> wide = replace(pair, backlash1=0.4)
+    >>> pair.amplitude, wide.amplitude, round(wide.alpha, 6)
+    (0.3, 0.3, 0.75)
     """
 
     alpha: float
@@ -74,10 +85,12 @@ class Gears:
     damping2: float = None  # type: ignore[assignment]
     torque1: float = 0.0
     torque2: float = None  # type: ignore[assignment]
+    origin: InitVar["Gears | None"] = None
 
+    _typed: ClassVar[dict[str, float]] = {}  # of an instance what `driven` was given in place of a field's value
     ELSEWHERE = dict.fromkeys((*DRIVES[1:], "driver_radius", *SPEEDS), "give it to Gears.driven")
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, origin: "Gears | None") -> None:
         given = [name for name in WHEEL2 if getattr(self, name) is not None]
         if len(given) == 1:
             other = WHEEL2[1 - WHEEL2.index(given[0])]
@@ -95,14 +108,30 @@ class Gears:
                 check_range(name, non_negative(name, value), 0.0, SIZES[1])
         non_negative("alpha", self.alpha)
         unit_interval("epsilon", self.epsilon)
+        if origin is not None:
+            self._keep_typed(origin)
+        object.__setattr__(self, "origin", self)
+
+    def _keep_typed(self, origin: "Gears") -> None:
+        """Derive again what was derived in the gears that these are a changed copy of."""
+        changed = {f.name: v for f in fields(self) if (v := getattr(self, f.name)) != getattr(origin, f.name)}
+        values = origin.values | changed
+        if "alpha" in changed:
+            values = drive_by(values, "alpha", self.alpha)
+        vars(self).update(vars(Gears.driven(**values)))
 
     def __repr__(self) -> str:
-        return as_call("Gears", self.values)
+        return as_call("Gears.driven" if self._typed else "Gears", self.values)
 
     @property
     def values(self) -> dict[str, float]:
-        """The values by name, without those of a wheel that does not exist."""
-        return {name: value for name, value in vars(self).items() if value is not None}
+        """The values as they were typed, by name, without those of a wheel that does not exist."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        if set(DRIVES) & set(self._typed):
+            del values["alpha"]
+        values |= self._typed
+        names = (*DRIVES, *values)
+        return {name: values[name] for name in dict.fromkeys(names) if values.get(name) is not None}
 
     @property
     def wheels(self) -> int:
@@ -118,7 +147,7 @@ class Gears:
         driver_radius: float | None = None,
         speed_rpm: float | None = None,
         speed_rad_s: float | None = None,
-        **values: float,
+        **values: Any,
     ) -> "Gears":
         """Gears whose drive is given as the amplitude of the driver's motion, or with the mean speed of the driver.
 
@@ -149,7 +178,7 @@ class Gears:
 
         Examples
         --------
-        >>> others = {k: v for k, v in vars(DAT21).items() if k != "alpha"}
+        >>> others = {k: v for k, v in DAT21.values.items() if k != "alpha"}
         >>> Gears.driven(amplitude=0.3, **others) == Gears.driven(amplitude_rad=0.01, driver_radius=30.0, **others)
         True
         """
@@ -176,15 +205,19 @@ class Gears:
             backlash = values.get("backlash1", 1.0)  # one that is missing is refused below
             values["alpha"] = amplitude / check_range("backlash1", positive("backlash1", backlash), *SIZES)
         gears = cls(**values)
-        if not speeds:
-            return gears
-        ((name, speed),) = speeds.items()
-        rim = radius * SPEEDS[name] * non_negative(name, speed)  # mean speed of all pitch circles, mm/s
+        typed = {name: v for name, v in drives.items() if v is not None and name != "alpha"}
         torques = {}
-        for i in range(1, gears.wheels + 1):
-            damping, _, torque, own = gears._wheel(i)
-            torques[f"torque{i}"] = torque + damping * rim / own
-        return replace(gears, **torques)
+        if speeds:
+            ((name, speed),) = speeds.items()
+            rim = radius * SPEEDS[name] * non_negative(name, speed)  # mean speed of all pitch circles, mm/s
+            for i in range(1, gears.wheels + 1):
+                damping, _, torque, own = gears._wheel(i)
+                typed[f"torque{i}"] = torque
+                torques[f"torque{i}"] = torque + damping * rim / own
+            gears = cls(**values | torques)
+        typed |= speeds | ({} if driver_radius is None else {"driver_radius": driver_radius})
+        object.__setattr__(gears, "_typed", typed)
+        return gears
 
     def sigma_from(
         self,
@@ -238,7 +271,7 @@ class Gears:
     @property
     def amplitude(self) -> float:
         """Amplitude of the motion on the driver's pitch circle, ``alpha backlash1``, in mm."""
-        return self.alpha * self.backlash1
+        return self._typed.get("amplitude", self.alpha * self.backlash1)
 
     @property
     def units(self) -> Units:
@@ -309,6 +342,14 @@ class Gears:
             return self.damping2, self.inertia2, self.torque2, self.radius2
         known = "the loose wheels are 1 and 2" if self.wheels == 2 else "there is one loose wheel, 1"
         raise InputError("wheel", wheel, known)
+
+
+def drive_by(values: dict[str, Any], name: str, amplitude: float) -> dict[str, Any]:
+    """Values of gears, driven by another amplitude: that of a name in `DRIVES`."""
+    others = {n: v for n, v in values.items() if n not in DRIVES}
+    if name != "amplitude_rad" and not set(SPEEDS) & set(others):
+        others.pop("driver_radius", None)  # it was for an amplitude in rad
+    return {name: amplitude} | others
 
 
 def _mean_density(frequencies: Sequence[float], densities: Sequence[float]) -> float:

@@ -12,7 +12,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
-from rattle.scene.errors import InputError, check_keys, finite, non_negative, positive
+from rattle.scene.errors import InputError, check_keys, check_range, finite, non_negative, positive
 from rattle.scene.gears import DAT21, DRIVES, SPEEDS, WHEEL2, Gears
 from rattle.scene.measured_drive import MeasuredDrive, measure_drive
 from rattle.scene.parts import Order
@@ -24,7 +24,7 @@ AMPLITUDES = {"amplitude_mm": "amplitude", "amplitude_rad": "amplitude_rad"}
 """An order's amplitude on the driver's pitch circle, in mm or rad, and what the gears call their own."""
 MEASURED = ("file", "periods", "periods_per_turn", "highest_order")
 """Keys of the table ``[drive]`` of a measured drive."""
-ORDER = ("order", "amplitude", *AMPLITUDES, "phase")
+ORDER = ("order", "amplitude", *AMPLITUDES, "phase", "phase_degrees")
 TOLERANCE = ("backlash1", "backlash2", "distribution", "draw")
 
 
@@ -88,9 +88,9 @@ def own_amplitude(gears: dict[str, Any], drive: object) -> dict[str, Any]:
 def read_drive(given: object, gears: Gears | None = None, radius: float | None = None) -> tuple[Order, ...]:
     """The orders of a drive from the tables ``[[drive]]``.
 
-    Each has ``order``, ``phase`` in radians (0 if left out), and its amplitude relative to the excitation amplitude
-    alpha of the scene, as ``amplitude``; with gears in place of it on the driver's pitch circle, in mm as
-    ``amplitude_mm``, or the driver's in rad as ``amplitude_rad``, for which the gears give ``driver_radius``.
+    Each has ``order``, ``phase`` in radians or ``phase_degrees`` (0 if left out), and its amplitude relative to the
+    excitation amplitude alpha of the scene, as ``amplitude``; with gears in place of it on the driver's pitch circle,
+    in mm as ``amplitude_mm``, or the driver's in rad as ``amplitude_rad``, for which the gears give ``driver_radius``.
     """
     if not isinstance(given, list) or not all(isinstance(table, Mapping) for table in given):
         raise InputError("drive", given, "write each order as a table: [[drive]]")
@@ -113,8 +113,18 @@ def read_drive(given: object, gears: Gears | None = None, radius: float | None =
                     raise InputError("gears.driver_radius", None, "give it, in mm, for a drive in rad")
                 amplitude *= radius
             amplitude = amplitude / gears.backlash1 / own  # as alpha is made: the gears' own is exactly 1
-        orders.append(Order(table["order"], amplitude, table.get("phase", 0.0)))
+        orders.append(Order(table["order"], amplitude, _phase(table)))
     return tuple(orders)
+
+
+def _phase(table: Mapping[str, Any]) -> Any:
+    """The phase of an order in radians."""
+    if "phase_degrees" not in table:
+        return table.get("phase", 0.0)
+    degrees = table["phase_degrees"]
+    if "phase" in table:
+        raise InputError("drive.phase_degrees", degrees, f"phase = {table['phase']} is given too; keep one of them")
+    return math.radians(check_range("drive.phase_degrees", degrees, 0.0, 360.0))
 
 
 def read_measured(data: Mapping[str, Any]) -> MeasuredDrive:
@@ -180,6 +190,9 @@ UNIT = {
     "torque": "N mm",
     "amplitude": "mm",
     "amplitude_rad": "rad",
+    "driver_radius": "mm",
+    "speed_rpm": "1/min",
+    "speed_rad_s": "rad/s",
 }
 IN_SI = {"inertia": ("kg m^2", 1e6), "radius": ("m", 1e3), "backlash": ("m", 1e3), "torque": ("N m", 1e3)}
 SMALLER = {"amplitude": ("um", 1e-3), "amplitude_rad": ("degrees", math.pi / 180.0)}

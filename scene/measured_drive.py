@@ -18,6 +18,7 @@ from rattle.scene.drive_noise import RESOLUTION, Pattern, correlate_neighbours, 
 from rattle.scene.drive_phase import SLIP, Followed, follow, guess_phases, is_spike
 from rattle.scene.errors import InputError, count, positive
 from rattle.scene.measured_file import RPM, Measurement, read_measurement
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.parts import Order
 from rattle.scene.period_fits import (
     TURN,
@@ -50,6 +51,7 @@ VANISHING = 1e-4  # share that is not written
 NAMED = 5  # lines that are named
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class MeasuredDrive:
     """The orders and the noise of a measured drive, from `measure_drive`.
@@ -150,6 +152,7 @@ class MeasuredDrive:
         return plot_drive(self.cycle, self.spread, self.sum_of_orders, self.table, what)
 
 
+@numpy_defaults
 def measure_drive(
     file: str | Path,
     *,

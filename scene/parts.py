@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from rattle.scene.errors import check_range, choice, count, finite, non_negative, suggesting
+from rattle.scene.errors import InputError, check_range, choice, count, finite, non_negative, suggesting
 from rattle.scene.types import CUT
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
@@ -19,6 +19,7 @@ TINY = 1e-30
 """Smallest size of a parameter that is not 0: its sixth moments do not underflow."""
 GAPS = (1e-9, 1e6)
 HIGHEST = 1000  # order of a drive
+TURN = 6.2832  # largest phase of an order: 2 pi, also as people round it
 MEMORY = (1e-4, 1e6)  # correlation times of noise that is not white
 SPEED, TIME = 1e6, 1e12  # largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
 
@@ -80,7 +81,7 @@ class Order:
     amplitude : float
         Relative to the excitation amplitude ``alpha`` of the scene, 0 or between 1e-30 and 1e6 in size.
     phase : float
-        At ``tau = 0``, in radians, up to 1e6 in size.
+        At ``tau = 0``, in radians, up to 2 pi in size.
 
     Raises
     ------
@@ -104,7 +105,10 @@ class Order:
         for name in ("amplitude", "phase"):
             object.__setattr__(self, name, finite(f"drive.{name}", getattr(self, name)))
         check_range("drive.amplitude", self.amplitude, TINY, GAPS[1])
-        check_range("drive.phase", self.phase, 0.0, GAPS[1])
+        if abs(self.phase) > TURN:
+            degrees = f"if it is in degrees, write {math.radians(self.phase):.6g}"
+            why = f"is in radians, from -2 pi to 2 pi; {degrees}, or phase_degrees = {self.phase:g} in a scene file"
+            raise InputError("drive.phase", self.phase, why)
 
 
 SINE_ALONE = (Order(1),)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rattle.scene.errors import choice
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import as_html
 from rattle.scene.types import SECTION
 from rattle.scene.units import as_dataset, in_units, units_of
@@ -17,6 +18,7 @@ if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas tak
     from rattle.scene.scene import Scene
 
 
+@numpy_defaults
 class SectionResult:
     """Moments of the state just before each impact of a scene; a closure and a simulation give the same columns."""
 

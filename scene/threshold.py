@@ -6,6 +6,7 @@ import numpy as np
 
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.gears import KG_MM_PER_S2_PER_N
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import Scene, check_scene
 from rattle.scene.types import Constants
 
@@ -46,6 +47,7 @@ class RattleThreshold(NamedTuple):
         return self.drag < self.least
 
 
+@numpy_defaults
 def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
     """Compute the drag of each loose wheel from which on its closed teeth stay closed, without noise.
 
@@ -95,7 +97,7 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
         if gears is None:
             out.append(RattleThreshold(wheel, gamma, least, ""))
             continue
-        inertia, radius, torque = (gears.values[f"{name}{wheel}"] for name in ("inertia", "radius", "torque"))
+        inertia, radius, torque = (getattr(gears, f"{name}{wheel}") for name in ("inertia", "radius", "torque"))
         newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)  # N mm of gamma = 1
         out.append(RattleThreshold(wheel, torque, least * newton, "N mm"))
     return tuple(out)

@@ -19,9 +19,10 @@ from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_reco
 from rattle.compare.chaos.section import BINS, NOISY, ORBIT
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
+from rattle.compare.study.gear_values import has_own_start, scene_with, values_of
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
-from rattle.scene import Floats, InputError, Scene, Start, choice, count, finite
+from rattle.scene import Floats, InputError, Scene, choice, count, finite
 from rattle.scene.scene import SWEPT
 
 ALPHAS = "0.05:2.5:100"
@@ -54,14 +55,19 @@ def paper_noise(scene: Scene) -> Scene:
 def vary(
     scene: Scene, field: str, at: Iterable[float], noise: Callable[[Scene], Scene] = lambda scene: scene
 ) -> dict[float, Scene]:
-    """The same scene at each value of a field; a default start is adapted to new gaps.
+    """The same scene at each value of a field, or of a value of its gears; a default start is adapted to new gaps.
 
     `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
     """
-    choice("field", field, SWEPT)
-    usual = scene.start == Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
-    fresh: dict[str, Any] = {"start": None} if usual else {}
-    return {value: noise(replace(scene, **(fresh | {field: value}))) for value in at}
+    choice("field", field, (*SWEPT, *(values_of(scene.gears) if scene.gears else ())))
+    fresh: dict[str, Any] = {} if has_own_start(scene) else {"start": None}
+
+    def changed(value: float) -> Scene:
+        if field not in SWEPT:
+            return scene_with(scene, {field: value})
+        return replace(scene, **(fresh | {field: value}))
+
+    return {value: noise(changed(value)) for value in at}
 
 
 def _row(of: str, e: Exponents) -> dict[str, object]:

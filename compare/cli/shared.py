@@ -22,7 +22,6 @@ Begin = Callable[[], "Results"]  # checks the folder of the results, and starts 
 
 SCHEMES = ("euler-maruyama", "euler-maruyama-located", "exact-flight")
 CLOSURES = ("published", "corrected", "saltation", "branching")
-FIELDS = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1", "gap2", "sigma")
 AXES = ("beta", "gap", "sigma", "epsilon")
 # Written out, for --help does not wait for the modules that define them; a test compares them.
 EXIT_NOT_MET = 3  # the accuracy, the width or the requirement that was asked for
@@ -100,6 +99,11 @@ def several(option: str, into: str, kind: type, meaning: str) -> Option:
 def grid(option: str, default: str | None, meaning: str) -> Option:
     """An option that takes evenly spaced values."""
     return click.option(f"--{option}", default=default, show_default=True, metavar="LOW:HIGH:POINTS", help=meaning)
+
+
+def field(meaning: str) -> Option:
+    """The option that names what a sweep varies."""
+    return click.option("--field", default="alpha", show_default=True, metavar="NAME", help=meaning)
 
 
 def name_option(

@@ -179,7 +179,7 @@ def section_table(run: "rt.Ensemble", units: str) -> str:
 @shared.real("budget", BUDGET)
 @click.option("--closure", "closures", type=shared.CLOSURE, multiple=True, help=COMPARED)
 @click.option("--no-closures", is_flag=True, help="Compare no closure.")
-@shared.name_option("field", shared.FIELDS, "Field of --over.", default="alpha")
+@shared.field("Field of the scene, or value of its gears, that --over is of.")
 @shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, JSON_UNITS)
@@ -230,7 +230,7 @@ def stationary(
 
 @click.command()
 @shared.SCENE_AND_SIGMA
-@shared.name_option("field", shared.FIELDS, "Field of the scene that the sweep varies.", default="alpha")
+@shared.field("Field of the scene, or value of its gears, that the sweep varies.")
 @shared.grid("over", "0.05:2.5:100", "Its values.")
 @click.option("--keep-sigma", is_flag=True, help="Keep the noise along the sweep; else it is the paper's, sqrt(alpha).")
 @click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")

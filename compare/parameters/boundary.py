@@ -22,7 +22,9 @@ from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.validation.verdict import Tolerances
+from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import has_terminal
 
 if TYPE_CHECKING:
@@ -33,6 +35,7 @@ ORDER = 4  # of the closures' moments
 AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Boundary(Finding):
     """The values of a parameter between which a closure stops holding, from `boundary`.
@@ -112,6 +115,7 @@ class Boundary(Finding):
         return boundary_figure(self.over, self.unit, self.edges, self.points)
 
 
+@numpy_defaults
 def boundary(
     scene: Scene,
     *,
@@ -126,7 +130,7 @@ def boundary(
     searches: int = 1,
     folder: str | Path | None = None,
     budget: float | None = None,
-    rng: int = 0,
+    rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> Boundary:
@@ -166,8 +170,8 @@ def boundary(
         Where results are stored: the same search continues there after an interruption.
     budget : float, optional
         Seconds of processor time after which no further value is judged.
-    rng : int
-        Seed.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
@@ -190,6 +194,7 @@ def boundary(
     (['wrong', 'wrong'], ())
     """
     parameter, low, high, limit = check_search(scene, over, between, points, width, budget)
+    seed = read_whole_seed(rng)
     z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
     limits = Tolerances(*tolerances) if tolerances else Tolerances()
     method = find_closure("closure", closure)
@@ -203,7 +208,7 @@ def boundary(
             def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
                 nonlocal steps
                 bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
-                cell = Sample(changed, impacts, own_seed(changed, rng), paths=paths, near_branches=near_branches)
+                cell = Sample(changed, impacts, own_seed(changed, seed), paths=paths, near_branches=near_branches)
                 run = store.obtain(cell, runner.compute)
                 steps += run.facts["path_steps"]
                 return run
@@ -215,7 +220,7 @@ def boundary(
             try:
                 changed = parameter.scene_at(value)
                 with stop_after(left if method.own else math.inf):
-                    predicted = predict(changed.phase_reduced, method, impacts, ORDER)
+                    predicted = predict(changed, method, impacts, ORDER).phase_reduced
                 found = search.judge_value(value, changed, predicted, simulate, z, limits)
             except BudgetEnded:
                 return ended
@@ -241,9 +246,9 @@ def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:
     return f"If there is one, it lies {'above' if above else 'below'} {(last if above else first)['value']:.4g}{unit}."
 
 
-def own_seed(scene: Scene, rng: int) -> int:
+def own_seed(scene: Scene, seed: int) -> int:
     """A seed for each scene: where a search goes next depends on what it saw, so the next noise must be another."""
-    return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": rng})[:8], 16)
+    return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": seed})[:8], 16)
 
 
 def check_search(

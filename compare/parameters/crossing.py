@@ -20,8 +20,10 @@ from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
+from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import has_terminal
 
 if TYPE_CHECKING:
@@ -54,6 +56,7 @@ class Sides(NamedTuple):
     above: float
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Crossing(Finding):
     """The values of a parameter between which a quantity of the long run crosses a level, from `crossing`.
@@ -137,6 +140,7 @@ class Crossing(Finding):
         return crossing_figure(self.level, self.edges, self.points, across, up)
 
 
+@numpy_defaults
 def crossing(
     scene: Scene,
     *,
@@ -149,7 +153,7 @@ def crossing(
     slow: float = 0.1,
     folder: str | Path | None = None,
     budget: float | None = None,
-    rng: int = 0,
+    rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> Crossing:
@@ -182,8 +186,8 @@ def crossing(
         Where results are stored: the same search continues there after an interruption.
     budget : float, optional
         Seconds of processor time after which no further long run is begun.
-    rng : int
-        Seed.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
@@ -207,6 +211,7 @@ def crossing(
     'mW'
     """
     parameter, low, high, limit = check_search(scene, over, between, points, width, budget)
+    whole = read_whole_seed(rng)
     choice("quantity", quantity, all_names(scene.stages))
     level = float(positive("level", level))
     positive("slow", slow)
@@ -225,7 +230,7 @@ def crossing(
                 if time.process_time() > limit:
                     return None
                 bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
-                seed = own_seed(changed, rng)
+                seed = own_seed(changed, whole)
                 cell = LongCell(changed, seed, (), periods=periods, paths=PATHS, slow=slow * same_speed)
                 found: LongResult = store.obtain(cell, runner.compute)
                 return found

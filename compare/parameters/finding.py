@@ -6,6 +6,7 @@ import pandas as pd
 
 from rattle.compare.report.texts import read_texts
 from rattle.scene import as_html
+from rattle.scene.numpy_errors import numpy_defaults
 
 TEXTS = read_texts("parameters")
 
@@ -32,6 +33,7 @@ def list_values(values: Any) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
 
 
+@numpy_defaults
 class Finding:
     """What a search, or a comparison of runs, has found: the base of dataclasses."""
 

@@ -19,7 +19,9 @@ from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
 from rattle.compare.study.parameters import find_parameter
 from rattle.montecarlo.kernel.blocks import Blocks
+from rattle.montecarlo.seed import read_whole_seed
 from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count
+from rattle.scene.numpy_errors import numpy_defaults
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,6 +71,7 @@ class Search(Cell):
         return Found(tuple(Edge(*edge) for edge in content.facts["edges"]), content.table, content.facts)
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class BoundaryMap(Finding):
     """The curve along which a closure stops holding, over two parameters, from `boundary_map`.
@@ -147,6 +150,7 @@ class BoundaryMap(Finding):
         return map_figure(self.curve, self.points, across, up)
 
 
+@numpy_defaults
 def boundary_map(
     scene: Scene,
     *,
@@ -220,6 +224,7 @@ def boundary_map(
     for changed in scenes:
         here = find_parameter(changed, over)
         method.check(here.scene_at(find_range(here, settings.get("between"))[0]))
+    settings["rng"] = read_whole_seed(settings.get("rng", 0))
     asked = settings | {"closure": method, "over": over, "searches": values}
     found: dict[int, Found | str] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}

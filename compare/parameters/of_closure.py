@@ -20,7 +20,9 @@ from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
+from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import has_terminal
 
 GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
@@ -33,6 +35,7 @@ COLUMNS = ["parameter", "impact", "quantity", "moment", "predicted", "simulated"
 COLUMNS += ["tolerance", "linear", "verdict", "paths_needed"]
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class ClosureSensitivity(Finding):
     """Changes of the section moments of a closure for 1 % more of each parameter, from `closure_sensitivity`.
@@ -84,6 +87,7 @@ class ClosureSensitivity(Finding):
         ]
 
 
+@numpy_defaults
 def closure_sensitivity(
     scene: Scene,
     *,
@@ -93,7 +97,7 @@ def closure_sensitivity(
     paths: int = 16_384,
     tolerances: Tolerances | None = None,
     budget: float | None = None,
-    rng: int = 0,
+    rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> ClosureSensitivity:
@@ -121,8 +125,9 @@ def closure_sensitivity(
         In place of 5 and 10 %.
     budget : float, optional
         Seconds of processor time after which no more paths are begun; a fourth of them are in any case.
-    rng : int
-        Seed.  The result is the same for any number of workers.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        The result is the same for any number of workers.
     workers : int
         Threads.
     progress : str, optional
@@ -146,12 +151,13 @@ def closure_sensitivity(
     True
     """
     check_scene(scene)
+    whole = read_whole_seed(rng)
     if scene.sigma == 0.0:
         raise InputError("sigma", 0.0, "without noise there are no standard deviations; give one above 0")
     count("impacts", impacts)
     limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
-    scene, method = scene.phase_reduced, find_closure("closure", closure)
+    method = find_closure("closure", closure)
     method.check(scene)
     known, allowed = find_parameters(scene), Tolerances(*tolerances) if tolerances else Tolerances()
     chosen = {n: known[choice("parameters", n, known)] for n in (known if parameters is None else parameters)}
@@ -167,8 +173,10 @@ def closure_sensitivity(
     sampling = Sampling(control=small_noise(scene))
 
     def run(job: tuple[Scene, int]) -> Floats:
-        seed = np.random.SeedSequence([rng, job[1]])
-        found = simulate(job[0], paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=seed, sampling=sampling)
+        seed = np.random.SeedSequence([whole, job[1]])
+        found = simulate(
+            job[0].phase_reduced, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=seed, sampling=sampling
+        )
         bar.update()
         return _moments(found.section, job[0], impacts)
 
@@ -178,12 +186,12 @@ def closure_sensitivity(
         while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):
             done.append(list(pool.map(run, [(one, len(done)) for one in every])))
     values = np.array(done).swapaxes(0, 1)  # (scenes, groups, moments, quantities, impacts)
-    mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=rng).section["mesh"].to_numpy()
+    mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=whole).section["mesh"].to_numpy()
     unit, rows = values[0, :, 1].mean(axis=0), []
     unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
     for k, name in enumerate(scenes):
         near = [chosen[name].scene_at(f * chosen[name].value) for f in (1.0 - CLOSE, 1.0 + CLOSE)]
-        ends = [_moments(predict(one, method, impacts, ORDER).section, one, impacts) for one in near]
+        ends = [_moments(predict(one, method, impacts, ORDER).phase_reduced.section, one, impacts) for one in near]
         slope = (ends[1] - ends[0]) / math.log((1.0 + CLOSE) / (1.0 - CLOSE))
         own = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, ...)
         for (m, q, i), predicted in np.ndenumerate(slope):

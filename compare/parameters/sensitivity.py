@@ -18,7 +18,9 @@ from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, positive
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import has_terminal
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ class _Job(NamedTuple):
     scene: Scene
 
 
+@numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Sensitivity(Finding):
     """Effects of the parameters of a scene on its stationary motion, from `sensitivity`.
@@ -149,6 +152,7 @@ def default_quantities(stages: int) -> tuple[str, ...]:
     return ("power", "rate_above", *(f"{name}_mesh{m}" for m in (1, 2) for name in names))
 
 
+@numpy_defaults
 def sensitivity(
     scene: Scene,
     *,
@@ -157,7 +161,7 @@ def sensitivity(
     accuracy: float = ACCURACY,
     slow: float = 0.1,
     budget: float | None = None,
-    rng: int = 0,
+    rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> Sensitivity:
@@ -183,8 +187,9 @@ def sensitivity(
         Speed below which an impact counts as slow; of gears it stays the same in mm/s.
     budget : float, optional
         Seconds of processor time after which no more groups of runs are begun.
-    rng : int
-        Seed.  The result is the same for any number of workers.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed; a generator of numpy gives a child of its seed sequence, another one each time.
+        The result is the same for any number of workers.
     workers : int
         Threads.
     progress : str, optional
@@ -210,6 +215,7 @@ def sensitivity(
     (['omega'], 4)
     """
     check_scene(scene)
+    whole = read_whole_seed(rng)
     asked = list(dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities))
     for name in asked:
         choice("quantities", name, all_names(scene.stages))
@@ -231,7 +237,7 @@ def sensitivity(
             bar.total = groups * len(jobs)
             for group in range(len(runs), groups):
                 runs.append({})
-                call = partial(_run, scene=scene, asked=asked, slow=slow, rng=np.random.SeedSequence([rng, group]))
+                call = partial(_run, scene=scene, asked=asked, slow=slow, rng=np.random.SeedSequence([whole, group]))
                 for job, (values, why) in zip(jobs, pool.map(call, jobs), strict=True):
                     runs[group][job.name, job.factor] = values
                     if why:

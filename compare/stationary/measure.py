@@ -13,13 +13,16 @@ from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, law_of, values_o
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.run import ASKED, PATHS
+from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, choice
+from rattle.scene.numpy_errors import numpy_defaults
 
 STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
 COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
 
 
+@numpy_defaults
 def stationary(
     scene: Scene,
     *,
@@ -31,7 +34,7 @@ def stationary(
     slow: float = 0.1,
     budget: float | None = None,
     closures: Sequence[str] = tuple(CLOSURES_JUDGED),
-    rng: int | np.random.SeedSequence = 0,
+    rng: Rng = 0,
     workers: int = 1,
     progress: str | None = None,
 ) -> Stationary:
@@ -61,8 +64,9 @@ def stationary(
         it, what is expected to take more than an hour is refused.
     closures : sequence of str
         Closures that ``verdicts`` of the result judges; computed when that is asked for.
-    rng : int or SeedSequence
-        Seed.  The result is the same bit for bit for any number of workers.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy gives a child of its
+        seed sequence, another one each time that it is passed.
     workers : int
         Threads.
     progress : str, optional
@@ -90,6 +94,7 @@ def stationary(
     """
     check_scene(scene)
     named = tuple(dict.fromkeys(choice("closures", name, CLOSURES_JUDGED) for name in closures))
+    rng = read_seed(rng)
     own = attractor(scene)
     if not is_random(scene) and (exact := _exact(scene, own, slow, named)) is not None:
         return exact

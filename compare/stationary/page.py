@@ -14,6 +14,7 @@ from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary, 
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
+from rattle.compare.study.gear_values import UNITS
 from rattle.compare.validation.transient import drag_text
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.long_run import LongRun
@@ -85,7 +86,7 @@ def write_stationary(
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
-        figures["bifurcation"] = bifurcation_figure(view, *speed_unit(gears))
+        figures["bifurcation"] = bifurcation_figure(view, *speed_unit(None if view.field in UNITS else gears))
         tables["bifurcation"] = view.table
     title, said = f"The long run of {record['name']}", answer(found)
     files: dict[str, Any] = {"allowed": CONTENTS, "figures": figures, "tables": tables, "overwrite": overwrite}

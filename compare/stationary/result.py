@@ -14,6 +14,7 @@ from rattle.compare.stationary.verdicts import judge_predictions, laws, predicti
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.long_run.estimates import NAMES, QUANTILES
 from rattle.scene import Gears, InputError, Scene, as_html, choice
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.threshold import rattle_threshold
 from rattle.scene.units import DIMENSIONLESS, Units, check_units
 
@@ -84,6 +85,7 @@ def in_units(table: pd.DataFrame, gears: Gears | None, units: str) -> pd.DataFra
     return out
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Stationary:
     """The stationary motion of a scene, from `stationary`.

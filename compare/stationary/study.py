@@ -302,7 +302,7 @@ def blocks(
     r: Any, record: Mapping[str, Any], seconds: Mapping[str, float]
 ) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
     """The main quantities at every point and the words above the sections of the page."""
-    words = glossary(*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit", gears=r.study.gears)
+    words = glossary(*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit", gears=r.study.shown_gears)
     return (_main(r), Text(TEXTS["tolerances"], note=True), words), ()
 
 

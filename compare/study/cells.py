@@ -238,7 +238,7 @@ class Prediction(Cell):
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Evaluate the closure."""
-        found = predict(self.scene.phase_reduced, self.method, self.impacts, self.order)
+        found = predict(self.scene, self.method, self.impacts, self.order).phase_reduced
         if found.trace.raised:
             raise InputError("closure", self.closure, found.stopped)
         parts = [found.section]

@@ -17,6 +17,7 @@ import pandas as pd
 
 from rattle.closure import Closure
 from rattle.compare.engine.store import Cell, Store
+from rattle.compare.study.gear_values import UNITS, scene_with, values_of
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import (
     Gears,
@@ -32,7 +33,9 @@ from rattle.scene import (
     positive,
 )
 from rattle.scene.files import in_file, read_text, read_toml
+from rattle.scene.gears import SPEEDS
 from rattle.scene.gears_input import check_plausible
+from rattle.scene.numpy_errors import numpy_defaults
 
 SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
@@ -43,6 +46,8 @@ FIELDS = tuple(
     + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
 )
 VARIABLE = (*FIELDS, *SETTINGS)
+GEARS = ("amplitude", "driver_radius", *SPEEDS, *(f.name for f in fields(Gears) if f.name not in FIELDS))
+"""Values of gears that no field of the scene is named like."""
 ORDER = re.compile(r"drive\.([1-9][0-9]*)\.(amplitude|phase)")
 """A field of one order of the drive, such as ``drive.2.amplitude``."""
 MOST_POINTS = 100_000  # largest number of grid points of a study
@@ -57,13 +62,15 @@ class Axis(NamedTuple):
     values: tuple[tuple[Any, ...], ...]
 
 
-def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
+def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -> tuple[Axis, ...]:
     """Read the axes from the ``[[axes]]`` tables of a study file.
 
     `tables`: Each table gives one or more fields (dotted names for parts of the scene, such as ``start.y1`` or
-    ``drive.2.amplitude``) and their values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH,
-    POINTS] }``.  Fields of one table vary together and need equally many values.
+    ``drive.2.amplitude``; with `gears` their values too, such as ``backlash1``) and their values: a list, ``{ linear =
+    [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``.  Fields of one table vary together and need equally
+    many values.
     """
+    valid = (*VARIABLE, *(values_of(gears) if gears else ()))
     found: list[Axis] = []
     if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
         raise InputError("axes", tables, "write each axis as a table [[axes]]")
@@ -71,8 +78,10 @@ def read_axes(tables: Sequence[Mapping[str, Any]]) -> tuple[Axis, ...]:
         if not isinstance(table, Mapping) or not table:
             raise InputError("axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]")
         for name in table:
-            if name not in VARIABLE and not ORDER.fullmatch(name):
-                raise InputError("axes", name, "no field of a scene or a simulation; " + nearest(name, VARIABLE))
+            if name not in valid and not ORDER.fullmatch(name):
+                needs = "a value of gears, which this study has not; write [gears], or vary one of [scene]"
+                why = f"no field of a scene or a simulation; {nearest(name, valid)}"
+                raise InputError("axes", name, needs if gears is None and name in GEARS else why)
         columns = {name: _values(name, values) for name, values in table.items()}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) > 1:
@@ -160,6 +169,7 @@ class Point:
         return (self.sample, *self.predictions) if self.sample else ()
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Study:
     """A grid over fields of a scene and of its simulation.
@@ -286,7 +296,7 @@ class Study:
         base = table_of(scene)
         if "start" not in parts.get("scene", {}):
             base.pop("start", None)
-        axes = read_axes(data.get("axes", []))
+        axes = read_axes(data.get("axes", []), scene.gears)
         own = kind.read(given, {name for axis in axes for name in axis.names})
         title = str(given.get("title", kind.TITLE))
         return cls(base=base, axes=axes, title=title, text=text, gears=scene.gears, kind=name, **own)
@@ -361,9 +371,25 @@ class Study:
         """The cells of all points, without duplicates."""
         return list({cell.key: cell for point in self.points for cell in point.cells}.values())
 
+    @property
+    def shown_gears(self) -> Gears | None:
+        """The gears in whose units the study is explained; None where these vary along an axis."""
+        return None if set(UNITS) & set(self.names) else self.gears
+
+    def _base_at(self, coordinates: Mapping[str, Any]) -> dict[str, Any]:
+        """The scene as a table, with the parameters that follow from the values of the gears at a point."""
+        changes = {name: value for name, value in coordinates.items() if name in GEARS}
+        if not changes:
+            return self.base
+        scene = scene_with(replace(make_scene(self.base, {}), gears=self.gears), changes)
+        table = table_of(scene)
+        if "start" not in self.base:
+            del table["start"]
+        return table
+
     def _point(self, coordinates: dict[str, Any]) -> Point:
         try:
-            scene = make_scene(self.base, coordinates)
+            scene = make_scene(self._base_at(coordinates), coordinates)
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
         settings = self.settings | {name: value for name, value in coordinates.items() if name in SETTINGS}
@@ -429,6 +455,6 @@ def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any
             out["drive"] = [*(orders | {number: changed}).values()]
         elif field:
             out.setdefault(part, {})[field] = value
-        elif name not in SETTINGS:
+        elif name not in (*SETTINGS, *GEARS):
             out[name] = value
     return out

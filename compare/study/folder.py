@@ -22,6 +22,7 @@ from rattle.compare.report.save import contents, file_digest, write_files
 from rattle.compare.study.design import KINDS, Point, Study, kind_of, page_of
 from rattle.scene import FileError, OutputError, RattleError
 from rattle.scene.files import parse_json, read_regular, read_text
+from rattle.scene.numpy_errors import numpy_defaults
 
 FILE = "study.toml"
 """Names in a study's folder: the folder of results, and the study file."""
@@ -68,6 +69,7 @@ def shares_results(study: Study, file: Path) -> bool:
         return False
 
 
+@numpy_defaults
 def load_study(folder: str | Path) -> Any:
     """Load the tables of a study from a folder that ``rattle study`` has written.
 

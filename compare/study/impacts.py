@@ -16,6 +16,7 @@ from rattle.compare.study.design import SETTINGS, Point, Study, list_reasons, wi
 from rattle.compare.validation.errors import ON_ITINERARY, judge_followers, section_errors, to_absolute_time
 from rattle.compare.validation.verdict import Tolerances, is_accurate, is_wrong, judge, unbroken, widest
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, check_keys, choice, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.units import with_units
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ KEYS = ("impacts", "closures", "order", *SETTINGS, "common_noise", "on_itinerary
 TITLE, PAGE = "study", "rattle.compare.study.impacts_page"
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Tables:
     """The tables of a study of impacts, from `load_study`.

@@ -117,7 +117,7 @@ def blocks(
     ]
     parts = {
         "counts": pd.DataFrame(counts),
-        "words": glossary(*WORDS, gears=r.study.gears),
+        "words": glossary(*WORDS, gears=r.study.shown_gears),
         "cost": r.cost.groupby("what", sort=False)["seconds"].agg(["count", "median", "sum"]).reset_index(),
         "scaling": scaling(r.study.cells, seconds),
     }

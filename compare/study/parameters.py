@@ -5,10 +5,11 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from rattle.compare.study.design import FIELDS, ORDER, make_scene, table_of
-from rattle.scene import Gears, Scene, Start, choice
+from rattle.compare.study.gear_values import has_own_start, is_value, scene_with, values_of
+from rattle.scene import Scene, choice
 from rattle.scene.gears_input import UNIT
 from rattle.scene.parts import SINE_ALONE
-from rattle.scene.scene import FREE, SWEPT
+from rattle.scene.scene import SWEPT
 from rattle.scene.text import percent
 
 CHANGE = 0.01  # the change of a parameter that effects are stated for
@@ -25,6 +26,9 @@ WORDS = {
     "backlash": "backlash at mesh {}",
     "damping": "damping of wheel {}",
     "torque": "drag torque on wheel {}",
+    "driver_radius": "radius of the driver",
+    "speed_rpm": "mean speed of the driver",
+    "speed_rad_s": "mean speed of the driver",
     "sigma": "noise intensity",
     "correlation_time": "correlation time of the noise",
 }
@@ -58,7 +62,7 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     if gears is None:
         values = {name: getattr(scene, name) for name in SWEPT if scene.stages == 2 or name not in SECOND}
     else:
-        values = {"amplitude": gears.amplitude} | {k: v for k, v in gears.values.items() if k != "alpha"}
+        values = values_of(gears)
         if scene.stages == 1:
             values = {name: value for name, value in values.items() if name[-1] != "2"}
     values |= {"sigma": scene.sigma, "correlation_time": scene.correlation_time}
@@ -89,29 +93,13 @@ def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
 def _at(scene: Scene, name: str) -> Callable[[float], Scene]:
     """The scene as a function of one of its parameters."""
 
-    own_start = scene.start != Start(0.0, scene.gap1, 2.0, scene.gap2, 2.0, mesh=1)
     base = table_of(scene)
-    if name.startswith("gap") and not own_start:
+    if name.startswith("gap") and not has_own_start(scene):
         del base["start"]
 
     def changed(value: float) -> Scene:
-        if scene.gears is None or not (name == "amplitude" or name in scene.gears.values):
-            return replace(make_scene(base, {name: value}), gears=scene.gears)
-        gears = _with_value(scene.gears, name, value)
-        unit = scene.gears.backlash1 / gears.backlash1  # old unit of length over the new one
-        tolerance = scene.tolerance and replace(
-            scene.tolerance, c1_max=unit * scene.tolerance.c1_max, c2_max=unit * scene.tolerance.c2_max
-        )
-        settings = {field: getattr(scene, field) for field in FREE}
-        settings |= {"tolerance": tolerance, "start": scene.start if own_start else None}
-        return Scene.from_gears(gears, **settings)
+        if is_value(name, scene.gears):
+            return scene_with(scene, {name: value})
+        return replace(make_scene(base, {name: value}), gears=scene.gears)
 
     return changed
-
-
-def _with_value(gears: Gears, name: str, value: float) -> Gears:
-    """Gears with another value, driven with the same amplitude in mm."""
-    if name in ("alpha", "amplitude"):
-        return replace(gears, alpha=value if name == "alpha" else value / gears.backlash1)
-    found = replace(gears, **{name: value})
-    return replace(found, alpha=gears.amplitude / found.backlash1)

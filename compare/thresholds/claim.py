@@ -152,7 +152,7 @@ def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     """Read a claim from the options of a marker; `folder` is that of the test, to which a scene file is relative."""
     check_keys("option of the marker rattle", options, OPTIONS)
-    scene = _scene(options.get("scene"), folder).phase_reduced  # so that a late start loses no digits
+    scene = _scene(options.get("scene"), folder)
     state = STATE[: 2 * scene.stages]
     valid = [q for q in SECTION if q not in STATE or q in state]
     quantities = _names("quantities", options.get("quantities", [q for q in VARYING if q in valid]), valid)

@@ -37,6 +37,7 @@ from rattle.montecarlo.long_run.run import PATHS
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice
+from rattle.scene.numpy_errors import users_settings
 from rattle.scene.text import print_on_stderr
 
 Model = str | Closure | Callable[[Scene, int], Any]
@@ -48,9 +49,10 @@ def predict(model: Model, claim: Claim) -> NamedSection:
     method = find_closure("closure" if isinstance(model, str) else "model", model)
     if method.own:
         method = replace(method, predicts=claim.columns)
-    found = mean_map(claim.scene, impacts=claim.impacts[-1], closure=method)
+    # phase-reduced, so that a late start loses no digits
+    found = mean_map(claim.scene, impacts=claim.impacts[-1], closure=method).phase_reduced
     if claim.kind == ON_ITINERARY:
-        orbit, found = follow(claim.scene, claim.impacts[-1]), found.on_itinerary()
+        orbit, found = follow(found.scene, claim.impacts[-1]), found.on_itinerary()
         if not begins(found.itinerary, (orbit.mesh * orbit.side)[1:].tolist()):
             why = f"{found.closure} follows another itinerary than the noise-free path; claim kind={KINDS[0]!r}"
             raise InputError("kind", claim.kind, why)
@@ -215,9 +217,8 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
     plain = given or apart or SCHEMES[claim.scheme].has_step_bias or claim.scene.correlation_time
 
     def look(paths: int | None) -> tuple[pd.DataFrame, TimedRun]:
-        cell = Sample(
-            claim.scene, claim.impacts[-1], settings.seed, claim.scheme, paths, claim.accuracy, on_itinerary=apart
-        )
+        scene, impacts = claim.scene.phase_reduced, claim.impacts[-1]
+        cell = Sample(scene, impacts, settings.seed, claim.scheme, paths, claim.accuracy, on_itinerary=apart)
         run = session.simulate(cell)
         table = judge_errors(errors_of(prediction, run.run.followers if apart else run.run, claim), z)
         if plain or not (waits := errors.waits_for_branch(table) & ~(table["paths_needed"] <= sizes[-1])).any():
@@ -252,7 +253,8 @@ def predict_long(model: Any, scene: Scene, quantities: Sequence[str]) -> LongPre
             raise InputError("closure", model, f"says nothing of the long run: {law}")
         found: Mapping[str, Any] = values_of(law, scene, 0.1)
     elif callable(model):
-        found = model(scene, tuple(quantities))
+        with users_settings():
+            found = model(scene, tuple(quantities))
     else:
         raise InputError("model", model, "give a closure's name, or a function (scene, quantities) -> mapping")
     label = model if isinstance(model, str) else name_of(model)
@@ -280,7 +282,7 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
 
     def look(size: int | None) -> tuple[pd.DataFrame, TimedRun]:
         periods, paths = sizes[size or 0]
-        run = session.simulate(LongCell(claim.scene, settings.seed, (), periods=periods, paths=paths))
+        run = session.simulate(LongCell(claim.scene.phase_reduced, settings.seed, (), periods=periods, paths=paths))
         result = run.run
         rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
         table = judge_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})

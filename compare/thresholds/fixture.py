@@ -3,7 +3,6 @@
 import hashlib
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -19,6 +18,7 @@ from rattle.compare.thresholds.decision import Decision, Model, Thresholds, deci
 from rattle.compare.validation.errors import NamedSection
 from rattle.scene import FileError, RattleError, harmless, line
 from rattle.scene.files import parse_toml, read_text
+from rattle.scene.numpy_errors import numpy_defaults
 
 Changes = dict[str, tuple[Any, Any]]
 """Recorded and present value, by dotted key in the file; None for a missing one."""
@@ -35,7 +35,7 @@ def baseline_path(module: Path, test: str) -> Path:
 def baseline_content(prediction: NamedSection, claim: Claim) -> dict[str, Any]:
     """Build the content of a baseline."""
     values = prediction.section[list(claim.columns)].astype(float).rename(str).to_dict()
-    return {"values": values, **replace(claim.scene).to_dict()}
+    return {"values": values, **claim.scene.phase_reduced.to_dict()}
 
 
 def read_baseline(path: Path) -> dict[str, Any]:
@@ -90,6 +90,7 @@ def _text(value: object) -> str:
 T = TypeVar("T")
 
 
+@numpy_defaults
 class Rattle:
     """The value of the fixture ``rattle``."""
 

@@ -30,8 +30,10 @@ from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.scene import Scene
+from rattle.scene.numpy_errors import numpy_defaults
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Comparison:
     """The fields of a `Validation`, where they are explained."""

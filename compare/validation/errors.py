@@ -374,7 +374,7 @@ def _at_times(prediction: MeanMap, times: Floats) -> tuple[pd.DataFrame, str]:
     """A closure's moments at fixed times, and what a function of one's own raised in place of them."""
     try:
         return prediction.at_times(times), ""
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if not prediction.method.own:
             raise
         return pd.DataFrame(np.nan, index=times, columns=["rho1", "rho2"]), describe_error(error)

@@ -9,6 +9,7 @@ from rattle.compare.validation.comparison import Comparison
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.diagnostics.diagnostics import list_counted
 from rattle.scene import InputError, as_html, choice
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.units import with_units
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@numpy_defaults
 class Validation(Comparison):
     """Result of comparing closures with a simulation of the same scene.
 

@@ -17,8 +17,10 @@ from rattle.compare.validation.comparison import Comparison, Sweep, find_validit
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
+from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import has_terminal
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
@@ -30,6 +32,7 @@ COLUMNS = (
 )
 
 
+@numpy_defaults
 def validate(
     scene: Scene,
     *,
@@ -38,7 +41,7 @@ def validate(
     paths: int = 256_000,
     dt: float | None = None,
     scheme: str = "exact-flight",
-    rng: int | np.random.SeedSequence = 0,
+    rng: Rng = 0,
     workers: int = 1,
     order: int = 4,
     tolerances: Tolerances | None = None,
@@ -91,9 +94,11 @@ def validate(
     given, scene = scene, scene.phase_reduced
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
+    rng = read_seed(rng)
     common: dict[str, Any] = {"impacts": impacts, "dt": dt, "scheme": scheme, "rng": rng, "workers": workers}
     check_settings(scene, paths=paths, step_bias=biased, **common)
-    predictions = {method.name: predict(scene, method, impacts, order) for method in methods}
+    predictions = {method.name: predict(given, method, impacts, order) for method in methods}
+    maps = [m.phase_reduced for m in predictions.values()]
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
     grid = (4.0 if biased else 1.0) * dt  # fixed times are rounded to it; a flight shorter than it may contain none
@@ -110,7 +115,6 @@ def validate(
     moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
     checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
-    maps = list(predictions.values())
     parts = [errors.section_errors(m, run, z, limits) for m in maps]
     again = widest(checks, errors.AGAIN * 0.05)
     parts = errors.judge_again(parts, maps, run, again, limits, workers)
@@ -122,7 +126,6 @@ def validate(
     said = zip(table["closure"], table["remark"].fillna(""), strict=True)
     table["remark"] = [raised.get(name, remark) for name, remark in said]
     valid = errors.judge_correlation(maps, run, flights)
-    predictions = {name: replace(m, scene=given) for name, m in predictions.items()}
     run = replace(run, plan=run.plan._replace(scene=given))
     return Validation(given, predictions, run, errors.to_absolute_time(table, given), valid, z, limits)
 

@@ -14,8 +14,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from rattle.montecarlo.accuracy.cost import cost_of, expect_paths, find_missed_rows, name_dearest_row, step_error
 from rattle.montecarlo.accuracy.pilots import ROUGHEST, PilotRun, Simulate, choose_scheme, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
@@ -26,6 +24,7 @@ from rattle.montecarlo.ensemble.simulate_rare import begin_rare, extend_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import HOUR, Blocks, Budget, clock, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
+from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import (
     MOST_STEPS,
     Record,
@@ -36,6 +35,7 @@ from rattle.montecarlo.settings import (
     is_random,
 )
 from rattle.scene import InputError, Scene, duration_text, positive
+from rattle.scene.numpy_errors import numpy_defaults
 
 ESTIMATES = logging.getLogger("rattle.estimate")
 """What an accuracy is expected to take is said here (level INFO) before the work starts."""
@@ -78,13 +78,14 @@ def _round_up(accuracy: float) -> float:
     return math.ceil(accuracy / unit) * unit
 
 
+@numpy_defaults
 def simulate_to(
     scene: Scene,
     accuracy: float,
     *,
     impacts: int = 12,
     scheme: str | None = None,
-    rng: int | np.random.SeedSequence = 0,
+    rng: Rng = 0,
     workers: int = 1,
     budget: float | None = None,
     record: Record | None = None,
@@ -106,8 +107,9 @@ def simulate_to(
         Impacts of each path after the start.
     scheme : str
         Name of one of `rattle.montecarlo.SCHEMES`; by default the one that pilot runs expect to cost least.
-    rng : int or SeedSequence
-        Seed.  The result is the same bit for bit for any number of workers.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy gives a child of its
+        seed sequence, another one each time that it is passed.
     workers : int
         Threads.
     budget : float
@@ -155,6 +157,7 @@ def simulate_to(
     sampling = Sampling() if sampling is None else sampling
     if not isinstance(sampling, Sampling) or sampling != Sampling(blocks=sampling.blocks):
         raise InputError("sampling", sampling, "give a Sampling with blocks alone: simulate_to chooses the rest")
+    rng = read_seed(rng)
     check_settings(scene, 1, impacts, None, "exact-flight" if scheme is None else scheme, rng, workers)
     accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:

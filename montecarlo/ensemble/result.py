@@ -17,6 +17,7 @@ from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.montecarlo.statistics import section_statistics as statistics
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import SECTION, STATE, Floats, InputError, Ints, Scene, choice
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.section_result import SectionResult
 from rattle.scene.units import at_times_in
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas tak
 NOT_APART = "ask for it: simulate(..., record=Record(on_itinerary=True))"
 
 
+@numpy_defaults
 @dataclass(frozen=True)
 class Ensemble(SectionResult):
     """What a simulation found.

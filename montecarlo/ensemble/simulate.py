@@ -13,12 +13,15 @@ from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step, is_admissible
+from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, line
+from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import has_terminal
 
 
+@numpy_defaults
 def simulate(
     scene: Scene,
     *,
@@ -26,7 +29,7 @@ def simulate(
     impacts: int = 12,
     dt: float | None = None,
     scheme: str = "exact-flight",
-    rng: int | np.random.SeedSequence = 0,
+    rng: Rng = 0,
     workers: int = 1,
     record: Record | None = None,
     progress: str | None = None,
@@ -50,8 +53,9 @@ def simulate(
     scheme : {"exact-flight", "euler-maruyama-located", "euler-maruyama"}
         Name of one of `rattle.montecarlo.SCHEMES`.  The bias of an Euler-Maruyama step is measured and stands beside
         the moments, unless ``record=Record(step_bias=False)``.
-    rng : int or SeedSequence
-        Seed.  The result is the same bit for bit for any number of workers.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy gives a child of its
+        seed sequence, another one each time that it is passed.
     workers : int
         Threads.
     record : Record
@@ -89,7 +93,7 @@ def simulate(
     if record.step_bias is None and SCHEMES[scheme].has_step_bias:
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
-    plan = plan_of(scene, paths, impacts, dt, scheme, rng, workers, record, sampling)
+    plan = plan_of(scene, paths, impacts, dt, scheme, read_seed(rng), workers, record, sampling)
     blocks = sampling.blocks or in_threads(workers)
     return _gather(plan, paths, blocks(plan, 0), record, progress)
 

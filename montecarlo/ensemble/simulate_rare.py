@@ -13,9 +13,11 @@ from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.schemes.control_variate import no_control
+from rattle.montecarlo.seed import Rng
 from rattle.montecarlo.settings import is_random
 from rattle.montecarlo.statistics.records import Batches
 from rattle.scene import InputError, Scene, check_scene
+from rattle.scene.numpy_errors import numpy_defaults
 
 PILOT = 32 * BLOCK  # plain paths from which branches are chosen
 SAMPLED = 0x7A5  # spawn key of the random numbers of a run that samples rare branches
@@ -39,9 +41,8 @@ def extend_rare(run: Ensemble, paths: int, blocks: Blocks, progress: str | None 
     return replace(run, unseen=unseen_columns(hidden))
 
 
-def simulate_rare(
-    scene: Scene, *, paths: int, impacts: int = 12, rng: int | np.random.SeedSequence = 0, workers: int = 1
-) -> Ensemble:
+@numpy_defaults
+def simulate_rare(scene: Scene, *, paths: int, impacts: int = 12, rng: Rng = 0, workers: int = 1) -> Ensemble:
     """Simulate exact flights of which a part is drawn near the rare branches that matter.
 
     `rattle.montecarlo.simulate_to` does so by itself where an accuracy waits for such branches.  The step, and the
@@ -55,8 +56,9 @@ def simulate_rare(
         Number of paths, rounded up to whole blocks of 1024.  A plain run of 32 blocks chooses the branches.
     impacts : int
         Impacts of each path.
-    rng : int or SeedSequence
-        Seed.  The result is the same bit for bit for any number of workers.
+    rng : int, SeedSequence, Generator or BitGenerator
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy gives a child of its
+        seed sequence, another one each time that it is passed.
     workers : int
         Threads.
 

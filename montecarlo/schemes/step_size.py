@@ -17,6 +17,7 @@ from rattle.scene import InputError, Scene, finite
 from rattle.scene.drive import highest_order, most_modulation, most_velocity
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.linear_algebra import transform
+from rattle.scene.numpy_errors import numpy_defaults
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,7 @@ def accurate_flight(scene: Scene) -> Limit:
     return _least(limits)
 
 
+@numpy_defaults
 def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     """The longest admissible step of a scheme, and the reason for the limit.
 
@@ -254,6 +256,7 @@ def usual_step(scene: Scene, scheme: str, step_bias: bool = False) -> Limit:
     return dt, why if dt == longest else "a longer step leaves out noise of the first flight"
 
 
+@numpy_defaults
 def default_step(scene: Scene, scheme: str, step_bias: bool = False) -> float:
     """The scheme's default step, or a shorter one where the scene requires it.
 

@@ -4,6 +4,7 @@ import functools
 import importlib
 import pickle
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -82,7 +83,22 @@ def frame(**columns):
             frame(tau=[0.5]),
             r"index of .* = \[1\]: must hold each impact once, from 1 to 2; NaN where nothing is predicted",
         ),
-        (table(tau=[0.5]), "tau of .* = 1: has so many values; return 2"),
+        (table(tau=[0.5]), "length of tau of .* = 1: return 2 values, one for each impact"),
+        (table(tau=0.5), "tau of .* = 0.5: must hold real numbers"),
+        (table(tau=(t for t in (0.5, 0.9))), "tau of .* = <generator object .*: must hold real numbers"),
+        (table(tau=[[0.5], [0.9]]), r"tau of .* = \[\[0.5\], \[0.9\]\]: must hold real numbers"),
+        (table(tau=[0.5, 10**400]), "tau of .*: must hold real numbers"),
+        (table(tau=[0.5, 10**5000]), "tau of .* = <list>: must hold real numbers"),
+        (table(tau=["0.5", "0.9"]), "tau of .*: must hold real numbers"),
+        (table(tau=[True, False]), "tau of .*: must hold real numbers"),
+        (table(tau=np.array(["2026-01-01", "2026-01-02"], "datetime64[D]")), "tau of .*: must hold real numbers"),
+        (table(tau=[0.5, 0.9], mesh=[1, 7]), "mesh of .* at impact 2 = 7: give 1 or 2"),
+        (table(tau=[0.5, 0.9], side=[1, 0.5]), "side of .* at impact 2 = 0.5: give 1 or -1"),
+        (lambda scene, impacts: (row for row in ()), "result of .* = 'generator': return a DataFrame"),
+        (
+            lambda scene, impacts: pd.DataFrame([[1, 2]] * 2, columns=["tau", "tau"]),
+            "columns of .*: holds a name twice",
+        ),
         (frame(tau=[0.5j, 1.0]), "tau of .*: must hold real numbers, or NaN"),
         (table(tau=["a", "b"]), "tau of .* = .*: must hold real numbers"),
         (table(tau=[0.5, 0.9], sd_tua=[0.1, 0.1]), "columns of .* = 'sd_tua': did you mean 'sd_tau'?"),
@@ -165,6 +181,73 @@ def test_an_exception_is_raised_by_mean_map_and_becomes_a_reason_in_comparisons(
     inner = Closure("inner", lambda scene, impacts: mean_map(scene, impacts=0))
     assert predict(SCENE, inner, 2, 4).stopped.startswith("raised InputError: impacts = 0")
     assert found.section["tau"].isna().all()
+
+
+def test_masked_and_missing_values_are_not_predicted():
+    masked = np.ma.array([0.5, 0.7, 0.9], mask=[False, True, False])
+    for tau in (masked, [0.5, None, 0.9], pd.array([0.5, pd.NA, 0.9], dtype="Float64")):
+        found = mean_map(SCENE, impacts=3, closure=table(tau=tau)).section["tau"]
+        assert found.isna().tolist() == [False, True, False]
+    counted = pd.DataFrame({"tau": pd.array([1, pd.NA], dtype="Int64")}, index=[1, 2])
+    assert mean_map(SCENE, impacts=2, closure=lambda scene, impacts: counted).section["tau"].tolist()[0] == 1.0
+
+
+class FrozenError(Exception):
+    """An exception that nothing can be added to, and whose text cannot be made."""
+
+    def __setattr__(self, name, value):
+        raise TypeError("frozen")
+
+    def __str__(self):
+        raise RuntimeError("no text")
+
+
+def recurse(scene, impacts):
+    return recurse(scene, impacts)
+
+
+@pytest.mark.parametrize(
+    ("raised", "said"),
+    [(FrozenError(), "FrozenError: (its text cannot be shown)"), (SystemExit(3), "SystemExit: 3"), (None, "Recursion")],
+)
+def test_whatever_it_raises_becomes_one_line(raised, said):
+    def fails(scene, impacts):
+        raise raised
+
+    found = predict(SCENE, Closure("mine", recurse if raised is None else fails), 2, 4)
+    assert found.stopped.startswith(f"raised {said}")
+    assert "\n" not in found.stopped
+
+
+def test_an_interrupt_ends_it():
+    def interrupted(scene, impacts):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        predict(SCENE, Closure("mine", interrupted), 2, 4)
+
+
+@pytest.mark.parametrize("tau", [4.0, -4.0, 100.0, -7.0])
+def test_its_times_are_those_of_the_scene_that_it_was_given(tau):
+    late = replace(SCENE, start=replace(SCENE.start, tau=tau))
+    seen = []
+
+    def constant(scene, impacts):
+        seen.append(scene.start.tau)
+        return {"tau": tau + np.array([0.6, 1.1])}
+
+    def at_times(scene, times):
+        seen.extend([scene.start.tau, *times])
+        return {"x1": times}
+
+    found = mean_map(late, impacts=2, closure=Closure("mine", constant, at_times))
+    assert found.section["tau"].tolist() == pytest.approx([tau + 0.6, tau + 1.1], abs=1e-12)
+    assert found.phase_reduced.section["tau"].tolist() == pytest.approx([late.phase + 0.6, late.phase + 1.1], abs=1e-12)
+    assert found.at_times([tau + 0.3])["x1"].tolist() == pytest.approx([tau + 0.3])
+    assert found.phase_reduced.at_times([late.phase + 0.3])["x1"].tolist() == pytest.approx([tau + 0.3])
+    assert seen == pytest.approx([tau, tau, tau + 0.3, tau, tau + 0.3])
+    same = mean_map(late, impacts=2, closure=copy).section["tau"].tolist()
+    assert same == pytest.approx(mean_map(late, impacts=2, closure="saltation").section["tau"].tolist(), abs=1e-12)
 
 
 HELPER = "def helper(x):\n    return {}\n\ndef mine(scene, impacts):\n    return [helper(k) for k in range(impacts)]\n"

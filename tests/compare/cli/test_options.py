@@ -24,14 +24,13 @@ from rattle.compare.cli.shared import say
 from rattle.compare.cli.show import template
 from rattle.montecarlo import SCHEMES, simulate
 from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
-from rattle.scene.scene import SWEPT
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[3] / "examples").glob("*.toml"))
 
 
 @pytest.mark.parametrize(
     ("listed", "table"),
-    [(shared.SCHEMES, SCHEMES), (shared.CLOSURES, CLOSURES), (shared.FIELDS, SWEPT), (shared.AXES, AXES)],
+    [(shared.SCHEMES, SCHEMES), (shared.CLOSURES, CLOSURES), (shared.AXES, AXES)],
 )
 def test_the_lists_of_the_options_are_those_of_the_modules(listed, table):
     assert sorted(listed) == sorted(table)

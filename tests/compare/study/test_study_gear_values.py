@@ -1,0 +1,70 @@
+"""An axis, a search and a sweep over a value of the gears; all others stay as they were typed."""
+
+import pytest
+
+from rattle import DAT21, Gears, InputError, Scene, Study
+from rattle.compare.chaos.sweep import vary
+from rattle.compare.study.parameters import find_parameter, find_parameters
+
+OTHERS = {name: value for name, value in DAT21.values.items() if name != "alpha"}
+FAST = Gears.driven(amplitude=0.3, speed_rpm=800.0, driver_radius=30.0, **OTHERS)
+SCENE = Scene.from_gears(FAST, sigma=0.02)
+HEAD = "[study]\nimpacts = 2\npaths = 4096\n"
+
+
+def scenes(axis, scene=SCENE, more=""):
+    study = Study.from_toml(HEAD + scene.to_toml() + more + f"[[axes]]\n{axis}\n")
+    return study, [point.sample.scene for point in study.points]
+
+
+CHANGES = {
+    "backlash1": 0.4,
+    "backlash2": 0.3,
+    "torque1": 150.0,
+    "speed_rpm": 1200.0,
+    "driver_radius": 25.0,
+    "amplitude": 0.25,
+    "damping1": 50.0,
+    "omega": 320.0,
+    "inertia2": 2000.0,
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_an_axis_over_a_value_of_the_gears(name):
+    value = CHANGES[name]
+    expected = Scene.from_gears(Gears.driven(**FAST.values | {name: value}), sigma=0.02)
+    study, (found,) = scenes(f"{name} = [{value}]")
+    assert found == expected
+    assert vary(SCENE, name, [value])[value] == expected
+    assert find_parameter(SCENE, name).scene_at(value) == expected
+    assert (study.shown_gears is None) == (name in ("omega", "backlash1"))
+
+
+def test_the_drive_stays_in_mm_where_alpha_was_typed_too():
+    _study, (found,) = scenes("backlash1 = [0.4]", Scene.from_gears(DAT21))
+    assert found.alpha == pytest.approx(0.75, rel=1e-15)
+
+
+def test_with_other_axes_beside_it():
+    _study, found = scenes("backlash1 = [0.2, 0.4]\nsigma = [0.01, 0.03]")
+    assert [(s.sigma, round(s.alpha, 12)) for s in found] == [(0.01, 1.5), (0.03, 0.75)]
+
+
+def test_a_name_that_needs_gears_says_so():
+    plain = (
+        "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\n[[axes]]\nbacklash1 = [0.2]\n"
+    )
+    with pytest.raises(InputError, match="axes = 'backlash1': a value of gears, which this study has not"):
+        Study.from_toml(HEAD + plain)
+    with pytest.raises(InputError, match="did you mean 'backlash1' or 'backlash2'"):
+        scenes("backlash = [0.2]")
+    with pytest.raises(InputError, match="field = 'backlash': did you mean"):
+        vary(SCENE, "backlash", [0.2])
+
+
+def test_parameters_are_those_that_were_typed():
+    known = find_parameters(SCENE)
+    assert {"amplitude", "speed_rpm", "driver_radius", "torque1", "backlash1"} < set(known)
+    assert known["torque1"].value == 100.0
+    assert known["speed_rpm"].unit == "1/min"

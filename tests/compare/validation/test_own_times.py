@@ -1,0 +1,72 @@
+"""What a closure of one's own returns is in the times of the scene that the user gave, on every road that takes one."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rattle import DAT21, Closure, Scene, Study, boundary, closure_sensitivity, mean_map, validate
+from rattle.compare.study.cells import Prediction
+from rattle.compare.thresholds.claim import read_claim
+from rattle.compare.thresholds.decision import predict
+
+PAPER = Scene.from_gears(DAT21, sigma=0.01)
+LATE = replace(PAPER, start=replace(PAPER.start, tau=4.1))  # above pi: reduced to a negative phase
+ORBIT = mean_map(LATE, impacts=2, closure="saltation")
+TIMES = ORBIT.section["tau"].to_numpy()
+RHO = ORBIT.at_times([4.2])["rho1"].to_numpy()
+
+
+def constant(scene, impacts):
+    """Numbers as they were measured or read from a file, at any sigma."""
+    return {"tau": TIMES[:impacts]}
+
+
+def at_times(scene, times):
+    assert np.all(times > 4.1)
+    return mean_map(scene, impacts=2, closure="saltation").at_times(times)[["rho1", "rho2"]]
+
+
+MINE = Closure("mine", constant, at_times)
+
+
+def test_in_a_validation():
+    v = validate(LATE, impacts=2, closures=[MINE], paths=32_768, rng=7)
+    rows = v.table[(v.table["quantity"] == "tau") & (v.table["moment"] == "mean")]
+    assert rows["predicted"].tolist() == pytest.approx([*TIMES, *TIMES])  # of all paths, and of those on the itinerary
+    assert set(rows["verdict"]) == {"accurate"}
+    fixed = v.table[v.table["kind"] == "fixed time"]
+    assert fixed["predicted"].notna().all()
+    assert v.predictions["mine"].section["tau"].tolist() == pytest.approx(TIMES)
+
+
+def test_in_a_study_and_a_boundary():
+    section = Prediction(LATE, 2, "mine", own=MINE).evaluate()[0]
+    assert section["tau"].tolist() == pytest.approx(TIMES + LATE.phase - 4.1)
+    found = boundary(LATE, closure=MINE, between=(0.005, 0.01), impacts=2, points=2)
+    assert set(found.points["verdict"]) == {"accurate"}
+
+
+def test_in_a_claim_of_pytest():
+    claim = read_claim({"scene": LATE, "impacts": 2, "quantities": "tau", "moments": "mean"}, Path())
+    said = predict(MINE, claim)
+    assert said.section["tau"].tolist() == pytest.approx(TIMES + LATE.phase - 4.1)
+
+
+def test_in_the_sensitivity_of_a_closure():
+    seen = []
+
+    def noted(scene, impacts):
+        seen.append(scene.start.tau)
+        return mean_map(scene, impacts=impacts).section
+
+    closure_sensitivity(LATE, closure=noted, parameters=["amplitude"], impacts=1, paths=1024)
+    assert set(seen) == {4.1}
+
+
+def test_in_a_study_from_a_file():
+    text = LATE.to_toml() + "[study]\nimpacts = 2\npaths = 4096\n[[axes]]\nsigma = [0.01]\n"
+    study = replace(Study.from_toml(text), closures=(MINE,))
+    (cell,) = study.points[0].predictions
+    assert cell.evaluate()[0]["tau"].tolist() == pytest.approx(TIMES + LATE.phase - 4.1)

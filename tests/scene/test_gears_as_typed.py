@@ -1,0 +1,91 @@
+"""Gears keep what was typed: a changed copy, a repr and a file have the drive in mm and the mean speed as given."""
+
+import copy
+import math
+import pickle
+from dataclasses import replace
+
+import pytest
+
+from rattle import DAT21, Gears, InputError, Order, Scene
+from rattle.scene.errors import nearest
+
+OTHERS = {name: value for name, value in DAT21.values.items() if name != "alpha"}
+MOVED = Gears.driven(amplitude=0.3, **OTHERS)
+TURNED = Gears.driven(amplitude_rad=0.01, driver_radius=30.0, **OTHERS)
+FAST = Gears.driven(amplitude=0.3, speed_rpm=800.0, driver_radius=30.0, **OTHERS)
+
+
+@pytest.mark.parametrize("gears", [MOVED, TURNED, FAST], ids=["mm", "rad", "speed"])
+def test_another_backlash_is_the_same_motion(gears):
+    wide = replace(Scene.from_gears(gears).gears, backlash1=0.4)
+    assert wide.amplitude == pytest.approx(0.3, rel=1e-15)
+    assert wide.alpha == pytest.approx(0.75, rel=1e-15)
+    back = replace(wide, backlash1=0.2)
+    assert back == gears
+    assert back.values == gears.values
+
+
+def test_an_alpha_that_was_typed_stays():
+    wide = replace(DAT21, backlash1=0.4)
+    assert (wide.alpha, wide.values["alpha"], "amplitude" in wide.values) == (1.5, 1.5, False)
+
+
+def test_another_alpha_takes_the_place_of_the_amplitude():
+    for gears in (MOVED, TURNED, FAST):
+        changed = replace(gears, alpha=2.0)
+        assert (changed.alpha, changed.amplitude) == (2.0, 0.4)
+        assert not {"amplitude", "amplitude_rad"} & set(changed.values)
+    assert "driver_radius" not in replace(TURNED, alpha=2.0).values
+
+
+def test_a_mean_speed_is_counted_in_again():
+    brake = FAST.torque1 - 100.0
+    assert brake == pytest.approx(100.0 * 800.0 / 60.0 * 2.0 * math.pi * 30.0 / 41.0)
+    assert replace(FAST, torque1=50.0).torque1 == pytest.approx(50.0 + brake)
+    assert replace(FAST, damping1=200.0).torque1 == pytest.approx(100.0 + 2.0 * brake)
+    assert replace(FAST, damping1=200.0).values["torque1"] == 100.0
+
+
+def test_a_repr_and_a_file_have_what_was_typed():
+    assert "amplitude=0.3" in repr(MOVED)
+    assert "alpha" not in repr(MOVED)
+    assert "speed_rpm=800.0" in repr(FAST)
+    assert "torque1=100.0" in repr(FAST)
+    for gears in (MOVED, TURNED, FAST, DAT21):
+        scene = Scene.from_gears(gears, sigma=0.1)
+        assert eval(repr(scene), {"Scene": Scene, "Gears": Gears, "DAT21": DAT21}) == scene
+        again = Scene.from_toml(scene.to_toml())
+        assert again == scene
+        assert again.gears.values == gears.values
+
+
+def test_copies_are_as_typed():
+    for other in (pickle.loads(pickle.dumps(FAST)), copy.deepcopy(FAST), copy.copy(FAST)):
+        assert other == FAST
+        assert replace(other, backlash1=0.4).values == replace(FAST, backlash1=0.4).values
+
+
+def test_names_that_are_as_close_are_all_suggested():
+    assert nearest("backlash", OTHERS) == "did you mean 'backlash1' or 'backlash2'?"
+    assert nearest("Torque3", OTHERS) == "did you mean 'torque1' or 'torque2'?"
+    assert nearest("omgea", OTHERS) == "did you mean 'omega'?"
+    with pytest.raises(InputError, match="did you mean 'backlash1' or 'backlash2'"):
+        Scene.from_toml("[gears]\nbacklash = 0.2")
+
+
+SINGLE = "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.1\nstages = 1\n"
+DRIVE = f"{SINGLE}[[drive]]\norder = 1\namplitude = 1.0\n"
+
+
+def test_a_phase_is_in_radians_or_said_to_be_in_degrees():
+    for phase in (30, -90.0, 6.4):
+        with pytest.raises(InputError, match=r"drive.phase = .*: is in radians, .* write .*, or phase_degrees = "):
+            Scene.from_toml(f"{DRIVE}phase = {phase}")
+    with pytest.raises(InputError, match=r"if it is in degrees, write 0\.523599"):
+        Order(2, 0.4, 30.0)
+    assert Scene.from_toml(f"{DRIVE}phase_degrees = 30").drive[0].phase == math.radians(30.0)
+    assert Scene.from_toml(f"{DRIVE}phase = 6.2832").drive[0].phase == 6.2832
+    for text, message in (("phase_degrees = 500", "between 0 and 360"), ("phase = 1\nphase_degrees = 2", "keep one")):
+        with pytest.raises(InputError, match=f"drive.phase_degrees = .*{message}"):
+            Scene.from_toml(DRIVE + text)
