@@ -58,6 +58,8 @@ class Trace:
     carried: Floats | None = None
     # what splitting its components further would be worth, by its own measure; (impacts + 1,)
     residual: Floats | None = None
+    # the same, in sds of the section quantities: errors of mean and sd by those of the weights; (impacts + 1, 2, 6)
+    doubted: Floats | None = None
     work: int = 0  # how many flights of components the same closure computed
     flight: Floats | None = None  # mean flights, where they are not differences of mean times; (impacts + 1,)
     # of a closure of one's own: ``rho1, rho2`` as it predicts them, (impacts + 1, 2); the seconds that it took; whether
@@ -117,6 +119,8 @@ def bounds(coarse: Trace, fine: Trace) -> Floats:
     error[:, 1] *= 1.0 + np.log(np.fmax(kurtosis(fine) / 3.0, 1.0))
     if fine.carried is not None:
         error[:, 1] = np.hypot(error[:, 1], SLOW * fine.carried)
+    if fine.doubted is not None:
+        error = np.hypot(error, fine.doubted)
     error[missing] = np.nan
     worst = np.fmax.accumulate(np.fmax.reduce(error, axis=2))
     error[1:] = np.fmax(error[1:], worst[:-1, :, None])

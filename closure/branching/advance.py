@@ -28,6 +28,8 @@ TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a t
 BRANCH = 0.03  # error of a boundary through the centre of a component, relative to its weight
 DAMPED = 15.0  # damping times flight time above which a component is discarded
 POWER = 0.35  # error of a component relative to its weight, as a power of the ratio of variances
+SKEWED = 2.0  # skewness per ratio of second-order to first-order sd
+MOST_DOUBT = 1.0  # largest relative error of a weight
 ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
 
 
@@ -54,14 +56,15 @@ class Buffers(NamedTuple):
     parent: Ints  # the component after the last impact of which it is a part
     plane: Floats  # one sd across the boundary that halves a component; (components, d)
     halved: Floats  # distance of that boundary, in sds; 0 for a component that is not halved
+    doubt: Floats  # relative error of the weight beyond the plane that splits a tail off
 
 
 def buffers(size: int, d: int = PLAIN) -> Buffers:
     """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
     ignored, beyond, parent = np.zeros((3, size), np.int64)
-    (error, depth, slow, halved), (axis, plane) = np.zeros((4, size)), np.zeros((2, size, d))
-    return Buffers(empty(size, d), image, ignored, error, axis, depth, beyond, slow, parent, plane, halved)
+    (error, depth, slow, halved, doubt), (axis, plane) = np.zeros((5, size)), np.zeros((2, size, d))
+    return Buffers(empty(size, d), image, ignored, error, axis, depth, beyond, slow, parent, plane, halved, doubt)
 
 
 @splice
@@ -74,6 +77,16 @@ def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float
 
 
 @splice
+def _doubt(bent: float, depth: float) -> float:
+    """Relative error of the weight beyond a plane, `depth` sds away, of what is bent but taken as a Gaussian.
+
+    It is the first term of an Edgeworth series, with the skewness of a Gaussian that is bent so.
+    """
+    rate = component.half(depth, False)[1]
+    return min(SKEWED * math.sqrt(bent) / 6.0 * max(depth * depth - 1.0, 1.0) * rate, MOST_DOUBT)
+
+
+@splice
 def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> None:
     """Compute the image of component `i`, whole or in halves beside a boundary, and how it would best be split.
 
@@ -81,7 +94,8 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     """
     w, centre = b.start.weight[i], b.start.mean[i]
     b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
-    b.error[i], b.depth[i], b.halved[i] = 0.0, 0.0, 0.0
+    b.error[i], b.depth[i], b.halved[i], b.doubt[i] = 0.0, 0.0, 0.0, 0.0
+    section, bent, doubt = b.image.section, b.start.bent[i], b.start.doubt[i]
     rank, full = component.root(b.start.covariance[i])
     axes = full[:, :rank].copy()
     t, code = component.event(c, centre, before)
@@ -108,7 +122,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
                 pieces = 2
                 b.halved[i] = depth
                 linalg.put_row(b.plane[i], linalg.apply(axes, n))
-    worst = 0.0
+    worst = most = 0.0
     for k in range(pieces):
         share, rate, variance = component.half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
         narrow = math.sqrt(variance)
@@ -118,7 +132,10 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             at, across = linalg.beyond(centre, rate, linalg.apply(axes, n)), axes.copy()
             linalg.add_outer(across, narrow - 1.0, linalg.apply(axes, n), n)
         bend, u = component.propagate(c, at, across, b.image, 2 * i + k, before)
+        section.bent[2 * i + k], section.doubt[2 * i + k] = bent + bend, doubt
+        most = max(most, bend)
         if b.depth[i] > 0.0:
+            b.doubt[i] = _doubt(bent + bend, depth)
             return
         error = w * share * bend**POWER if bend > level.flat else 0.0
         b.error[i] += error
@@ -131,6 +148,10 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
                 linalg.put_scaled(u, u, linalg.norm(u))
             linalg.put_row(b.axis[i], linalg.apply(axes, u))
     if pieces == 2:
+        weight, beyond = section.weight[2 * i], section.weight[2 * i + 1]
+        more = _doubt(bent + most, depth)
+        section.doubt[2 * i] = math.hypot(doubt, more * beyond / weight)
+        section.doubt[2 * i + 1] = math.hypot(doubt, more)
         crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
         if crossing > b.error[i]:
             linalg.put_row(b.axis[i], linalg.apply(axes, n))
@@ -156,7 +177,9 @@ def _cut(b: Buffers, i: int, count: int) -> int:
         linalg.put(parts.covariance[at], sigma)
         linalg.add_outer(parts.covariance[at], variance - 1.0, v, v)
         parts.label[at], b.ignored[at], b.parent[at] = parts.label[i], b.ignored[i], b.parent[i]
+        parts.bent[at], parts.doubt[at] = parts.bent[i], parts.doubt[i]
     if pieces == 2:
+        parts.doubt[count] = math.hypot(parts.doubt[count], b.doubt[i])
         b.ignored[count] |= 1 << (code + 2)
         b.ignored[i] |= 1 << (b.beyond[i] + 2)
     return count + pieces - 1
@@ -239,6 +262,7 @@ def _strike(
             for k in range(hit.shape[0]):  # nothing is known of a deviation that is drawn anew
                 after.covariance[kept, flank, k] = after.covariance[kept, k, flank] = 0.0
             after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
+        after.bent[kept], after.doubt[kept] = section.bent[i], section.doubt[i]
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
         kept += 1
     return kept, discarded

@@ -17,7 +17,7 @@ from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import field, jacobian, noise_covariance
 from rattle.scene.impact import next_impact
 
-BISECTIONS = 6  # steps to locate a boundary
+BISECTIONS = 6  # steps to locate a boundary, and as many again for the nearest one
 LONGEST = 100.0  # longest flight; a component without an impact by then is discarded
 # A standard normal approximated by three Gaussians of equal width: weight of the outer ones, width, and their distance.
 THIRD_WEIGHT, THIRD_WIDTH = 0.2252246249, 0.6715662887
@@ -74,14 +74,18 @@ def root(sigma: Floats) -> tuple[int, Floats]:
 
 @internal
 def _boundary(
-    c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, far: float, before: Floats
-) -> tuple[float, int]:
-    """Distance (in sds, up to `far`) along a unit vector at which the next impact changes from `code`, and to which."""
+    c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, near: float, far: float,
+    before: Floats,
+) -> tuple[float, int]:  # fmt: skip
+    """Distance (in sds) along a unit vector at which the next impact changes from `code`, and to which.
+
+    It is searched for from `near`, where the next impact is `code`, to `far`.
+    """
     direction = linalg.apply(axes, u)
     found = event(c, linalg.beyond(centre, far, direction), before)[1]
     if found == code:
         return np.inf, code
-    low, high = 0.0, far
+    low, high = near, far
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         met = event(c, linalg.beyond(centre, middle, direction), before)[1]
@@ -112,7 +116,7 @@ def cut_plane(
     for ray in range(2 * rank):
         trial[:] = 0.0
         trial[ray // 2] = 1.0 if ray % 2 == 0 else -1.0
-        distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
+        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
         if distance < nearest:
             nearest, other = distance, found
             linalg.put_row(u, trial)
@@ -125,17 +129,20 @@ def cut_plane(
             trial[i] += 0.5
             length = linalg.norm(trial)
             linalg.put_scaled(trial, trial, length)
-            distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
+            distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
             q[i] = 2.0 * ((length / distance if found == other else 0.0) - 1.0 / nearest)
         length = linalg.norm(q)
         if length == 0.0:
             break
         linalg.put_scaled(trial, q, length)
-        distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
+        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
         if not (found == other and distance < nearest):
             break
         nearest = distance
         linalg.put_row(u, trial)
+    # a step of the search is 0.1 sds, and so much further off the weight beyond is smaller by a third
+    near = max(nearest - far / 2.0**BISECTIONS, 0.0)
+    nearest = _boundary(c, centre, axes, u, code, 0, near, nearest, before)[0]
     if nearest > reach:
         return code, u
     linalg.put_scaled(u, u, nearest)
