@@ -60,6 +60,8 @@ class Trace:
     residual: Floats | None = None
     # the same, in sds of the section quantities: errors of mean and sd by those of the weights; (impacts + 1, 2, 6)
     doubted: Floats | None = None
+    # the same closure's mean of what its components are bent, squared, and taken as Gaussians; (impacts + 1,)
+    bent: Floats | None = None
     work: int = 0  # how many flights of components the same closure computed
     flight: Floats | None = None  # mean flights, where they are not differences of mean times; (impacts + 1,)
     # of a closure of one's own: ``rho1, rho2`` as it predicts them, (impacts + 1, 2); the seconds that it took; whether

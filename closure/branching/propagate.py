@@ -184,10 +184,11 @@ def own_spread(
 ) -> float:
     """Sd of the distance to a wall by the noise until it is met, over that by the noise of the whole flight.
 
-    1 where it is met later than the centre meets its own, at time `t`, and for the wall just left: no plane divides
-    the paths that leave it slowly into those that return at once and the others.
+    1 where it is met later than that, and for the wall just left: no plane divides the paths that leave it slowly into
+    those that return at once and the others.
 
-    `beyond`: A point from which that wall is met. `last`: The wall just left.
+    `beyond`: A point from which that wall is met. `t`: Time of the flight whose noise was added. `last`: The wall just
+    left.
 
     Shapes: `centre`, `beyond` (d,); `axes` (d, rank); `before` (4,).
     """
