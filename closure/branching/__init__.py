@@ -133,7 +133,7 @@ def _doubted(weights: Floats, doubt: Floats, off: Floats, variances: Floats) -> 
     far = doubt[:, None] * share
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = (far * np.abs(off)).sum(axis=0) / np.sqrt(variance)
-        return np.nan_to_num([mean, 0.5 * (far * squares).sum(axis=0) / variance])
+        return np.asarray(np.nan_to_num([mean, 0.5 * (far * squares).sum(axis=0) / variance]))
 
 
 def _average(weights: Floats, off: Floats, variances: Floats, slow: Floats) -> Floats:

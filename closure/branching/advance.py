@@ -28,10 +28,10 @@ TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a t
 BRANCH = 0.03  # error of a boundary through the centre of a component, relative to its weight
 DAMPED = 15.0  # damping times flight time above which a component is discarded
 POWER = 0.35  # error of a component relative to its weight, as a power of the ratio of variances
-SKEWED = 2.0  # skewness per ratio of second-order to first-order sd
+SKEWED = 3.0 * math.sqrt(2.0)  # skewness of ``z + a z^2``, per its ratio of second-order to first-order sd
 LEFT = 0.05  # share of the square of that ratio that a split in three leaves
-EARLY = 0.3  # relative error of a weight, per logarithm of what the noise until then takes off it
-MOST_DOUBT = 1.0  # largest relative error of a weight
+EARLY = 0.6  # relative error of a weight, per logarithm of what the noise until then takes off it
+MOST_DOUBT = 2.0  # largest relative error of a weight
 ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
 
 
