@@ -14,16 +14,41 @@ from rattle.closure.section_map import PLAIN, between, column, derivatives
 from rattle.scene import Constants, Floats
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
-from rattle.scene.flight import field, jacobian, noise_covariance
+from rattle.scene.flight import field, flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact
 
 BISECTIONS = 6  # steps to locate a boundary, and as many again for the nearest one
+RETURNS = 8  # Newton steps back to a wall, from beyond it: each squares the relative error
 LONGEST = 100.0  # longest flight; a component without an impact by then is discarded
 # A standard normal approximated by three Gaussians of equal width: weight of the outer ones, width, and their distance.
 THIRD_WEIGHT, THIRD_WIDTH = 0.2252246249, 0.6715662887
 THIRD_CENTRE = math.sqrt(0.5 * (1.0 - THIRD_WIDTH**2) / THIRD_WEIGHT)
 STRAIGHT = 0.1  # ratio of second-order to first-order sd from which two sigma points replace the Taylor expansion
 GRAZE = 2.0  # slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread allows
+
+
+@internal
+def _return(c: Constants, e: Floats, start: Floats, mesh: int, side: int, late: float, before: Floats) -> float:
+    """When a flight that begins beyond a wall is back at it, from a time by which it is; the state then in `before`.
+
+    Noise that is moved back to the start of a flight puts it on either side of the wall that was just left, and
+    `next_impact` takes what is beyond a wall as if it were at it.
+
+    Shapes: `e` (5,) or (9,); `start`, `before` (4,).
+    """
+    i, wall = (0, c.wall1) if mesh == 1 else (2, c.wall2)
+    t = late
+    for _ in range(RETURNS):
+        x1, y1, x2, y2 = flow(c, e[0], start[0], start[1], start[2], start[3], t)
+        beyond, speed = side * (x1 if mesh == 1 else x2) - wall, side * (y1 if mesh == 1 else y2)
+        if speed <= 0.0:  # it turns around beyond the wall
+            break
+        before[0], before[1], before[2], before[3] = x1, y1, x2, y2
+        before[i] = side * wall
+        late, t = t, t - beyond / speed
+        if t <= 0.0 or t == late:
+            break
+    return late
 
 
 @internal
@@ -35,8 +60,13 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     middle1 = middle2 = 0.0
     if e.size > PLAIN:
         c, middle1, middle2 = between(c, e)
-    t, mesh, side, x1, y1, x2, y2 = next_impact(c, e[0], e[1] - middle1, e[2], e[3] - middle2, e[4], LONGEST)
-    before[0], before[1], before[2], before[3] = x1 + middle1, y1, x2 + middle2, y2
+    start = np.array([e[1] - middle1, e[2], e[3] - middle2, e[4]])
+    t, mesh, side, x1, y1, x2, y2 = next_impact(c, e[0], start[0], start[1], start[2], start[3], LONGEST)
+    before[0], before[1], before[2], before[3] = x1, y1, x2, y2
+    if t > 0.0 and ((mesh == 1 and side * start[0] > c.wall1) or (mesh == 2 and side * start[2] > c.wall2)):
+        t = _return(c, e, start, mesh, side, t, before)
+    before[0] += middle1
+    before[2] += middle2
     return t, (mesh * side if mesh > 0 else 0)
 
 
