@@ -27,7 +27,7 @@ from rattle.montecarlo.kernel.weighted_paths import sample_along
 from rattle.montecarlo.settings import EXACT, NOISE_FREE, plan_of
 from rattle.scene import Floats, Scene
 
-MOST = 24  # exits that are aimed at, the most probable first
+MOST = 12  # exits that are aimed at, the most probable first
 NEAR = 0.8  # share of the paths that are drawn near exits
 AMPLIFIED = (1.0, 1.5, 2.0, 3.0)  # times the noise of the scene, of the first pilots
 ROUNDS = 4  # pilots, at most, each aimed by the one before
@@ -107,9 +107,10 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
         run_pilot(near, [NEAR / len(near)] * len(near), max(BLOCKS, len(near)))
     rare = _list_rare(pilots, directions)
     for _ in range(ROUNDS):
-        if all(one.effective >= PLENTY for one in rare):
+        wanted = [one for one in rare if one.effective < PLENTY]
+        if not wanted:
             break
-        run_pilot(*share_out(rare), max(BLOCKS, len(rare)))
+        run_pilot(*share_out(wanted), max(BLOCKS, len(wanted)))
         rare = _list_rare(pilots, directions)
     return tuple(rare)
 
