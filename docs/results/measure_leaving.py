@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.branches import aim
+from rattle.montecarlo.ensemble import aim
 from rattle.montecarlo.kernel.block import BLOCK, CODES, count_followed
 from rattle.montecarlo.kernel.mixture import mixture_of
 from rattle.montecarlo.kernel.weighted_paths import sample_mixture

@@ -1,7 +1,7 @@
 """Probability of leaving the noise-free itinerary, by exit: from a run, and from paths drawn near rare exits.
 
 Which of the two an exit is known from is settled before anything is counted, by pilots that depend on the scene alone
-(`rattle.montecarlo.branches.aim`): paths are drawn near exits of which the run is expected to have few, and which the
+(`rattle.montecarlo.ensemble.aim`): paths are drawn near exits of which the run is expected to have few, and which the
 pilots know well enough to aim at; elsewhere the paths of the run are counted, though there be none.  An exit that the
 pilots do not know is in no row unless a path of the run has taken it.
 
@@ -18,8 +18,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import chdtri
 
-from rattle.montecarlo.branches.aim import ENOUGH, Exit, aim, share_out
 from rattle.montecarlo.branches.choose import LIKELY
+from rattle.montecarlo.ensemble.aim import ENOUGH, Exit, aim, share_out
 from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
 from rattle.montecarlo.kernel.mixture import mixture_of
 from rattle.montecarlo.kernel.weighted_paths import sample_mixture
