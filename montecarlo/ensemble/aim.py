@@ -47,8 +47,8 @@ class Exit(NamedTuple):
 
     impact: int  # impact, code: number of the impact at which it is left, and ``mesh * side`` of what is struck instead
     code: int
-    probability: float  # probability, effective: as pilots have it, and the effective number of paths they have of it
-    effective: float
+    probability: float  # as pilots have it, those of amplified noise only where no others have
+    effective: float  # effective number of their paths that took it, with the noise as it is
     points: list[Floats]  # of the noise near which paths are drawn; (steps,) each
 
 
@@ -112,7 +112,7 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
             break
         run_pilot(*share_out(wanted), max(BLOCKS, len(wanted)))
         rare = _list_rare(pilots, directions)
-    return tuple(rare)
+    return tuple(one for one in rare if one.effective > 0.0)
 
 
 def share_out(exits: Sequence[Exit]) -> tuple[list[Floats], list[float]]:
@@ -130,12 +130,14 @@ def _list_rare(pilots: list[_Pilot], directions: Floats) -> list[Exit]:
     plain = [pilot for pilot in pilots if pilot.amplified == 1.0]
     for impact, code in {key: None for pilot in pilots for key in pilot.left}:
         noise, weights = _weigh(plain, (impact, code))
-        if _count_effective(weights) < FEW:
-            noise, weights = _weigh(pilots, (impact, code))
+        effective = _count_effective(weights)
         probability = float(weights.sum())
+        if effective < FEW:
+            noise, weights = _weigh(pilots, (impact, code))
+            probability = probability or float(weights.sum())
         if SMALLEST <= probability < LIKELY:
             points = [point @ directions[: point.size] for point in _find_points(noise, weights)]
-            exits.append(Exit(impact, code, probability, _count_effective(weights), points))
+            exits.append(Exit(impact, code, probability, effective, points))
     return sorted(exits, key=lambda one: -one.probability)[:MOST]
 
 
