@@ -3,8 +3,8 @@
 ``python docs/results/measure_leaving.py [SET ...]`` measures these gear sets, or all twelve (about twenty minutes on
 one core), and keeps the other rows.  The first six sets were looked at while the method was made, the others not.  Of
 each set the noise is taken at which an exit that is aimed at has about a given probability.  Truths come from a much
-longer run that is drawn otherwise, half of it plainly and the rest wider around points of other pilots; plain paths
-check them.
+longer run that is drawn otherwise, half of it plainly and the rest wider around points of other pilots, and from plain
+paths, by their errors; how far the two are apart is in the table.
 """
 
 import math
@@ -27,10 +27,10 @@ sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
 
 TABLE = Path(__file__).parent / "leaving_coverage.csv"
-TUNED, UNSEEN = 42, 2042  # seeds of the gear sets
+TUNED, UNSEEN = 42, 3042  # seeds of the gear sets
 IMPACTS, PATHS, SEEDS = 5, 1024, 200
 PROBABILITIES = (1e-3, 1e-4, 1e-5, 1e-6)  # one of each set in turn
-NOISES = np.geomspace(0.005, 0.3, 15)
+NOISES = np.geomspace(0.005, 0.3, 12)
 LEAST, GREATEST = 3e-7, 3e-3  # probabilities of the rows
 TRUTH_BLOCKS, TRUTH_NEAR, WIDER = 384, 0.5, 0.9  # blocks; share near exits; distance of their points, over the usual
 PLAIN_PATHS = 1_000_000
@@ -55,7 +55,7 @@ def choose_scene(number, gear_set):
 
 
 def find_truth(scene):
-    """Probabilities and their errors, from a run that is drawn otherwise; (impacts, codes) each."""
+    """Probabilities and their variances, from a run that is drawn otherwise; (impacts, codes) each."""
     dt = default_step(scene, EXACT)
     with mock.patch.object(aim, "SEED", OTHER_SEED):
         exits = aim.aim.__wrapped__(scene.phase_reduced, IMPACTS, dt)
@@ -69,13 +69,13 @@ def find_truth(scene):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
         count_followed(rows, weights, orbit, np.zeros(BLOCK), left)
     paths = TRUTH_BLOCKS * BLOCK
-    return left[0] / paths, np.sqrt(left[1]) / paths
+    return left[0] / paths, left[1] / paths**2
 
 
 def measure(number, gear_set):
     """The rows of a gear set: its exits that are aimed at."""
     noise, scene = choose_scene(number, gear_set)
-    truth, error = find_truth(scene)
+    truths, variances = find_truth(scene)
     apart = Record(on_itinerary=True)
     plain = simulate(scene, paths=PLAIN_PATHS, impacts=IMPACTS, rng=9, record=apart)
     counts = plain.result.followers[NOISE_FREE].left[0]
@@ -83,14 +83,16 @@ def measure(number, gear_set):
     found = pd.concat(runs).query("near")
     for (impact, mesh, side), rows in found.groupby(["impact", "mesh", "side"]):
         at = impact - 1, CODES.index(mesh * side)
-        p, se = truth[at], error[at]
+        wide, of_wide, of_plain = truths[at], variances[at], truths[at] / PLAIN_PATHS
+        p = (wide / of_wide + counts[at] / PLAIN_PATHS / of_plain) / (1.0 / of_wide + 1.0 / of_plain)
+        se = math.sqrt(1.0 / (1.0 / of_wide + 1.0 / of_plain))
         if not LEAST <= p <= GREATEST:
             continue
         within = (rows["low"] < p) & (p < rows["high"])
         yield {
             "set": number + 1, "unseen": number >= 6, "stages": scene.stages, "noise": noise, "impact": impact,
             "mesh": mesh, "side": side, "truth": p, "se_truth": se, "plain": counts[at] / PLAIN_PATHS,
-            "plain_z": (counts[at] - PLAIN_PATHS * p) / math.hypot(math.sqrt(PLAIN_PATHS * p), PLAIN_PATHS * se),
+            "plain_z": (counts[at] / PLAIN_PATHS - wide) / math.sqrt(of_wide + of_plain),
             "seeds": len(rows), "mean": rows["probability"].mean() / p,
             "se_mean": rows["probability"].std() / p / math.sqrt(len(rows)),
             "scatter": rows["probability"].std() / rows["probability"].mean(), "effective": rows["paths"].median(),

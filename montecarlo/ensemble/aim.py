@@ -30,9 +30,9 @@ from rattle.scene import Floats, Scene
 MOST = 12  # exits that are aimed at, the most probable first
 NEAR = 0.8  # share of the paths that are drawn near exits
 AMPLIFIED = (1.0, 1.5, 2.0, 3.0)  # times the noise of the scene, of the first pilots
-ROUNDS = 4  # pilots, at most, each aimed by the one before
+ROUNDS = 8  # pilots, at most, each aimed by the one before
 BLOCKS = 4  # blocks of paths of a pilot, at least; one for each exit if that is more
-ENOUGH = 20.0  # effective paths of a pilot from which on an exit is aimed at
+ENOUGH = 50.0  # effective paths of a pilot from which on an exit is aimed at
 PLENTY = 100.0  # effective paths from which on no further pilot is wanted
 FEW = 10.0  # effective paths below which probabilities are levelled, so that more than one path decides the aim
 MOST_POINTS = 3  # points of the noise of an exit near which paths are drawn
@@ -190,12 +190,9 @@ def _find_points(noise: Floats, weights: Floats) -> list[Floats]:
     A further point is for those whose weights are the largest so far: for a second mechanism, or a curved branch.
     """
     weights = _level(weights)
-    often, before, points = np.ones(weights.size), math.inf, list[Floats]()
-    while len(points) < MOST_POINTS:
+    often, found = np.ones(weights.size), list[Floats]()
+    while len(found) < MOST_POINTS:
         heavy = weights / often
-        if heavy.sum() > HELPS * before:
-            break
-        before = heavy.sum()
         direction = noise[heavy.argmax()]
         for _ in range(8):  # those on its side alone: an exit may be reached by opposite noise
             side = noise @ direction > 0.0
@@ -205,10 +202,22 @@ def _find_points(noise: Floats, weights: Floats) -> list[Floats]:
         order = np.argsort(np.where(along > 0.0, along, np.inf))
         share = np.cumsum(heavy[order] * (along[order] > 0.0))
         distance = max(float(along[order][np.searchsorted(share, REACH * share[-1])]), BEFORE[1])
-        points.append(distance * direction)
-        rate = SPLIT / np.array([tail(level) for level in distance - BEFORE])
-        often = often + NEAR / (1.0 - NEAR) * (rate * (along[:, None] > distance - BEFORE)).sum(axis=1)
-    return points
+        point = distance * direction
+        more = often + _expect_near(noise, point)
+        if found and (weights / more).sum() > HELPS * heavy.sum():
+            break
+        found.append(point)
+        often = more
+    return found
+
+
+def _expect_near(noise: Floats, point: Floats) -> Floats:
+    """How many paths near a point have a noise, over those drawn plainly."""
+    distance = math.sqrt(float(point @ point))
+    level = distance - BEFORE
+    rate = SPLIT / np.array([tail(one) for one in level])
+    beyond = (noise @ point / distance)[:, None] > level
+    return np.asarray(NEAR / (1.0 - NEAR) * (rate * beyond).sum(axis=1))
 
 
 def _level(weights: Floats) -> Floats:

@@ -28,7 +28,7 @@ from rattle.montecarlo.settings import EXACT, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats
 
-BLOCKS, LEAST_BLOCKS = 2, 16  # blocks of paths for each exit, and for all
+BLOCKS, LEAST_BLOCKS = 4, 16  # blocks of paths for each exit, and for all
 KNOWN = 100.0  # expected paths of a run that leave by an exit from which on they are enough
 LEFT = 0x1EA  # spawn key of the random numbers of these paths
 COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "near")
