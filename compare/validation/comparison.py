@@ -85,7 +85,7 @@ class Comparison:
         rows = run.leaving[run.leaving["impact"] <= impacts]
         if rows.empty:
             return 0.0, 0.0, interval(0.0, 0.0, 1.0 / run.paths)[1]
-        each = rows["probability"] / rows["paths"]  # mean weight of a path
+        each = (rows["probability"] / rows["paths"]).fillna(1.0 / run.paths)  # mean weight of a path
         total = float(rows["probability"].sum())
         low, high = interval(total, float((rows["probability"] * each).sum()), float(each.max()))
         return min(total, 1.0), low, min(high, 1.0)

@@ -104,6 +104,7 @@ class BranchSearch:
         self._queue = [_Parent(1.0, scene.phase, begin, 0, self.orbit)]  # the most probable last
         self._grid = scene.phase, dt
         self._branches: list[Branch] = []
+        self.responses: list[Floats] = []  # of the state before each impact of the orbit to the noise; (4, steps) each
         self._searched: list[tuple[float, int]] = []  # probability of each path, and number of branches after it
         self._flights, self._found = 0, dict[int, RareEvents]()
         self._known, self._why, self._one_at_a_time = impacts, "", threading.Lock()
@@ -144,6 +145,8 @@ class BranchSearch:
                 return k, f"impact {k + 1} of the orbit grazes its wall"
             tau += flight.time
             (before,) = flight.states(np.array([flight.time]))
+            if not self._searched:
+                self.responses.append(before.cross)
             start = before._replace(mean=flight.before).across(c, flight.mesh, tau)
         return self.impacts, ""
 

@@ -272,9 +272,10 @@ class Ensemble(SectionResult):
         """Probability of leaving the noise-free itinerary at an impact, by what is struck instead.
 
         Columns ``impact, mesh, side`` (the wall that is struck in place of the itinerary's), ``probability`` with a
-        95 % interval ``low, high``, ``paths`` that it rests on, and ``near``: whether these were drawn near a branch
-        that the search along the orbit has found (``rattle.montecarlo.ensemble.leaving``), or are those of this run.
-        What fewer than one in a billion paths do is left out.
+        95 % interval ``low, high``, ``paths`` that it rests on, and ``near``: whether these were drawn near this exit,
+        at which pilots have aimed (``rattle.montecarlo.ensemble.leaving``), or are those of this run.  Which of the two
+        depends on the scene and the number of paths alone.  An exit that the pilots know is listed even where no path
+        of this run took it.  What fewer than one in a billion paths do is left out.
 
         Raises
         ------

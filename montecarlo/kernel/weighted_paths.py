@@ -69,7 +69,7 @@ def run_weighted(job: Job, mixture: BranchMixture, every: Lanes, room: Room, out
 
     `room`: Of each path it carries the branch, what the steps ahead add along the branch's unit vector, and along each
     unit vector the sum so far. `out`: Its `controls` take the weight of each impact, given the steps up to its own,
-    shape (paths, impacts, 1).
+    and as many of these sums there as there is room for, shape (paths, impacts, 1 + sums).
     """
     widest_vectors()
     part, ahead, done = room.carried[0], room.carried[1], room.carried[2:]
@@ -102,6 +102,8 @@ def run_weighted(job: Job, mixture: BranchMixture, every: Lanes, room: Room, out
                     weight = _weight(mixture, n + 1, p, done)
                     for k in range(met, min(lanes.impacts[p], impacts)):
                         out.controls[row, k, 0] = weight
+                        for j in range(out.controls.shape[2] - 1):
+                            out.controls[row, k, 1 + j] = done[j, p]
             n += 1
             work += live
         live = retire(every, room, impacts, live)
@@ -115,13 +117,30 @@ def sample_mixture(plan: block.Plan, mixture: BranchMixture, number: int) -> tup
     to each impact, 0 of those that a path did not have; path-steps; and those in which a mesh stayed closed. Shapes:
     result (BLOCK, impacts, COLUMNS), (BLOCK, impacts).
     """
+    rows, controls, steps, sticking = _sample(plan, mixture, number, 0)
+    return rows, controls[:, :, 0], steps, sticking
+
+
+def sample_along(plan: block.Plan, mixture: BranchMixture, number: int) -> tuple[Floats, Floats, Floats]:
+    """Run the paths of a block, and tell what their noise was along each unit vector.
+
+    Returns: Impacts and weights as of `sample_mixture`, and the noise up to each impact. Shapes: result (BLOCK,
+    impacts, COLUMNS), (BLOCK, impacts), (BLOCK, impacts, unit vectors).
+    """
+    rows, controls, _, _ = _sample(plan, mixture, number, len(mixture.unit))
+    return rows, controls[:, :, 0], controls[:, :, 1:]
+
+
+def _sample(plan: block.Plan, mixture: BranchMixture, number: int, along: int) -> tuple[Floats, Floats, int, int]:
+    """Impacts of a block, its weights and the noise along so many unit vectors, and the numbers of `sample_mixture`."""
     first = number * block.BLOCK
     job, every, room = block.begin_block(plan, first, block.BLOCK, carried=2 + len(mixture.unit))
-    rows, weights = np.full((1, block.BLOCK, plan.impacts, COLUMNS), np.nan), np.zeros((block.BLOCK, plan.impacts, 1))
+    rows = np.full((1, block.BLOCK, plan.impacts, COLUMNS), np.nan)
+    controls = np.zeros((block.BLOCK, plan.impacts, 1 + along))
     room.carried[:2, : block.BLOCK] = draw_targets(mixture, plan.seed, number)
-    out = Output(first, rows, plan.fixed_steps, np.empty((1, 0, 0, 4)), weights)
+    out = Output(first, rows, plan.fixed_steps, np.empty((1, 0, 0, 4)), controls)
     steps, sticking = run_weighted(job, mixture, every, room, out)
-    return rows[0], weights[:, :, 0], int(steps), int(sticking)
+    return rows[0], controls, int(steps), int(sticking)
 
 
 def run_mixture(plan: block.Plan, mixture: BranchMixture, number: int) -> tuple[block.BlockResult, None]:
