@@ -148,12 +148,16 @@ def leaving_coverage(reports: Path) -> Table:
             f"{r['mean']:.3f} ± {math.hypot(r['se_mean'], r['se_truth'] / r['truth']):.3f}",
             f"{r['scatter']:.0%}",
             f"{r['coverage']:.1%}",
+            f"{r['coverage_of_mean']:.1%}",
         ]
         for r in found.to_dict("records")
     ]
-    seeds, within = found["seeds"].sum(), (found["seeds"] * found["coverage"]).sum()
-    rows.append(["all", "", "", "", "", f"{found['scatter'].median():.0%} (median)", f"{within / seeds:.1%}"])
-    return ["gear set", "exit", "truth", "plain paths", "mean", "scatter", "95 % intervals that hold it"], rows
+    for name, some in (("looked at", found[~found["unseen"]]), ("unseen", found[found["unseen"]])):
+        every = [np.average(some[c], weights=some["seeds"]) for c in ("coverage", "coverage_of_mean")]
+        scatter = f"{some['scatter'].median():.0%} (median)"
+        rows.append([f"all {name}", "", "", "", "", scatter, *(f"{share:.1%}" for share in every)])
+    head = ["gear set", "exit", "truth", "plain paths", "mean", "scatter"]
+    return [*head, "95 % intervals that hold the truth", "the mean"], rows
 
 
 @table
