@@ -1,7 +1,12 @@
-"""Reading of text, TOML and JSON files, with errors that name the file."""
+"""Reading of text, TOML and JSON files of bounded size and depth, with errors that name the file."""
 
+import errno
+import io
 import json
+import os
 import re
+import select
+import stat
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,16 +15,31 @@ from typing import Any
 
 from rattle.scene.errors import FileError, InputError
 
-TABLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]")
+TABLE = re.compile(r"\s*\[+([^\[\]]+)\]")
 KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
 PLACE = re.compile(r"\(at line (\d+),")
 COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)")
+MOST_BYTES = 2**28
+"""Most bytes of a file that is read as a whole; the largest in reports/ has less than 2**20."""
+MOST_TOML = 1_000_000
+"""Most characters of a TOML text: fifty thousand numbers, which are parsed in about a second."""
+MOST_DEPTH = 32
+"""Most levels of nested tables and lists, and most parts of a dotted key; a page has 12."""
+LONG_KEY = re.compile(rf"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{MOST_DEPTH}}}""")
+MOST_BITS = 1000
+"""Most bits of an integer: any seed has fewer, and a floating-point number holds it."""
+PATIENCE = 5.0  # seconds in which somebody has to open a pipe for writing
 
 
 def read_text(what: str, path: str | Path, give: str = "a TOML file") -> str:
-    """Read a UTF-8 text file, with a byte-order mark or without."""
+    """Read a UTF-8 text file, with a byte-order mark or without; it may be a pipe."""
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
+        content = _read(Path(path))
+        if len(content) > MOST_BYTES:
+            raise FileError(what, str(path), f"has more than {MOST_BYTES:,} bytes; give {give}")
+        return io.StringIO(content.decode("utf-8-sig"), newline=None).read()
+    except FileError:
+        raise
     except UnicodeDecodeError:
         raise FileError(what, str(path), f"is not UTF-8 text; give {give} saved as UTF-8") from None
     except OSError as error:
@@ -28,9 +48,75 @@ def read_text(what: str, path: str | Path, give: str = "a TOML file") -> str:
         raise FileError(what, path, f"is no path; give that of {give}") from None
 
 
+def _read(path: Path) -> bytes:
+    """Read at most `MOST_BYTES` and one more; a pipe into which nobody writes is an error, where it would block."""
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+        first: bytes | None = None
+        if stat.S_ISFIFO(os.fstat(file.fileno()).st_mode) and not select.select([file], [], [], PATIENCE)[0]:
+            first = file.raw.read(1)  # None while somebody who has opened it has written nothing yet
+            if first == b"":
+                raise OSError(errno.EPIPE, "nobody writes into this pipe")
+        os.set_blocking(file.fileno(), True)
+        return (first or b"") + file.read(MOST_BYTES + 1)
+
+
+def read_regular(path: Path) -> bytes:
+    """Read a file of this project's own; OSError where it is of another kind or size, for it might have no end."""
+    if not path.is_file():
+        raise OSError(errno.EINVAL, "is no regular file", str(path))
+    if path.stat().st_size > MOST_BYTES:
+        raise OSError(errno.EFBIG, "is too large", str(path))
+    return path.read_bytes()
+
+
 def read_json(what: str, path: str | Path, give: str) -> Any:
     """Read the data of a JSON file that rattle wrote; ValueError where it is no JSON."""
-    return json.loads(read_text(what, path, give))
+    return parse_json(read_text(what, path, give))
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Parse a JSON text; ValueError where it is none, or nested too deep."""
+    try:
+        data = json.loads(text)
+    except RecursionError:
+        raise ValueError(TOO_DEEP) from None
+    _check_data(data)
+    return data
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Parse a TOML text; ValueError where it is none, or too large or too deep."""
+    if len(text) > MOST_TOML:
+        raise ValueError(f"the text has {len(text):,} characters, more than {MOST_TOML:,}")
+    if LONG_KEY.search(text):
+        raise ValueError(f"a key has more than {MOST_DEPTH} parts")
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(TOO_DEEP) from None
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:  # of Python, about a setting of its own
+        raise ValueError(TOO_LARGE) from None
+    _check_data(data)
+    return data
+
+
+TOO_DEEP = f"tables or lists are nested more than {MOST_DEPTH} deep"
+TOO_LARGE = "an integer is larger than any number here"
+
+
+def _check_data(data: Any) -> None:
+    """Check how deep data are nested, and their integers."""
+    level = [data]
+    for _ in range(MOST_DEPTH + 1):
+        if any(isinstance(item, int) and item.bit_length() > MOST_BITS for item in level):
+            raise ValueError(TOO_LARGE)
+        nested = [item.values() if isinstance(item, dict) else item for item in level if isinstance(item, dict | list)]
+        level = [item for items in nested for item in items]
+        if not nested:
+            return
+    raise ValueError(TOO_DEEP)
 
 
 def read_toml(text: str) -> dict[str, Any]:
@@ -38,9 +124,11 @@ def read_toml(text: str) -> dict[str, Any]:
     if not isinstance(text, str):
         raise FileError("TOML", text, "give text")
     try:
-        return tomllib.loads(text)
-    except ValueError as error:  # includes TOMLDecodeError; an integer of too many digits raises a plain ValueError
+        return parse_toml(text)
+    except tomllib.TOMLDecodeError as error:
         raise FileError("TOML", str(error), _remedy(text, str(error))) from None
+    except ValueError as error:
+        raise FileError("TOML", str(error), "no scene or study needs that; correct the file") from None
 
 
 def _remedy(text: str, error: str) -> str:
@@ -74,7 +162,7 @@ def _line_of(text: str, error: InputError) -> int | None:
     table = ""
     for number, line in enumerate(text.splitlines(), start=1):
         if found := TABLE.match(line):
-            table = found[1]
+            table = found[1].strip()
         found = KEY.match(line)
         if found and any(found[1] == name and (not of or f".{table}".endswith(f".{of}")) for of, name in wanted):
             return number

@@ -5,6 +5,7 @@ is the same in every position: the teeth of the drawing touch if and only if a d
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 from markupsafe import Markup
 
 from rattle.compare.animation.record import SCHEME, Motion, Recording
-from rattle.compare.report.folder import check_place, refusals, write_whole
+from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.render import render_html
 from rattle.scene import OutputError, line
@@ -88,15 +89,9 @@ def check_file(out: Path, overwrite: bool) -> None:
     with refusals(out):
         if out.suffix.lower() != ".html":
             raise OutputError(f"out = {str(out)!r}: an animation is an HTML file; give a name that ends in .html")
-        if out.is_symlink() or (out.exists() and not out.is_file()):
-            raise OutputError(f"out = {str(out)!r}: exists and is not a file; choose another name")
+        check_own(out, re.escape(GENERATOR.encode()), "an animation of rattle")
         check_place(out)
-        if not out.exists():
-            return
-        with out.open("rb") as file:
-            if GENERATOR.encode() not in file.read(1000):
-                raise OutputError(f"out = {str(out)!r}: exists and is not an animation of rattle; choose another name")
-    if not overwrite:
+    if out.exists() and not overwrite:
         raise OutputError(f"out = {str(out)!r}: exists; choose another name, or overwrite it (--overwrite)")
 
 

@@ -1,5 +1,7 @@
 """The command ``rattle``."""
 
+import io
+import sys
 from typing import Any
 
 import click
@@ -11,7 +13,7 @@ from rattle.compare.cli.show import animate, drive, init, show
 from rattle.compare.cli.simulate import chaos, simulate, stationary
 from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import order, tradeoff, validate
-from rattle.compare.report.interrupt import EXIT_INTERRUPTED, NOTHING_WRITTEN, ends_soon, said
+from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
 from rattle.scene.errors import RattleError
 from rattle.scene.text import harmless
 
@@ -20,6 +22,13 @@ EXIT_BAD_INPUT = 2
 
 class RattleGroup(click.Group):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
+
+    def main(self, *args: Any, **settings: Any) -> Any:
+        """Show what the output cannot, in an encoding that is not Unicode, as escapes; files are always in UTF-8."""
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):  # in a notebook, or where it is closed, it is none
+                stream.reconfigure(errors="backslashreplace")
+        return super().main(*args, **settings)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command, and convert its errors to a message and an exit code."""
@@ -40,7 +49,7 @@ class RattleGroup(click.Group):
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
             said.set()
-            say(f"rattle: {str(interrupt) or NOTHING_WRITTEN}", err=True)
+            say(f"rattle: {str(interrupt) or describe_interrupt()}", err=True)
             ctx.exit(EXIT_INTERRUPTED)
 
 

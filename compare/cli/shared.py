@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from rattle.compare.report.folder import check_free, default_place, name_of
+from rattle.compare.report.interrupt import stored
 from rattle.compare.report.json_text import json_text
 from rattle.scene import DAT21, Scene, choice, count, harmless
 
@@ -197,6 +198,7 @@ class Results:
             pages = import_module(f"rattle.compare.{module}")
             self.writer = getattr(pages, writer)
             check_free(self.out, pages.CONTENTS, overwrite)
+            stored.append(self._describe_stored)
         self.watch = Stopwatch()
 
     @property
@@ -211,7 +213,17 @@ class Results:
         if not self.writes:
             return ()
         record = ({"name": self.name} if self.name else {}) | settings | provenance(self.watch)
-        return self.writer(self.out, *found, record, self.overwrite)
+        answer = self.writer(self.out, *found, record, self.overwrite)
+        stored.append(lambda: f"the page is written: {self.out}")
+        return answer
+
+    def _describe_stored(self) -> str:
+        """What an interrupt leaves."""
+        cells = self.cells
+        number = sum(1 for _ in cells.rglob("*.parquet")) if cells else 0
+        if not number:
+            return "nothing was written"
+        return f"{number} results stored in {cells}; run the same command again to continue"
 
     def say(self, sentences: Iterable[str], page: str, data: Callable[[], dict[str, Any]] = dict) -> None:
         """Print the answer and the place of the page, or the data as JSON."""

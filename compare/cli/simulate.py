@@ -14,7 +14,7 @@ import click
 import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines, say_part
-from rattle.compare.report.folder import write_whole
+from rattle.compare.report.folder import check_own, write_whole
 from rattle.scene import InputError, Scene, positive
 from rattle.scene.units import RATE, UNITS, check_units, in_units
 
@@ -72,6 +72,8 @@ def simulate(
         raise InputError("out", str(out), f"the folder {out.parent} does not exist; make it first")
     if out is not None and (out.is_dir() or not os.access(out.parent, os.W_OK)):
         raise InputError("out", str(out), "cannot be written; give the name of a file")
+    if out is not None:
+        check_own(out, rb"\Aimpact,tau", "a table of rattle simulate")
     common: dict[str, Any] = {"rng": seed, "progress": "simulate", **settings}
     if paths is not None and accuracy is None:
         recorded = None if step_bias else rt.Record(step_bias=False)

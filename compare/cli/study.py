@@ -12,6 +12,7 @@ import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import say, say_json, say_lines
 from rattle.compare.report.folder import ANY_TEXT, sweep, write_whole
+from rattle.compare.report.interrupt import stored
 from rattle.scene import InputError, OutputError, RattleError, count, line
 
 LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of all
@@ -22,11 +23,19 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
 @shared.folder("FILE without its suffix")
 @shared.whole("workers", 2, "Threads; the results do not depend on it.")
 @shared.SCHEDULER
+@click.option("--overwrite", is_flag=True, help="Replace the tables of another study in that folder.")
 @click.option("--explain", is_flag=True, help="Print what is to be computed and its expected cost, and stop.")
 @click.option("--status", is_flag=True, help="Print which results are stored, and stop.")
 @shared.json_flag("the record")
 def study(
-    file: Path, out: Path | None, workers: int, scheduler: str | None, explain: bool, status: bool, as_json: bool
+    file: Path,
+    out: Path | None,
+    workers: int,
+    scheduler: str | None,
+    overwrite: bool,
+    explain: bool,
+    status: bool,
+    as_json: bool,
 ) -> None:
     """Compute a study of many scenes, described in a TOML file.
 
@@ -38,7 +47,7 @@ def study(
     """
     from rattle.compare.engine.run import CELLS
     from rattle.compare.engine.store import Store
-    from rattle.compare.study.folder import group_failures
+    from rattle.compare.study.folder import check_folder, group_failures
 
     count("workers", workers)
     wanted = rt.Study.load(file)
@@ -56,7 +65,16 @@ def study(
         say_lines(f"  missing: {number} {group}" for group, number in Counter(cell.group for cell in todo).items())
         say_lines(f"  {line(str(failure))}" for failure in group_failures(wanted.points, {}))
         return
+    check_folder(wanted, folder, overwrite)
+
+    def describe() -> str:
+        have = len(wanted.cells) - len(seen.missing(wanted.cells))
+        page = ", but their page is not written" if have == len(wanted.cells) else ""
+        return f"{have} of {len(wanted.cells)} results stored{page}; run the same command again to continue"
+
+    stored.append(describe)
     record = _read_finished(wanted, seen, folder) or _compute(wanted, seen, folder, workers, scheduler)
+    stored.append(lambda: f"all {len(wanted.cells)} results are stored, and their page is written")
     if as_json:
         say_json(record)
     else:
@@ -72,14 +90,14 @@ def study(
 def _compute(wanted: "rt.Study", seen: Any, folder: Path, workers: int, scheduler: str | None) -> dict[str, Any]:
     """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
     from rattle.compare.engine.cluster import Cluster
-    from rattle.compare.engine.run import Runner, run
-    from rattle.compare.engine.store import Store
+    from rattle.compare.engine.run import Runner, open_cells, run
     from rattle.compare.study.design import combine, page_of, read_results
-    from rattle.compare.study.folder import FILE, write_page
+    from rattle.compare.study.folder import FILE, is_current_file, write_page
 
     try:
-        store = Store(seen.folder)
-        write_whole(folder / FILE, wanted.text)
+        store = open_cells(folder)
+        if not is_current_file(wanted, folder):
+            write_whole(folder / FILE, wanted.text)
     except OutputError as error:
         if seen.missing(wanted.cells):
             raise
@@ -106,8 +124,7 @@ def _compute(wanted: "rt.Study", seen: Any, folder: Path, workers: int, schedule
 
 def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any] | None:
     """The record of a study whose cells and page are complete; None if something is to be computed or written."""
-    from rattle.compare.report.save import file_digest
-    from rattle.compare.study.folder import FILE, PAGE, is_current
+    from rattle.compare.study.folder import FILE, PAGE, is_current, is_current_file
 
     current = is_current(wanted, folder)
     if current is None or seen.missing(wanted.cells):
@@ -115,7 +132,7 @@ def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any
     say(f"All {len(wanted.cells)} results are stored, and the page is up to date.", err=True)
     for place, scratch in ((folder, PAGE), (folder, ANY_TEXT), (seen.folder, ANY_TEXT)):
         sweep(place, scratch)
-    if file_digest(folder / FILE) != wanted.digest:
+    if not is_current_file(wanted, folder):
         write_whole(folder / FILE, wanted.text)
     return current
 
@@ -132,7 +149,7 @@ def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
     def times(cell: object) -> float:
         return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if sampled else 1.0
 
-    todo = [c for c in cells if not seen.path(c).exists()] if seen.folder.is_dir() else cells
+    todo = [c for c in cells if not seen.path(c).is_file()] if seen.folder.is_dir() else cells
     each = expect_work(todo)
     work = estimate(todo, each, workers, times)
     number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))

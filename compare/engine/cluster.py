@@ -8,7 +8,7 @@ import asyncio
 import logging
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
 from importlib import import_module
@@ -19,7 +19,7 @@ from rattle.compare.engine.store import numerical_version
 from rattle.scene import InputError, RattleError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Scheduler
 
 
 def check_address(address: str) -> None:
@@ -77,6 +77,12 @@ PATIENCE = 15.0
 Dask's nanny process restarts a worker that has died in less time.
 """
 WATCH = 1.0  # seconds between two questions to the scheduler which workers it has
+SILENCE = 20.0
+"""Seconds without a sign of life from a worker, after which its work is given to others.
+
+Its heart beats every few seconds in the largest clusters; Dask itself waits for 5 minutes (its ``worker-ttl``).
+"""
+HURRY = 0.5  # seconds to take leave of a scheduler after an error or an interrupt
 
 
 class Lost(RattleError):
@@ -115,11 +121,13 @@ class Cluster(Runner):
             raise
         self._executor = self._client.get_executor(pure=False)
         self._seen = self._looked = time.monotonic()
+        self._heartbeats: dict[str, tuple[float, float]] = {}  # of each worker the last by its clock, and by ours
+        self._all_silent = False
         return self
 
-    def __exit__(self, *what: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None = None, *what: object) -> None:
         with suppress(Exception):  # the scheduler may be gone already
-            self._client.close(timeout=self.patience)
+            self._client.close(timeout=self.patience if kind is None else HURRY)
 
     def submit(self, work: Callable[..., Any], *given: Any) -> Future[Any]:
         """Run some work on a worker."""
@@ -133,17 +141,38 @@ class Cluster(Runner):
         with suppress(Exception):  # the scheduler may be gone already
             self._executor.shutdown(wait=False)
 
-    def check(self) -> None:
-        """Notice a scheduler or workers that are gone: Dask itself would wait for ever."""
-        if (now := time.monotonic()) - self._looked < WATCH:
+    def check(self, say: Callable[[str], object]) -> None:
+        """Notice a scheduler or workers that are gone or do not answer: Dask itself would wait for ever."""
+        if time.monotonic() - self._looked < WATCH:
             return
         try:
-            workers = self._client.nthreads(callback_timeout=self.patience)
+            identity = self._client.sync(self._client.scheduler.identity, callback_timeout=self.patience)
         except Exception:  # the kind depends on how the scheduler was lost
             raise self._loss("no longer answers: start it again") from None
-        self._looked, self._seen = now, now if workers else self._seen
+        now = self._looked = time.monotonic()
+        if identity["workers"]:
+            self._seen = now
         if now - self._seen > self.patience:
             raise self._loss(f"has had no workers for {self.patience:.0f} s: start some (dask worker ADDRESS)")
+        before = self._heartbeats
+        beats = {address: worker["last_seen"] for address, worker in identity["workers"].items()}
+        self._heartbeats = {
+            address: before[address] if address in before and before[address][0] == beat else (beat, now)
+            for address, beat in beats.items()
+        }
+        silent = [address for address, (_, heard) in self._heartbeats.items() if now - heard > SILENCE]
+        if len(silent) < len(beats):
+            self._replace(silent, say)
+        elif silent and not self._all_silent:
+            say(f"no worker has answered for {SILENCE:.0f} s ({', '.join(silent)}); waiting for one; Ctrl-C ends this")
+        self._all_silent = len(silent) == len(beats)
+
+    def _replace(self, silent: Iterable[str], say: Callable[[str], object]) -> None:
+        """Give the work of some workers to the others."""
+        for address in silent:
+            say(f"worker {address} has not answered for {SILENCE:.0f} s; its cells go to the others")
+            with suppress(Exception):  # a scheduler may refuse to run functions; then it does so itself, later
+                self._client.run_on_scheduler(remove_worker, address)
 
     def reason(self, error: BaseException) -> str:
         """Why one cell cannot be computed; raises an error that concerns all cells."""
@@ -167,6 +196,11 @@ class Cluster(Runner):
 
     def _refuse(self, why: str) -> InputError:
         return InputError("scheduler", self.address, why)
+
+
+async def remove_worker(address: str, dask_scheduler: "Scheduler") -> None:
+    """On the scheduler: remove a worker, as it does itself with one that has been silent for minutes."""
+    await dask_scheduler.remove_worker(address, stimulus_id="rattle: silent")
 
 
 def compute_checked(version: str, work: Callable[..., Any], *given: Any) -> Any:

@@ -8,9 +8,9 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -18,12 +18,13 @@ from typing import Any, NoReturn, Self
 
 from tqdm import tqdm
 
-from rattle.compare.engine.store import Cell, Content, Store
-from rattle.compare.report.folder import ANY_TEXT, describe_refusal, sweep
+from rattle.compare.engine.store import LOCKS, Cell, Content, Store
+from rattle.compare.report.folder import ANY_TEXT, check_own, describe_refusal, refuse_foreign, sweep
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
 
 CELLS, LOG = "cells", "study.log"
+LOG_LINE = rb"\A\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} \d+ "
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
 
@@ -54,8 +55,8 @@ class Runner:
         """Abandon all work: what has not begun is cancelled, which raises CancelledError where it is waited for."""
         self._executor.shutdown(wait=False, cancel_futures=True)
 
-    def check(self) -> None:
-        """Raise an error if there are no workers any more; called every now and then."""
+    def check(self, say: Callable[[str], object]) -> None:
+        """Raise an error if there are no workers any more, and say which do not answer; called every now and then."""
 
     def reason(self, error: BaseException) -> str:
         """Why one cell cannot be computed; raises an error that concerns all cells."""
@@ -71,6 +72,36 @@ class Runner:
         return found
 
 
+def check_log(folder: Path) -> None:
+    """Check that a log can be continued, if there is one."""
+    check_own(folder / LOG, LOG_LINE, "a log of rattle")
+
+
+def open_cells(folder: Path) -> Store:
+    """Open the store of the cells in a folder, where it holds nothing of others under the names of cells and log."""
+    check_log(folder)
+    if not has_cells(folder) and (folder / CELLS).is_dir():
+        refuse_foreign(folder / CELLS, os.listdir(folder / CELLS))
+    return Store(folder / CELLS)
+
+
+@contextmanager
+def cells_of(folder: str | Path | None) -> Iterator[Store]:
+    """Context with the store of the cells in a folder; without a folder they are lost at its end."""
+    with tempfile.TemporaryDirectory() as scratch:
+        try:
+            yield open_cells(Path(folder or scratch))
+        except KeyboardInterrupt:
+            if folder is None:
+                raise KeyboardInterrupt from None
+            raise
+
+
+def has_cells(folder: Path) -> bool:
+    """Whether there is a store of cells in a folder."""
+    return (folder / CELLS / LOCKS).is_dir()
+
+
 class StudyProgress:
     """What a run has done so far: a line on the terminal, a log file in the folder, and the counts for the manifest.
 
@@ -82,6 +113,7 @@ class StudyProgress:
         self.computed, self.cell_seconds = 0, 0.0  # of this run; other cells may come from another process
         self.failed: dict[str, str] = {}  # error message of each cell that could not be computed, by key
         self._show, self._started = show, time.perf_counter()
+        check_log(folder)
         try:
             self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (closed by __exit__)
         except OSError as error:
@@ -161,7 +193,7 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
                     cell = todo.popleft()
                     running[pool.submit(store.attempt, cell, compute, progress.notify)] = cell
                 done, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
-                runner.check()
+                runner.check(progress.notify)
                 for future in done:
                     cell = running.pop(future)
                     if error := future.exception():
@@ -182,7 +214,6 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
 
 def obtain_all(cells: Collection[Cell], folder: Path | None, workers: int) -> list[Any]:
     """Read or compute the results of some cells; without a folder they are kept until all are there."""
-    with tempfile.TemporaryDirectory() as scratch:
-        store = Store(Path(folder or scratch) / CELLS)
+    with cells_of(folder) as store:
         run(cells, store, Runner(workers), show=True)
         return [store.obtain(cell) for cell in cells]

@@ -28,6 +28,7 @@ from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene import OutputError, Scene, harmless, line
 from rattle.scene.compiled import has_fma, strip
+from rattle.scene.files import read_regular
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("scene", "closure", "montecarlo")
@@ -59,6 +60,7 @@ def _processor() -> str:
     return f"{machine} {llvmlite.binding.get_host_cpu_name()}"
 
 
+LOCKS = "locks"  # folder in every store
 PAUSE = 0.2  # seconds between two tries of a cell that another process is computing
 PATIENCE = 5  # tries before that process is named
 SEAL = hashlib.sha256().digest_size
@@ -135,7 +137,7 @@ class Store:
     """Results by key; files are written atomically, so that a killed process leaves no partial result."""
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
-        self.folder, self._locks = folder, folder / "locks"
+        self.folder, self._locks = folder, folder / LOCKS
         self._tries: Counter[str] = Counter()  # of cells that other processes compute, by process
         if read_only:
             return
@@ -152,12 +154,14 @@ class Store:
 
     def missing(self, cells: Iterable[Cell]) -> list[Cell]:
         """List the cells that are not stored."""
-        return [cell for cell in cells if not self.path(cell).exists()]
+        return [cell for cell in cells if not self.path(cell).is_file()]
 
     def read(self, cell: Cell) -> Any:
         """Read the result of a cell; None if there is none, or a damaged file, which will be replaced."""
         with suppress(Exception):  # pyarrow and pandas raise many kinds for a file that is not theirs
-            return cell.restore(_parse(cell.key, self.path(cell).read_bytes()))
+            return cell.restore(_parse(cell.key, read_regular(self.path(cell))))
+        if self.path(cell).is_dir():
+            raise self._refuse(f"{self.path(cell).name} is a folder in place of a result; remove it")
         return None
 
     def write(self, cell: Cell, content: Content) -> None:
@@ -222,7 +226,8 @@ class Store:
             with suppress(OSError):  # the name of its holder is not essential
                 if not isinstance(lock, SoftFileLock):
                     since = time.strftime("%Y-%m-%d %H:%M:%S")
-                    Path(lock.lock_file).write_text(f"process {os.getpid()} on {platform.node()} since {since}")
+                    holder = f"process {os.getpid()} on {platform.node()} since {since}"
+                    Path(lock.lock_file).write_text(holder, encoding="utf-8")
             yield True
         finally:
             lock.release()
@@ -230,7 +235,7 @@ class Store:
     def _holder(self, key: str) -> str:
         """Name the process that holds the lock of a key."""
         with suppress(OSError):
-            return line((self._locks / key).read_text(errors="replace"))[:100] or "another process"
+            return line(read_regular(self._locks / key).decode(errors="replace"))[:100] or "another process"
         return "another process"
 
     def _refuse(self, why: str) -> OutputError:

@@ -1,7 +1,6 @@
 """The curve along which a closure stops holding, over two parameters: a search at each value of the second one."""
 
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,8 +12,8 @@ import pandas as pd
 
 from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
-from rattle.compare.engine.run import CELLS, Runner, run
-from rattle.compare.engine.store import Cell, Content, Store
+from rattle.compare.engine.run import Runner, cells_of, run
+from rattle.compare.engine.store import Cell, Content
 from rattle.compare.parameters.boundary import boundary, find_range
 from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
@@ -224,8 +223,7 @@ def boundary_map(
     asked = settings | {"closure": method, "over": over, "searches": values}
     found: dict[int, Found | str] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
-    with tempfile.TemporaryDirectory() as scratch:
-        store = Store(Path(folder or scratch) / CELLS)
+    with cells_of(folder) as store:
         while wave:
             cells = {
                 i: Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": expect([found[j] for j in beside])})

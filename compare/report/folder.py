@@ -6,13 +6,18 @@ import platform
 import re
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
+from typing import Any
 
+from rattle.compare.report.json_text import NAME
 from rattle.scene import OutputError, harmless, line
+from rattle.scene.files import parse_json, read_regular
 
+MANIFEST = "manifest.json"
+FIGURES = "figures"  # folder of the figures of some reports
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
 PART, OLD = ".part", ".old"  # suffixes of scratch names: a folder or file being written, a folder being replaced
 ANY_TEXT = "rattle"  # name in the scratch names of single files
@@ -61,13 +66,54 @@ def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
             room = f"{free / 1e6:.1f} MB are free there; make room for {ROOM / 1e6:.0f} MB"
             raise OutputError(f"out = {str(out)!r}: {room}")
         inside = {p.name for p in out.iterdir()} if out.exists() else set()
-    if foreign := sorted(inside - ours):
-        names = ", ".join(map(line, foreign[:3]))
-        raise OutputError(f"out = {str(out)!r}: holds other things ({names}); choose another folder")
+        refuse_foreign(out, inside - ours)
+        if inside and MANIFEST in ours:
+            refuse_foreign(out, inside if read_own_manifest(out) is None else foreign_figures(out))
     if inside and not overwrite:
         raise OutputError(
             f"out = {str(out)!r}: holds an earlier report; choose another folder, or overwrite it (--overwrite)"
         )
+
+
+def refuse_foreign(out: Path, foreign: Collection[str]) -> None:
+    """Refuse a folder in which there is anything that this project did not write."""
+    if foreign:
+        names = ", ".join(map(line, sorted(foreign)[:3]))
+        raise OutputError(f"out = {str(out)!r}: holds other things ({names}); choose another folder")
+
+
+def read_own_manifest(folder: Path) -> dict[str, Any] | None:
+    """Read the manifest of a report or study; None where there is none that this project wrote."""
+    try:
+        record = parse_json(read_regular(folder / MANIFEST))
+        return record if "rattle" in record["versions"] else None
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+
+
+def foreign_figures(out: Path) -> set[str]:
+    """What lies in the folder of a report's figures besides those of its page."""
+    page = b""
+    with suppress(OSError):
+        page = read_regular(out / NAME)
+    inside = [f"{FIGURES}/{path.name}" for path in out.glob(f"{FIGURES}/*")]
+    return {figure for figure in inside if figure.encode() not in page}
+
+
+def check_own(path: Path, mark: bytes, what: str) -> None:
+    """Check that a file may be written: there is none, an empty one, or one of this project.
+
+    `mark`: A regular expression that is found in the first bytes of such a file. `what`: Its kind, in words.
+    """
+    with refusals(path):
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise OutputError(f"out = {str(path)!r}: exists and is not a file; choose another place")
+        if not path.exists():
+            return
+        with path.open("rb") as file:
+            head = file.read(1000)
+    if head and not re.search(mark, head):
+        raise OutputError(f"out = {str(path)!r}: exists and is not {what}; choose another place")
 
 
 @contextmanager

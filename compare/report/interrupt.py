@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from traceback import walk_stack
 from types import FrameType
@@ -18,6 +18,8 @@ GRACE = 1.2
 LOSES_EXCEPTIONS = ("<frozen importlib._bootstrap>", "executionengine.py", "ffi.py")
 """Ends of the files of frames in which an exception goes astray: imports, the compiler's callbacks and destructors."""
 
+stored: list[Callable[[], str]] = []
+"""What a command says, at its end, of what it has stored when it is interrupted; empty where that is nothing."""
 said = threading.Event()
 """Set once the one line about the interrupt has been printed."""
 
@@ -44,6 +46,7 @@ def ends_soon() -> Iterator[None]:
         raise KeyboardInterrupt
 
     said.clear()
+    stored.clear()
     before = signal.signal(signal.SIGINT, interrupt)
     try:
         yield
@@ -74,10 +77,16 @@ def stop_after(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
+def describe_interrupt() -> str:
+    """What an interrupted command says."""
+    return f"interrupted; {stored[-1]()}" if stored else NOTHING_WRITTEN
+
+
 def _end(seconds: float) -> None:
     time.sleep(seconds)
     if said.is_set():
         time.sleep(0.1)  # the main thread is printing its line
     else:
-        os.write(2, b"rattle: interrupted; unfinished work is lost, no file is half written\n")
+        lost = "interrupted; unfinished work is lost, no file is half written"
+        os.write(2, f"rattle: {describe_interrupt() if stored else lost}\n".encode(errors="replace"))
     os._exit(EXIT_INTERRUPTED)

@@ -14,7 +14,7 @@ import pandas as pd
 from rattle.compare.report.json_text import check_not_newer, json_digest, plain
 from rattle.compare.report.provenance import versions
 from rattle.scene import FileError, Floats, InputError, Scene, check_keys, line
-from rattle.scene.files import read_json
+from rattle.scene.files import read_json, read_text
 
 VERSION = 1
 """Version of the format of manifests."""
@@ -83,8 +83,8 @@ def read_settings(path: Path) -> Recorded:
         versions = {str(of): str(version) for of, version in data.get("versions", {}).items()}
         tables = {}
         for of, file in TABLES.items():
-            with suppress(OSError):
-                tables[of] = (path.parent / file).read_text(encoding="utf-8", errors="replace")
+            with suppress(FileError):
+                tables[of] = read_text("table", path.parent / file, "a CSV file")
         settings = ReportSettings(**{**settings, "scenes": scenes, **lists})
         return Recorded(settings, digests, versions, tables)
     except InputError:

@@ -11,13 +11,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rattle.compare.report import Page, style
-from rattle.compare.report.folder import whole_folder
+from rattle.compare.report.folder import MANIFEST, whole_folder
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.manifest import seal
 from rattle.compare.report.provenance import source_of
 from rattle.compare.report.render import pages, write_page
 from rattle.compare.report.texts import lay_out
 from rattle.scene import harmless
+from rattle.scene.files import read_regular
 from rattle.scene.measured_drive import CHANCE, SMALL, MeasuredDrive
 
 
@@ -26,9 +27,6 @@ def csv_text(table: pd.DataFrame, **options: Any) -> str:
     texts = table.select_dtypes(exclude=["number", "bool"])
     plain = texts.map(lambda value: harmless(value, keep="") if isinstance(value, str) else value)
     return str(table.assign(**{str(name): plain[name] for name in plain}).to_csv(**options))
-
-
-MANIFEST = "manifest.json"
 
 
 def contents(
@@ -40,10 +38,10 @@ def contents(
 
 
 def file_digest(path: Path) -> str | None:
-    """Compute the digest of a file; None if there is none."""
+    """Compute the digest of a file; None if there is none, or none that this project writes."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except (FileNotFoundError, IsADirectoryError):
+        return hashlib.sha256(read_regular(path)).hexdigest()
+    except OSError:
         return None
 
 

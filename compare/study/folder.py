@@ -1,7 +1,6 @@
 """The folder of a finished study of any kind: tables, figures, a page and a manifest beside its cells."""
 
 import hashlib
-import json
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,15 +11,17 @@ from typing import Any, NamedTuple
 import pandas as pd
 from matplotlib.figure import Figure as Drawn
 
+from rattle.compare.engine.run import check_log, has_cells
 from rattle.compare.engine.store import numerical_version
 from rattle.compare.report import Code, Figure, Page, PageSection, Row, Table, Text, manifest, numbers
-from rattle.compare.report.folder import scratch_folder
+from rattle.compare.report.folder import FIGURES, MANIFEST, read_own_manifest, refuse_foreign, scratch_folder
 from rattle.compare.report.json_text import check_not_newer
 from rattle.compare.report.provenance import provenance, source_of
 from rattle.compare.report.render import pages
-from rattle.compare.report.save import MANIFEST, contents, file_digest, write_files
-from rattle.compare.study.design import Point, Study, kind_of, page_of
-from rattle.scene import FileError, OutputError
+from rattle.compare.report.save import contents, file_digest, write_files
+from rattle.compare.study.design import KINDS, Point, Study, kind_of, page_of
+from rattle.scene import FileError, OutputError, RattleError
+from rattle.scene.files import parse_json, read_regular, read_text
 
 FILE = "study.toml"
 """Names in a study's folder: the folder of results, and the study file."""
@@ -28,6 +29,43 @@ FILE = "study.toml"
 BROKEN = "is damaged; run rattle study again: it rewrites the tables from the stored cells"
 PAGE = "page"
 """Part of the name of scratch folders, in which the output is written before it is moved to its place."""
+
+
+def check_folder(study: Study, folder: Path, overwrite: bool) -> None:
+    """Check before any work that a folder holds nothing of others where the files of a study will be.
+
+    `overwrite`: Whether it may hold the tables of another study, which has no result in common with this one.
+    """
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise OutputError(f"out = {str(folder)!r}: exists and is not a folder; choose another name")
+    check_log(folder)
+    files = {FILE, FIGURES}.union(*(contents("study", tables=k.SMALL, large=k.TABLES) for k in map(kind_of, KINDS)))
+    inside = {path.name for path in folder.iterdir() if path.name in files}
+    record, same = read_own_manifest(folder), is_current_file(study, folder)
+    if record["kind"] == "study" if record and "kind" in record else has_cells(folder):
+        foreign = {name for name in inside if (folder / name).is_dir() != (name == FIGURES)}
+    else:
+        foreign = inside - {FILE} if same else inside
+    refuse_foreign(folder, foreign)
+    if record and not overwrite and not same and not shares_results(study, folder / FILE):
+        why = f"holds another study ({record['title']}); choose another folder, or overwrite it (--overwrite)"
+        raise OutputError(f"out = {str(folder)!r}: {why}")
+
+
+def is_current_file(study: Study, folder: Path) -> bool:
+    """Whether the study file in a folder is that of a study."""
+    return file_digest(folder / FILE) == study.digest
+
+
+def shares_results(study: Study, file: Path) -> bool:
+    """Whether the study of a file has a result in common with a study, as after an edit."""
+    try:
+        earlier = Study.from_toml(read_text("study file", file))
+        return not {cell.key for cell in earlier.cells}.isdisjoint(cell.key for cell in study.cells)
+    except RattleError:  # of another version
+        return False
 
 
 def load_study(folder: str | Path) -> Any:
@@ -72,8 +110,8 @@ def load_study(folder: str | Path) -> Any:
 def _read_record(folder: Path) -> dict[str, Any]:
     """Read the manifest of a finished study."""
     try:
-        record = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, ValueError):
+        record = parse_json(read_regular(folder / MANIFEST))
+    except (OSError, ValueError):
         record = None
     if not isinstance(record, dict):
         raise FileError("study folder", str(folder), "holds no finished study; give the folder of one")

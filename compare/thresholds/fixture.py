@@ -2,7 +2,6 @@
 
 import hashlib
 import re
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,7 +18,7 @@ from rattle.compare.thresholds.claim import Claim
 from rattle.compare.thresholds.decision import Decision, Model, Thresholds, decide, decide_long, predict, predict_long
 from rattle.compare.validation.errors import NamedSection
 from rattle.scene import FileError, RattleError, harmless, line
-from rattle.scene.files import read_text
+from rattle.scene.files import parse_toml, read_text
 
 Changes = dict[str, tuple[Any, Any]]
 """Recorded and present value, by dotted key in the file; None for a missing one."""
@@ -42,7 +41,7 @@ def baseline_content(prediction: NamedSection, claim: Claim) -> dict[str, Any]:
 def read_baseline(path: Path) -> dict[str, Any]:
     """Read a recorded baseline."""
     try:
-        found = tomllib.loads(read_text("baseline", path))
+        found = parse_toml(read_text("baseline", path))
     except FileError:
         raise
     except ValueError as error:
