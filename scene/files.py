@@ -50,15 +50,14 @@ def read_text(what: str, path: str | Path, give: str = "a TOML file") -> str:
 
 def _read(path: Path) -> bytes:
     """Read at most `MOST_BYTES` and one more; a pipe into which nobody writes is an error, where it would block."""
-    with open(path, "rb", buffering=0, opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
         first: bytes | None = None
         if stat.S_ISFIFO(os.fstat(file.fileno()).st_mode) and not select.select([file], [], [], PATIENCE)[0]:
-            first = file.read(1)  # None while somebody who has opened it has written nothing yet
+            first = file.raw.read(1)  # None while somebody who has opened it has written nothing yet
             if first == b"":
                 raise OSError(errno.EPIPE, "nobody writes into this pipe")
         os.set_blocking(file.fileno(), True)
-        with io.BufferedReader(file) as reader:
-            return (first or b"") + reader.read(MOST_BYTES + 1)
+        return (first or b"") + file.read(MOST_BYTES + 1)
 
 
 def read_regular(path: Path) -> bytes:

@@ -27,14 +27,14 @@ class RattleGroup(click.Group):
     def main(self, *args: Any, **settings: Any) -> Any:
         """Run the program; what is printed goes nowhere where an output is closed, as a daemon's are.
 
-        What the output's encoding cannot show, as σ on a Windows pipe, is replaced.
+        What the output's encoding cannot show, as σ on a Windows pipe, is shown as an escape.
         """
         for name in ("stdout", "stderr"):
             stream = getattr(sys, name)
             if stream is None:
                 setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  (open as long as the process)
             elif isinstance(stream, io.TextIOWrapper):
-                stream.reconfigure(errors="replace")
+                stream.reconfigure(errors="backslashreplace")
         return super().main(*args, **settings)
 
     def invoke(self, ctx: click.Context) -> Any:
