@@ -217,7 +217,10 @@ def init(file: Path) -> None:
             new.write(text)
     except FileExistsError:
         raise OutputError(f"{file}: exists already; give another name") from None
-    say(f"{file}: a gear pair to change; then: rattle simulate {file} --units physical")
+    first = f"rattle simulate {file} --paths 10000 --units physical"
+    say(
+        f"{file}: a gear pair to change; then, for an answer in seconds: {first}; the long run: rattle stationary {file}"
+    )
 
 
 @click.command()
