@@ -23,7 +23,7 @@ TABLE_UNITS = "Units of the tables; physical: ms, mm and mm/s, for a scene with 
 JSON_UNITS = "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
 STEP_BIAS = "Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work)."
 COMPARED = "Closure to compare; repeatable. [default: all]"
-QUANTITY = "Quantity that the accuracy is for; repeatable. [default: rate, speed, energy_per_period]"
+QUANTITY = "Quantity that the accuracy is for; repeatable. [default: rate_above, speed_above, energy_per_period]"
 BUDGET = (
     "Processor seconds of the simulation, all threads together; compiling, closures and figures are not counted. "
     "[default: refused above an hour]"

@@ -8,6 +8,7 @@ import tomllib
 import unicodedata
 from contextlib import redirect_stdout
 from dataclasses import fields, replace
+from inspect import signature
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,20 @@ from commands import rattle, study
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rattle import boundary
 from rattle.closure import CLOSURES
 from rattle.compare.checks.stability.chart import AXES
 from rattle.compare.cli import shared
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
 from rattle.compare.cli.show import template
-from rattle.montecarlo import SCHEMES, simulate
+from rattle.compare.parameters.boundary import SIGMAS
+from rattle.compare.parameters.sensitivity import default_quantities
+from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
+from rattle.compare.tradeoff.measure import ACCURACIES
+from rattle.montecarlo import SCHEMES, default_step, simulate
+from rattle.montecarlo.accuracy.simulate_to import INSTEAD
+from rattle.montecarlo.long_run.run import ACCURACY, ASKED
 from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[3] / "examples").glob("*.toml"))
@@ -193,3 +201,53 @@ def test_commands_name_files_and_studies_on_one_line(tmp_path, name):
         said = rattle(*words).stdout.rstrip("\n").split("\n")
         assert len(said) == (rows or len(said))
         assert all(map(is_plain, said))
+
+
+def commands(command=main, path=()):
+    """Every command with its name."""
+    for name, inner in getattr(command, "commands", {}).items():
+        yield from commands(inner, (*path, name))
+    if not hasattr(command, "commands"):
+        yield " ".join(path), command
+
+
+STEP = f"the scheme's, {default_step(Scene.from_gears(DAT21), 'euler-maruyama'):g} for Euler-Maruyama"
+REAL = {
+    "animate --sigma": "the scene's; 0.1 on DAT21",
+    "boundary --closure": signature(boundary).parameters["closure"].default,
+    "boundary --between": f"{SIGMAS[0]:g} {SIGMAS[1]:g} for sigma",
+    "claims --sigma": "0.01, 0.1",
+    "simulate --accuracy": "0.01",
+    "simulate --dt": STEP,
+    "simulate --budget": f"an hour; beyond it the answer is what {INSTEAD:g} s give",
+    "stationary --accuracy": f"{ACCURACY:g}",
+    "stationary --quantity": ", ".join(ASKED),
+    "tradeoff --sigma": "the scene's, or 0.1",
+    "tradeoff --accuracy": f"{ACCURACIES[0]:g} to {ACCURACIES[-1]:g}",
+    "validate --dt": STEP,
+}
+"""Defaults that a help text states in words of its own and that hold a number or a name."""
+
+
+def test_every_default_that_a_help_states_is_the_real_one():
+    stated = {
+        f"{name} {option.opts[0]}": found[1]
+        for name, command in commands()
+        for option in command.params
+        if (found := re.search(r"\[default: (.*)\]", getattr(option, "help", None) or ""))
+    }
+    checked = {key: text for key, text in stated.items() if re.search(r"\d|_", text) and "sqrt(alpha)" not in text}
+    assert checked | {"boundary --closure": stated["boundary --closure"]} == REAL
+    assert set(CLOSURES_JUDGED) == set(CLOSURES)  # "all"
+    assert set(default_quantities(1)) == {"power", "rate_above", "speed_above", "q95_speed_above"}
+
+
+def test_init_recommends_what_answers_in_seconds_whatever_the_gears_are(tmp_path, monkeypatch):
+    """A number of paths, not an accuracy, which a soft pair reaches after minutes."""
+    monkeypatch.chdir(tmp_path)
+    said = rattle("init", "gears.toml").output
+    command = re.search(r"in seconds: rattle (.*)", said)[1]
+    assert "--paths 10000" in command
+    soft = (tmp_path / "gears.toml").read_text().replace("epsilon = 0.9", "epsilon = 0.3")
+    (tmp_path / "gears.toml").write_text(soft)
+    assert "10,000 paths" in rattle(*command.split()).output
