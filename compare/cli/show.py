@@ -189,10 +189,7 @@ def animate(
     check_file(out, overwrite)
     shown = record(base, impacts=impacts, seed=seed)
     write_animation(out, shown, name, command_line(sys.argv[1:]), overwrite)
-    say(
-        f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.orbit.impacts} impacts without noise, "
-        f"{shown.path.impacts} with noise in the same time; the same flanks up to impact {shown.agreement}"
-    )
+    say(f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.sentence}")
 
 
 def template(name: str) -> str:
@@ -218,9 +215,8 @@ def init(file: Path) -> None:
     except FileExistsError:
         raise OutputError(f"{file}: exists already; give another name") from None
     first = f"rattle simulate {file} --paths 10000 --units physical"
-    say(
-        f"{file}: a gear pair to change; then, for an answer in seconds: {first}; the long run: rattle stationary {file}"
-    )
+    long = f"rattle stationary {file}"
+    say(f"{file}: a gear pair to change; then, for an answer in seconds: {first}; the long run: {long}")
 
 
 @click.command()
