@@ -187,6 +187,9 @@ class Edgeworth:
     sd_x: float
     sd_y: float
 
+    def __repr__(self) -> str:
+        return f"Edgeworth: order {len(self.a) - 1}, sd_x = {self.sd_x:.6g}, sd_y = {self.sd_y:.6g}"
+
     def density(self, xi: Floats, zeta: Floats) -> Floats:
         """Joint density, by the truncated series; where it is negative it is returned as it is.
 

@@ -30,6 +30,9 @@ class BuiltIn(Closure):
     own: ClassVar[bool] = False
     digest = reference = ""  # its source is in the version of the package, and its name finds it
 
+    def __repr__(self) -> str:
+        return f"<closure {self.name!r} of the package>"
+
     def __reduce__(self) -> tuple[Callable[[str], Closure], tuple[str]]:
         """Pickled by its name."""
         return built_in, (self.name,)

@@ -15,7 +15,7 @@ from rattle.scene import SECTION, Bools, Floats, InputError, Ints, Scene
 from rattle.scene.moments import fill_gaussian_moments
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trace:
     """One closure followed through its impacts; index 0 of every array is the start."""
 

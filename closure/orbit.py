@@ -18,9 +18,11 @@ from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.sticking import complete_chatter, find_sticking, may_chatter, next_contact, stick_on, stuck
+from rattle.scene.text import as_html
 from rattle.scene.units import as_dataset
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
 
@@ -102,6 +104,9 @@ def _stick(
         legs.append((tau, *state, *closed))
 
 
+SHOWN = 12  # impacts of an itinerary that a repr shows
+
+
 class StickingPhase(NamedTuple):
     """A time in which a mesh sticks."""
 
@@ -154,6 +159,28 @@ class Orbit:
     stopped: str
     legs: Floats
     sticking: tuple[StickingPhase, ...]
+
+    def __repr__(self) -> str:
+        """What was followed, on a few lines."""
+        codes = self.mesh[1 : SHOWN + 1] * self.side[1 : SHOWN + 1]
+        more = " ..." * (len(self.mesh) - 1 > SHOWN)
+        lines = [
+            f"Orbit: impacts 1 to {self.found}, tau = {self.tau[0]:.6g} to {self.tau[self.found]:.6g} (local time)",
+            f"  itinerary (mesh * side): {' '.join(f'{code:+d}' for code in codes if code)}{more}",
+            f"  sticking phases: {len(self.sticking)}",
+        ]
+        return "\n".join(lines + [f"  ended: {self.stopped}"] * bool(self.stopped))
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), self.table.to_html(max_rows=12))
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Times, meshes, sides and states just before each impact, index ``impact`` from 0, the start."""
+        import pandas as pd
+
+        columns = {"tau": self.tau, "mesh": self.mesh, "side": self.side} | dict(zip(STATE, self.before.T, strict=True))
+        return pd.DataFrame(columns).rename_axis("impact")
 
     @property
     def until_sticking(self) -> "Orbit":
@@ -223,10 +250,7 @@ class Orbit:
         >>> follow(Scene.from_gears(DAT21), 3).to_xarray()["mesh"].values.tolist()
         [1, 1, 2, 1]
         """
-        import pandas as pd
-
-        columns = {"tau": self.tau, "mesh": self.mesh, "side": self.side} | dict(zip(STATE, self.before.T, strict=True))
-        data = as_dataset(pd.DataFrame(columns).rename_axis("impact"), "dimensionless", None)
+        data = as_dataset(self.table, "dimensionless", None)
         for i in (1, 3):
             data[f"{STATE[i]}_after"] = ("impact", self.after[:, i], data[STATE[i]].attrs)
         return data

@@ -51,7 +51,8 @@ class Record:
     histogram : bool
         Histograms of each section quantity at each impact, `Ensemble.histograms`.
     raw : bool
-        Every impact of every path, `Ensemble.raw`; memory then grows with the paths (56 bytes an impact).
+        Every impact of every path, `Ensemble.records` and `Ensemble.raw`; memory then grows with the paths (56 bytes an
+        impact).
     energy : bool
         The mean energy lost at each impact.
     batches : bool

@@ -54,6 +54,14 @@ class Recording:
         both = min(self.orbit.impacts, self.path.impacts)
         return int(np.logical_and.accumulate(self.orbit.code[:both] == self.path.code[:both]).sum())
 
+    @property
+    def sentence(self) -> str:
+        """How many impacts there are, and how long both go together."""
+        return (
+            f"{self.orbit.impacts} impacts without noise, {self.path.impacts} with noise in the same time; the same "
+            f"flanks up to impact {self.agreement}"
+        )
+
 
 def check_recording(scene: Scene, impacts: int, seed: int) -> None:
     """Refuse settings that `record` could not take, before any work."""

@@ -189,10 +189,7 @@ def animate(
     check_file(out, overwrite)
     shown = record(base, impacts=impacts, seed=seed)
     write_animation(out, shown, name, command_line(sys.argv[1:]), overwrite)
-    say(
-        f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.orbit.impacts} impacts without noise, "
-        f"{shown.path.impacts} with noise in the same time; the same flanks up to impact {shown.agreement}"
-    )
+    say(f"Animation: {out} ({out.stat().st_size / 1e3:.0f} kB): {shown.sentence}")
 
 
 def template(name: str) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import Closure
+from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.store import Cell, Store
 from rattle.compare.study.gear_values import UNITS, scene_with, values_of
 from rattle.compare.validation.verdict import Tolerances
@@ -237,6 +238,12 @@ class Study:
     text: str = ""
     gears: Gears | None = None
     kind: str = "impacts"
+
+    def __repr__(self) -> str:
+        """What varies, and what is computed at each point."""
+        closures = ", ".join(find_closure("closures", each).name for each in self.closures)
+        over = ", ".join(f"{axis.names[0]} ({len(axis.values)})" for axis in self.axes) or "nothing"
+        return f"Study {self.title!r} of {self.kind}: {self.size} points over {over}; closures: {closures or 'none'}"
 
     @classmethod
     def load(cls, path: str | Path) -> "Study":

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from rattle.compare.validation.errors import ON_ITINERARY, judge_followers, sect
 from rattle.compare.validation.verdict import Tolerances, is_accurate, is_wrong, judge, unbroken, widest
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, check_keys, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
+from rattle.scene.text import as_html
 from rattle.scene.units import with_units
 
 if TYPE_CHECKING:
@@ -61,6 +62,14 @@ class Tables:
     paired: pd.DataFrame
     cost: pd.DataFrame
     reasons: pd.DataFrame
+
+    def __repr__(self) -> str:
+        """Of which study, and how long its tables are."""
+        names = [f.name for f in fields(self) if isinstance(getattr(self, f.name), pd.DataFrame)]
+        return f"{self.study!r}\n  rows: " + ", ".join(f"{name} {len(getattr(self, name)):,}" for name in names)
+
+    def _repr_html_(self) -> str:
+        return as_html(repr(self), self.validity.to_html(max_rows=12))
 
     @property
     def of_all_paths(self) -> pd.DataFrame:

@@ -105,6 +105,9 @@ class Reach(NamedTuple):
     remark: str = ""
     missed: tuple[Row, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"Reach: {self.sentence}"
+
     @property
     def schemes(self) -> "pd.DataFrame":
         """The candidates as a table: index ``scheme``, columns ``dt, paths, path_steps, core_seconds``."""

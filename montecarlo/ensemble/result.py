@@ -45,7 +45,8 @@ class Ensemble(SectionResult):
         Section histograms, if asked for.
     raw : ndarray or None
         ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths, impacts, 7), if
-        asked for; here and in the histograms tau is counted from the start's phase (`Scene.phase`).
+        asked for; here and in the histograms tau is counted from the start's phase (`Scene.phase`).  `records` has
+        them with names.
     wall_seconds : float
         Time the run took.
     batches : Batches or None
@@ -87,6 +88,37 @@ class Ensemble(SectionResult):
             "  diagnostics also looks for rare branches that are missing, and for the bias of the step",
         ]
         return "\n".join(lines)
+
+    @property
+    def records(self) -> pd.DataFrame:
+        """Every impact of every path, recorded with ``record=Record(raw=True)``.
+
+        Index ``path`` (from 0) and ``impact`` (from 1); columns ``tau, flight, x1, y1, x2, y2, mesh, side``, tau in
+        absolute time.  NaN, and mesh and side 0, where a path had no such impact.
+
+        Raises
+        ------
+        InputError
+            If they were not recorded.
+
+        Examples
+        --------
+        >>> from rattle import DAT21, Record, Scene, simulate
+        >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=64, impacts=3, record=Record(raw=True))
+        >>> run.records.loc[(0, 1), ["mesh", "side"]].tolist()
+        [1, -1]
+        """
+        import pandas as pd
+
+        if self.raw is None:
+            raise InputError("record.raw", False, "ask for it: simulate(..., record=Record(raw=True))")
+        paths, impacts, _ = self.raw.shape
+        index = pd.MultiIndex.from_product([range(paths), range(1, impacts + 1)], names=["path", "impact"])
+        rows = self.raw.reshape(paths * impacts, -1)
+        table = pd.DataFrame(rows[:, : len(SECTION)], index, list(SECTION))
+        table["tau"] = self.scene.to_absolute_time(table["tau"].to_numpy())
+        code = np.nan_to_num(rows[:, len(SECTION)]).astype(int)
+        return table.assign(mesh=np.abs(code), side=np.sign(code))
 
     @cached_property
     def phase_reduced(self) -> Ensemble:

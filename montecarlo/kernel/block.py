@@ -150,7 +150,7 @@ class Followers:
         return Followers({name: s.merge(other.sums[name]) for name, s in self.sums.items()}, left)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BlockResult:
     """A block reduced to mergeable sums and counts."""
 

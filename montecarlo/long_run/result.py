@@ -97,7 +97,7 @@ def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
     return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LongRun:
     """Stationary quantities of an ensemble, from `rattle.montecarlo.long_run.long_run`."""
 

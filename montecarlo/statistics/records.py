@@ -11,7 +11,7 @@ BATCHES = 32
 """Number of batches; a standard error estimated from 32 batches is itself known to 1/8 (1 / sqrt(2 * 31))."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Batches:
     """Number, mean and sum of squares of each section quantity in each batch; block b belongs to batch ``b % BATCHES``.
 
@@ -54,7 +54,7 @@ class Batches:
 BINS, REACH = 240, 6.0  # equal bins over +- REACH sds of the first block
 
 
-@dataclass
+@dataclass(repr=False)
 class Histograms:
     """Counts over equal bins, for every impact and section quantity."""
 
