@@ -128,7 +128,9 @@ def _list_rare(pilots: list[_Pilot], directions: Floats) -> list[Exit]:
     """
     exits = []
     plain = [pilot for pilot in pilots if pilot.amplified == 1.0]
-    for impact, code in {key: None for pilot in pilots for key in pilot.left}:
+    most = 2.0 * LIKELY * pilots[0].paths  # of the first, plain pilot: what more paths take is not rare
+    taken = {key: None for pilot in pilots for key in pilot.left}
+    for impact, code in (key for key in taken if sum(map(len, pilots[0].left.get(key, ()))) < most):
         noise, weights = _weigh(plain, (impact, code))
         effective = _count_effective(weights)
         probability = float(weights.sum())
