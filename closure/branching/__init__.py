@@ -4,8 +4,8 @@ A component is a weight and a Gaussian of the section state after an impact, as 
 the next flight is added at its start, so that the next impact is a function of a point in five dimensions, or in nine
 where flanks are random.  Components are split (`rattle.closure.branching.advance`), propagated to the impact
 (`rattle.closure.branching.propagate`), and merged after it (`rattle.closure.branching.mixture`).  How many there may be
-is the closure's resolution: it is followed at two of the `LEVELS` at least, and bounds its own error from their
-difference (`rattle.closure.moments`).
+is the closure's resolution: it is followed at two of the `LEVELS` at least, and estimates its own error from their
+difference, and from how far its components and their weights are known (`rattle.closure.moments`).
 """
 
 import math
