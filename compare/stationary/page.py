@@ -171,9 +171,15 @@ def _memory(table: pd.DataFrame) -> str:
     most, least = own.max(), own.min()
     return (
         f"Autocorrelation times range from {least:.2g} impacts (`{own.idxmin()}`) to {most:.3g} (`{own.idxmax()}`): "
-        f"errors computed as if impacts were independent would be {_number(least**-0.5, 2)} times too large and "
-        f"{_number(most**0.5, 2)} times too small."
+        f"errors computed as if impacts were independent would be {_off_by(least)} and {_off_by(most)}."
     )
+
+
+def _off_by(autocorrelation: float) -> str:
+    """How far an error is off that is computed as if impacts were independent."""
+    if autocorrelation < 1.0:
+        return f"{_number(autocorrelation**-0.5, 2)} times too large"
+    return f"{_number(autocorrelation**0.5, 2)} times too small"
 
 
 def _few(found: Stationary, run: LongRun) -> str:
