@@ -14,10 +14,10 @@ from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary, 
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
-from rattle.compare.study.gear_values import UNITS
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.long_run import LongRun
 from rattle.scene import Scene
+from rattle.scene.gear_values import UNITS
 from rattle.scene.threshold import rattle_threshold
 
 FIGURES = ("distribution", "section", "memory", "closures", "bifurcation")

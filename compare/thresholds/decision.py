@@ -38,7 +38,7 @@ from rattle.montecarlo.long_run.run import PATHS
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import SECTION, InputError, Scene, choice
-from rattle.scene.numpy_errors import users_settings
+from rattle.scene.numpy_errors import call_users
 
 Model = str | Closure | Callable[[Scene, int], Any]
 """A closure's name, or a closure of one's own."""
@@ -257,8 +257,7 @@ def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> L
             raise InputError("closure", model, f"says nothing of the long run: {law}")
         found: Mapping[str, Any] = values_of(law, scene, 0.1)
     elif callable(model):
-        with users_settings():
-            found = model(scene, tuple(quantities))
+        found = call_users(model, scene, tuple(quantities))
     else:
         raise InputError("model", model, "give a closure's name, or a function (scene, quantities) -> mapping")
     label = model if isinstance(model, str) else name_of(model)
