@@ -19,7 +19,7 @@ import numpy as np
 from rattle.closure.moments import Trace
 from rattle.closure.orbit import follow
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, line, nearest
-from rattle.scene.numpy_errors import users_settings
+from rattle.scene.numpy_errors import call_users
 
 if TYPE_CHECKING:  # loading it takes as long as all the rest
     import pandas as pd
@@ -148,8 +148,7 @@ class Closure:
         """Call the function, and read what it returns; raises `OwnError` where it raises an exception."""
         began = time.process_time()
         try:
-            with users_settings():
-                given = self.function(deepcopy(scene), impacts)  # it may change its own
+            given = call_users(self.function, deepcopy(scene), impacts)  # it may change its own
         except (Exception, SystemExit) as error:
             raise OwnError(error) from None
         seconds = time.process_time() - began
@@ -173,8 +172,7 @@ class Closure:
         index = pd.Index(np.asarray(times, dtype=float))
         if self.at_times is None or not len(index):
             return pd.DataFrame(np.nan, index=index, columns=list(AT_TIMES))
-        with users_settings():
-            given = self.at_times(deepcopy(scene), index.to_numpy())
+        given = call_users(self.at_times, deepcopy(scene), index.to_numpy())
         table = read_table(f"{self.name}, at_times", given, index, (), AT_TIMES).reindex(columns=list(AT_TIMES))
         for stage in (1, 2):
             xx, xy, yy = (table[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))

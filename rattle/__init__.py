@@ -28,8 +28,8 @@ if TYPE_CHECKING:  # read by type checkers alone; at run time names are found by
     from rattle.closure import refusals as refusals
     from rattle.compare.animation.animate import Animation as Animation
     from rattle.compare.animation.animate import animate as animate
-    from rattle.compare.chaos.measure import ChaosStudy as ChaosStudy
-    from rattle.compare.chaos.measure import chaos as chaos
+    from rattle.compare.chaos.chaos import Chaos as Chaos
+    from rattle.compare.chaos.chaos import chaos as chaos
     from rattle.compare.parameters.boundary import Boundary as Boundary
     from rattle.compare.parameters.boundary import boundary as boundary
     from rattle.compare.parameters.crossing import Crossing as Crossing
@@ -115,7 +115,7 @@ _MODULES = {
     ),
     "montecarlo.diagnostics.reach": ("Reach",),
     "compare.animation.animate": ("Animation", "animate"),
-    "compare.chaos.measure": ("ChaosStudy", "chaos"),
+    "compare.chaos.chaos": ("Chaos", "chaos"),
     "compare.parameters.boundary": ("Boundary", "boundary"),
     "compare.parameters.crossing": ("Crossing", "crossing"),
     "compare.parameters.map": ("BoundaryMap", "boundary_map"),

@@ -5,8 +5,7 @@
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Any, TypeVar
 
@@ -50,16 +49,14 @@ def _under_defaults(function: Callable[..., Any]) -> Callable[..., Any]:
     return compute
 
 
-@contextmanager
-def users_settings() -> Iterator[None]:
-    """Run a function of the user's under his own settings, which hold again for what it calls of the package."""
+def call_users(function: Callable[..., Any], *args: Any) -> Any:
+    """Call a function of the user's under his own settings, which hold again for what it calls of the package."""
     given = _given.get()
     if given is None:  # in a thread of its own, where numpy's defaults hold for him too
-        yield
-        return
+        return function(*args)
     token = _given.set(None)
     try:
         with np.errstate(**given):
-            yield
+            return function(*args)
     finally:
         _given.reset(token)

@@ -19,10 +19,10 @@ from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_reco
 from rattle.compare.chaos.section import BINS, NOISY, ORBIT
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
-from rattle.compare.study.gear_values import has_own_start, scene_with, values_of
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.scene import Floats, InputError, Scene, choice, count, finite
+from rattle.scene.gear_values import has_own_start, scene_with, values_of
 from rattle.scene.scene import SWEPT
 
 ALPHAS = "0.05:2.5:100"

@@ -38,7 +38,7 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 @click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
 @click.option("--repeat", type=shared.PATH, help="Repeat the run of a manifest.json.")
 @click.option("--require", type=click.Choice(["accurate"]), help="Exit 3 unless every predicted moment is accurate.")
-@shared.json_flag("the answer")
+@shared.json_flag("the answer and all rows of the table")
 def validate(
     scene: Path | None,
     sigmas: tuple[float, ...],
@@ -68,7 +68,7 @@ def validate(
     from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
-    from rattle.compare.validation.page import CONTENTS, write_report
+    from rattle.compare.validation.page import CONTENTS, all_rows, write_report
     from rattle.compare.validation.transient import describe_transient
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
     from rattle.montecarlo import check_settings
@@ -131,7 +131,7 @@ def validate(
         }
         if repeated:
             summary |= {"repeated": repeated.outcome == manifest.SAME, "repeat": repeated.to_dict()}
-        say_json(summary)
+        say_json(summary | {"table": all_rows(validations).to_dict("records")})
     else:
         comparison = repeated.sentences if repeated else []
         say_lines((*record["answer"], f"Report: {out / 'report.html'}", *comparison))

@@ -14,11 +14,11 @@ from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary, 
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
-from rattle.compare.study.gear_values import UNITS
 from rattle.compare.validation.transient import drag_text
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.long_run import LongRun
 from rattle.scene import Scene
+from rattle.scene.gear_values import UNITS
 from rattle.scene.text import percent
 from rattle.scene.threshold import rattle_threshold
 
@@ -179,9 +179,15 @@ def _memory(table: pd.DataFrame) -> str:
     most, least = own.max(), own.min()
     return (
         f"Autocorrelation times range from {least:.2g} impacts (`{own.idxmin()}`) to {most:.3g} (`{own.idxmax()}`): "
-        f"errors computed as if impacts were independent would be {_number(least**-0.5, 2)} times too large and "
-        f"{_number(most**0.5, 2)} times too small."
+        f"errors computed as if impacts were independent would be {_off_by(least)} and {_off_by(most)}."
     )
+
+
+def _off_by(autocorrelation: float) -> str:
+    """How far an error is off that is computed as if impacts were independent."""
+    if autocorrelation < 1.0:
+        return f"{_number(autocorrelation**-0.5, 2)} times too large"
+    return f"{_number(autocorrelation**0.5, 2)} times too small"
 
 
 def _few(found: Stationary, run: LongRun) -> str:

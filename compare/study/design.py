@@ -18,7 +18,6 @@ import pandas as pd
 from rattle.closure import Closure
 from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.store import Cell, Store
-from rattle.compare.study.gear_values import UNITS, scene_with, values_of
 from rattle.compare.validation.verdict import Tolerances
 from rattle.scene import (
     Gears,
@@ -34,6 +33,7 @@ from rattle.scene import (
     positive,
 )
 from rattle.scene.files import in_file, read_text, read_toml
+from rattle.scene.gear_values import UNITS, scene_with, values_of
 from rattle.scene.gears import SPEEDS
 from rattle.scene.gears_input import check_plausible
 from rattle.scene.numpy_errors import numpy_defaults

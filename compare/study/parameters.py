@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from rattle.compare.study.design import FIELDS, ORDER, make_scene, table_of
-from rattle.compare.study.gear_values import has_own_start, is_value, scene_with, values_of
 from rattle.scene import Scene, choice
+from rattle.scene.gear_values import has_own_start, is_value, scene_with, values_of
 from rattle.scene.gears_input import UNIT
 from rattle.scene.parts import SINE_ALONE
 from rattle.scene.scene import SWEPT

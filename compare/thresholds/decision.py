@@ -23,6 +23,7 @@ from rattle.closure.closure import name_of
 from rattle.closure.mean_map import find_closure
 from rattle.closure.stationary import Law
 from rattle.compare.engine.store import Cell, Content, Store
+from rattle.compare.stationary.result import plain_unit
 from rattle.compare.stationary.study import LongCell
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, values_of
 from rattle.compare.study.cells import Sample
@@ -36,8 +37,8 @@ from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.run import PATHS
 from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene import InputError, Scene, choice
-from rattle.scene.numpy_errors import users_settings
+from rattle.scene import SECTION, InputError, Scene, choice
+from rattle.scene.numpy_errors import call_users
 from rattle.scene.text import print_on_stderr
 
 Model = str | Closure | Callable[[Scene, int], Any]
@@ -241,11 +242,15 @@ class LongPrediction(NamedTuple):
     values: dict[str, float]  # of each quantity
 
 
-def predict_long(model: Any, scene: Scene, quantities: Sequence[str]) -> LongPrediction:
+def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> LongPrediction:
     """What a closure, or a function ``(scene, quantities) -> mapping`` of names to values, says of the long run."""
-    if isinstance(quantities, str) or not quantities:
+    quantities = (quantities,) if isinstance(quantities, str) else quantities
+    if not quantities:
         raise InputError("quantities", quantities, "give a list, as in quantities=['rate', 'energy']")
     for name in quantities:
+        if name in SECTION:
+            why = "is a moment at each impact: name it in the marker, as in @pytest.mark.rattle(quantities="
+            raise InputError("quantities", name, f"{why}{name!r}); check takes those of the long run, such as 'rate'")
         choice("quantities", name, all_names(scene.stages))
     if isinstance(model, str):
         law = laws(scene, (choice("closure", model, CLOSURES_JUDGED),))[model]
@@ -253,8 +258,7 @@ def predict_long(model: Any, scene: Scene, quantities: Sequence[str]) -> LongPre
             raise InputError("closure", model, f"says nothing of the long run: {law}")
         found: Mapping[str, Any] = values_of(law, scene, 0.1)
     elif callable(model):
-        with users_settings():
-            found = model(scene, tuple(quantities))
+        found = call_users(model, scene, tuple(quantities))
     else:
         raise InputError("model", model, "give a closure's name, or a function (scene, quantities) -> mapping")
     label = model if isinstance(model, str) else name_of(model)
@@ -286,6 +290,7 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
         result = run.run
         rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
         table = judge_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})
+        table.insert(1, "unit", table["quantity"].map(plain_unit))
         return table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths), run
 
     table, runs = look_until_decided(tuple(sizes), look)

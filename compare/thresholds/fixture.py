@@ -98,7 +98,7 @@ class Rattle:
         self.claim, self._item, self._session = claim, item, session
         self._asked: set[str] = set()
 
-    def check(self, model: str | Callable[..., Any], *, quantities: Sequence[str] | None = None) -> pd.DataFrame:
+    def check(self, model: str | Callable[..., Any], *, quantities: str | Sequence[str] | None = None) -> pd.DataFrame:
         """Compare a model's section moments with the simulation of the marker's scene.
 
         The test fails if the whole interval of an error lies outside the admissible range, and passes if all intervals
@@ -107,8 +107,9 @@ class Rattle:
         ``--rattle-undecided`` is ``skip``.
 
         `quantities`: Quantities of the long run, such as ``["rate", "energy"]``, in place of the marker's section
-        moments.  The model is then a closure, or a function ``(scene, quantities) -> mapping``; what counts as
-        accurate is said in `rattle.compare.stationary.verdicts.TOLERANCES`.
+        moments.  The model is then a closure, or a function ``(scene, quantities) -> mapping`` of names to
+        dimensionless values, whose ``unit`` stands in the table; what counts as accurate is said in
+        `rattle.compare.stationary.verdicts.TOLERANCES`.
         """
         self._once("check")
         if quantities is None:

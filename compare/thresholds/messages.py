@@ -20,11 +20,28 @@ WIDER = 1.1
 """Ratio of an interval to that of all paths above which it is said what widened it."""
 
 
-def describe_remedy(paths: float) -> str:
+MOST_PATHS = {"check": 1e8, "long check": 1e5}
+"""Paths that take about an hour of one core, of a few impacts or of 1,024 periods: more are no remedy."""
+
+
+def describe_remedy(paths: float, kind: str) -> str:
     """Describe what would decide an undecided test."""
-    if math.isfinite(paths):
-        return f"{float(f'{paths:.2g}'):,.0f} paths would decide"
-    return "no number of paths would decide; a smaller step may, or another tolerance"
+    if not math.isfinite(paths):
+        return "no number of paths would decide; a smaller step may, or another tolerance"
+    if paths > MOST_PATHS[kind]:
+        least = f"more than {MOST_PATHS[kind]:,.0f} paths, an hour or more of one core"
+        return f"its error is so close to what is allowed that it takes {least}: another tolerance decides sooner"
+    return f"{float(f'{paths:.2g}'):,.0f} paths would decide"
+
+
+def count_rows(number: int) -> str:
+    """A number of rows in words."""
+    return f"{number} row{'s' * (number != 1)}"
+
+
+def kind_of(table: pd.DataFrame) -> str:
+    """Whether the rows of a table are section moments or quantities of the long run."""
+    return "check" if "moment" in table else "long check"
 
 
 def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
@@ -47,12 +64,11 @@ def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, si
     rows, failed, undecided, drawn, computed = facts[["rows", "failed", "undecided", "drawn", "computed"]].sum()
     rate, folder, widest = facts["rate"][0], facts["folder"][0], facts["widened"].max()
     yield (
-        f"{title:10} {rows} rows in {len(checks)} test{'s' * (len(checks) > 1)}: "
+        f"{title:10} {count_rows(rows)} in {len(checks)} test{'s' * (len(checks) > 1)}: "
         f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
     )
     if excluded := int(facts["not_judged"].sum()):
-        rows_more = f"{excluded} row{'s' * (excluded > 1)} more"
-        yield f"excluded   {rows_more} (at the wall): displacements that are the position of the wall"
+        yield f"excluded   {count_rows(excluded)} more (at the wall): displacements that are the position of the wall"
     if by_size := facts["by_size"].sum():
         yield f"by size    {by_size} of the rows: {BY_SIZE}"
     yield (
@@ -65,7 +81,7 @@ def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, si
     yield f"{simulations:10} {computed} simulated in {facts['seconds'].sum():.1f} s, {drawn - computed} from {kept}"
     for test, f in checks:
         if f["undecided"] and not f["failed"]:
-            yield f"undecided  {test} ({f['model']}) after {f['size']}: {describe_remedy(f['decide'])}"
+            yield f"undecided  {test} ({f['model']}) after {f['size']}: {describe_remedy(f['decide'], f['kind'])}"
 
 
 MARGIN = 2.0
@@ -104,8 +120,8 @@ def moment_rows(rows: pd.DataFrame, run: Sampled, z: float) -> str:
 
 
 def long_rows(rows: pd.DataFrame, z: float) -> str:
-    """Rows of the long run, as a message states them, and what has widened their intervals."""
-    names = ["predicted", "simulated", "se", "low", "high", "tolerance", "paths", "periods"]
+    """Rows of the long run, dimensionless, as a message states them, and what has widened their intervals."""
+    names = ["unit", "predicted", "simulated", "se", "low", "high", "tolerance", "paths", "periods"]
     shown = rows.set_index("quantity")[names].rename_axis(None).rename(columns={"tolerance": "allowed"})
     wide = [
         f"\n{r['quantity']}: its standard error rests on {r['effective_paths']:.1f} of {r['paths']} paths, as with "
@@ -131,7 +147,7 @@ def paths_to_decide(table: pd.DataFrame) -> float:
 def describe_undecided(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
     """Say which rows are undecided, and how many paths would decide them; `shown` formats them."""
     rows = table[table["outcome"] == "undecided"]
-    decided = describe_remedy(paths_to_decide(table))
+    decided = describe_remedy(paths_to_decide(table), kind_of(table))
     return f"{model} is undecided in {len(rows)} of {len(table)} rows; {decided}\n{shown(rows)}"
 
 
@@ -140,7 +156,7 @@ def remedies(table: pd.DataFrame, claim: Claim) -> str:
     needed, options = MARGIN * paths_to_decide(table), []
     if claim.accuracy is not None and "moment" in table:
         options.append(f"ask for a smaller accuracy than {claim.accuracy:g}")
-    elif math.isfinite(needed):
+    elif needed <= MOST_PATHS[kind_of(table)]:
         options.append(f"give it more paths (budget={float(f'{needed:.2g}'):_.0f} in its marker, or --rattle-budget)")
     if "moment" in table:
         given = " or ".join(dict.fromkeys("within" if a.in_sd else "absolute" for a in claim.allowed.values()))

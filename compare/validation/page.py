@@ -126,6 +126,12 @@ def _page(
     return Page(f"Can the closure be believed? {settings.name}", tuple(record["answer"]), source, opening, sections)
 
 
+def all_rows(validations: Sequence[Comparison]) -> pd.DataFrame:
+    """The rows of all validations, the noise intensity first: the file ``table``."""
+    rows = pd.concat([v.table.assign(sigma=v.scene.sigma) for v in validations])
+    return rows[["sigma", *validations[0].table]]
+
+
 def write_report(
     out: Path,
     settings: manifest.ReportSettings,
@@ -138,7 +144,7 @@ def write_report(
     """Write the report folder, whole or not at all."""
     own = {name: attrgetter(place) for name, place in TABLES.items()}
     frames = {n: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations]) for n, table in own.items()}
-    frames["table"] = frames["table"][["sigma", *validations[0].table]]
+    frames["table"] = all_rows(validations)
     frames |= swept._asdict() if swept else {}
     frames |= {} if schemes is None else {"schemes": schemes}
     digests = {

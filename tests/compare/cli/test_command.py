@@ -179,3 +179,16 @@ def test_committed_report_is_of_this_code():
     settings, expected, *_ = read_settings(folder / "manifest.json")
     assert digest((folder / "table.csv").read_text()) == expected["table_sha256"]
     np.testing.assert_allclose([s.sigma for s in settings.scenes], [0.01, 0.1, 1.5**0.5])
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_json_of_a_validation_has_the_rows_of_the_table(tmp_path):
+    """Under the names of the file, each sigma's; null where nothing is known."""
+    out, sigmas = tmp_path / "report", ("--sigma", 0.01, "--sigma", 0.1)
+    words = (*sigmas, "--impacts", 1, "--paths", 1000, "--closure", "saltation", "--no-validity")
+    said = json.loads(rattle(*words, "--out", out, "--json").stdout)
+    table = pd.read_csv(out / "table.csv")
+    assert list(said["table"][0]) == list(table)
+    assert len(said["table"]) == len(table)
+    assert [row["sigma"] for row in said["table"]] == table["sigma"].tolist()
+    assert [row["verdict"] for row in said["table"]] == table["verdict"].tolist()

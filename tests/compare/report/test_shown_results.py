@@ -104,13 +104,6 @@ def test_a_report_of_a_validation_says_what_repeats_it(validation, tmp_path):
         validation.report(tmp_path / "file", overwrite=True)
 
 
-@pytest.mark.parametrize("rng", [np.random.default_rng(1), np.random.PCG64(1), np.random.RandomState(1)])
-def test_a_generator_is_refused_with_what_to_give(rng):
-    with pytest.raises(InputError, match="give a seed") as caught:
-        simulate(SCENE, paths=1, rng=rng)
-    assert caught.value.field == "rng"
-
-
 MAKE = """import rattle as rt
 m = rt.mean_map(rt.Scene.from_gears(rt.DAT21, sigma=0.1), impacts=3)"""
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from rattle.scene import Gears, Scene, Start
-from rattle.scene.gears import DRIVES, drive_by
-from rattle.scene.scene import FREE
+from rattle.scene.gears import DRIVES, Gears, drive_by
+from rattle.scene.parts import Start
+from rattle.scene.scene import FREE, Scene
 
 UNITS = ("omega", "backlash1")
 """Values of gears that units of time, length and speed depend on."""
