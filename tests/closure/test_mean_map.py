@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 
-from rattle.closure import CLOSURES, mean_map
+from rattle.closure import CLOSURES, follow, mean_map
 from rattle.scene import DAT21, InputError, Scene, Start
 from rattle.scene.moments import correlation
 
@@ -154,3 +154,11 @@ def test_no_series_without_noise():
 def test_edgeworth_asks_for_an_impact_and_a_stage_that_exist(dat21, impact, stage):
     with pytest.raises(InputError):
         mean_map(dat21, impacts=3).edgeworth(impact, stage)
+
+
+@pytest.mark.parametrize("closure", ["corrected", "saltation", "branching", "published"])
+def test_without_noise_all_but_published_are_the_orbit(closure):
+    """`published` has the impact law of mesh 1 alone: its third impact is 0.16 early."""
+    scene = Scene.from_gears(DAT21, sigma=0.0)
+    off = mean_map(scene, impacts=3, closure=closure).section["tau"] - follow(scene, 3).tau[1:]
+    assert (off.abs().max() < 1e-9) == (closure != "published")
