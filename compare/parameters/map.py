@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 SETTINGS = ("between", "impacts", "points", "width", "tolerances", "rng")
 """Settings of every search; those of `boundary`."""
+NOWHERE = "nowhere accurate"
 
 
 class Found(NamedTuple):
@@ -115,7 +116,7 @@ class BoundaryMap(Finding):
         closure, over, along = f"`{self.closure}`", self.over, self.along
         first, second = (f" {unit}" if unit else "" for unit in self.units)
         edges = self.curve[self.curve["accurate"].notna() & self.curve["wrong"].notna()]
-        said = []
+        said, stated = [], edges.index
         if len(edges):
             up = edges["accurate"] < edges["wrong"]
             ends = edges.sort_values("accurate").iloc[[0, -1]]
@@ -124,11 +125,17 @@ class BoundaryMap(Finding):
             values = {"low": low, "high": high, "least": least, "most": most}
             values |= {"closure": closure, "over": over, "along": along, "way": "up to" if up.all() else "down to"}
             one_way = "one_way" if up.all() or not up.any() else "both_ways"
-            said.append(TEXTS["edges"]["same" if low == high else one_way].format(**values))
+            headline = TEXTS["edges"]["same" if low == high else one_way].format(**values)
+            nowhere = self.curve[self.curve["why"] == NOWHERE]
+            if len(nowhere):  # the least edge is not the least range of validity
+                at = f"{along} = {list_values(nowhere['along'])}{second}"
+                headline = f"{headline.removesuffix('.')}, of the values of {along} with an edge; at {at} {NOWHERE}."
+            said.append(headline)
+            stated = stated.union(nowhere.index)
         several = edges["along"][edges["along"].duplicated()].unique()
         if len(several):
             said.append(f"Its range of validity is not one interval at {along} = {list_values(several)}{second}.")
-        for why, rows in self.curve.drop(edges.index).groupby("why", sort=False):
+        for why, rows in self.curve.drop(stated).groupby("why", sort=False):
             said.append(f"At {along} = {list_values(rows['along'])}{second}: {why}.")
         judged = f"{len(self.points)} values of {over} were judged at {self.curve['along'].nunique()} values of {along}"
         with_steps = f"with {self.path_steps:.3g} path-steps"
@@ -261,7 +268,7 @@ def curve_rows(value: float, found: Found | str) -> list[dict[str, Any]]:
     if found.edges:
         return [{"along": value, **edge._asdict()} for edge in found.edges]
     good, bad = (found.points.loc[found.points["verdict"] == verdict, "value"] for verdict in (ACCURATE, WRONG))
-    why = "accurate throughout" if len(good) else "nowhere accurate"
+    why = "accurate throughout" if len(good) else NOWHERE
     if len(good) + len(bad) < len(found.points):
         why = "undecided: " + next(text for text in found.points["remark"] if text)
     return [{"along": value, "accurate": good.max(), "wrong": bad.min(), "why": why}]

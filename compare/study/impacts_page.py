@@ -12,7 +12,7 @@ from rattle.compare.study.figures import FIGURES, panels
 from rattle.compare.study.folder import Drawing
 from rattle.compare.study.impacts import Tables, find_validity
 from rattle.compare.validation.errors import ON_ITINERARY
-from rattle.compare.validation.verdict import RULE, VERDICTS, in_words, join_words, span, want
+from rattle.compare.validation.verdict import RULE, VERDICTS, in_words, is_accurate, join_words, span, want
 
 SYMBOLS = ("exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement")
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *SYMBOLS)
@@ -86,7 +86,8 @@ def _range_in_words(r: Tables, errors: pd.DataFrame, rows: pd.DataFrame) -> str:
             own = own[own[name] == row[name]]
         values = sorted(own[r.study.along].unique())
         lacking, ends = want(own[own[r.study.along] <= row["not_inaccurate"]]), (row["accurate"], row["not_inaccurate"])
-        said = in_words(r.study.along, values, *ends, ended=row["ended"], undecided=lacking)
+        exact = [value for value, at in own.groupby(r.study.along) if is_accurate(at["verdict"])]
+        said = in_words(r.study.along, values, *ends, ended=row["ended"], undecided=lacking, exact=exact)
         found.setdefault(said, []).append(", ".join(f"{name} = {row[name]}" for name in r.study.others))
     if len(found) == 1:
         return next(iter(found))

@@ -108,7 +108,9 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
             unbroken(at.index, at[name] == impacts) or math.nan for name in ("accurate", "not_inaccurate")
         )
         ended = bool((at[at["not_inaccurate"] < impacts]["cause"][:1] == "ended").any())
-        found.setdefault(in_words("σ", list(at.index), accurate, not_wrong, ended=ended), []).append(f"`{closure}`")
+        exact = at.index[at["accurate"] == impacts]
+        phrase = in_words("σ", list(at.index), accurate, not_wrong, ended=ended, exact=exact)
+        found.setdefault(phrase, []).append(f"`{closure}`")
     shares = [f"{join_words(closures)}: {said}" for said, closures in found.items()]
     sigmas = validity["sigma"]
     return (

@@ -139,12 +139,13 @@ def in_words(
     *,
     ended: bool = False,
     undecided: str = UNDECIDED,
+    exact: Iterable[float] = (),
 ) -> str:
     """A range of validity over a scene parameter in words, and what lies beyond it.
 
     `accurate`, `not_wrong`: The last value up to which all is accurate, and up to which nothing is inaccurate;
     NaN if not even the first. `ended`: Whether beyond ``not_wrong`` the closure cannot be continued to the last
-    impact, rather than being inaccurate.
+    impact, rather than being inaccurate. `exact`: All values at which all is accurate, those beyond a wrong one too.
     """
     beyond = [value for value in values if not value <= not_wrong]
     parts = []
@@ -155,6 +156,9 @@ def in_words(
     if beyond:
         parts.append((f"{ENDED if ended else WRONG} at", beyond[0], "" if parts else ", the smallest"))
     phrases = [f"{what} {'' if i else f'{name} = '}{value:.4g}{more}" for i, (what, value, more) in enumerate(parts)]
+    again = [f"{value:.4g}" for value in exact if beyond and value > beyond[0]]
+    if again:
+        phrases.append(f"and accurate at {join_words(again)} (not one interval)")
     return ", ".join(phrases)
 
 

@@ -3,11 +3,12 @@
 import math
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 from test_boundary import DRIVEN, page_of, search, verdicts
 
 from rattle import boundary, boundary_map
-from rattle.compare.parameters.map import Found, curve_rows, expect
+from rattle.compare.parameters.map import NOWHERE, BoundaryMap, Found, curve_rows, expect
 from rattle.compare.parameters.search import ACCURATE, Edge, critical
 
 SETTINGS = {"along": "alpha", "reach": (0.4, 1.5), "values": 3, "impacts": 2, "points": 4, "width": 0.3, "rng": 3}
@@ -87,3 +88,14 @@ def test_a_cluster_finds_the_same(found):
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as cluster:
         assert boundary_map(DRIVEN, **SETTINGS, scheduler=cluster.scheduler_address).curve.equals(found.curve)
+
+
+def test_the_least_edge_is_not_called_the_least_where_it_is_nowhere_accurate():
+    """The headline said that the closure is accurate up to 0.0017 at least; at two values it is nowhere accurate."""
+    rows = [(0.75, 0.04, 0.05, "means"), (1.5, math.nan, 0.001, NOWHERE), (2.4, 0.0017, 0.0019, "sds")]
+    curve = pd.DataFrame([*rows, (3.0, math.nan, 0.001, NOWHERE)], columns=["along", "accurate", "wrong", "why"])
+    said = BoundaryMap(DRIVEN, "saltation", "sigma", "alpha", curve, curve, 0).answer
+    assert said[0].endswith("of the values of alpha with an edge; at alpha = 1.5, 3 nowhere accurate.")
+    assert not any(line.startswith("At alpha") for line in said)
+    every = BoundaryMap(DRIVEN, "saltation", "sigma", "alpha", curve[::2], curve, 0).answer
+    assert every[0].endswith("0.04 at 0.75, the most.")

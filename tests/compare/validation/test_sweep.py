@@ -76,6 +76,10 @@ def test_sentence_says_up_to_where_everything_is_right():
         ([(0.01, 2, 4), (0.1, 4, 4)], "not shown wrong up to σ = 0.1 (too few paths to decide)."),
         ([(0.01, 4, 4), (0.1, 4, 4)], "accurate up to σ = 0.1."),
         ([(0.01, 4, 4), (0.1, 0, 2)], "accurate up to σ = 0.01, shown wrong at 0.1."),
+        (
+            [(0.01, 4, 4), (0.1, 0, 2), (0.2, 4, 4)],
+            "accurate up to σ = 0.01, shown wrong at 0.1, and accurate at 0.2 (not one interval).",
+        ),
         ([(0.01, 2, 4), (0.1, 0, 2)], "not shown wrong up to σ = 0.01 (too few paths to decide), shown wrong at"),
     ],
 )
