@@ -1,8 +1,9 @@
 """What every closure returns, its moments just before each impact and between impacts, and the bounds of their errors.
 
-`branching` bounds its own error, without simulation, from three signs that are added as independent ones: the change
-from the next coarser level, the share of the squared impact speed that the noise of one flight makes, and what
-splitting the components further would be worth (docs/theory/closures.md).
+`branching` estimates its own error, without simulation, from signs that are added as independent ones: the change from
+the next coarser level, the share of the squared impact speed that the noise of one flight makes, what splitting the
+components further would be worth, how far they are bent and taken as Gaussians, how well the weights of its branches
+are known, and the probability discarded (docs/theory/closures.md).
 """
 
 from collections.abc import Callable
@@ -58,6 +59,10 @@ class Trace:
     carried: Floats | None = None
     # what splitting its components further would be worth, by its own measure; (impacts + 1,)
     residual: Floats | None = None
+    # the same, in sds of the section quantities: errors of mean and sd by those of the weights; (impacts + 1, 2, 6)
+    doubted: Floats | None = None
+    # the same closure's mean of what its components are bent, squared, and taken as Gaussians; (impacts + 1,)
+    bent: Floats | None = None
     work: int = 0  # how many flights of components the same closure computed
     flight: Floats | None = None  # mean flights, where they are not differences of mean times; (impacts + 1,)
     # of a closure of one's own: ``rho1, rho2`` as it predicts them, (impacts + 1, 2); the seconds that it took; whether
@@ -84,10 +89,12 @@ def stage_raw_moments(covariance: Floats, order: int) -> Floats:
 
 
 CHANGED = 1.0  # error per change from the coarser level
-SLOW = 0.7  # error per share of slow impacts
+SLOW = 1.0  # error per share of slow impacts
+CURVED = np.array([0.05, 0.15])  # errors of mean and sd, per ratio of second-order to first-order sd
 BENT = 0.2  # error per unit of what further splits are worth
 COMPONENT_MICROSECONDS = 60.0  # of a component's flight on one core, with splitting and merging; measured once
 FLIGHT_MICROSECONDS = 0.8  # of a path's flight, as the cost model of exact flights has it
+COVERAGE = "estimates; at most one row in ten is beyond them"  # measured: docs/theory/closures.md
 SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
 ALL = 3.5  # standard errors that with 95 % probability no mean or sd of 12 impacts is off by more than
 TINY = 1e-18  # variance of a displacement at its wall: rounding
@@ -113,10 +120,15 @@ def bounds(coarse: Trace, fine: Trace) -> Floats:
     change[missing] = np.nan
     change = np.fmax.accumulate(change)
     common = np.hypot(SLOW * _so_far(fine.slow), BENT * np.minimum(_so_far(fine.residual), 1.0))
+    # the mean of the paths that are left is at most so many sds off that of all
+    common = np.hypot(common, np.sqrt(_so_far(fine.discarded)))
     error = np.asarray(np.hypot(CHANGED * change, common[:, None, None]))
     error[:, 1] *= 1.0 + np.log(np.fmax(kurtosis(fine) / 3.0, 1.0))
     if fine.carried is not None:
-        error[:, 1] = np.hypot(error[:, 1], SLOW * fine.carried)
+        error = np.hypot(error, SLOW * fine.carried[:, None])
+    if fine.doubted is not None:
+        error = np.hypot(error, fine.doubted)
+    error = np.asarray(np.hypot(error, CURVED[:, None] * np.sqrt(_so_far(fine.bent))[:, None, None]))
     error[missing] = np.nan
     worst = np.fmax.accumulate(np.fmax.reduce(error, axis=2))
     error[1:] = np.fmax(error[1:], worst[:-1, :, None])
@@ -126,7 +138,7 @@ def bounds(coarse: Trace, fine: Trace) -> Floats:
 
 def _so_far(sign: Floats | None) -> Floats:
     """The largest value up to each impact."""
-    return np.zeros(1) if sign is None else np.asarray(np.maximum.accumulate(sign))
+    return np.zeros(1) if sign is None else np.asarray(np.fmax.accumulate(sign))
 
 
 def _means(found: Trace) -> Floats:
@@ -162,7 +174,7 @@ def advice(found: Trace, tolerance: float) -> str:
         return "no impact could be followed: simulate"
     error = found.error[1 : found.found + 1]
     means, sds = largest_error(error[:, 0]), largest_error(error[:, 1])
-    said = f"own bounds of the errors: means {means:.2g}, sds {sds:.2g} of an sd"
+    said = f"own bounds of the errors ({COVERAGE}): means {means:.2g}, sds {sds:.2g} of an sd"
     wrong = np.flatnonzero(np.logical_not(within(error, tolerance)))
     if wrong.size > 0 and wrong[0] == 0:
         return f"{said}, above the tolerance {tolerance:g} from impact 1 on: simulate"
@@ -176,7 +188,7 @@ def advice(found: Trace, tolerance: float) -> str:
     if work > simulated:
         said += f", within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate at less work"
         return f"{said} ({simulated:.1g} s against {work:.1g} s of a core): simulate"
-    return f"{said}, within the tolerance {tolerance:g}"
+    return f"{said}; by them within the tolerance {tolerance:g}"
 
 
 def kurtosis(found: Trace) -> Floats:

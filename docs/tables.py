@@ -311,6 +311,9 @@ def _share(hits: float, of: int) -> str:
     return f"{hits:.0f} of {of} ({low:.2%} to {high:.2%})"
 
 
+BEFORE = ("before: beyond the bound", "before: wrong", "before: wrong, unmarked")
+
+
 @table
 def branching(reports: Path) -> Table:
     """Errors of `branching` on random gear sets, its own bounds of them, and the time beside exact flights."""
@@ -318,7 +321,7 @@ def branching(reports: Path) -> Table:
     rows = []
     every = found.assign(noise="all")
     for (seen, noise), of in [*found.groupby(["seen", "noise"]), *every.groupby(["seen", "noise"])]:
-        total, used = of["rows"].sum(), of[of["advice"] == "branching"]
+        total, before, used = of["rows"].sum(), of["rows_before"].sum(), of[of["advice"] == "branching"]
         faster = f"{short(used['ratio'].min(), 2)} / {short(used['ratio'].median(), 2)}" if len(used) else "–"
         rows.append(
             [
@@ -326,12 +329,13 @@ def branching(reports: Path) -> Table:
                 noise if noise == "all" else short(noise),
                 *(f"{short(of[c].median(), 2)} / {short(of[c].max(), 2)}" for c in ("error_mean", "error_sd")),
                 *(f"{of[c].sum() / total:.1%}" for c in ("exceeded", "factor", "wrong", "unmarked")),
+                *(f"{of[f'{c}_before'].sum() / before:.1%}" for c in ("exceeded", "wrong", "unmarked")),
                 f"{len(used)} of {len(of)}",
                 faster,
             ]
         )
     head = ["gear sets", "σ/√α", "worst mean: median / largest", "worst sd", "beyond the bound", "within a factor of 2"]
-    return [*head, "wrong", "wrong, unmarked", "advised", "speed-up: least / median"], rows
+    return [*head, "wrong", "wrong, unmarked", *BEFORE, "advised", "speed-up: least / median"], rows
 
 
 @table

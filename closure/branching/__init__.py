@@ -4,8 +4,8 @@ A component is a weight and a Gaussian of the section state after an impact, as 
 the next flight is added at its start, so that the next impact is a function of a point in five dimensions, or in nine
 where flanks are random.  Components are split (`rattle.closure.branching.advance`), propagated to the impact
 (`rattle.closure.branching.propagate`), and merged after it (`rattle.closure.branching.mixture`).  How many there may be
-is the closure's resolution: it is followed at two of the `LEVELS` at least, and bounds its own error from their
-difference (`rattle.closure.moments`).
+is the closure's resolution: it is followed at two of the `LEVELS` at least, and estimates its own error from their
+difference, and from how far its components and their weights are known (`rattle.closure.moments`).
 """
 
 import math
@@ -80,6 +80,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     tau, agreement, discarded_at = np.full((3, impacts + 1), np.nan)
     mean, covariance = np.full((impacts + 1, 4), np.nan), np.full((impacts + 1, 4, 4), np.nan)
     sd, skew = np.full((2, impacts + 1, 6), np.nan)
+    doubted, bent = np.zeros((impacts + 1, 2, 6)), np.zeros(impacts + 1)
     followed = np.full((3, impacts + 1, 6), np.nan)
     mesh, side = np.zeros((2, impacts + 1), np.int64)
     tau[0], mean[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], orbit.mesh[0], orbit.side[0]
@@ -106,6 +107,8 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = moments(w, values, variances)
         tau[k], mean[k] = centre[0], centre[2:]
+        doubted[k] = _doubted(w, after.doubt[:count], values - centre, variances)
+        bent[k] = w @ after.bent[:count] / w.sum()
         carried[k] = _average(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
@@ -119,7 +122,18 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
     whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, parts)
     seen = replace(whole, agreement=agreement, discarded=discarded_at, followed=followed, work=work)
-    return replace(seen, slow=slow, carried=carried, residual=residual)
+    return replace(seen, slow=slow, carried=carried, residual=residual, doubted=doubted, bent=bent)
+
+
+def _doubted(weights: Floats, doubt: Floats, off: Floats, variances: Floats) -> Floats:
+    """Errors of mean and sd of each quantity, in sds, if each weight has this relative error."""
+    squares = off**2 + variances
+    share = (weights / weights.sum())[:, None]
+    variance = (share * squares).sum(axis=0)
+    far = doubt[:, None] * share
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = (far * np.abs(off)).sum(axis=0) / np.sqrt(variance)
+        return np.asarray(np.nan_to_num([mean, 0.5 * (far * squares).sum(axis=0) / variance]))
 
 
 def _average(weights: Floats, off: Floats, variances: Floats, slow: Floats) -> Floats:

@@ -28,6 +28,10 @@ TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a t
 BRANCH = 0.03  # error of a boundary through the centre of a component, relative to its weight
 DAMPED = 15.0  # damping times flight time above which a component is discarded
 POWER = 0.35  # error of a component relative to its weight, as a power of the ratio of variances
+SKEWED = 3.0 * math.sqrt(2.0)  # skewness of ``z + a z^2``, per its ratio of second-order to first-order sd
+LEFT = 0.05  # share of the square of that ratio that a split in three leaves
+EARLY = 0.6  # relative error of a weight, per logarithm of what the noise until then takes off it
+MOST_DOUBT = 2.0  # largest relative error of a weight
 ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
 
 
@@ -52,16 +56,20 @@ class Buffers(NamedTuple):
     beyond: Ints  # the impact (``mesh * side``) beyond that plane
     slow: Floats  # share of the squared impact speed that noise makes
     parent: Ints  # the component after the last impact of which it is a part
+    time: Floats  # of that component's flight, whose noise was added; (components,)
     plane: Floats  # one sd across the boundary that halves a component; (components, d)
     halved: Floats  # distance of that boundary, in sds; 0 for a component that is not halved
+    tail: Floats  # share of the weight beyond the plane that splits a tail off, and its relative error
+    doubt: Floats
 
 
 def buffers(size: int, d: int = PLAIN) -> Buffers:
     """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
     ignored, beyond, parent = np.zeros((3, size), np.int64)
-    (error, depth, slow, halved), (axis, plane) = np.zeros((4, size)), np.zeros((2, size, d))
-    return Buffers(empty(size, d), image, ignored, error, axis, depth, beyond, slow, parent, plane, halved)
+    (error, depth, slow, time, halved, tail, doubt), (axis, plane) = np.zeros((7, size)), np.zeros((2, size, d))
+    start = empty(size, d)
+    return Buffers(start, image, ignored, error, axis, depth, beyond, slow, parent, time, plane, halved, tail, doubt)
 
 
 @splice
@@ -74,6 +82,20 @@ def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float
 
 
 @splice
+def _weigh(depth: float, own: float, bent: float) -> tuple[float, float]:
+    """Share of a component beyond a boundary `depth` sds away, and its relative error.
+
+    The noise until the boundary is reached makes `own` of the sd across it (`component.own_spread`).  The error has two
+    parts.  A component that is bent is taken as a Gaussian: by the first term of an Edgeworth series, with the
+    skewness of what is bent so.  And that share of the noise is known at one point of the boundary only.
+    """
+    share, rate, _ = component.half(depth / own, False)
+    skewed = SKEWED * math.sqrt(bent) / 6.0 * max(depth * depth - 1.0, 1.0) * rate
+    early = EARLY * math.log(component.half(depth, False)[0] / share)
+    return share, min(math.hypot(skewed, early), MOST_DOUBT)
+
+
+@splice
 def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> None:
     """Compute the image of component `i`, whole or in halves beside a boundary, and how it would best be split.
 
@@ -81,12 +103,13 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     """
     w, centre = b.start.weight[i], b.start.mean[i]
     b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
-    b.error[i], b.depth[i], b.halved[i] = 0.0, 0.0, 0.0
+    b.error[i], b.depth[i], b.halved[i], b.doubt[i] = 0.0, 0.0, 0.0, 0.0
+    section, bent, doubt = b.image.section, b.start.bent[i], b.start.doubt[i]
     rank, full = component.root(b.start.covariance[i])
     axes = full[:, :rank].copy()
     t, code = component.event(c, centre, before)
     b.slow[i] = _slow(c, centre, t, code, before)
-    n, depth, pieces = np.zeros(rank), 0.0, 1
+    n, depth, own, pieces = np.zeros(rank), 0.0, 1.0, 1
     if w > LIGHT and rank > 0 and code != 0:
         reach = math.sqrt(2.0 * math.log(w / NEGLIGIBLE) - 2.0)
         other, q = component.cut_plane(c, centre, axes, code, b.ignored[i], reach, before)
@@ -94,23 +117,24 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             length = linalg.norm(q)
             linalg.put_scaled(n, q, length)
             depth = 1.0 / length
-            if length * TAIL < 1.0:
-                v, last = linalg.apply(axes, n), b.start.label[i]
-                last -= ON_ORBIT if last > 2 else 0
-                there = linalg.beyond(centre, 1.01 * depth, v)
-                if depth > reach * component.own_spread(c, centre, axes, there, t, last, before):
-                    b.ignored[i] |= 1 << (other + 2)  # the noise until that impact does not lead to it
-                    depth = 0.0
-                else:
-                    b.error[i], b.depth[i], b.beyond[i] = w, depth, other
-                    linalg.put_row(b.axis[i], v)
+            v, last = linalg.apply(axes, n), b.start.label[i]
+            last -= ON_ORBIT if last > 2 else 0
+            there = linalg.beyond(centre, 1.01 * depth, v)
+            own = component.own_spread(c, centre, axes, there, b.time[b.parent[i]], last, before)
+            if depth > reach * own:
+                b.ignored[i] |= 1 << (other + 2)  # the noise until that impact does not lead to it
+                depth = 0.0
+            elif depth > TAIL:
+                b.error[i], b.depth[i], b.beyond[i] = w, depth, other
+                linalg.put_row(b.axis[i], v)
             else:
                 pieces = 2
                 b.halved[i] = depth
-                linalg.put_row(b.plane[i], linalg.apply(axes, n))
-    worst = 0.0
+                linalg.put_row(b.plane[i], v)
+    worst = most = 0.0
     for k in range(pieces):
-        share, rate, variance = component.half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
+        _, rate, variance = component.half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
+        share = component.half(depth / own, k == 0)[0] if pieces == 2 else 1.0
         narrow = math.sqrt(variance)
         b.image.section.weight[2 * i + k] = w * share
         at, across = centre, axes
@@ -118,7 +142,10 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             at, across = linalg.beyond(centre, rate, linalg.apply(axes, n)), axes.copy()
             linalg.add_outer(across, narrow - 1.0, linalg.apply(axes, n), n)
         bend, u = component.propagate(c, at, across, b.image, 2 * i + k, before)
+        section.bent[2 * i + k], section.doubt[2 * i + k] = bent + bend, doubt
+        most = max(most, bend)
         if b.depth[i] > 0.0:
+            b.tail[i], b.doubt[i] = _weigh(depth, own, bent + bend)
             return
         error = w * share * bend**POWER if bend > level.flat else 0.0
         b.error[i] += error
@@ -131,10 +158,28 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
                 linalg.put_scaled(u, u, linalg.norm(u))
             linalg.put_row(b.axis[i], linalg.apply(axes, u))
     if pieces == 2:
+        share, more = _weigh(depth, own, bent + most)
+        section.doubt[2 * i] = math.hypot(doubt, more * share / (1.0 - share))
+        section.doubt[2 * i + 1] = math.hypot(doubt, more)
         crossing = BRANCH * w * math.exp(-0.5 * depth * depth)
         if crossing > b.error[i]:
             linalg.put_row(b.axis[i], linalg.apply(axes, n))
         b.error[i] += crossing
+
+
+@splice
+def _doubles(c: Constants, b: Buffers, i: int, before: Floats) -> bool:
+    """Whether an outer third of a component would reach beyond a boundary whose tail was split off already.
+
+    The rest of a Gaussian without its tail is a Gaussian again, and what it has beyond that boundary is not its own.
+    """
+    if b.depth[i] > 0.0 or b.ignored[i] == 0:
+        return False
+    for side in (-1.0, 1.0):
+        end = linalg.beyond(b.start.mean[i], side * component.THIRD_CENTRE, b.axis[i])
+        if b.ignored[i] & (1 << (component.event(c, end, before)[1] + 2)):
+            return True
+    return False
 
 
 @splice
@@ -144,10 +189,14 @@ def _cut(b: Buffers, i: int, count: int) -> int:
     w, centre, sigma = parts.weight[i], parts.mean[i].copy(), parts.covariance[i].copy()
     pieces = 2 if b.depth[i] > 0.0 else 3
     code = b.image.section.label[2 * i]
+    bent = parts.bent[i]
+    if pieces == 3:
+        bent += LEFT * (b.image.section.bent[2 * i] - bent)
     for k in range(pieces):
         at = i if k == 0 else count + k - 1
         if pieces == 2:
-            share, place, variance = component.half(b.depth[i], k == 0)
+            _, place, variance = component.half(b.depth[i], k == 0)
+            share = 1.0 - b.tail[i] if k == 0 else b.tail[i]
         else:
             share = component.THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * component.THIRD_WEIGHT
             place, variance = (0.0 if k == 0 else (2 * k - 3) * component.THIRD_CENTRE), component.THIRD_WIDTH**2
@@ -156,7 +205,9 @@ def _cut(b: Buffers, i: int, count: int) -> int:
         linalg.put(parts.covariance[at], sigma)
         linalg.add_outer(parts.covariance[at], variance - 1.0, v, v)
         parts.label[at], b.ignored[at], b.parent[at] = parts.label[i], b.ignored[i], b.parent[i]
+        parts.bent[at], parts.doubt[at] = bent, parts.doubt[i]
     if pieces == 2:
+        parts.doubt[count] = math.hypot(parts.doubt[count], b.doubt[i])
         b.ignored[count] |= 1 << (code + 2)
         b.ignored[i] |= 1 << (b.beyond[i] + 2)
     return count + pieces - 1
@@ -181,7 +232,7 @@ def add_noise(c: Constants, live: int, b: Buffers) -> float:
             for m in range(4):
                 for n in range(4):
                     b.start.covariance[i, 1 + m, 1 + n] += noise[m, n]
-        b.ignored[i], b.parent[i] = 0, i
+        b.ignored[i], b.parent[i], b.time[i] = 0, i, t
     return discarded
 
 
@@ -198,12 +249,14 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
             _examine(c, b, last if k == count else k, level, before)
         seen = count
         if count + 2 > level.cut:
-            break
+            return count
         last = linalg.largest(b.error, count)
+        while b.error[last] >= level.worth and _doubles(c, b, last, before):
+            b.error[last] = 0.0
+            last = linalg.largest(b.error, count)
         if b.error[last] < level.worth:
-            break
+            return count
         count = _cut(b, last, count)
-    return count
 
 
 @jit
@@ -239,6 +292,7 @@ def _strike(
             for k in range(hit.shape[0]):  # nothing is known of a deviation that is drawn anew
                 after.covariance[kept, flank, k] = after.covariance[kept, k, flank] = 0.0
             after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
+        after.bent[kept], after.doubt[kept] = section.bent[i], section.doubt[i]
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
         kept += 1
     return kept, discarded

@@ -17,6 +17,8 @@ class Mixture(NamedTuple):
     mean: Floats  # of each component; (components, d)
     covariance: Floats  # of each component; (components, d, d)
     label: Ints  # what a component has gone through; (components,)
+    bent: Floats  # squared ratio of second-order to first-order sd, summed over the flights so far; (components,)
+    doubt: Floats  # relative error of the weight; (components,)
 
 
 def empty(size: int, d: int = PLAIN) -> Mixture:
@@ -24,7 +26,8 @@ def empty(size: int, d: int = PLAIN) -> Mixture:
 
     `d`: Size of the section state ``(tau, x1, y1, x2, y2)``: 5, or 9 with the flanks.
     """
-    return Mixture(np.zeros(size), np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64))
+    weight, bent, doubt = np.zeros((3, size))
+    return Mixture(weight, np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64), bent, doubt)
 
 
 @internal
@@ -115,6 +118,7 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
         groups += 1
     for g in range(groups):
         out.weight[g], out.mean[g], out.covariance[g] = 0.0, 0.0, 0.0
+        out.bent[g] = out.doubt[g] = 0.0
         out.label[g] = parts.label[order[first[g]]]
         for i in order[first[g] : last[g]]:
             w = parts.weight[i]
@@ -128,6 +132,8 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
                     )
             for a in range(d):
                 out.mean[g, a] += share * gap[a]
+            out.bent[g] += share * (parts.bent[i] - out.bent[g])
+            out.doubt[g] += share * (parts.doubt[i] - out.doubt[g])
             out.weight[g] = total
     return groups
 

@@ -14,16 +14,41 @@ from rattle.closure.section_map import PLAIN, between, column, derivatives
 from rattle.scene import Constants, Floats
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
-from rattle.scene.flight import field, jacobian, noise_covariance
+from rattle.scene.flight import field, flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact
 
-BISECTIONS = 6  # steps to locate a boundary
+BISECTIONS = 6  # steps to locate a boundary, and as many again for the nearest one
+RETURNS = 8  # Newton steps back to a wall, from beyond it: each squares the relative error
 LONGEST = 100.0  # longest flight; a component without an impact by then is discarded
 # A standard normal approximated by three Gaussians of equal width: weight of the outer ones, width, and their distance.
 THIRD_WEIGHT, THIRD_WIDTH = 0.2252246249, 0.6715662887
 THIRD_CENTRE = math.sqrt(0.5 * (1.0 - THIRD_WIDTH**2) / THIRD_WEIGHT)
 STRAIGHT = 0.1  # ratio of second-order to first-order sd from which two sigma points replace the Taylor expansion
 GRAZE = 2.0  # slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread allows
+
+
+@internal
+def _return(c: Constants, e: Floats, start: Floats, mesh: int, side: int, late: float, before: Floats) -> float:
+    """When a flight that begins beyond a wall is back at it, from a time by which it is; the state then in `before`.
+
+    Noise that is moved back to the start of a flight puts it on either side of the wall that was just left, and
+    `next_impact` takes what is beyond a wall as if it were at it.
+
+    Shapes: `e` (5,) or (9,); `start`, `before` (4,).
+    """
+    i, wall = (0, c.wall1) if mesh == 1 else (2, c.wall2)
+    t = late
+    for _ in range(RETURNS):
+        x1, y1, x2, y2 = flow(c, e[0], start[0], start[1], start[2], start[3], t)
+        beyond, speed = side * (x1 if mesh == 1 else x2) - wall, side * (y1 if mesh == 1 else y2)
+        if speed <= 0.0:  # it turns around beyond the wall
+            break
+        before[0], before[1], before[2], before[3] = x1, y1, x2, y2
+        before[i] = side * wall
+        late, t = t, t - beyond / speed
+        if t <= 0.0 or t == late:
+            break
+    return late
 
 
 @internal
@@ -35,8 +60,13 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     middle1 = middle2 = 0.0
     if e.size > PLAIN:
         c, middle1, middle2 = between(c, e)
-    t, mesh, side, x1, y1, x2, y2 = next_impact(c, e[0], e[1] - middle1, e[2], e[3] - middle2, e[4], LONGEST)
-    before[0], before[1], before[2], before[3] = x1 + middle1, y1, x2 + middle2, y2
+    start = np.array([e[1] - middle1, e[2], e[3] - middle2, e[4]])
+    t, mesh, side, x1, y1, x2, y2 = next_impact(c, e[0], start[0], start[1], start[2], start[3], LONGEST)
+    before[0], before[1], before[2], before[3] = x1, y1, x2, y2
+    if t > 0.0 and ((mesh == 1 and side * start[0] > c.wall1) or (mesh == 2 and side * start[2] > c.wall2)):
+        t = _return(c, e, start, mesh, side, t, before)
+    before[0] += middle1
+    before[2] += middle2
     return t, (mesh * side if mesh > 0 else 0)
 
 
@@ -74,14 +104,18 @@ def root(sigma: Floats) -> tuple[int, Floats]:
 
 @internal
 def _boundary(
-    c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, far: float, before: Floats
-) -> tuple[float, int]:
-    """Distance (in sds, up to `far`) along a unit vector at which the next impact changes from `code`, and to which."""
+    c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, near: float, far: float,
+    before: Floats,
+) -> tuple[float, int]:  # fmt: skip
+    """Distance (in sds) along a unit vector at which the next impact changes from `code`, and to which.
+
+    It is searched for from `near`, where the next impact is `code`, to `far`.
+    """
     direction = linalg.apply(axes, u)
     found = event(c, linalg.beyond(centre, far, direction), before)[1]
     if found == code:
         return np.inf, code
-    low, high = 0.0, far
+    low, high = near, far
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         met = event(c, linalg.beyond(centre, middle, direction), before)[1]
@@ -112,7 +146,7 @@ def cut_plane(
     for ray in range(2 * rank):
         trial[:] = 0.0
         trial[ray // 2] = 1.0 if ray % 2 == 0 else -1.0
-        distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
+        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
         if distance < nearest:
             nearest, other = distance, found
             linalg.put_row(u, trial)
@@ -125,17 +159,20 @@ def cut_plane(
             trial[i] += 0.5
             length = linalg.norm(trial)
             linalg.put_scaled(trial, trial, length)
-            distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
+            distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
             q[i] = 2.0 * ((length / distance if found == other else 0.0) - 1.0 / nearest)
         length = linalg.norm(q)
         if length == 0.0:
             break
         linalg.put_scaled(trial, q, length)
-        distance, found = _boundary(c, centre, axes, trial, code, ignored, far, before)
+        distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
         if not (found == other and distance < nearest):
             break
         nearest = distance
         linalg.put_row(u, trial)
+    # a step of the search is 0.1 sds, and so much further off the weight beyond is smaller by a third
+    near = max(nearest - far / 2.0**BISECTIONS, 0.0)
+    nearest = _boundary(c, centre, axes, u, code, 0, near, nearest, before)[0]
     if nearest > reach:
         return code, u
     linalg.put_scaled(u, u, nearest)
@@ -177,10 +214,11 @@ def own_spread(
 ) -> float:
     """Sd of the distance to a wall by the noise until it is met, over that by the noise of the whole flight.
 
-    1 where it is met later than the centre meets its own, at time `t`, and for the wall just left: no plane divides
-    the paths that leave it slowly into those that return at once and the others.
+    1 where it is met later than that, and for the wall just left: no plane divides the paths that leave it slowly into
+    those that return at once and the others.
 
-    `beyond`: A point from which that wall is met. `last`: The wall just left.
+    `beyond`: A point from which that wall is met. `t`: Time of the flight whose noise was added. `last`: The wall just
+    left.
 
     Shapes: `centre`, `beyond` (d,); `axes` (d, rank); `before` (4,).
     """
