@@ -39,12 +39,12 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
     """The results are printed, and the earlier table is whole."""
     words = ["simulate", "--paths", "100", "--impacts", "2", "--dt", "0.01"]
     with disk(tmp_path / "disk", "8k") as place:
-        (place / "table.csv").write_text("old")
+        (place / "table.csv").write_text("impact,tau: old")
         (place / "filler").write_bytes(b"x" * 4096)
         found = rattle(*words, "--out", place / "table.csv", code=2)
         assert "100 paths" in found.stdout
         assert "the disk is full" in found.stderr
-        assert (place / "table.csv").read_text() == "old"
+        assert (place / "table.csv").read_text() == "impact,tau: old"
         assert sorted(p.name for p in place.iterdir()) == ["filler", "table.csv"]
         make_read_only(place)
         assert "cannot be written" in rattle(*words, "--out", place / "table.csv", code=2).stderr
