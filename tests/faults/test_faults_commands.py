@@ -131,6 +131,53 @@ def test_manifests_that_cannot_be_repeated(tmp_path):
     assert data["version"] == 1
 
 
+ENDING = """
+import os, signal
+from rattle.compare.cli.main import main
+
+def interrupted(*_, **__):
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(10**8): pass
+
+import {module}
+{module}.{function} = interrupted
+main({words})
+"""
+STORED = "run the same command again to continue"
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        ("compare.study.folder.write_page", f"2 of 2 results stored, but their page is not written; {STORED}"),
+        ("compare.study.design.combine", f"2 of 2 results stored, but their page is not written; {STORED}"),
+        ("compare.engine.run.run", f"0 of 2 results stored; {STORED}"),
+        ("compare.cli.study.say_lines", "all 2 results are stored, and their page is written"),
+    ],
+)
+def test_an_interrupted_study_says_what_is_stored(function, said, tmp_path):
+    (tmp_path / "s.toml").write_text(study())
+    module, _, name = f"rattle.{function}".rpartition(".")
+    code = ENDING.format(module=module, function=name, words=["study", "s.toml"])
+    done = python("-c", code, code=130, cwd=tmp_path)
+    assert done.stderr.splitlines()[-1] == f"rattle: interrupted; {said}"
+    assert (tmp_path / "s" / "study.html").exists() == ("page is written" in said)
+
+
+def test_an_interrupted_search_says_what_is_stored(tmp_path):
+    """Cells that are kept beside the folder of the report; without a folder nothing is kept."""
+    words = ["boundary", "--impacts", "1", "--points", "2", "--width", "0.9", "--between", "0.01", "0.02"]
+    code = {"module": "rattle.compare.parameters.page", "function": "write_report"}
+    done = python("-c", ENDING.format(words=[*words, "--out", "b"], **code), code=130, cwd=tmp_path)
+    stored = len(list((tmp_path / "b-cells").glob("*.parquet")))
+    said = f"rattle: interrupted; {stored} results stored in b-cells; {STORED}"
+    assert done.stderr.splitlines()[-1] == said
+    assert stored
+    code = {"module": "rattle.compare.parameters.search", "function": "find_changes"}
+    done = python("-c", ENDING.format(words=[*words, "--json"], **code), code=130, cwd=tmp_path)
+    assert done.stderr.splitlines()[-1] == "rattle: interrupted; nothing was written"
+
+
 TWICE = """
 from rattle.compare.cli.main import main
 

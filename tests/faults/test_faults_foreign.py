@@ -146,6 +146,15 @@ def test_the_table_of_simulate_replaces_its_own(tmp_path):
         assert out.read_text().startswith("impact,tau")
 
 
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("name", [LOG, f"{CELLS}/mine"])
+def test_a_command_keeps_no_cells_among_files_of_others(name, tmp_path):
+    place(tmp_path / "out-cells", name, "theirs")
+    said = rattle("chaos", "--no-sweep", "--out", tmp_path / "out", code=2).stderr
+    assert "is not a log of rattle" in said or "holds other things (mine)" in said
+    assert everything(tmp_path) == {f"out-cells/{name}": b"theirs"}
+
+
 @pytest.mark.parametrize("name", [LOG, f"{CELLS}/mine"])
 def test_cells_beside_a_report_and_of_python(name, tmp_path):
     """The folder in which a command or a function keeps its cells."""
