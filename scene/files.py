@@ -80,6 +80,10 @@ def parse_json(text: str | bytes) -> Any:
         data = json.loads(text)
     except RecursionError:
         raise ValueError(TOO_DEEP) from None
+    except json.JSONDecodeError:
+        raise
+    except ValueError:  # of Python, about a setting of its own
+        raise ValueError(TOO_LARGE) from None
     _check_data(data)
     return data
 

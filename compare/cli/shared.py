@@ -193,6 +193,7 @@ class Results:
     def __init__(
         self, name: str, out: Path | None, suffix: str, page: str, overwrite: bool, as_json: bool = False
     ) -> None:
+        from rattle.compare.engine.run import check_cells
         from rattle.compare.report.provenance import Stopwatch
 
         self.name, self.overwrite, self.as_json = name, overwrite, as_json
@@ -203,6 +204,8 @@ class Results:
             pages = import_module(f"rattle.compare.{module}")
             self.writer = getattr(pages, writer)
             check_free(self.out, pages.CONTENTS, overwrite)
+            if self.cells:
+                check_cells(self.cells)
             stored.append(self._describe_stored)
         self.watch = Stopwatch()
 

@@ -78,16 +78,18 @@ def check_log(folder: Path) -> None:
     check_own(folder / LOG, LOG_LINE, "a log of rattle")
 
 
-def open_cells(folder: Path | None) -> Store:
-    """Open the store of the cells in a folder, where it holds nothing of others under the names of cells and log.
-
-    Without a folder, a temporary one.
-    """
-    if folder is None:
-        return TemporaryStore()
+def check_cells(folder: Path) -> None:
+    """Check that a folder holds nothing of others under the names of cells and log."""
     check_log(folder)
     if not has_cells(folder) and (folder / CELLS).is_dir():
         refuse_foreign(folder / CELLS, os.listdir(folder / CELLS))
+
+
+def open_cells(folder: Path | None) -> Store:
+    """Open the store of the cells in a folder; without a folder, a temporary one."""
+    if folder is None:
+        return TemporaryStore()
+    check_cells(folder)
     return Store(folder / CELLS)
 
 

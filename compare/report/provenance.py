@@ -1,6 +1,7 @@
 """Where a report comes from: the command, the commit, the versions and the time of its run."""
 
 import importlib.metadata
+import os
 import platform
 import re
 import shlex
@@ -91,7 +92,7 @@ def versions() -> dict[str, str]:
 def _processor() -> str:
     """Model name of the processor."""
     with suppress(OSError):
-        said = Path("/proc/cpuinfo").read_text(errors="replace")
+        said = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
         if found := re.search(r"^model name\s*:\s*(.+)$", said, re.MULTILINE):
             return found[1]
     return platform.processor() or "unknown"
@@ -109,9 +110,8 @@ def commit() -> str:
     here = Path(__file__).resolve().parents[2]
 
     def git(*words: str) -> str:
-        return subprocess.run(
-            ["git", "-C", str(here), *words], capture_output=True, text=True, check=True
-        ).stdout.strip()
+        said = subprocess.run(["git", "-C", str(here), *words], capture_output=True, check=True).stdout
+        return os.fsdecode(said).strip()
 
     try:
         if Path(git("rev-parse", "--show-toplevel")).resolve() != here:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 from matplotlib.figure import Figure as Drawn
 
-from rattle.compare.engine.run import check_log, has_cells
+from rattle.compare.engine.run import check_cells, has_cells
 from rattle.compare.engine.store import numerical_version
 from rattle.compare.report import Code, Figure, Page, PageSection, Row, Table, Text, manifest, numbers
 from rattle.compare.report.folder import FIGURES, MANIFEST, read_own_manifest, refuse_foreign, scratch_folder
@@ -41,7 +41,7 @@ def check_folder(study: Study, folder: Path, overwrite: bool) -> None:
         return
     if not folder.is_dir():
         raise OutputError(f"out = {str(folder)!r}: exists and is not a folder; choose another name")
-    check_log(folder)
+    check_cells(folder)
     files = {FILE, FIGURES}.union(*(contents("study", tables=k.SMALL, large=k.TABLES) for k in map(kind_of, KINDS)))
     inside = {path for path in folder.iterdir() if path.name in files}
     record = read_own_manifest(folder)

@@ -39,12 +39,12 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
     """The results are printed, and the earlier table is whole."""
     words = ["simulate", "--paths", "100", "--impacts", "2", "--dt", "0.01"]
     with disk(tmp_path / "disk", "8k") as place:
-        (place / "table.csv").write_text("old")
+        (place / "table.csv").write_text("impact,tau: old")
         (place / "filler").write_bytes(b"x" * 4096)
         found = rattle(*words, "--out", place / "table.csv", code=2)
         assert "100 paths" in found.stdout
         assert "the disk is full" in found.stderr
-        assert (place / "table.csv").read_text() == "old"
+        assert (place / "table.csv").read_text() == "impact,tau: old"
         assert sorted(p.name for p in place.iterdir()) == ["filler", "table.csv"]
         make_read_only(place)
         assert "cannot be written" in rattle(*words, "--out", place / "table.csv", code=2).stderr
@@ -129,6 +129,53 @@ def test_manifests_that_cannot_be_repeated(tmp_path):
         (tmp_path / "manifest.json").write_text(content)
         assert said in rattle("validate", "--repeat", tmp_path / "manifest.json", code=2).stderr
     assert data["version"] == 1
+
+
+ENDING = """
+import os, signal
+from rattle.compare.cli.main import main
+
+def interrupted(*_, **__):
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(10**8): pass
+
+import {module}
+{module}.{function} = interrupted
+main({words})
+"""
+STORED = "run the same command again to continue"
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        ("compare.study.folder.write_page", f"2 of 2 results stored, but their page is not written; {STORED}"),
+        ("compare.study.design.combine", f"2 of 2 results stored, but their page is not written; {STORED}"),
+        ("compare.engine.run.run", f"0 of 2 results stored; {STORED}"),
+        ("compare.cli.study.say_lines", "all 2 results are stored, and their page is written"),
+    ],
+)
+def test_an_interrupted_study_says_what_is_stored(function, said, tmp_path):
+    (tmp_path / "s.toml").write_text(study())
+    module, _, name = f"rattle.{function}".rpartition(".")
+    code = ENDING.format(module=module, function=name, words=["study", "s.toml"])
+    done = python("-c", code, code=130, cwd=tmp_path)
+    assert done.stderr.splitlines()[-1] == f"rattle: interrupted; {said}"
+    assert (tmp_path / "s" / "study.html").exists() == ("page is written" in said)
+
+
+def test_an_interrupted_search_says_what_is_stored(tmp_path):
+    """Cells that are kept beside the folder of the report; without a folder nothing is kept."""
+    words = ["boundary", "--impacts", "1", "--points", "2", "--width", "0.9", "--between", "0.01", "0.02"]
+    code = {"module": "rattle.compare.parameters.page", "function": "write_report"}
+    done = python("-c", ENDING.format(words=[*words, "--out", "b"], **code), code=130, cwd=tmp_path)
+    stored = len(list((tmp_path / "b-cells").glob("*.parquet")))
+    said = f"rattle: interrupted; {stored} results stored in b-cells; {STORED}"
+    assert done.stderr.splitlines()[-1] == said
+    assert stored
+    code = {"module": "rattle.compare.parameters.search", "function": "find_changes"}
+    done = python("-c", ENDING.format(words=[*words, "--json"], **code), code=130, cwd=tmp_path)
+    assert done.stderr.splitlines()[-1] == "rattle: interrupted; nothing was written"
 
 
 TWICE = """

@@ -6,6 +6,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import threading
 import time
 from contextlib import ExitStack, contextmanager
@@ -20,7 +21,7 @@ from study_files import Deadly, Refused, study_text, tables_of
 
 from rattle.compare.engine import cluster as module
 from rattle.compare.engine.cluster import SHARE, Cluster, Lost
-from rattle.compare.engine.run import CELLS, LOG, Runner, run
+from rattle.compare.engine.run import CELLS, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.study.design import Study
 from rattle.scene.errors import InputError
@@ -160,18 +161,39 @@ def test_the_loss_of_all_workers_is_said(small, tmp_path):
     assert len(kept(small, store)) == len(small.cells)
 
 
-def test_a_suspended_worker_is_named_and_its_cells_go_to_the_others(tmp_path, monkeypatch):
+def test_a_suspended_worker_is_named_and_the_others_go_on(small, tmp_path, monkeypatch, capsys):
+    """It is suspended at work: what it was computing, and what it holds, is computed by the other worker."""
     monkeypatch.setattr(module, "SILENCE", 5.0)
-    wanted = Study.from_toml(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
-    store = Store(tmp_path / CELLS)
+    store, wanted = Store(tmp_path / CELLS), Study.from_toml(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
     with of_our_own(2) as (_, address, workers):
-        stopper = meanwhile(store, 2, lambda: os.kill(workers[0].pid, signal.SIGSTOP))
-        outcome = run(wanted.cells, store, Cluster(address, patience=60.0))
+        stopper = meanwhile(store, 1, lambda: workers[0].send_signal(signal.SIGSTOP))
+        outcome = run(wanted.cells, store, Cluster(address, patience=60.0), show=True)
         stopper.join()
-    assert outcome.failed == {}
-    assert len(kept(wanted, store)) == len(wanted.cells)
-    log = (tmp_path / LOG).read_text()
-    assert re.search(r"worker tcp://\S+ has not answered for 5 s; its cells go to the others", log)
+    assert outcome.computed == len(wanted.cells)
+    assert (
+        len(
+            re.findall(
+                r"worker tcp://\S+ has not answered for 5 s; its cells go to the others", capsys.readouterr().err
+            )
+        )
+        == 1
+    )
+
+
+def test_suspended_workers_are_waited_for_and_ctrl_c_ends_that(tmp_path):
+    """The command says that none answers, and an interrupt ends it with what is stored."""
+    file, code = tmp_path / "s.toml", f"import rattle.compare.engine.cluster as c; c.SILENCE = 5.0; {PATIENT}"
+    file.write_text(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
+    path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with of_our_own(1) as (_, address, (worker,)):
+        command = [sys.executable, "-c", code, "study", file, "--scheduler", address]
+        with subprocess.Popen(command, env=os.environ | path, stderr=subprocess.PIPE, text=True) as running:
+            meanwhile(Store(tmp_path / "s" / CELLS), 1, lambda: worker.send_signal(signal.SIGSTOP)).join()
+            assert "rattle: no worker has answered for 5 s" in running.stderr.readline()
+            running.send_signal(signal.SIGINT)
+            said = running.stderr.read()
+    assert running.returncode == 130
+    assert re.fullmatch(r"rattle: interrupted; \d of 9 results stored; run the same command again to continue\n", said)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,165 @@
+"""What this project did not make is never replaced, continued or deleted, whatever it is called, by any command."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from commands import rattle, study
+from test_faults_commands import WRITERS
+
+from rattle.compare.engine.run import CELLS, LOG, obtain_all
+from rattle.compare.study.figures import FIGURES
+from rattle.scene import OutputError
+
+TEXT = study(paths=64)
+THEIRS = {
+    "study.toml": study(title="their own"),
+    "errors.parquet": "precious",
+    "manifest.json": '{"my": 1}',
+    "page.json": "[]",
+    "study.html": "<p>",
+    LOG: "my log\n",
+    f"{CELLS}/mine": "1",
+    "figures/errors.svg": "<svg/>",
+    "validity.csv": "a,b\n",
+}
+
+
+@pytest.fixture(autouse=True)
+def work(monkeypatch):
+    """No command gets so far that it simulates; a study that may is drawn soon."""
+    monkeypatch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
+
+
+@pytest.fixture
+def no_work(monkeypatch):
+    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
+
+
+def place(folder, name, text):
+    """Put a file of others into a folder."""
+    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(text)
+
+
+def everything(folder):
+    """All files in a folder with their content."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.fixture
+def file(tmp_path):
+    (tmp_path / "noise.toml").write_text(TEXT)
+    return tmp_path / "noise.toml"
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("name", THEIRS)
+def test_a_study_replaces_nothing_of_others(file, tmp_path, name):
+    place(out := tmp_path / "p", name, THEIRS[name])
+    before = everything(out)
+    for words in ([], ["--overwrite"]):
+        said = rattle("study", file, "--out", out, *words, code=2).stderr
+        assert name.split("/")[-1] in said or name.split("/")[0] in said
+        assert "choose another" in said
+        assert everything(out) == before
+
+
+def test_a_study_leaves_what_it_does_not_write_and_continues_its_own(file, tmp_path):
+    """Beside notes and its own study file; interrupted before there was a page, finished, and with a value added."""
+    place(out := tmp_path / "p", "notes.txt", "mine")
+    own = shutil.copy(file, out / "study.toml")
+    rattle("study", own, "--out", out)
+    (out / "manifest.json").unlink()
+    assert "0 results computed" in rattle("study", own, "--out", out).stderr
+    assert "page is up to date" in rattle("study", own, "--out", out).stderr
+    file.write_text(study(paths=64, sigma=(0.1, 0.2)))
+    assert "4 stored" in rattle("study", file, "--out", out).stderr
+    assert (out / "notes.txt").read_text() == "mine"
+
+
+def test_another_study_replaces_the_tables_of_the_first_only_if_asked_to(file, tmp_path):
+    rattle("study", file)
+    before = everything(out := tmp_path / "noise")
+    (tmp_path / "other.toml").write_text(study(title="other", sigma=(0.3,), paths=64))
+    said = rattle("study", tmp_path / "other.toml", "--out", out, code=2).stderr
+    assert "holds another study (small); choose another folder, or overwrite it (--overwrite)" in said
+    assert everything(out) == before
+    rattle("study", tmp_path / "other.toml", "--out", out, "--overwrite")
+    assert json.loads((out / "manifest.json").read_text())["title"] == "other"
+
+
+def test_a_study_into_the_report_of_another_command(file, tmp_path):
+    report = Path(__file__).parents[2] / "reports" / "chaos"
+    shutil.copytree(report, out := tmp_path / "chaos")
+    before = everything(out)
+    assert "manifest.json" in rattle("study", file, "--out", out, code=2).stderr
+    assert everything(out) == before
+
+
+REPORTS = {"validate": "dat21", "tradeoff": "tradeoff", "chaos": "chaos", "claims": "claims"}
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("command", WRITERS)
+@pytest.mark.parametrize("name", ["manifest.json", "page.json", "figures/mine.svg", "notes.txt"])
+def test_a_report_replaces_nothing_of_others(command, name, tmp_path):
+    """Not even with --overwrite: alone in the folder, or beside an earlier report."""
+    place(out := tmp_path / "out", name, '{"my": 1}')
+    before = everything(out)
+    words = [command, *WRITERS[command], "--out", out, "--overwrite"]
+    assert "holds other things" in rattle(*words, code=2).stderr
+    assert everything(out) == before
+    if not name.endswith(".json"):
+        shutil.copytree(Path(__file__).parents[2] / "reports" / REPORTS[command], out, dirs_exist_ok=True)
+        before = everything(out)
+        assert f"holds other things ({name.split('/')[0]}" in rattle(*words, code=2).stderr
+        assert everything(out) == before
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("what", ["file", "link", "folder", "pipe", "dangling"])
+def test_the_table_of_simulate_replaces_nothing_of_others(what, tmp_path):
+    """Its own earlier table and an empty file are replaced, as a program of `mktemp` makes one."""
+    (tmp_path / "theirs").write_text("time,impact\n")
+    out = tmp_path / "out.csv"
+    make = {
+        "file": lambda: shutil.copy(tmp_path / "theirs", out),
+        "link": lambda: out.symlink_to("theirs"),
+        "folder": out.mkdir,
+        "pipe": lambda: os.mkfifo(out),
+        "dangling": lambda: out.symlink_to("nowhere"),
+    }
+    make[what]()
+    kind = out.lstat()
+    rattle("simulate", "--paths", "64", "--impacts", "1", "--out", out, code=2)
+    assert out.lstat() == kind
+    assert (tmp_path / "theirs").read_text() == "time,impact\n"
+
+
+def test_the_table_of_simulate_replaces_its_own(tmp_path):
+    (out := tmp_path / "out.csv").touch()
+    for _ in range(2):
+        rattle("simulate", "--paths", "64", "--impacts", "1", "--out", out)
+        assert out.read_text().startswith("impact,tau")
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("name", [LOG, f"{CELLS}/mine"])
+def test_a_command_keeps_no_cells_among_files_of_others(name, tmp_path):
+    place(tmp_path / "out-cells", name, "theirs")
+    said = rattle("chaos", "--no-sweep", "--out", tmp_path / "out", code=2).stderr
+    assert "is not a log of rattle" in said or "holds other things (mine)" in said
+    assert everything(tmp_path) == {f"out-cells/{name}": b"theirs"}
+
+
+@pytest.mark.parametrize("name", [LOG, f"{CELLS}/mine"])
+def test_cells_beside_a_report_and_of_python(name, tmp_path):
+    """The folder in which a command or a function keeps its cells."""
+    place(tmp_path, name, "theirs")
+    with pytest.raises(OutputError, match=r"is not a log of rattle|holds other things \(mine\)"):
+        obtain_all([], tmp_path, 1)
+    assert (tmp_path / name).read_text() == "theirs"
+    assert not (tmp_path / CELLS / "locks").exists()

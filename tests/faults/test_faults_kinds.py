@@ -1,0 +1,150 @@
+"""Entries that are no regular files, or have no end: nothing hangs, nothing fills the memory."""
+
+import os
+import shutil
+import socket
+import threading
+
+import pytest
+from commands import rattle, study
+
+from rattle.compare.engine.run import CELLS, LOG, Runner, run
+from rattle.compare.engine.store import Store
+from rattle.compare.report.manifest import read_settings
+from rattle.compare.study.design import Study
+from rattle.compare.study.figures import FIGURES
+from rattle.compare.study.folder import is_current, load_study
+from rattle.scene import FileError, OutputError, Scene
+from rattle.scene import files as module
+
+HUGE = 10 * 2**30
+
+
+def make_sparse(path):
+    with path.open("wb") as file:
+        file.truncate(HUGE)
+
+
+def make_socket(path):
+    with socket.socket(socket.AF_UNIX) as bound:
+        bound.bind(str(path))
+
+
+ENDLESS = {
+    "pipe": os.mkfifo,
+    "zero": lambda path: path.symlink_to("/dev/zero"),
+    "sparse": make_sparse,
+    "socket": make_socket,
+    "loop": lambda path: path.symlink_to(path),
+}
+
+
+@pytest.fixture
+def wanted():
+    return Study.from_toml(study())
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory):
+    file = tmp_path_factory.mktemp("s") / "s.toml"
+    file.write_text(study())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
+        rattle("study", file)
+    return file.with_suffix("")
+
+
+@pytest.mark.parametrize("kind", ENDLESS)
+def test_such_a_cell_or_lock_is_replaced(kind, wanted, tmp_path, monkeypatch):
+    """As a damaged cell is; it does not count as stored."""
+    monkeypatch.chdir(tmp_path)  # the path of a socket may not be long
+    store = Store(tmp_path / CELLS)
+    run(wanted.cells, store, Runner(1))
+    first, second = wanted.cells
+    store.path(first).unlink()
+    ENDLESS[kind](store.path(first).relative_to(tmp_path) if kind == "socket" else store.path(first))
+    assert store.missing(wanted.cells) == ([] if kind == "sparse" else [first])
+    assert run(wanted.cells, store, Runner(1)).computed == 1
+    assert store.path(first).is_file()
+    assert store.path(first).stat().st_size < 2**20
+    assert store.read(second) is not None
+
+
+def test_a_folder_in_place_of_a_cell_is_refused_before_any_work(wanted, tmp_path, monkeypatch):
+    store = Store(tmp_path / CELLS)
+    store.path(wanted.cells[-1]).mkdir()
+    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
+    with pytest.raises(OutputError, match="is a folder in place of a result; remove it"):
+        run(wanted.cells, store, Runner(1))
+
+
+@pytest.mark.parametrize("kind", ["pipe", "zero"])
+def test_such_a_lock_is_not_waited_for(kind, wanted, tmp_path):
+    """The name of its holder is read from a regular file only."""
+    store = Store(tmp_path / CELLS)
+    lock = store.folder / "locks" / wanted.cells[0].key
+    ENDLESS[kind](lock)
+    if kind == "pipe":
+        assert store.obtain(wanted.cells[0]) is not None
+    else:
+        with pytest.raises(OutputError, match="cannot be written"):
+            store.obtain(wanted.cells[0])
+
+
+@pytest.mark.parametrize("kind", ENDLESS)
+def test_such_a_log_is_refused_before_any_work(kind, wanted, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ENDLESS[kind](tmp_path / LOG if kind != "socket" else (tmp_path / LOG).relative_to(tmp_path))
+    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
+    with pytest.raises(OutputError, match=r"study.log': exists and is not|study.log': .*choose another place"):
+        run(wanted.cells, Store(tmp_path / CELLS), Runner(1))
+
+
+@pytest.mark.parametrize("kind", ENDLESS)
+@pytest.mark.parametrize("name", ["manifest.json", "errors.parquet", "page.json"])
+def test_such_a_file_of_a_finished_study_is_damaged(kind, name, once, tmp_path, monkeypatch):
+    shutil.copytree(once, folder := tmp_path / "s")
+    monkeypatch.chdir(folder)
+    (folder / name).unlink()
+    ENDLESS[kind]((folder / name).relative_to(folder) if kind == "socket" else folder / name)
+    assert is_current(Study.from_toml(study()), folder) is None
+    if name != "page.json":
+        with pytest.raises(FileError, match=r"holds no finished study|is damaged"):
+            load_study(folder)
+
+
+@pytest.mark.parametrize("kind", ENDLESS)
+@pytest.mark.parametrize("reader", [Scene.load, Study.load, read_settings])
+def test_such_a_file_that_a_user_names(kind, reader, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(module, "PATIENCE", 0.05)
+    monkeypatch.setattr(module, "MOST_BYTES", 2**20)
+    ENDLESS[kind](path := (tmp_path / "file").relative_to(tmp_path) if kind == "socket" else tmp_path / "file")
+    with pytest.raises(FileError, match=r"cannot be read \(|has more than"):
+        reader(path)
+
+
+@pytest.mark.parametrize("late", ["opened late", "written late"])
+def test_a_scene_may_come_through_a_pipe(late, tmp_path, monkeypatch):
+    """Whoever writes may take its time: before the patience ends it has to be there, not to have written."""
+    monkeypatch.setattr(module, "PATIENCE", 60.0 if late == "opened late" else 0.05)
+    scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
+    begun = threading.Event()
+
+    def write(descriptor):
+        begun.wait()
+        threading.Event().wait(0.2)
+        with open(descriptor, "w") as pipe:
+            pipe.write(scene.to_toml())
+
+    if late == "opened late":
+        os.mkfifo(path := tmp_path / "pipe")
+        descriptor = path
+    else:
+        reading, descriptor = os.pipe()
+        path = f"/dev/fd/{reading}"
+    writer = threading.Thread(target=write, args=(descriptor,))
+    writer.start()
+    begun.set()
+    assert Scene.load(path) == scene
+    writer.join()
