@@ -214,8 +214,8 @@ def init(file: Path) -> None:
             new.write(text)
     except FileExistsError:
         raise OutputError(f"{file}: exists already; give another name") from None
-    say(f"{file}: a gear pair to change; then: rattle stationary {file} (the long run)")
-    say(f"The first impacts, in seconds: rattle simulate {file} --paths 10000 --units physical")
+    first = f"rattle simulate {file} --paths 10000 --units physical"
+    say(f"{file}: a gear pair to change; then: rattle stationary {file}; the first impacts, in seconds: {first}")
 
 
 @click.command()

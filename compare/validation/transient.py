@@ -3,6 +3,7 @@
 from rattle.closure.long_orbit import REST_FOR_GOOD, attractor
 from rattle.compare.validation.verdict import join_words
 from rattle.scene import Scene
+from rattle.scene.text import percent
 from rattle.scene.threshold import RattleThreshold, rattle_threshold
 
 ALWAYS = 0.9995  # share of the time from which on a mesh is called closed throughout
@@ -47,4 +48,4 @@ def drag_text(value: float, unit: str) -> str:
 
 
 def _share(share: float) -> str:
-    return "all of the time" if share > ALWAYS else f"{100.0 * share:.2g} % of the time"
+    return "all of the time" if share > ALWAYS else f"{percent(share)} of the time"
