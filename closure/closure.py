@@ -145,7 +145,7 @@ class Closure:
             raise InputError("scene.stages", scene.stages, why)
 
     def trace(self, scene: Scene, impacts: int, order: int) -> Trace:
-        """Call the function, and read what it returns; raises `OwnError` where it raises an exception."""
+        """Call the function, and read what it returns; raises OwnError where it raises an exception."""
         began = time.process_time()
         try:
             given = call_users(self.function, deepcopy(scene), impacts)  # it may change its own

@@ -106,7 +106,7 @@ class Cell(ABC):
     def key(self) -> str:
         """Digest of the scene's dimensionless numbers, the settings, and the version of the code that is used."""
         numbers = replace(self.scene, gears=None).to_dict()  # without the gears that it came from
-        settings = self.settings
+        settings = dict(self.settings)
         content = {"kind": settings.pop("kind"), "scene": numbers, "settings": settings}
         return json_digest(content | {"version": numerical_version("scene", *self.packages)})[:32]
 
