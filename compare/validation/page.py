@@ -137,22 +137,27 @@ def write_report(
     settings: manifest.ReportSettings,
     validations: Sequence[Comparison],
     swept: Sweep | None,
+    said: Sequence[str],
     origin: dict[str, Any],
     overwrite: bool,
     schemes: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
-    """Write the report folder, whole or not at all."""
+    """Write the report folder, whole or not at all.
+
+    `said`: Its answer in sentences.
+    """
     own = {name: attrgetter(place) for name, place in TABLES.items()}
     frames = {n: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations]) for n, table in own.items()}
     frames["table"] = all_rows(validations)
-    frames |= swept._asdict() if swept else {}
+    if swept:
+        frames |= {name: getattr(swept, name) for name in ("validity", "speed", "simulation")}
     frames |= {} if schemes is None else {"schemes": schemes}
     digests = {
         f"{name}_sha256": manifest.digest(csv_text(frames[name], index=False)) if name in frames else None
         for name in ("table", "validity")
     }
     record = {"version": manifest.VERSION, "settings": settings.to_dict(), **digests, **origin}
-    record["answer"] = answer(validations, swept)
+    record["answer"] = list(said)
     drawings: dict[str, Drawing] = {}
     page = _page(settings, validations, swept, record, drawings, schemes)
     save(out, "report", page, record, allowed=CONTENTS, figures=drawings, tables=frames, overwrite=overwrite)
@@ -173,5 +178,5 @@ def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
         again = f"{here}, with the same seed and tolerances"
     time = {"wall_seconds": round(run.wall_seconds, 1), "cpu_seconds": None}
     origin = provenance() | {"command": here, "repeat": again, **time}
-    write_report(out, settings, [v], None, origin, overwrite)
+    write_report(out, settings, [v], None, answer([v]), origin, overwrite)
     return out / "report.html"
