@@ -183,6 +183,8 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
 
 STRIDES = (4, 2, 1)
 """Of how many neighbouring noise intensities one is validated, in each round of a sweep: a part of it is of use."""
+FEWEST_SIGMAS = 2
+"""Of a sweep, whatever its budget: a range has two ends."""
 BESIDES = 1.0
 """Core-seconds that a validation takes besides its paths and closures: its tables, and paths near rare branches."""
 
@@ -191,7 +193,7 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, budget: float 
     """Validate a scene at each noise intensity against exact flights, all from one seed.
 
     `sigmas`: Noise intensities.  All use the same random numbers, so that the sample does not change along the
-    grid. `budget`: Core-seconds of counted work; what it does not allow is left out, but for the first.
+    grid. `budget`: Core-seconds of counted work; what it does not allow is left out.
     """
     order = list(dict.fromkeys(sigma for stride in STRIDES for sigma in sigmas[::stride]))
     found = list[Validation]()
@@ -201,7 +203,7 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, budget: float 
         found.append(v)
         latest = count_work(v)
         work += latest
-        if work + latest > budget:
+        if work + latest > budget and len(found) >= FEWEST_SIGMAS:
             break
     left_out = len(order) - len(found)
     all_work = work / len(found) * len(order)
