@@ -1,10 +1,12 @@
 """Plugins of the project's own tests; its plugin for accuracy thresholds is named in case it has not been installed."""
 
+import os
 from pathlib import Path
 
 import pytest
 
 pytest_plugins = ["pytester", "rattle.compare.thresholds.plugin"]
+os.environ.setdefault("RATTLE_COMPILERS", "1")  # no test starts processes that compile unless it says so
 
 SECOND_TIER = [Path(__file__).parent / "tests" / folder for folder in ("faults", "interpreted", "page", "security")]
 """Folders whose tests are all slow, or look for faults that are rare."""

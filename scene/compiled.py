@@ -20,7 +20,7 @@ import shutil
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
@@ -29,11 +29,13 @@ import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
-from numba.core import types
+from filelock import FileLock, Timeout
+from numba.core import event, types
 from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic, register_jitable
 
+from rattle.scene import compilers
 from rattle.scene.sources import (
     PACKAGES,
     ROOT,
@@ -53,6 +55,8 @@ COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this sour
 NUMBAS_RESULT: Any = CompileResult  # typed as Any: numba has no type hints
 
 CHECKSUM = hashlib.sha256().digest_size
+LONGEST_WAIT = 60.0  # seconds for what another process compiles: no function takes half as long
+WAIT = "rattle:wait"  # numba's event while this process waits for another
 
 D = TypeVar("D")
 P = ParamSpec("P")
@@ -62,6 +66,8 @@ _folder: Path | None = None  # the cache folder; None where there is none
 _warnings: list[str] = []  # printed when the first function is compiled
 _compiled = 0  # functions that this process has compiled
 _refused: set[str] = set()  # why machine code is not kept, which is printed once
+_used: set[str] = set()  # names of the files that this process has read or written
+_anew = False  # whether functions are compiled although their machine code is kept
 
 
 def compiled_sources(sources: dict[str, SourceFile]) -> dict[str, SourceFile]:
@@ -175,6 +181,29 @@ def count_compiled() -> int:
     return _compiled
 
 
+def files_used() -> set[str]:
+    """Names of the files of machine code that this process has read or written."""
+    return set(_used)
+
+
+def processor() -> str:
+    """Name and features of the processor that is compiled for."""
+    name = getattr(numba.config, "CPU_NAME", None) or llvmlite.binding.get_host_cpu_name()
+    features = getattr(numba.config, "CPU_FEATURES", None) or llvmlite.binding.get_host_cpu_features().flatten()
+    return f"{llvmlite.binding.get_process_triple()} {name} {features}"
+
+
+@contextmanager
+def compiling_anew() -> Iterator[None]:
+    """Context in which every function is compiled, although its machine code is kept."""
+    global _anew
+    _anew = True
+    try:
+        yield
+    finally:
+        _anew = False
+
+
 def _count() -> None:
     """Count a function that has to be compiled; with the first one, print the warnings."""
     global _compiled
@@ -194,10 +223,13 @@ class Kept:
 
     A file begins with a digest of its key and its content.  So whatever lies under its name, by damage or by exchange,
     is used only if it was made from this function, for these types, for this processor and from these sources.
+
+    Who compiles holds a lock, which the operating system releases when the process ends; others wait for the file.
     """
 
     def __init__(self, function: Any) -> None:
         self._function, self.cache_path = function, str(_folder)
+        self._locks: dict[Any, FileLock] = {}  # of what this process is compiling
         self._cells = [cell.cell_contents for cell in function.__closure__ or ()]
 
     def _locate(self, signature: Any, codegen: Any) -> tuple[Path, bytes]:
@@ -214,21 +246,61 @@ class Kept:
         Numba's own cache would first describe all that it can compile (0.3 s), which only a function that is not here
         needs.
         """
-        found = None
         with suppress(Exception):  # whatever a damaged file raises: the function is compiled again
-            if not _refuse(describe_edit(SOURCES)):
+            if not (_anew or _refuse(describe_edit(SOURCES))):
                 path, key = self._locate(signature, target_context.codegen())
-                stored = path.read_bytes()
-                checksum = hashlib.sha256(key + stored[CHECKSUM:]).digest()
-                if stored[:CHECKSUM] == checksum:
-                    rtsys.initialize(target_context)  # numba's runtime, for functions that call it
-                    found = NUMBAS_RESULT._rebuild(target_context, *pickle.loads(stored[CHECKSUM:]))
-        if found is None:
-            _count()
+                found = self._read(path, key, target_context)
+                if found is None:
+                    _start_others()
+                    self._take(signature, path)
+                    found = self._read(path, key, target_context)  # another process may have compiled it
+                if found is not None:
+                    self.release(signature)
+                    return found
+        _count()
+        return None
+
+    def _read(self, path: Path, key: bytes, target_context: Any) -> Any:
+        """Machine code of a file; None where there is none."""
+        if not path.exists():
+            return None
+        stored = path.read_bytes()
+        if stored[:CHECKSUM] != hashlib.sha256(key + stored[CHECKSUM:]).digest():
+            return None
+        rtsys.initialize(target_context)  # numba's runtime, for functions that call it
+        found = NUMBAS_RESULT._rebuild(target_context, *pickle.loads(stored[CHECKSUM:]))
+        _used.add(path.name)
         return found
+
+    def _take(self, signature: Any, path: Path) -> None:
+        """Take the lock of a function that has to be compiled; without it where that is not possible, or takes long."""
+        if not _is_private(path.parent):
+            return
+        lock = FileLock(path.with_suffix(".lock"))
+        with suppress(OSError, Timeout, NotImplementedError):
+            try:
+                lock.acquire(timeout=0.0)
+            except Timeout:
+                with event.trigger_event(WAIT, data={"function": self._function}):
+                    lock.acquire(timeout=LONGEST_WAIT)
+            self._locks[signature] = lock
+
+    def release(self, signature: Any) -> None:
+        """Release the lock of a function: it has been compiled or cannot be."""
+        lock = self._locks.pop(signature, None)
+        if lock is not None:
+            with suppress(OSError):
+                Path(lock.lock_file).unlink(missing_ok=True)  # whoever waits finds the machine code
+            lock.release()
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Write machine code to the disk, where that is possible: otherwise it is compiled again next time."""
+        try:
+            self._write(signature, compiled)
+        finally:
+            self.release(signature)
+
+    def _write(self, signature: Any, compiled: Any) -> None:
         if compiled.library.has_dynamic_globals or not _is_private(Path(self.cache_path)):
             return
         if _refuse(describe_difference(SOURCES)):
@@ -239,10 +311,34 @@ class Kept:
         with suppress(OSError):
             scratch.write_bytes(hashlib.sha256(key + content).digest() + content)
             scratch.replace(path)
-        scratch.unlink(missing_ok=True)
+            _used.add(path.name)
+        with suppress(OSError):
+            scratch.unlink(missing_ok=True)
 
     def flush(self) -> None:
         """Remove nothing: what is compiled again replaces its file."""
+
+
+def _start_others() -> None:
+    """Have other processes compile beside this one, which has to compile something."""
+    if _folder is not None:
+        compilers.start(_folder)
+
+
+class _Failures(event.Listener):  # type: ignore[misc]  # numba has no type hints
+    """Releases the lock of a function that cannot be compiled."""
+
+    def on_start(self, event: Any) -> None:
+        """Do nothing."""
+
+    def on_end(self, event: Any) -> None:
+        """Release it unless there is machine code, which is written to the disk next."""
+        function, signature = event.data["dispatcher"], event.data["args"]
+        if isinstance(function._cache, Kept) and signature not in function.signatures:
+            function._cache.release(signature)
+
+
+event.register("numba:compile", _Failures())
 
 
 def keep(function: D) -> D:

@@ -2,14 +2,11 @@
 
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 import rattle as rt
 from rattle.compare.cli import shared
@@ -171,69 +168,37 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     results.say([*answer, *verdicts], "claims.html")
 
 
-RARE_PATHS = 4096  # from which it is known that a branch is worth it
-IMPACTS, PATHS = 2, 64  # a small run compiles the same machine code as a large one
-Task = Callable[[], object]
-
-
-def tasks() -> dict[str, Task]:
-    """Small runs that compile what the commands need, by name: every closure, every scheme, long orbits and runs."""
-    from rattle.closure.long_orbit import attractor
-    from rattle.closure.stationary import linear_law
-    from rattle.compare.chaos.exponents import lyapunov
-    from rattle.montecarlo.branches.search import rare_events
-    from rattle.montecarlo.coupling.paths import LongPath, growths
-    from rattle.montecarlo.long_run import long_run
-
-    def predict(scene: rt.Scene, closure: str) -> None:
-        """All that a closure can be asked for."""
-        found = rt.mean_map(scene, impacts=IMPACTS, closure=closure)
-        start, end = found.section["tau"].iloc[[0, -1]]
-        found.at_times([0.5 * (start + end)])
-        found.density(IMPACTS, "y1", np.zeros(1))
-
-    scene = rt.Scene.from_gears(rt.DAT21, sigma=0.1)
-    single = rt.Scene.from_gears(rt.DAT21, sigma=0.1, stages=1)
-    tolerant, by_path = (replace(scene, tolerance=rt.Tolerance(1e-3, 1e-3, draw=draw)) for draw in ("contact", "path"))
-    kinds = {"": scene, ", one stage": single, ", gaps that vary": by_path}
-    found: dict[str, Task] = {f"closure {c}{k}": partial(predict, kinds[k], c) for c in rt.CLOSURES for k in kinds}
-    periodic = rt.Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01)
-    found["closures in the long run"] = lambda: linear_law(periodic, attractor(periodic))
-    simulate = partial(rt.simulate, paths=PATHS, impacts=IMPACTS)
-    for name, scheme in rt.SCHEMES.items():
-        record = rt.Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
-        found[f"scheme {name}"] = partial(simulate, tolerant, scheme=name, record=record)
-    found["paths near rare branches"] = partial(rt.simulate_rare, scene, paths=RARE_PATHS, impacts=3)
-    for stages, one in (("", scene), (", one stage", single)):
-        found[f"rare branches{stages}"] = partial(rare_events, one, 4)
-        found[f"the long run{stages}"] = partial(long_run, one, paths=16, periods=64)
-    found["gaps that vary by path"] = partial(simulate, by_path)
-    found["orbits"] = partial(lyapunov, scene, impacts=8192)
-    found["long paths"] = partial(LongPath(scene, 0).stretch, 100)
-    found["pairs of paths"] = partial(growths, scene, 1e-4, 2, seed=0, settle=10)
-    return found
-
-
 @click.command("warm-up")
-def warm_up() -> None:
+@click.option("--times", is_flag=True, help="Compile all anew in this process alone, and print how long it takes.")
+def warm_up(times: bool) -> None:
     """Compile all machine code now.
 
     Then no later command has to; without it each command compiles what it needs when it first runs. Machine code is
-    kept for this user, this installation and this kind of processor.
+    kept for this user, this installation and this kind of processor. As many processes compile as there are cores, or
+    as the environment variable RATTLE_COMPILERS says.
 
     Exit codes: 0 done; 2 it cannot be kept.
     """
     from tqdm import tqdm
 
-    from rattle.scene.compiled import count_compiled, folder
+    from rattle.compare.compiling import LONGEST_TASK, WARM_UP, compile_tasks, kept_tasks, measure_times, tasks
+    from rattle.scene import compilers
+    from rattle.scene.compiled import INTERPRETED
     from rattle.scene.text import has_terminal
 
-    started, found = time.perf_counter(), tasks()
-    place = folder()
-    if place is None:
+    if INTERPRETED:
+        say("nothing is compiled: numba is off (NUMBA_DISABLE_JIT)")
+        return
+    if times:
+        say(measure_times(tasks()).to_string(float_format="{:.2f}".format), keep="\n")
+        return
+    started = time.perf_counter()
+    kept = kept_tasks()
+    if kept is None:
         raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
-    for name in (line := tqdm(found, disable=not has_terminal(), unit="task")):
+    compilers.expect(WARM_UP)
+    found, before = tasks(), kept.count()
+    for name in (line := tqdm(compile_tasks(found, kept, LONGEST_TASK), disable=not has_terminal(), unit="task")):
         line.set_postfix_str(name)
-        found[name]()
     seconds = time.perf_counter() - started
-    say(f"{count_compiled()} functions compiled in {seconds:.0f} s; kept in {place}")
+    say(f"{kept.count() - before} functions compiled in {seconds:.0f} s; kept in {kept.place}")

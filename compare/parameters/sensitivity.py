@@ -19,7 +19,7 @@ from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.scene import Floats, InputError, Scene, check_scene, choice, positive
+from rattle.scene import Floats, InputError, Scene, check_scene, choice, compilers, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import has_terminal
 
@@ -215,6 +215,7 @@ def sensitivity(
     (['omega'], 4)
     """
     check_scene(scene)
+    compilers.expect("sensitivity", len(scene.drive))
     whole = read_whole_seed(rng)
     asked = list(dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities))
     for name in asked:

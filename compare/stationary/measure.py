@@ -15,7 +15,7 @@ from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
-from rattle.scene import Scene, check_scene, choice
+from rattle.scene import Scene, check_scene, choice, compilers
 from rattle.scene.numpy_errors import numpy_defaults
 
 STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
@@ -93,6 +93,7 @@ def stationary(
     ('simulated', True)
     """
     check_scene(scene)
+    compilers.expect("stationary", len(scene.drive))
     named = tuple(dict.fromkeys(choice("closures", name, CLOSURES_JUDGED) for name in closures))
     rng = read_seed(rng)
     own = attractor(scene)

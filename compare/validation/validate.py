@@ -20,7 +20,7 @@ from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, sim
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
-from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
+from rattle.scene import SECTION, InputError, Scene, check_scene, choice, compilers, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import has_terminal
 
@@ -92,6 +92,7 @@ def validate(
     ('accurate', True)
     """
     check_scene(scene)
+    compilers.expect("validate", len(scene.drive))
     methods = find_closures("closures", closures_for(scene) if closures is None else closures)
     limits = tolerances or Tolerances()
     # both sides are computed phase-reduced, so that a late start loses no digits of the times that are compared

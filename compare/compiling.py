@@ -1,0 +1,229 @@
+"""Small runs that compile what the commands need, shared by several processes; how long each function takes.
+
+A task is run by one process.  A file in the folder of machine code says that it is done, and names what it needs there:
+where a name is missing the task is run again.
+"""
+
+import hashlib
+import os
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from filelock import FileLock, Timeout
+from numba.core import event
+
+IMPACTS, PATHS = 2, 64  # a small run compiles the same machine code as a large one
+RARE_PATHS = 4096  # from which it is known that a branch is worth it
+WARM_UP = "warm-up"  # the command that needs all tasks
+LONGEST_TASK = 600.0  # seconds after which a process that has begun a task is no longer waited for
+Task = Callable[[], object]
+
+VALIDATED = ("closure branching", "paths near rare branches", "closure published", "closure corrected")
+"""What a validation needs besides the simulation, the longest first."""
+NEEDS: dict[str, tuple[str, ...]] = {
+    "validate": (*VALIDATED, "scheme exact-flight", "closure saltation"),
+    "simulate": ("scheme exact-flight", "closure saltation", "rare branches"),
+    "stationary": ("the long run", "closures in the long run"),
+    "chaos": ("orbits", "long paths", "pairs of paths"),
+    "boundary": (*VALIDATED, "scheme exact-flight", "closure saltation"),
+    "sensitivity": ("pairs of paths", "long paths", "scheme exact-flight", "closure saltation"),
+    "tradeoff": ("scheme exact-flight", "scheme euler-maruyama-located", "scheme euler-maruyama", *VALIDATED),
+}
+"""The tasks of a command, in the order in which other processes take them: what itself it needs last comes first."""
+
+
+def tasks(orders: int = 1) -> dict[str, Task]:
+    """All tasks by name, for a drive of so many orders: every closure, every scheme, long orbits and runs.
+
+    The longest come first, and those that have much in common are apart: processes begin one after the other.
+    """
+    import numpy as np
+
+    import rattle as rt
+    from rattle.closure.long_orbit import attractor
+    from rattle.closure.stationary import linear_law
+    from rattle.compare.chaos.exponents import lyapunov
+    from rattle.montecarlo.branches.search import rare_events
+    from rattle.montecarlo.coupling.paths import LongPath, growths
+    from rattle.montecarlo.long_run import long_run
+
+    def predict(scene: rt.Scene, closure: str) -> None:
+        """All that a closure can be asked for."""
+        found = rt.mean_map(scene, impacts=IMPACTS, closure=closure)
+        start, end = found.section["tau"].iloc[[0, -1]]
+        found.at_times([0.5 * (start + end)])
+        found.density(IMPACTS, "y1", np.zeros(1))
+
+    drive = tuple(rt.Order(order, 1.0 / order) for order in range(1, orders + 1))
+    scene = rt.Scene.from_gears(rt.DAT21, sigma=0.1, drive=drive)
+    single = rt.Scene.from_gears(rt.DAT21, sigma=0.1, stages=1, drive=drive)
+    tolerant, by_path = (replace(scene, tolerance=rt.Tolerance(1e-3, 1e-3, draw=draw)) for draw in ("contact", "path"))
+    periodic = rt.Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01, drive=drive)
+    simulate = partial(rt.simulate, paths=PATHS, impacts=IMPACTS)
+    kinds = {"": scene, ", one stage": single, ", gaps that vary": by_path}
+    closures = {f"closure {c}{k}": partial(predict, kinds[k], c) for k in kinds for c in rt.CLOSURES}
+    schemes: dict[str, Task] = {}
+    for name, scheme in rt.SCHEMES.items():
+        record = rt.Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
+        schemes[f"scheme {name}"] = partial(simulate, tolerant, scheme=name, record=record)
+    found: dict[str, Task] = {
+        "closure branching": closures["closure branching"],
+        **schemes,
+        "paths near rare branches": partial(rt.simulate_rare, scene, paths=RARE_PATHS, impacts=3),
+        "the long run": partial(long_run, scene, paths=16, periods=64),
+        "orbits": partial(lyapunov, scene, impacts=8192),
+        "pairs of paths": partial(growths, scene, 1e-4, 2, seed=0, settle=10),
+        "long paths": partial(LongPath(scene, 0).stretch, 100),
+        "closures in the long run": lambda: linear_law(periodic, attractor(periodic)),
+        **closures,
+        "gaps that vary by path": partial(simulate, by_path),
+        "the long run, one stage": partial(long_run, single, paths=16, periods=64),
+        "rare branches": partial(rare_events, scene, 4),
+        "rare branches, one stage": partial(rare_events, single, 4),
+    }
+    return found
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The folder of machine code, and what marks its tasks: the processor and the kind of the drive."""
+
+    place: Path
+    kind: str
+
+    def mark(self, task: str) -> Path:
+        """The file that says that a task is done."""
+        return self.place / f"task-{hashlib.sha256(f'{self.kind} {task}'.encode()).hexdigest()[:16]}.txt"
+
+    def is_done(self, task: str) -> bool:
+        """Whether all machine code of a task is kept."""
+        with suppress(OSError):
+            return set(self.mark(task).read_text().split("\n")) <= set(os.listdir(self.place))
+        return False
+
+    def count(self) -> int:
+        """How many functions are kept."""
+        return sum(1 for _ in self.place.glob("*.nbc"))
+
+    def run(self, name: str, task: Task, wait: float) -> bool:
+        """Run a task, unless it is done or another process still runs it after so many seconds; whether it is done."""
+        lock = FileLock(self.mark(name).with_suffix(".lock"))
+        with suppress(OSError, NotImplementedError):  # without a lock where none can be had
+            try:
+                lock.acquire(timeout=wait)
+            except Timeout:
+                return False
+        try:
+            if not self.is_done(name):
+                task()
+                self._note(name)
+                with suppress(OSError):
+                    Path(lock.lock_file).unlink(missing_ok=True)
+        finally:
+            lock.release()
+        return True
+
+    def _note(self, name: str) -> None:
+        from rattle.scene.compiled import files_used
+
+        mark = self.mark(name)
+        scratch = mark.with_suffix(f".{os.getpid()}")
+        with suppress(OSError):
+            scratch.write_text("\n".join(sorted(files_used())))
+            scratch.replace(mark)
+
+
+def compile_tasks(found: Mapping[str, Task], kept: Kept, wait: float = 0.0) -> Iterator[str]:
+    """Run tasks, and give the name of each before; those that another process has begun are waited for at the end."""
+    begun = []
+    for name, task in found.items():
+        yield name
+        if not kept.run(name, task, 0.0):
+            begun.append(name)
+    if wait > 0.0:
+        for name in begun:
+            yield name
+            kept.run(name, found[name], wait) or found[name]()
+
+
+def kept_tasks(orders: int = 1) -> Kept | None:
+    """Where it is noted which tasks are done; None where no machine code is kept."""
+    from rattle.scene.compiled import folder, processor
+
+    place = folder()
+    return None if place is None else Kept(place, f"{processor()} {min(orders, 2)}")
+
+
+def help_parent(wanted: str) -> None:
+    """Compile what a process needs that has started this one, as long as that one runs."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    command, _, several = wanted.partition(", ")
+    orders = 2 if several else 1
+    kept, found = kept_tasks(orders), tasks(orders)
+    needed = found if command == WARM_UP else {name: found[name] for name in NEEDS.get(command, ())}
+    for _ in compile_tasks(needed, kept) if kept else ():
+        pass
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that has started it closes its end of the pipe, or ends."""
+    os.read(0, 1)
+    os._exit(0)
+
+
+class Clock(event.Listener):
+    """Processor seconds of each function's own typing and of its LLVM, without those of the functions that it calls."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, list[float]] = defaultdict(lambda: [0, 0.0, 0.0])
+        self._inside: list[tuple[str, int]] = []  # functions that are compiled, and in which part of the work
+        self._last = 0.0
+
+    def on_start(self, event: Any) -> None:
+        """Begin a function, or LLVM's part of it."""
+        self._count()
+        if event.kind == "numba:llvm_lock":
+            name, _ = self._inside[-1] if self._inside else ("", 1)
+            self._inside.append((name, 2))
+            return
+        function = event.data["dispatcher"].py_func
+        name = f"{function.__module__}.{function.__qualname__}".removeprefix("rattle.")
+        self.rows[name][0] += 1
+        self._inside.append((name, 1))
+
+    def on_end(self, event: Any) -> None:
+        """End it."""
+        self._count()
+        self._inside.pop()
+
+    def _count(self) -> None:
+        now = time.process_time()
+        if self._inside:
+            name, part = self._inside[-1]
+            self.rows[name][part] += now - self._last
+        self._last = now
+
+
+def measure_times(found: Mapping[str, Task]) -> pd.DataFrame:
+    """Run tasks in this process alone, with all compiled anew: how long the work on each function takes."""
+    from rattle.scene.compiled import compiling_anew
+
+    clock = Clock()
+    kinds = ("numba:compile", "numba:llvm_lock")
+    with ExitStack() as recorded:
+        recorded.enter_context(compiling_anew())
+        for kind in kinds:
+            recorded.enter_context(event.install_listener(kind, clock))
+        for task in found.values():
+            task()
+    table = pd.DataFrame.from_dict(clock.rows, orient="index", columns=["signatures", "typing", "LLVM"])
+    table["all"] = table["typing"] + table["LLVM"]
+    return table.sort_values("all", ascending=False).astype({"signatures": int})

@@ -1,0 +1,127 @@
+"""Tasks that compile: each is run by one process, and again where machine code is missing."""
+
+import os
+import subprocess
+import sys
+
+import numba
+import pytest
+from filelock import FileLock
+
+from rattle.compare.compiling import NEEDS, Kept, compile_tasks, measure_times, tasks
+from rattle.scene import compiled, compilers
+
+COMPILED = pytest.mark.skipif(bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off")
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiled, "_used", {"f.nbc"})
+    (tmp_path / "f.nbc").touch()
+    return Kept(tmp_path, "this processor")
+
+
+@pytest.fixture
+def ran():
+    return []
+
+
+@pytest.fixture
+def three(ran):
+    return {name: lambda name=name: ran.append(name) for name in "abc"}
+
+
+def test_tasks_are_done_once_for_each_kind_of_processor(kept, three, ran, tmp_path):
+    assert list(compile_tasks(three, kept)) == ["a", "b", "c"]
+    list(compile_tasks(three, kept, 1.0))
+    assert ran == ["a", "b", "c"]
+    list(compile_tasks(three, Kept(tmp_path, "another processor")))
+    assert ran == ["a", "b", "c"] * 2
+
+
+def test_a_task_is_done_again_where_machine_code_is_missing(kept, three, ran, tmp_path):
+    list(compile_tasks(three, kept))
+    (tmp_path / "f.nbc").unlink()
+    list(compile_tasks(three, kept))
+    assert ran == ["a", "b", "c"] * 2
+
+
+def test_a_task_of_another_process_is_left_to_it_until_it_takes_too_long(kept, three, ran):
+    with FileLock(kept.mark("a").with_suffix(".lock")):
+        list(compile_tasks(three, kept))
+        assert ran == ["b", "c"]
+        list(compile_tasks(three, kept, 0.05))
+    assert ran == ["b", "c", "a"]
+
+
+def test_a_task_that_fails_is_not_noted(kept, three, ran):
+    def fail():
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(compile_tasks({"a": fail}, kept))
+    list(compile_tasks(three, kept))
+    assert ran == ["a", "b", "c"]
+
+
+def test_tasks_are_run_where_nothing_can_be_noted(kept, three, ran, monkeypatch):
+    def refuse(*words, **settings):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(FileLock, "acquire", refuse)
+    monkeypatch.setattr("pathlib.Path.write_text", refuse)
+    list(compile_tasks(three, kept, 1.0))
+    assert ran == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("orders", [1, 2])
+def test_what_commands_need_are_tasks(orders):
+    assert set().union(*NEEDS.values()) <= set(tasks(orders))
+
+
+@COMPILED
+def test_times_are_those_of_each_functions_own_work():
+    @compiled.internal
+    def inner(x):
+        return x + 1
+
+    @compiled.jit
+    def outer(x):
+        return inner(x) + inner(x + 1.0)
+
+    table = measure_times({"": lambda: outer(1)})
+    name = f"{__name__}.test_times_are_those_of_each_functions_own_work.<locals>."
+    assert table.loc[f"{name}outer", "signatures"] == 1
+    assert table.loc[f"{name}inner", "signatures"] == 2
+    assert (table["all"] == table["typing"] + table["LLVM"]).all()
+    assert (table.loc[f"{name}outer", ["typing", "LLVM"]] > 0.0).all()
+
+
+CODE = """
+import sys, time
+from pathlib import Path
+import rattle as rt
+from rattle.scene import compilers
+from rattle.scene.compiled import count_compiled, folder
+rt.mean_map(rt.Scene.from_gears(rt.DAT21, sigma=0.01), impacts=2, closure="saltation")
+for process in compilers._started:
+    process.wait()
+print(len(compilers._started), count_compiled(), len(list(folder().glob("*.nbc"))))
+"""
+
+
+@pytest.mark.slow
+@COMPILED
+def test_another_process_compiles_what_a_session_will_need(tmp_path):
+    environment = os.environ | {compilers.NUMBER: "2", "NUMBA_CACHE_DIR": str(tmp_path)}
+    environment.pop("PYTEST_XDIST_WORKER", None)
+    done = [
+        subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    ]
+    started, own, every = map(int, done[0].stdout.split())
+    assert started == 1
+    assert 0 < own < every
+    assert any("run_block" in path.name for path in tmp_path.rglob("*.nbc"))
+    assert done[1].stdout.split() == ["0", "0", str(every)]
+    assert done[0].stderr == done[1].stderr == ""
