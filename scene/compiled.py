@@ -34,6 +34,7 @@ from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic, register_jitable
 
+from rattle.scene.progress import has_terminal, print_on_stderr, watch_compiler
 from rattle.scene.sources import (
     PACKAGES,
     ROOT,
@@ -45,7 +46,6 @@ from rattle.scene.sources import (
     read_sources,
     sources_in,
 )
-from rattle.scene.text import has_terminal, print_on_stderr
 
 TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
 """Beside the sources that import the compiler, what compiled code takes."""
@@ -255,6 +255,7 @@ def keep(function: D) -> D:
 
 
 keep_by_source()
+watch_compiler()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}

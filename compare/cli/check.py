@@ -223,17 +223,15 @@ def warm_up() -> None:
 
     Exit codes: 0 done; 2 it cannot be kept.
     """
-    from tqdm import tqdm
-
     from rattle.scene.compiled import count_compiled, folder
-    from rattle.scene.text import has_terminal
+    from rattle.scene.progress import Progress
 
     started, found = time.perf_counter(), tasks()
     place = folder()
     if place is None:
         raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
-    for name in (line := tqdm(found, disable=not has_terminal(), unit="task")):
-        line.set_postfix_str(name)
+    for name in (bar := Progress(found, label="compiling", unit="task")):
+        bar.set_postfix_str(name)
         found[name]()
     seconds = time.perf_counter() - started
     say(f"{count_compiled()} functions compiled in {seconds:.0f} s; kept in {place}")

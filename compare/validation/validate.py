@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from rattle.closure import Closure, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
@@ -21,7 +20,7 @@ from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import Progress
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
@@ -185,7 +184,7 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: An
     """
     own = [
         validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
-        for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=not has_terminal())
+        for sigma in Progress(sigmas, label="validity", unit="sigma")
     ]
     return Sweep(find_validities(own), measure_speeds(own), simulation_costs(own))
 
