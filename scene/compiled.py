@@ -36,6 +36,7 @@ from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic, register_jitable
 
 from rattle.scene import compilers
+from rattle.scene.progress import compiling, has_terminal, print_on_stderr, watch_compiler
 from rattle.scene.sources import (
     PACKAGES,
     ROOT,
@@ -47,16 +48,15 @@ from rattle.scene.sources import (
     read_sources,
     sources_in,
 )
-from rattle.scene.text import has_terminal, print_on_stderr
 
 TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
 """Beside the sources that import the compiler, what compiled code takes."""
 COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this source is not compiled
-NUMBAS_RESULT: Any = CompileResult  # typed as Any: numba has no type hints
+NUMBAS_RESULT: Any = CompileResult  # both typed as Any: numba has no type hints
+EVENTS: Any = event
 
 CHECKSUM = hashlib.sha256().digest_size
 LONGEST_WAIT = 60.0  # seconds for what another process compiles: no function takes half as long
-WAIT = "rattle:wait"  # numba's event while this process waits for another
 
 D = TypeVar("D")
 P = ParamSpec("P")
@@ -281,7 +281,7 @@ class Kept:
             try:
                 lock.acquire(timeout=0.0)
             except Timeout:
-                with event.trigger_event(WAIT, data={"function": self._function}):
+                with compiling():
                     lock.acquire(timeout=LONGEST_WAIT)
             self._locks[signature] = lock
 
@@ -325,7 +325,7 @@ def _start_others() -> None:
         compilers.start(_folder)
 
 
-class _Failures(event.Listener):  # type: ignore[misc]  # numba has no type hints
+class _Failures(event.Listener):
     """Releases the lock of a function that cannot be compiled."""
 
     def on_start(self, event: Any) -> None:
@@ -338,7 +338,7 @@ class _Failures(event.Listener):  # type: ignore[misc]  # numba has no type hint
             function._cache.release(signature)
 
 
-event.register("numba:compile", _Failures())
+EVENTS.register("numba:compile", _Failures())
 
 
 def keep(function: D) -> D:
@@ -351,6 +351,7 @@ def keep(function: D) -> D:
 
 
 keep_by_source()
+watch_compiler()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}

@@ -179,12 +179,10 @@ def warm_up(times: bool) -> None:
 
     Exit codes: 0 done; 2 it cannot be kept.
     """
-    from tqdm import tqdm
-
     from rattle.compare.compiling import LONGEST_TASK, WARM_UP, compile_tasks, kept_tasks, measure_times, tasks
     from rattle.scene import compilers
     from rattle.scene.compiled import INTERPRETED
-    from rattle.scene.text import has_terminal
+    from rattle.scene.progress import Progress
 
     if INTERPRETED:
         say("nothing is compiled: numba is off (NUMBA_DISABLE_JIT)")
@@ -198,7 +196,8 @@ def warm_up(times: bool) -> None:
         raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
     compilers.expect(WARM_UP)
     found, before = tasks(), kept.count()
-    for name in (line := tqdm(compile_tasks(found, kept, LONGEST_TASK), disable=not has_terminal(), unit="task")):
-        line.set_postfix_str(name)
+    named = compile_tasks(found, kept, LONGEST_TASK)
+    for name in (bar := Progress(named, label="compiling", unit="task", total=len(found))):
+        bar.set_postfix_str(name)
     seconds = time.perf_counter() - started
     say(f"{kept.count() - before} functions compiled in {seconds:.0f} s; kept in {kept.place}")

@@ -16,9 +16,11 @@ from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import order, tradeoff, validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
 from rattle.scene.errors import RattleError
+from rattle.scene.progress import do, speaking
 from rattle.scene.text import harmless
 
 EXIT_BAD_INPUT = 2
+LONGEST = 100  # characters of what a command says that it does
 
 
 class RattleGroup(click.Group):
@@ -37,10 +39,19 @@ class RattleGroup(click.Group):
                 stream.reconfigure(errors="backslashreplace")
         return super().main(*args, **settings)
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that is asked for, and state what it does."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            do(f"{name} ({command.get_short_help_str(LONGEST).rstrip('.')})")
+        return name, command, rest
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command, and convert its errors to a message and an exit code."""
         try:
-            with ends_soon():
+            with ends_soon(), speaking("starting"):
                 return super().invoke(ctx)
         except click.ClickException as error:  # the message may quote a file name with control characters
             setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)

@@ -15,6 +15,7 @@ from rattle.compare.report.folder import check_free, default_place, name_of
 from rattle.compare.report.interrupt import stored
 from rattle.compare.report.json_text import json_text
 from rattle.scene import DAT21, Scene, choice, compilers, count, harmless
+from rattle.scene.progress import apart_from_bars
 
 PATH = click.Path(path_type=Path)
 Option = Callable[[Any], Any]
@@ -243,7 +244,7 @@ class Results:
 
 def say(text: str, *, err: bool = False, keep: str = "") -> None:
     """Print a text on one line; control characters, such as those of a file's name, are shown as escapes."""
-    with suppress(OSError) if err else nullcontext():  # nobody may read what is said besides the answer
+    with suppress(OSError) if err else nullcontext(), apart_from_bars():  # nobody may read what is said besides
         click.echo(harmless(text, keep), err=err)
 
 
@@ -255,7 +256,8 @@ def say_lines(sentences: Iterable[str]) -> None:
 
 def say_json(data: Any) -> None:
     """Print data as strict JSON; NaN and infinities become null."""
-    click.echo(json_text(data))
+    with apart_from_bars():
+        click.echo(json_text(data))
 
 
 def say_part(part: str) -> None:

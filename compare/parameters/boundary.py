@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
@@ -25,7 +24,7 @@ from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -200,7 +199,7 @@ def boundary(
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
     steps = 0
-    bar = tqdm(desc=progress, unit=" values", disable=not (progress and has_terminal()))
+    bar = Progress(label=progress, unit=" values")
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

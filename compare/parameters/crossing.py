@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
@@ -24,7 +23,7 @@ from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -216,7 +215,7 @@ def crossing(
     level = float(positive("level", level))
     positive("slow", slow)
     units = "dimensionless" if scene.gears is None else "physical"
-    bar = tqdm(desc=progress, unit=" values", disable=not (progress and has_terminal()))
+    bar = Progress(label=progress, unit=" values")
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

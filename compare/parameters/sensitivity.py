@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.stats import t as student
-from tqdm import tqdm
 
 from rattle.compare.parameters.finding import Finding, quantity_words, value_text
 from rattle.compare.stationary.measure import stationary
@@ -21,7 +20,7 @@ from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, compilers, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -232,7 +231,7 @@ def sensitivity(
         except InputError as error:
             remarks[name] = f"cannot be changed by {STEPS[1]:.0%}: {error}"
     runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
-    bar = tqdm(desc=progress, unit="run", disable=not (progress and has_terminal()))
+    bar = Progress(label=progress, unit="run")
     with ThreadPoolExecutor(workers) as pool, bar:
         for groups in GROUPS:
             bar.total = groups * len(jobs)

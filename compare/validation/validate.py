@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from rattle.closure import Closure, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
@@ -22,7 +21,7 @@ from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, compilers, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import Progress
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
@@ -199,13 +198,14 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, budget: float 
     order = list(dict.fromkeys(sigma for stride in STRIDES for sigma in sigmas[::stride]))
     found = list[Validation]()
     work = 0.0
-    for sigma in tqdm(order, desc="validity", unit="sigma", disable=not has_terminal()):
-        v = validate(scene.with_sigma(sigma), scheme=SCHEME, fixed_times=False, workers=workers, **settings)
-        found.append(v)
-        latest = count_work(v)
-        work += latest
-        if work + latest > budget and len(found) >= FEWEST_SIGMAS:
-            break
+    with Progress(order, label="range of validity", unit="intensities") as bar:
+        for sigma in bar:
+            v = validate(scene.with_sigma(sigma), scheme=SCHEME, fixed_times=False, workers=workers, **settings)
+            found.append(v)
+            latest = count_work(v)
+            work += latest
+            if work + latest > budget and len(found) >= FEWEST_SIGMAS:
+                break
     left_out = len(order) - len(found)
     all_work = work / len(found) * len(order)
     found.sort(key=lambda v: v.scene.sigma)

@@ -12,7 +12,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from scipy.special import stdtrit
-from tqdm import tqdm
 
 from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
@@ -20,8 +19,8 @@ from rattle.montecarlo.long_run.paths import BATCHES, LEAST, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, scales_of_pilot
 from rattle.montecarlo.settings import check_settings
-from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, line, positive
-from rattle.scene.text import has_terminal
+from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
+from rattle.scene.progress import Progress
 
 PATHS = 256
 ACCURACY = 0.01
@@ -248,7 +247,7 @@ def long_run(
     began = time.perf_counter()
     with limit.pause():
         warm_up(scene, slow)
-    bar = tqdm(unit="period", desc=progress and line(progress), disable=not (progress and has_terminal()))
+    bar = Progress(label=progress, unit="period")
     with ThreadPoolExecutor(workers) as pool, bar:
         followed = LongPaths(scene, paths, seed, slow, limit, pool, bar)
         for _ in range(RESTARTS):
