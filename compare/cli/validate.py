@@ -73,7 +73,7 @@ def validate(
     from rattle.compare.report import manifest
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
     from rattle.compare.validation.answer import SECTION, UNFINISHED, answer, describe_left_out
-    from rattle.compare.validation.page import CONTENTS, all_rows, write_report
+    from rattle.compare.validation.page import CONTENTS, all_rows, draw_sections, write_report
     from rattle.compare.validation.transient import describe_transient
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
     from rattle.montecarlo import check_settings
@@ -125,11 +125,14 @@ def validate(
     told: list[str] = []  # what is printed before the page is whole
     if settings.validity or settings.beside:
         told = said
-        if not as_json:
-            say_lines(told)
+    if not as_json:
+        say_lines(told)
+    drawn = draw_sections(validations)
+    if told:
         at_once = settings._replace(validity=(), validity_paths=0, beside=())
         unfinished = [UNFINISHED] if settings.validity else []
-        write_report(out, at_once, validations, None, said + unfinished, origin | provenance(watch), overwrite)
+        measured = origin | provenance(watch)
+        write_report(out, at_once, validations, None, said + unfinished, drawn, measured, overwrite)
         overwrite = True
         stored.append(lambda: f"the page is written, without the range of validity: {page}")
     swept = None
@@ -139,7 +142,8 @@ def validate(
         settings = settings._replace(validity=tuple(sorted(swept.validity["sigma"].unique())))
         said = answer(validations, swept) + describe_left_out(swept, budget)
     schemes = compare_schemes(validations, settings.beside, workers) if settings.beside else None
-    record = write_report(out, settings, validations, swept, said, origin | provenance(watch), overwrite, schemes)
+    measured = origin | provenance(watch)
+    record = write_report(out, settings, validations, swept, said, drawn, measured, overwrite, schemes)
     repeated = None if recorded is None else manifest.compare(recorded, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
