@@ -19,7 +19,7 @@ from rattle.closure.orbit import Orbit
 from rattle.closure.section_map import PLAIN, column, hit_matrix, redrawn_variances, start_pieces
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene import linear_algebra as linalg
-from rattle.scene.compiled import jit, splice
+from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 
 NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
@@ -72,7 +72,7 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
     return Buffers(start, image, ignored, error, axis, depth, beyond, slow, parent, time, plane, halved, tail, doubt)
 
 
-@splice
+@internal
 def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
     """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian describes the return."""
     m1, m2 = noise_rate(c, e[0] + t)
@@ -81,7 +81,7 @@ def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float
     return made / (made + speed * speed) if code != 0 and made > 0.0 else 0.0
 
 
-@splice
+@internal
 def _weigh(depth: float, own: float, bent: float) -> tuple[float, float]:
     """Share of a component beyond a boundary `depth` sds away, and its relative error.
 
@@ -101,11 +101,12 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
 
     Its error is what that split is worth.
     """
-    w, centre = b.start.weight[i], b.start.mean[i]
-    b.image.section.weight[2 * i], b.image.section.weight[2 * i + 1] = w, 0.0
+    start, image = b.start, b.image
+    section = image.section
+    w, centre, bent, doubt = start.weight[i], start.mean[i], start.bent[i], start.doubt[i]
+    section.weight[2 * i], section.weight[2 * i + 1] = w, 0.0
     b.error[i], b.depth[i], b.halved[i], b.doubt[i] = 0.0, 0.0, 0.0, 0.0
-    section, bent, doubt = b.image.section, b.start.bent[i], b.start.doubt[i]
-    rank, full = component.root(b.start.covariance[i])
+    rank, full = component.root(start.covariance[i])
     axes = full[:, :rank].copy()
     t, code = component.event(c, centre, before)
     b.slow[i] = _slow(c, centre, t, code, before)
@@ -117,7 +118,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             length = linalg.norm(q)
             linalg.put_scaled(n, q, length)
             depth = 1.0 / length
-            v, last = linalg.apply(axes, n), b.start.label[i]
+            v, last = linalg.apply(axes, n), start.label[i]
             last -= ON_ORBIT if last > 2 else 0
             there = linalg.beyond(centre, 1.01 * depth, v)
             own = component.own_spread(c, centre, axes, there, b.time[b.parent[i]], last, before)
@@ -136,12 +137,12 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
         _, rate, variance = component.half(depth, k == 0) if pieces == 2 else (1.0, 0.0, 1.0)
         share = component.half(depth / own, k == 0)[0] if pieces == 2 else 1.0
         narrow = math.sqrt(variance)
-        b.image.section.weight[2 * i + k] = w * share
+        section.weight[2 * i + k] = w * share
         at, across = centre, axes
         if pieces == 2:
             at, across = linalg.beyond(centre, rate, linalg.apply(axes, n)), axes.copy()
             linalg.add_outer(across, narrow - 1.0, linalg.apply(axes, n), n)
-        bend, u = component.propagate(c, at, across, b.image, 2 * i + k, before)
+        bend, u = component.propagate(c, at, across, image, 2 * i + k, before)
         section.bent[2 * i + k], section.doubt[2 * i + k] = bent + bend, doubt
         most = max(most, bend)
         if b.depth[i] > 0.0:

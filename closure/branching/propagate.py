@@ -70,7 +70,7 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     return t, (mesh * side if mesh > 0 else 0)
 
 
-@splice
+@internal
 def root(sigma: Floats) -> tuple[int, Floats]:
     """Square root of a covariance by its principal axes.
 
@@ -128,7 +128,7 @@ def _boundary(
     return max(high, 1e-3), found
 
 
-@splice
+@internal
 def cut_plane(
     c: Constants, centre: Floats, axes: Floats, code: int, ignored: int, reach: float, before: Floats
 ) -> tuple[int, Floats]:
@@ -208,7 +208,7 @@ def _passing(c: Constants, code: int, centre: Floats, axes: Floats, t: float, be
     return passing
 
 
-@splice
+@internal
 def own_spread(
     c: Constants, centre: Floats, axes: Floats, beyond: Floats, t: float, last: int, before: Floats
 ) -> float:
@@ -241,7 +241,7 @@ class Image(NamedTuple):
     crossing: Floats
 
 
-@splice
+@internal
 def _derivatives(
     c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
 ) -> tuple[Floats, Floats]:
@@ -266,7 +266,7 @@ def _derivatives(
     return linear, curve
 
 
-@splice
+@internal
 def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     """Largest ratio of second-order to first-order variance over the outputs, and the direction of that curvature."""
     u = np.zeros(linear.shape[1])
@@ -292,9 +292,10 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); `u` (rank,).
     """
     t, code = event(c, centre, before)
-    to.section.label[at] = code
+    section = to.section
+    section.label[at] = code
     d, rank = axes.shape
-    mean, spread, flight = to.section.mean[at], to.section.covariance[at], to.flight[at]
+    mean, spread, flight = section.mean[at], section.covariance[at], to.flight[at]
     linalg.put_row(mean, centre)
     linalg.put_row(mean[1:PLAIN], before)
     mean[0] += t
