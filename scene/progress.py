@@ -1,6 +1,6 @@
 """What long work is doing, on standard error: a bar on a terminal or in a notebook, elsewhere lines of a log.
 
-Bars belong to the functions that are asked for them: `Progress`.  A command says besides what it is doing where no bar
+Bars belong to the functions that are asked for them: `ProgressBar`.  A command says besides what it is doing where no bar
 says it, and in a pipe how far its bars are: within `speaking`, by a thread, since a long call of compiled code or of
 the compiler answers nobody.  The same thread draws a line while numba compiles in a Python session.
 """
@@ -30,7 +30,7 @@ COMPILING = "compiling for this processor, once, a minute or so in all"
 ESTIMATES = logging.getLogger("rattle.estimate")
 """What work is expected to take is said here (level INFO) before it starts."""
 
-_bars: list["Progress"] = []  # those that are open, the innermost last
+_bars: list["ProgressBar"] = []  # those that are open, the innermost last
 _status: "Bar | None" = None  # the line that a terminal shows where no bar does
 _speaking = 0  # commands that say what they do
 _doing = ""  # what is done where no bar says it
@@ -66,7 +66,7 @@ _renew_lock()
 os.register_at_fork(after_in_child=_renew_lock)
 
 
-class Progress(Bar):
+class ProgressBar(Bar):
     """A bar on a terminal or in a notebook, which elsewhere only counts: `describe` says how far it is.
 
     `label`: What is done; without one nothing is counted or shown.

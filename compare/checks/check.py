@@ -16,7 +16,7 @@ from scipy.special import ndtri
 
 from rattle.compare.report.texts import read_texts
 from rattle.scene import choice, count
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 FALSE_ALARM = 1e-3
 """Probability that at least one statistical check in a whole run of a correct program fails."""
@@ -117,7 +117,7 @@ def run_checks(
     count("workers", workers)
     found = []
     chosen = [choice("result", name, subjects) for name in dict.fromkeys(names)] or list(subjects)
-    for name in (bar := Progress(chosen, label=progress, unit="check", leave=False)):
+    for name in (bar := ProgressBar(chosen, label=progress, unit="check", leave=False)):
         bar.set_postfix_str(name)
         started = time.perf_counter()
         found.append(subjects[name](seed, workers)._replace(seconds=time.perf_counter() - started))

@@ -184,7 +184,7 @@ def warm_up(times: bool) -> None:
     from rattle.compare.compiling import LONGEST_TASK, WARM_UP, compile_tasks, kept_tasks, measure_times, tasks
     from rattle.scene import compilers
     from rattle.scene.compiled import INTERPRETED
-    from rattle.scene.progress import Progress
+    from rattle.scene.progress import ProgressBar
 
     if INTERPRETED:
         say("nothing is compiled: numba is off (NUMBA_DISABLE_JIT)")
@@ -199,7 +199,7 @@ def warm_up(times: bool) -> None:
     compilers.expect(WARM_UP)
     found, before = tasks(), kept.count()
     named = compile_tasks(found, kept, LONGEST_TASK)
-    for name in (bar := Progress(named, label="compiling", unit="task", total=len(found))):
+    for name in (bar := ProgressBar(named, label="compiling", unit="task", total=len(found))):
         bar.set_postfix_str(name)
     seconds = time.perf_counter() - started
     say(f"{kept.count() - before} functions compiled in {seconds:.0f} s; kept in {kept.place}")

@@ -19,7 +19,7 @@ from rattle.compare.engine.store import LOCKS, Cell, Content, Store, TemporarySt
 from rattle.compare.report.folder import ANY_TEXT, check_own, describe_refusal, refuse_foreign, sweep
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
-from rattle.scene.progress import Progress, print_on_stderr
+from rattle.scene.progress import ProgressBar, print_on_stderr
 
 CELLS, LOG = "cells", "study.log"
 LOG_LINE = rb"\A\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} \d+ "
@@ -114,7 +114,7 @@ class StudyProgress:
                 self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (see __exit__)
         except OSError as error:
             raise describe_refusal(Path(folder or "", LOG), error) from None
-        self._bar = Progress(
+        self._bar = ProgressBar(
             total=stored + len(todo),
             initial=stored,
             label="study" if show else None,

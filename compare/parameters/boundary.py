@@ -26,7 +26,7 @@ from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 PROBED = 64  # paths of which what a look takes is foreseen
 
@@ -210,7 +210,7 @@ def boundary(
         return cost_of(simulate_paths(middle, paths=PROBED, impacts=impacts), search.LOOKS[0]).core_seconds
 
     search.state_search(progress, values, time_look)
-    bar = Progress(label=progress, total=values, unit=" values")
+    bar = ProgressBar(label=progress, total=values, unit=" values")
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

@@ -24,7 +24,7 @@ from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -218,7 +218,7 @@ def crossing(
     units = "dimensionless" if scene.gears is None else "physical"
     values = expect_values(low, high, points, width)
     state_search(progress, values, lambda: expect_run(scene, PATHS, LOOKS[0], slow=slow).core_seconds)
-    bar = Progress(label=progress, total=values, unit=" values")
+    bar = ProgressBar(label=progress, total=values, unit=" values")
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

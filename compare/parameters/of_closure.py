@@ -22,7 +22,7 @@ from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
 STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
@@ -179,7 +179,7 @@ def closure_sensitivity(
         bar.update()
         return _moments(found.section, job[0], impacts)
 
-    bar = Progress(label=progress, total=GROUPS * len(every), unit="run")
+    bar = ProgressBar(label=progress, total=GROUPS * len(every), unit="run")
     done: list[list[Floats]] = []
     with ThreadPoolExecutor(workers) as pool, bar:
         while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):

@@ -21,7 +21,7 @@ from rattle.montecarlo.long_run.run import expect_run
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, compilers, duration_text, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import ESTIMATES, Progress
+from rattle.scene.progress import ESTIMATES, ProgressBar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -236,7 +236,7 @@ def sensitivity(
         seconds = GROUPS[0] * len(jobs) * expect_run(scene, PATHS, PERIODS, slow=slow).core_seconds
         said = f"{progress}: {GROUPS[0]} to {GROUPS[-1]} groups of {len(jobs)} long runs, {duration_text(seconds, 2)}"
         ESTIMATES.info("%s of processor time at the least", said)
-    bar = Progress(label=progress, unit="run")
+    bar = ProgressBar(label=progress, unit="run")
     with ThreadPoolExecutor(workers) as pool, bar:
         for groups in GROUPS:
             bar.total = groups * len(jobs)

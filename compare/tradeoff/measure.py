@@ -29,7 +29,7 @@ from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.scene import SECTION, Floats, Scene, positive
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
@@ -294,7 +294,7 @@ def measure(
     models: dict[str, CostModel] = {}
     found: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in SCHEMES}
     exact, *euler = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
-    with Progress(label="accuracy", total=len(SCHEMES) * len(accuracies), unit="point") as bar:
+    with ProgressBar(label="accuracy", total=len(SCHEMES) * len(accuracies), unit="point") as bar:
         for scheme in (exact, *euler):
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
             model.shared = find_plain([models[exact].first, *(run for _, run in found[exact] if run)])

@@ -19,7 +19,7 @@ from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.diagnostics.accuracy import ROUNDED, units
 from rattle.scene import Bools, Floats, Scene
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 CONFIDENCE = 0.95
 STILL = 1e-9  # change below which a quantity counts as constant
@@ -181,7 +181,7 @@ def weak_orders(
     exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])
     found, changes = [], []
     schemes = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
-    with Progress(label="weak order", total=len(schemes) * replicates * len(STEPS), unit="run") as bar:
+    with ProgressBar(label="weak order", total=len(schemes) * replicates * len(STEPS), unit="run") as bar:
         for scheme in schemes:
             common: dict[str, Any] = {"paths": paths, "scheme": scheme, "record": Record(step_bias=True)}
             runs: list[list[Ensemble]] = []

@@ -21,7 +21,7 @@ from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, compilers, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
@@ -198,7 +198,7 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, budget: float 
     order = list(dict.fromkeys(sigma for stride in STRIDES for sigma in sigmas[::stride]))
     found = list[Validation]()
     work = 0.0
-    with Progress(order, label="range of validity", unit="intensities") as bar:
+    with ProgressBar(order, label="range of validity", unit="intensities") as bar:
         for sigma in bar:
             v = validate(scene.with_sigma(sigma), scheme=SCHEME, fixed_times=False, workers=workers, **settings)
             found.append(v)

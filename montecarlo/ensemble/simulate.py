@@ -16,7 +16,7 @@ from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
 from rattle.scene import Floats, InputError, Scene, check_scene, choice
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 
 @numpy_defaults
@@ -110,7 +110,7 @@ def _gather(
     batched = (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts)) if record.batches else None
     histograms: Histograms | None = None
     kept = []
-    with Progress(label=progress, total=plan.paths - done * BLOCK, unit="path", unit_scale=True) as bar:
+    with ProgressBar(label=progress, total=plan.paths - done * BLOCK, unit="path", unit_scale=True) as bar:
         for result, rows in results:
             merged = result if merged is None else merged.merge(result)
             if batched is not None:

@@ -10,7 +10,7 @@ from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import Collected, Scales, Sums
 from rattle.montecarlo.long_run.walk import LANES, Walk
 from rattle.scene import Floats, InputError, Scene, duration_text
-from rattle.scene.progress import Progress
+from rattle.scene.progress import ProgressBar
 
 BATCHES = 64
 """Batches of each path; when they are full, each two become one."""
@@ -37,7 +37,7 @@ class LongPaths:
         slow: float,
         limit: Budget,
         pool: ThreadPoolExecutor,
-        bar: Progress,
+        bar: ProgressBar,
     ) -> None:
         self._walks = [Walk(scene, seed, first, min(LANES, paths - first)) for first in range(0, paths, LANES)]
         self._together = TOGETHER if paths >= MANY else 1

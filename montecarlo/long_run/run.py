@@ -22,7 +22,7 @@ from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, new_sums, no_scales
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
-from rattle.scene.progress import ESTIMATES, Progress
+from rattle.scene.progress import ESTIMATES, ProgressBar
 
 PATHS = 256
 ACCURACY = 0.01
@@ -298,7 +298,7 @@ def long_run(
         warm_up(scene, slow)
     if progress:
         _state_estimate(progress, expect_run(scene, paths, periods, burn_in, slow), paths, budget)
-    bar = Progress(label=progress, unit="period")
+    bar = ProgressBar(label=progress, unit="period")
     with ThreadPoolExecutor(workers) as pool, bar:
         followed = LongPaths(scene, paths, seed, slow, limit, pool, bar)
         for _ in range(RESTARTS):

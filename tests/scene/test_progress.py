@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from rattle.scene import progress
-from rattle.scene.progress import Progress, compiling, describe, do, print_on_stderr, speaking
+from rattle.scene.progress import ProgressBar, compiling, describe, do, print_on_stderr, speaking
 
 
 class Log(io.StringIO):
@@ -77,7 +77,7 @@ def test_long_work_in_a_pipe_says_line_after_line_what_it_does(pipe):
 @pytest.mark.usefixtures("soon")
 def test_a_pipe_reads_how_far_a_bar_is_and_sees_no_bar(pipe):
     log = pipe(Log())
-    with speaking("work"), Progress(total=4, label="simulating", unit="path") as bar:
+    with speaking("work"), ProgressBar(total=4, label="simulating", unit="path") as bar:
         bar.update(2)
         log.wait_for(log.lines + 2)
     assert "\r" not in log.getvalue()
@@ -99,7 +99,7 @@ def test_a_bar_is_shown_on_a_terminal_and_without_a_label_nowhere(pipe):
     pipe(Terminal())
     for label, shown in ((None, False), ("orbits", True)):
         sys.stderr.truncate(0)
-        for _ in Progress(range(3), label=label):
+        for _ in ProgressBar(range(3), label=label):
             pass
         assert ("orbits" in sys.stderr.getvalue()) == shown
 
@@ -108,7 +108,7 @@ def test_a_loop_that_an_error_leaves_leaves_no_bar(pipe):
     pipe(Log())
 
     def fail():
-        for _ in Progress(range(3), label="loop"):
+        for _ in ProgressBar(range(3), label="loop"):
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError), speaking("work"):
@@ -117,7 +117,7 @@ def test_a_loop_that_an_error_leaves_leaves_no_bar(pipe):
 
 
 def test_compiling_is_said_before_all_else():
-    with Progress(range(3), label="loop"), compiling():
+    with ProgressBar(range(3), label="loop"), compiling():
         assert "compiling" in describe()
     assert "compiling" not in describe()
 
@@ -131,4 +131,4 @@ def test_where_standard_error_is_missing_or_closed_work_goes_on(stream, pipe):
     print_on_stderr("nobody reads this")
     with speaking("work"):
         threading.Event().wait(0.05)
-        assert list(Progress(range(2), label="loop")) == [0, 1]
+        assert list(ProgressBar(range(2), label="loop")) == [0, 1]
