@@ -1,8 +1,8 @@
 """What long work is doing, on standard error: a bar on a terminal or in a notebook, elsewhere lines of a log.
 
-Bars belong to the functions that are asked for them: `ProgressBar`.  A command says besides what it is doing where no bar
-says it, and in a pipe how far its bars are: within `speaking`, by a thread, since a long call of compiled code or of
-the compiler answers nobody.  The same thread draws a line while numba compiles in a Python session.
+Bars belong to the functions that are asked for them: `ProgressBar`.  A command says besides what it is doing where no
+bar says it, and in a pipe how far its bars are: within `speaking`, by a thread, since a long call of compiled code or
+of the compiler answers nobody.  The same thread draws a line while numba compiles in a Python session.
 """
 
 import io

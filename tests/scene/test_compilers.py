@@ -206,6 +206,7 @@ def test_what_was_started_ends_with_this_process(end):
 
 KILLED = """
 import os, signal
+from numba.core import event
 from rattle.scene.moments import gaussian_raw_moments as f
 class Killer(event.Listener):
     def on_start(self, event): os.kill(os.getpid(), signal.SIGKILL)
