@@ -10,6 +10,7 @@ happens (`fma`), and every processor gives the same bits: by an instruction wher
 elsewhere.
 """
 
+import gc
 import hashlib
 import math
 import multiprocessing
@@ -57,6 +58,7 @@ EVENTS: Any = event
 
 CHECKSUM = hashlib.sha256().digest_size
 LONGEST_WAIT = 60.0  # seconds for what another process compiles: no function takes half as long
+GARBAGE = 20_000, 10, 10  # thresholds of Python's garbage collector while a function is compiled
 
 D = TypeVar("D")
 P = ParamSpec("P")
@@ -325,20 +327,26 @@ def _start_others() -> None:
         compilers.start(_folder)
 
 
-class _Failures(event.Listener):
-    """Releases the lock of a function that cannot be compiled."""
+class _Compiling(event.Listener):
+    """What is done around the compiling of each function, and of those within it."""
+
+    def __init__(self) -> None:
+        self._thresholds: list[tuple[int, int, int]] = []
 
     def on_start(self, event: Any) -> None:
-        """Do nothing."""
+        """Have garbage collected rarely: numba makes so many objects that it would take a tenth of the time."""
+        self._thresholds.append(gc.get_threshold())
+        gc.set_threshold(*map(max, GARBAGE, gc.get_threshold()))
 
     def on_end(self, event: Any) -> None:
-        """Release it unless there is machine code, which is written to the disk next."""
+        """Release the lock of a function that cannot be compiled; what has been compiled is written next."""
+        gc.set_threshold(*self._thresholds.pop())
         function, signature = event.data["dispatcher"], event.data["args"]
         if isinstance(function._cache, Kept) and signature not in function.signatures:
             function._cache.release(signature)
 
 
-EVENTS.register("numba:compile", _Failures())
+EVENTS.register("numba:compile", _Compiling())
 
 
 def keep(function: D) -> D:
