@@ -15,6 +15,7 @@ import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import Results, say, say_json, say_lines, say_part
 from rattle.scene import OutputError, count, positive
+from rattle.scene.progress import do
 
 EXIT_BROKEN = 1
 EXTREMES = "Try extreme values too (rattle check extremes), and put their table on the page."
@@ -32,7 +33,7 @@ def show_results(results: Sequence[Any], all_checks: bool, as_json: bool, record
         sys.exit(EXIT_BROKEN)
 
 
-@click.group()
+@click.group(cls=shared.CommandGroup)
 def check() -> None:
     """Check this installation: results, extremes, stability, speed."""
 
@@ -53,7 +54,7 @@ def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, a
     from rattle.compare.checks.check import results_record, run_checks
     from rattle.compare.checks.published import RESULTS
 
-    found = run_checks(RESULTS, names, seed=seed, workers=workers)
+    found = run_checks(RESULTS, names, seed=seed, workers=workers, progress="checks")
     show_results(found, all_checks, as_json, results_record(found, seed))
 
 
@@ -70,7 +71,7 @@ def extremes(ranges: bool, as_json: bool) -> None:
     from rattle.compare.checks.check import extreme_record, run_checks
     from rattle.compare.checks.extremes import ROWS
 
-    rows = run_checks(ROWS)
+    rows = run_checks(ROWS, progress="checks")
     show_results(rows, ranges, as_json, [extreme_record(row) for row in rows])
 
 
@@ -103,8 +104,9 @@ def stability(
         count(name, settings[name], least=least, most=most)
     results = Results("", out, "", "checks.stability.page:write_stability", overwrite)
     found = chart(schemes=chosen, axes=along, **settings, folder=results.cells)
+    do("covariances of each scheme")
     covariances = covariance_table(**settings)
-    tried = run_checks(ROWS) if extreme else ()
+    tried = run_checks(ROWS, progress="extreme values") if extreme else ()
     asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
     results.say(results.write(found, covariances, tried, **asked), "stability.html")
     if len(found.without_diagnostic) or not all(row.holds for row in tried):

@@ -9,21 +9,20 @@ import click
 
 from rattle.compare.cli.check import check, claims, warm_up
 from rattle.compare.cli.parameters import boundary, sensitivity
-from rattle.compare.cli.shared import say
+from rattle.compare.cli.shared import CommandGroup, say
 from rattle.compare.cli.show import animate, drive, init, show
 from rattle.compare.cli.simulate import chaos, simulate, stationary
 from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import order, tradeoff, validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
 from rattle.scene.errors import RattleError
-from rattle.scene.progress import do, speaking
+from rattle.scene.progress import speaking
 from rattle.scene.text import harmless
 
 EXIT_BAD_INPUT = 2
-LONGEST = 100  # characters of what a command says that it does
 
 
-class RattleGroup(click.Group):
+class RattleGroup(CommandGroup):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
 
     def main(self, *args: Any, **settings: Any) -> Any:
@@ -38,15 +37,6 @@ class RattleGroup(click.Group):
             elif isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")
         return super().main(*args, **settings)
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command that is asked for, and state what it does."""
-        name, command, rest = super().resolve_command(ctx, args)
-        if command is not None:
-            do(f"{name} ({command.get_short_help_str(LONGEST).rstrip('.')})")
-        return name, command, rest
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command, and convert its errors to a message and an exit code."""

@@ -68,6 +68,10 @@ class LongPaths:
             self._advance(batch, periods, seen)
             self.pace = (clock() - began) / periods
 
+    def expect(self, periods: float) -> None:
+        """Have the bar say how many periods more are expected."""
+        self._bar.total = self.elapsed + math.ceil(periods)
+
     def _affordable(self) -> int:
         """Batches for which the budget has room; one where no period has been measured yet."""
         if math.isnan(self.pace):
