@@ -15,7 +15,8 @@ import pandas as pd
 
 from rattle.compare.validation.errors import Claimed, Simulated, section_errors, waits_for_branch
 from rattle.compare.validation.verdict import JUDGED, Tolerances, is_accurate, is_wrong, widest
-from rattle.scene import SECTION, Scene
+from rattle.scene import SECTION, Scene, duration_text
+from rattle.scene.progress import ESTIMATES
 
 LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 """Paths after which a value is judged."""
@@ -58,6 +59,13 @@ def critical(impacts: int, stages: int, searches: int = 1) -> Widths:
     rows = 2 * (len(SECTION) - (0 if stages == 2 else 2)) * impacts
     looks = (len(LOOKS) + 1) * MOST * searches
     return Widths(widest(looks), widest(rows * looks))
+
+
+def state_effort(label: str, over: str, points: int, least: float, most: float) -> None:
+    """State what a search is expected to take: core-seconds of a value that is judged at the first or the last look."""
+    said = f"{label}: {points} values of {over}, then more between those that differ"
+    said += f"; each takes about {duration_text(least, 2)} to {duration_text(most, 2)} of processor time"
+    ESTIMATES.info("%s", said)
 
 
 def judge_value(
