@@ -1,5 +1,6 @@
 """Plugins of the project's own tests; its plugin for accuracy thresholds is named in case it has not been installed."""
 
+import threading
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,14 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if any(folder in item.path.parents for folder in SECOND_TIER):
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def silent():
+    """No command says that it takes long: whether it does depends on the machine."""
+    from rattle.scene import progress
+
+    progress.FIRST = threading.TIMEOUT_MAX
 
 
 @pytest.fixture
