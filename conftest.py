@@ -1,6 +1,7 @@
 """Plugins of the project's own tests; its plugin for accuracy thresholds is named in case it has not been installed."""
 
 import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -21,10 +22,12 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.slow)
 
 
-@pytest.fixture(autouse=True)
-def unhurried(monkeypatch):
-    """What a command says while it works depends on how fast the machine is: tests of its answer do without it."""
-    monkeypatch.setattr("rattle.scene.progress.FIRST", 1e6)
+@pytest.fixture(autouse=True, scope="session")
+def silent():
+    """No command says that it takes long: whether it does depends on the machine."""
+    from rattle.scene import progress
+
+    progress.FIRST = threading.TIMEOUT_MAX
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import io
 import logging
 import multiprocessing
 import os
-import shutil
 import sys
 import threading
 import time
@@ -25,6 +24,7 @@ FIRST = 1.5  # seconds without a word that nobody wonders about
 BETWEEN = 15.0  # seconds between two lines of a log
 TICK = 0.5  # seconds between two states of the line that a terminal shows
 PATIENCE = 1.0  # seconds to wait for a thread that may be stuck where nobody reads what it says
+COLUMNS, ROWS = 80, 24  # of a terminal that does not say its size
 COMPILING = "compiling for this processor, once, a minute or so in all"
 
 ESTIMATES = logging.getLogger("rattle.estimate")
@@ -52,7 +52,16 @@ def shows_bars() -> bool:
 
 
 class Bar(tqdm):  # type: ignore[type-arg]  # generic in its stubs only
-    """A bar with a lock of this process alone: tqdm's own is shared with child processes, which may die holding it."""
+    """A bar with a lock of this process alone: tqdm's own is shared with child processes, which may die holding it.
+
+    It is drawn on a terminal without a size too, as in a container or under ``script``, where tqdm's own is invisible.
+    """
+
+    def __init__(self, *given: Any, **settings: Any) -> None:
+        with suppress(OSError, ValueError, AttributeError):  # a notebook has no size
+            columns, rows = os.get_terminal_size(sys.stderr.fileno())
+            settings |= {"ncols": (columns or COLUMNS) - 1, "nrows": rows or ROWS}
+        super().__init__(*given, **settings)
 
 
 def _renew_lock() -> None:
@@ -125,6 +134,11 @@ def describe() -> str:
     return f"{_doing}: {duration_text(time.monotonic() - _began, 2)} so far"
 
 
+def is_drawn() -> bool:
+    """Whether the last line of a terminal is a bar, or what is said in place of one."""
+    return has_terminal() and (_status is not None or bool(_bars))
+
+
 @contextmanager
 def apart_from_bars() -> Iterator[None]:
     """Context in which something else is printed: bars are taken away before, and drawn again after it."""
@@ -149,14 +163,15 @@ def _hide_status() -> None:
 
 
 def _show_status() -> None:
-    """Draw that line, or take it away where a bar says what is done."""
+    """Draw that line, or take it away where a bar says what is done; a bar shows how late it is."""
     global _status
     with _lock:
+        for bar in _bars:
+            bar.refresh()
         if _bars and not (_compiler.depth and has_terminal()):  # a notebook has no place below a bar
             _hide_status()
             return
-        width = shutil.get_terminal_size().columns - 1
-        text = line(describe())[:width]
+        text = line(describe())
         if _status is None:
             _status = Bar(desc=text, bar_format="{desc}", leave=False)
         _status.set_description_str(text)

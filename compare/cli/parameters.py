@@ -66,14 +66,14 @@ def boundary(
     else:
         settings |= {"closure": closure or "saltation", "impacts": asked["impacts"]}
     common: dict[str, Any] = {"folder": results.cells, "rng": seed, "workers": workers}
-    if along is None:
-        settings |= {"budget": budget}
-        search: Any = rt.boundary if quantity is None else rt.crossing
-        with shared.estimates_shown():
+    with shared.estimates_shown():
+        if along is None:
+            settings |= {"budget": budget}
+            search: Any = rt.boundary if quantity is None else rt.crossing
             found = search(base, **settings, **common, progress="boundary")
-    else:
-        settings |= {"along": along, "reach": reach, "values": asked["values"]}
-        found = rt.boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
+        else:
+            settings |= {"along": along, "reach": reach, "values": asked["values"]}
+            found = rt.boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "boundary.html", found.to_dict)
 
@@ -111,15 +111,14 @@ def sensitivity(
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
     results = begin()
     common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
-    if closure is None:
-        settings = {name: asked[name] for name in ("accuracy", "slow", "budget")}
-        with shared.estimates_shown():
-            found: Any = rt.sensitivity(
-                base, quantities=quantities or None, **settings, **common, progress="sensitivity"
-            )
-    else:
-        settings = {"closure": closure} | {name: asked[name] for name in ("impacts", "paths", "budget")}
-        found = rt.closure_sensitivity(base, **settings, **common, progress="sensitivity")
+    common["progress"] = "sensitivity"
+    with shared.estimates_shown():
+        if closure is None:
+            settings = {name: asked[name] for name in ("accuracy", "slow", "budget")}
+            found: Any = rt.sensitivity(base, quantities=quantities or None, **settings, **common)
+        else:
+            settings = {"closure": closure} | {name: asked[name] for name in ("impacts", "paths", "budget")}
+            found = rt.closure_sensitivity(base, **settings, **common)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "sensitivity.html", found.to_dict)
     if closure is None and not found.reached:

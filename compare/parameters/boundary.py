@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,22 +20,21 @@ from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge, J
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
+from rattle.compare.study.estimate import expect_work
 from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.validation.verdict import Tolerances
-from rattle.montecarlo import simulate as simulate_paths
-from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
-
-PROBED = 64  # paths of which what a look takes is foreseen
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIGMAS = (1e-3, 2.0)  # where the noise intensity is searched by default
 ORDER = 4  # of the closures' moments
+IMPACTS = 12  # that must be accurate, by default
+POINTS = 8  # values of the scan, by default
 AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 
 
@@ -126,8 +126,8 @@ def boundary(
     over: str = "sigma",
     between: tuple[float, float] | None = None,
     near: Iterable[float] = (),
-    impacts: int = 12,
-    points: int = 8,
+    impacts: int = IMPACTS,
+    points: int = POINTS,
     width: float = 0.1,
     tolerances: Tolerances | None = None,
     searches: int = 1,
@@ -202,15 +202,10 @@ def boundary(
     limits = Tolerances(*tolerances) if tolerances else Tolerances()
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
+    if progress:
+        state_effort(progress, parameter, parameter.scene_at(low), points, impacts)
     steps = 0
-    values = search.expect_values(low, high, points, width)
-
-    def time_look() -> float:
-        middle = parameter.scene_at(math.sqrt(low * high))
-        return cost_of(simulate_paths(middle, paths=PROBED, impacts=impacts), search.LOOKS[0]).core_seconds
-
-    search.state_search(progress, values, time_look)
-    bar = ProgressBar(label=progress, total=values, unit=" values")
+    bar = ProgressBar(label=progress, unit=" values")
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 
@@ -242,6 +237,14 @@ def boundary(
         changes, table = search.find_changes(judge, low, high, points, width, first=ACCURATE, near=near)
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
     return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
+
+
+def state_effort(label: str, parameter: Parameter, scene: Scene, points: int, impacts: int) -> None:
+    """State what so many values of a search are expected to take, as those of one scene."""
+    cells = [Sample(scene, impacts, 0, paths=paths) for paths in (search.LOOKS[0], search.LOOKS[-1])]
+    with suppress(InputError):  # it cannot be simulated, which the search says of its value
+        least, most = (work.core_seconds for work in expect_work(cells).values())
+        search.state_effort(label, parameter.name, points, least, most)
 
 
 def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:

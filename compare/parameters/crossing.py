@@ -15,16 +15,16 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters.boundary import check_search, own_seed
 from rattle.compare.parameters.finding import Finding, list_values, with_unit
-from rattle.compare.parameters.search import MOST, UNDECIDED, expect_values, find_changes, state_search
+from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
+from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
-from rattle.montecarlo.long_run.run import expect_run
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import ProgressBar
+from rattle.scene.progress import ProgressBar, do
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -215,10 +215,13 @@ def crossing(
     choice("quantity", quantity, all_names(scene.stages))
     level = float(positive("level", level))
     positive("slow", slow)
+    if progress:
+        do(f"{progress}: timing a few paths")
+        expected = expect_run(parameter.scene_at(low), PATHS, LOOKS[0], slow=slow)
+        most = expected.lengthen(LOOKS[-1] - LOOKS[0])
+        state_effort(progress, over, points, expected.core_seconds, most)
     units = "dimensionless" if scene.gears is None else "physical"
-    values = expect_values(low, high, points, width)
-    state_search(progress, values, lambda: expect_run(scene, PATHS, LOOKS[0], slow=slow).core_seconds)
-    bar = ProgressBar(label=progress, total=values, unit=" values")
+    bar = ProgressBar(label=progress, unit=" values")
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

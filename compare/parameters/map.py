@@ -14,7 +14,7 @@ from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
 from rattle.compare.engine.run import Runner, open_cells, run
 from rattle.compare.engine.store import Cell, Content
-from rattle.compare.parameters.boundary import boundary, find_range
+from rattle.compare.parameters.boundary import IMPACTS, POINTS, boundary, find_range, state_effort
 from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
 from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
 from rattle.compare.study.parameters import find_parameter
@@ -233,6 +233,10 @@ def boundary_map(
         method.check(here.scene_at(find_range(here, settings.get("between"))[0]))
     settings["rng"] = read_whole_seed(settings.get("rng", 0))
     asked = settings | {"closure": method, "over": over, "searches": values}
+    if progress:
+        low, _ = find_range(first, settings.get("between"))
+        points, impacts = settings.get("points", POINTS), settings.get("impacts", IMPACTS)
+        state_effort("boundary", first, first.scene_at(low), values * points, impacts)
     found: dict[int, Found | str] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
     store = open_cells(Path(folder) if folder else None)

@@ -19,10 +19,11 @@ from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
+from rattle.montecarlo.kernel.blocks import clock
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
+from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, duration_text, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import ProgressBar
+from rattle.scene.progress import ESTIMATES, ProgressBar
 
 GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
 STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
@@ -176,14 +177,23 @@ def closure_sensitivity(
         found = simulate(
             job[0].phase_reduced, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=seed, sampling=sampling
         )
-        bar.update()
         return _moments(found.section, job[0], impacts)
 
+    if progress:
+        run((scene, 0))  # compiles
+        began = clock()
+        run((scene, 0))
+        seconds = GROUPS * len(every) * (clock() - began)
+        said = f"{progress}: {GROUPS * len(every)} runs of {each:,} paths"
+        ESTIMATES.info("%s", f"{said}, about {duration_text(seconds, 2)} of processor time")
     bar = ProgressBar(label=progress, total=GROUPS * len(every), unit="run")
     done: list[list[Floats]] = []
     with ThreadPoolExecutor(workers) as pool, bar:
         while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):
-            done.append(list(pool.map(run, [(one, len(done)) for one in every])))
+            done.append([])
+            for found in pool.map(run, [(one, len(done)) for one in every]):
+                done[-1].append(found)
+                bar.update()
     values = np.array(done).swapaxes(0, 1)  # (scenes, groups, moments, quantities, impacts)
     mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=whole).section["mesh"].to_numpy()
     unit, rows = values[0, :, 1].mean(axis=0), []

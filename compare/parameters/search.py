@@ -61,6 +61,13 @@ def critical(impacts: int, stages: int, searches: int = 1) -> Widths:
     return Widths(widest(looks), widest(rows * looks))
 
 
+def state_effort(label: str, over: str, points: int, least: float, most: float) -> None:
+    """State what a search is expected to take: core-seconds of a value that is judged at the first or the last look."""
+    said = f"{label}: {points} values of {over}, then more between those that differ"
+    said += f"; each takes about {duration_text(least, 2)} to {duration_text(most, 2)} of processor time"
+    ESTIMATES.info("%s", said)
+
+
 def judge_value(
     value: float,
     scene: Scene,
@@ -164,23 +171,6 @@ def find_changes(
     pairs = [(a, b) if a.verdict == first else (b, a) for a, b in pairwise(decided) if a.verdict != b.verdict]
     changes = [narrow(*pair) for pair in pairs]
     return changes, pd.DataFrame(sorted(known.values()))
-
-
-def expect_values(low: float, high: float, points: int, width: float) -> int:
-    """How many values a search tries that finds one change of verdict."""
-    enough = math.log((1.0 + width) / (1.0 - width))
-    apart = math.log(high / low) / (points - 1)
-    return min(points + math.ceil(math.log2(max(apart / enough, 1.0))), MOST)
-
-
-def state_search(label: str | None, values: int, each: Callable[[], float]) -> None:
-    """State what a search is expected to take at the least, where there is a label.
-
-    `each`: Core-seconds of the first look at one value.
-    """
-    if label:
-        seconds = duration_text(values * each(), 2)
-        ESTIMATES.info("%s: about %d values, and %s of processor time at the least", label, values, seconds)
 
 
 def _between(value: float, one: float, other: float) -> bool:

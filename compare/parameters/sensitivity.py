@@ -16,12 +16,12 @@ from rattle.compare.parameters.finding import Finding, quantity_words, value_tex
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
+from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
-from rattle.montecarlo.long_run.run import expect_run
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, compilers, duration_text, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.progress import ESTIMATES, ProgressBar
+from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -231,11 +231,9 @@ def sensitivity(
             jobs += [_Job(name, f, parameter.scene_at(f * parameter.value)) for f in factors_of()]
         except InputError as error:
             remarks[name] = f"cannot be changed by {STEPS[1]:.0%}: {error}"
-    runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
     if progress:
-        seconds = GROUPS[0] * len(jobs) * expect_run(scene, PATHS, PERIODS, slow=slow).core_seconds
-        said = f"{progress}: {GROUPS[0]} to {GROUPS[-1]} groups of {len(jobs)} long runs, {duration_text(seconds, 2)}"
-        ESTIMATES.info("%s of processor time at the least", said)
+        _state_estimate(progress, scene, GROUPS[0] * len(jobs), slow)
+    runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
     bar = ProgressBar(label=progress, unit="run")
     with ThreadPoolExecutor(workers) as pool, bar:
         for groups in GROUPS:
@@ -258,6 +256,15 @@ def sensitivity(
         f"± {half.max():.2g} for {PERCENT} of a parameter" + ("" if reached else f", NOT the {accuracy:g} asked for")
     )
     return Sensitivity(scene, table, _values(scene, asked, runs), len(runs), reached, f"{said}.")
+
+
+def _state_estimate(label: str, scene: Scene, runs: int, slow: float) -> None:
+    """State what so many long runs are expected to take, as those of the scene itself."""
+    do(f"{label}: timing a few paths")
+    seconds = runs * expect_run(scene, PATHS, PERIODS, slow=slow).core_seconds
+    said = f"{label}: {runs} long runs at the least, about {duration_text(seconds, 2)} of processor time"
+    said += f"; up to {GROUPS[-1] // GROUPS[0]} times as many where the accuracy needs them"
+    ESTIMATES.info("%s", said)
 
 
 def factors_of(steps: tuple[float, float] = STEPS) -> list[float]:

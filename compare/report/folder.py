@@ -15,6 +15,7 @@ from typing import Any
 from rattle.compare.report.json_text import NAME
 from rattle.scene import OutputError, harmless, line
 from rattle.scene.files import parse_json, read_regular
+from rattle.scene.progress import do
 
 MANIFEST = "manifest.json"
 FIGURES = "figures"  # folder of the figures of some reports
@@ -122,6 +123,7 @@ def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[P
     check_free(out, ours, overwrite)
     with refusals(out):
         out.parent.mkdir(parents=True, exist_ok=True)
+        do(f"writing {out}")
         with scratch_folder(out.parent, out.name) as scratch:
             yield scratch
             _put(scratch, out, ours, overwrite)

@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from traceback import walk_stack
 from types import FrameType
 
+from rattle.scene.progress import is_drawn
+
 EXIT_INTERRUPTED = 130
 NOTHING_WRITTEN = "interrupted; nothing was written"
 GRACE = 1.2
@@ -88,5 +90,6 @@ def _end(seconds: float) -> None:
         time.sleep(0.1)  # the main thread is printing its line
     else:
         lost = "interrupted; unfinished work is lost, no file is half written"
-        os.write(2, f"rattle: {describe_interrupt() if stored else lost}\n".encode(errors="replace"))
+        start = "\n" if is_drawn() else ""
+        os.write(2, f"{start}rattle: {describe_interrupt() if stored else lost}\n".encode(errors="replace"))
     os._exit(EXIT_INTERRUPTED)

@@ -17,6 +17,7 @@ from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, choice, compilers
 from rattle.scene.numpy_errors import numpy_defaults
+from rattle.scene.progress import do
 
 STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
 COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
@@ -96,6 +97,7 @@ def stationary(
     compilers.expect("stationary", len(scene.drive))
     named = tuple(dict.fromkeys(choice("closures", name, CLOSURES_JUDGED) for name in closures))
     rng = read_seed(rng)
+    do("stationary: the motion without noise")
     own = attractor(scene)
     if not is_random(scene) and (exact := _exact(scene, own, slow, named)) is not None:
         return exact
@@ -122,6 +124,7 @@ def stationary(
             raise
         why = f"{refused.remedy}. Without noise, {_describe(kinds, scene)}"
         raise BurnInError("burn_in", refused.value, why) from refused
+    do("stationary: the errors of all quantities")
     rows = [tuple(e) for e in run.estimates.values()]
     table = pd.DataFrame(rows, columns=COLUMNS, index=pd.Index(run.estimates, name="quantity"))
     said = (

@@ -22,7 +22,7 @@ from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, new_sums, no_scales
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
-from rattle.scene.progress import ESTIMATES, ProgressBar
+from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
 PATHS = 256
 ACCURACY = 0.01
@@ -43,7 +43,7 @@ TOO_FAR = 4.0  # ratio of variances between and within paths from which paths co
 PARTS = 4  # of the last half, within each path
 COMPARED = ("impacts", "speed", "energy", "slow impacts")
 PROBED = 16  # paths of a run that is timed before the others
-PROBE = 2  # its periods, after as many in which they leave the start
+PROBE = 2  # its periods that are timed, after as many in which the paths leave their start
 
 
 class BurnInError(InputError):
@@ -209,6 +209,10 @@ class ExpectedRun(NamedTuple):
     periods: int  # of burn-in, pilot run and stationary motion
     core_seconds: float
 
+    def lengthen(self, periods: int) -> float:
+        """Core-seconds with so many periods more."""
+        return self.core_seconds * (1.0 + periods / self.periods)
+
 
 def expect_run(
     scene: Scene, paths: int, periods: int | None = None, burn_in: int | None = None, slow: float = 0.1
@@ -297,6 +301,7 @@ def long_run(
     with limit.pause():
         warm_up(scene, slow)
     if progress:
+        do(f"{progress}: timing a few paths")
         _state_estimate(progress, expect_run(scene, paths, periods, burn_in, slow), paths, budget)
     bar = ProgressBar(label=progress, unit="period")
     with ThreadPoolExecutor(workers) as pool, bar:

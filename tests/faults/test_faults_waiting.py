@@ -78,11 +78,11 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch)
     """Also with more cells than threads."""
     heard, said = threading.Event(), []
 
-    def write(bar, text, **_):
+    def write(text):
         said.append(text)
         heard.set()
 
-    monkeypatch.setattr("rattle.compare.engine.run.tqdm.write", write)
+    monkeypatch.setattr("rattle.compare.engine.run.print_on_stderr", write)
     with locked_elsewhere(store, CELLS) as number:
         waiting, found = in_the_background(lambda: run(CELLS, store, Runner(1), show=True))
         assert heard.wait(LONG)
@@ -91,7 +91,7 @@ def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch)
     assert found[0].computed == len(CELLS) == 2
     (text,) = said
     assert f"process {number} on " in text
-    assert text.removeprefix("rattle: ") in (store.folder.parent / "study.log").read_text()
+    assert text in (store.folder.parent / "study.log").read_text()
 
 
 @pytest.mark.parametrize("words", [[], ["-s"]])

@@ -1,134 +1,188 @@
-"""What long work says: nothing while it is short, then what it does, how far it is, and how long the rest may take."""
+"""What long work says of itself: order and content, never how long it took."""
 
 import io
+import json
+import re
+import subprocess
 import sys
 import threading
 
 import pytest
+from programs import on_terminal, python
 
 from rattle.scene import progress
-from rattle.scene.progress import ProgressBar, compiling, describe, do, print_on_stderr, speaking
+from rattle.scene.progress import ProgressBar, do, speaking
+
+AT_ONCE = "from rattle.scene import progress; progress.FIRST = progress.BETWEEN = progress.TICK = 0.005\n"
+RUN = AT_ONCE + "from rattle.compare.cli.main import main; main({words})"
+HELD = """
+import sys
+from rattle.compare.cli.main import main
+from rattle.scene.progress import ProgressBar
+
+@main.command()
+def hold():
+    "Wait for a word."
+    with ProgressBar(label="holding", total=4, unit="stone") as bar:
+        sys.stdin.readline()
+        bar.update()
+        sys.stdin.readline()
+    print("answer")
+
+main(["hold"])
+"""
+COMPILE = """
+import sys
+import numba
+import rattle.scene.compiled
+from rattle.scene.progress import speaking
+
+@numba.njit
+def twice(x):
+    return 2 * x
+
+{how}
+print("answer")
+"""
 
 
-class Log(io.StringIO):
-    """Standard error of a pipe; an event for each line tells that it has been written."""
-
-    def __init__(self):
-        super().__init__()
-        self.lines = 0
-        self.more = threading.Condition()
-
-    def write(self, text):
-        with self.more:
-            self.lines += text.count("\n")
-            self.more.notify_all()
-            return super().write(text)
-
-    def wait_for(self, lines):
-        with self.more:
-            assert self.more.wait_for(lambda: self.lines >= lines, timeout=60.0)
+def test_a_command_says_what_it_does_before_it_answers():
+    """A pipe is read while it runs: it is told to go on only after it has said where it is."""
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", AT_ONCE + HELD], text=True, bufsize=1, **pipes) as held:
+        seen = [held.stderr.readline()]
+        while "holding: 0 of 4 stones" not in seen[-1]:
+            seen.append(held.stderr.readline())
+        held.stdin.write("\n")
+        while "holding: 1 of 4 stones" not in seen[-1]:
+            seen.append(held.stderr.readline())
+        said, _ = held.communicate("\n")
+    assert re.search(r"rattle: holding: 1 of 4 stones, about [\d.]+ (ms|s|minutes) left$", seen[-1])
+    assert said == "answer\n"
 
 
-class Terminal(Log):
-    def isatty(self):
-        return True
+def test_a_simulation_in_a_pipe_says_how_far_it_is_and_its_json_stays_json():
+    words = ["simulate", "--sigma", "0.1", "--paths", "100_000", "--impacts", "4", "--json"]
+    done = python("-c", RUN.format(words=words))
+    assert re.search(r"rattle: simulating: [\d,]+ of 100,000 paths, about .* left", done.stderr)
+    assert json.loads(done.stdout)["paths"] == 100_000
+
+
+def test_no_bar_is_left_where_an_answer_is_printed_on_a_terminal():
+    words = ["simulate", "--sigma", "0.1", "--paths", "100_000", "--impacts", "4"]
+    written, seen = on_terminal("-c", RUN.format(words=words))
+    assert "simulate (Simulate a scene" in written
+    assert "simulating: " in written
+    bars = [line for line in seen if "|" in line]
+    assert len(bars) == 1
+    assert bars[0].startswith("simulating: 100%")
+    (head,) = [line for line in seen if "se_tau" in line]
+    assert head.startswith("impact")
+    assert not [line for line in seen if "so far" in line]
+
+
+def test_compiling_is_said_by_a_command_in_a_pipe():
+    done = python("-c", AT_ONCE + COMPILE.format(how="with speaking('nothing'): twice(1)"))
+    assert "rattle: compiling for this processor, once" in done.stderr
+    assert done.stdout == "answer\n"
+
+
+def test_a_program_in_a_pipe_compiles_silently():
+    done = python("-c", AT_ONCE + COMPILE.format(how="twice(1)"))
+    assert (done.stdout, done.stderr) == ("answer\n", "")
+
+
+def test_a_program_on_a_terminal_shows_that_it_compiles_and_takes_it_away():
+    written, seen = on_terminal("-c", AT_ONCE + COMPILE.format(how="twice(1)"))
+    assert "compiling for this processor, once" in written
+    assert [line for line in seen if line] == ["answer"]
+
+
+@pytest.mark.parametrize("place", ["multiprocessing", "PYTEST_CURRENT_TEST"])
+def test_workers_and_tests_on_a_terminal_compile_silently(place):
+    how = "twice(1)"
+    environment = {}
+    if place == "multiprocessing":
+        how = "import multiprocessing; p = multiprocessing.get_context('fork').Process(target=twice, args=(1,))"
+        how += "; p.start(); p.join()"
+    else:
+        environment["PYTEST_CURRENT_TEST"] = "a test"
+    written, _ = on_terminal("-c", AT_ONCE + COMPILE.format(how=how), **environment)
+    assert written.strip() == "answer"
+
+
+def test_a_forked_process_does_not_wait_for_a_thread_of_its_parent():
+    code = """
+import os, threading
+from rattle.scene import progress
+
+held, end = threading.Event(), threading.Event()
+
+def hold():
+    with progress._lock:
+        held.set()
+        end.wait()
+
+threading.Thread(target=hold, daemon=True).start()
+held.wait()
+if (child := os.fork()) == 0:
+    progress.ProgressBar(label="in the child", total=1).close()
+    os._exit(0)
+print(os.waitpid(child, 0)[1])
+end.set()
+"""
+    assert python("-c", code).stdout == "0\n"
 
 
 @pytest.fixture
-def pipe(monkeypatch):
-    """Standard error as a pipe, from the test on: pytest sets its own after the fixtures."""
+def words(monkeypatch):
+    """Lines that are said at once, as they are said; what is waited for is the thread's, not a time."""
+    said = []
+    heard = threading.Condition()
 
-    def use(stream):
-        monkeypatch.setattr(sys, "stderr", stream)
-        return stream
+    def say(text):
+        with heard:
+            said.append(text)
+            heard.notify_all()
 
-    return use
+    def wait(text):
+        with heard:
+            assert heard.wait_for(lambda: any(text in one for one in said), 120.0), said
 
-
-@pytest.fixture
-def soon(monkeypatch):
-    monkeypatch.setattr(progress, "FIRST", 0.01)
-    monkeypatch.setattr(progress, "BETWEEN", 0.01)
-    monkeypatch.setattr(progress, "TICK", 0.01)
-
-
-def test_short_work_says_nothing(pipe):
-    log = pipe(Log())
-    with speaking("short"):
-        pass
-    assert log.getvalue() == ""
+    monkeypatch.setattr(progress, "FIRST", 0.001)
+    monkeypatch.setattr(progress, "BETWEEN", 0.001)
+    monkeypatch.setattr(progress, "print_on_stderr", say)
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    return wait
 
 
-@pytest.mark.usefixtures("soon")
-def test_long_work_in_a_pipe_says_line_after_line_what_it_does(pipe):
-    log = pipe(Log())
-    with speaking("first"):
-        log.wait_for(2)
-        do("second")
-        log.wait_for(log.lines + 2)
-    said = log.getvalue().splitlines()
-    assert said[0].startswith("rattle: first: ")
-    assert said[-1].startswith("rattle: second: ")
-    after = log.lines
-    threading.Event().wait(0.05)
-    assert log.lines == after
+def test_bars_within_bars_are_said_together_and_each_as_long_as_it_is_there(words):
+    with speaking("all of it"):
+        words("all of it: ")
+        with ProgressBar(label="outer", total=3, unit="part") as outer:
+            outer.set_postfix_str("sections")
+            outer.update()
+            with ProgressBar(label="inner", unit="value"):
+                words("outer: 1 of 3 parts, about ")
+                words(" left (sections); inner: 0 values")
+        do("writing")
+        words("writing: ")
+    assert not progress._bars
 
 
-@pytest.mark.usefixtures("soon")
-def test_a_pipe_reads_how_far_a_bar_is_and_sees_no_bar(pipe):
-    log = pipe(Log())
-    with speaking("work"), ProgressBar(total=4, label="simulating", unit="path") as bar:
-        bar.update(2)
-        log.wait_for(log.lines + 2)
-    assert "\r" not in log.getvalue()
-    assert "rattle: simulating: " in log.getvalue()
-    assert "of 4 paths, about" in log.getvalue()
+def test_a_bar_that_an_error_leaves_is_closed():
+    def leave():
+        with speaking("all of it"):
+            for i in ProgressBar([1, 0], label="loop"):
+                1 / i
+
+    with pytest.raises(ZeroDivisionError):
+        leave()
+    assert not progress._bars
 
 
-@pytest.mark.usefixtures("soon")
-def test_a_terminal_has_no_line_left_at_the_end(pipe):
-    pipe(Terminal())
-    with speaking("work without a bar"):
-        while "work without a bar" not in sys.stderr.getvalue():
-            threading.Event().wait(0.01)
-    last = sys.stderr.getvalue().split("\r")[-1]
-    assert last.strip() == ""
-
-
-def test_a_bar_is_shown_on_a_terminal_and_without_a_label_nowhere(pipe):
-    pipe(Terminal())
-    for label, shown in ((None, False), ("orbits", True)):
-        sys.stderr.truncate(0)
-        for _ in ProgressBar(range(3), label=label):
-            pass
-        assert ("orbits" in sys.stderr.getvalue()) == shown
-
-
-def test_a_loop_that_an_error_leaves_leaves_no_bar(pipe):
-    pipe(Log())
-
-    def fail():
-        for _ in ProgressBar(range(3), label="loop"):
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError), speaking("work"):
-        fail()
-    assert "loop" not in describe()
-
-
-def test_compiling_is_said_before_all_else():
-    with ProgressBar(range(3), label="loop"), compiling():
-        assert "compiling" in describe()
-    assert "compiling" not in describe()
-
-
-@pytest.mark.parametrize("stream", [None, "closed"])
-@pytest.mark.usefixtures("soon")
-def test_where_standard_error_is_missing_or_closed_work_goes_on(stream, pipe):
-    closed = Log()
-    closed.close()
-    pipe(closed if stream else None)
-    print_on_stderr("nobody reads this")
-    with speaking("work"):
-        threading.Event().wait(0.05)
-        assert list(ProgressBar(range(2), label="loop")) == [0, 1]
+def test_without_a_label_nothing_is_counted_or_said(capsys):
+    bar = ProgressBar(range(3), unit="path")
+    assert list(bar) == [0, 1, 2]
+    assert not progress._bars
+    assert capsys.readouterr() == ("", "")
