@@ -21,12 +21,18 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.slow)
 
 
+@pytest.fixture(autouse=True)
+def unhurried(monkeypatch):
+    """What a command says while it works depends on how fast the machine is: tests of its answer do without it."""
+    monkeypatch.setattr("rattle.scene.progress.FIRST", 1e6)
+
+
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures are made but not drawn, which takes most of a report's time: for tests of what stands beside them."""
     from matplotlib.figure import Figure
 
-    def savefig(figure, path, **settings):
-        Path(path).write_text(EMPTY)
+    def savefig(figure, file, **settings):
+        file.write(EMPTY.encode())
 
     monkeypatch.setattr(Figure, "savefig", savefig)

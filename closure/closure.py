@@ -179,8 +179,8 @@ class Closure:
             table[f"rho{stage}"] = table[f"rho{stage}"].fillna(xy / np.sqrt((xx * yy).where((xx > 0.0) & (yy > 0.0))))
         return table
 
-    def seconds(self, trace: Trace) -> float:
-        """Seconds that the function took: measured, for nobody knows what it counts."""
+    def seconds(self, trace: Trace, impacts: int) -> float:
+        """Seconds that the function took for all impacts: measured, for nobody knows what it counts."""
         return trace.seconds
 
     def most_seconds(self, impacts: int) -> float:

@@ -45,9 +45,11 @@ class BuiltIn(Closure):
         """Follow the moments through the impacts."""
         return self.function(scene, impacts, order, *tolerance)
 
-    def seconds(self, trace: Trace) -> float:
-        """Nominal seconds of one core: counted impacts, and flights of mixture components, at stated costs."""
-        return 1e-6 * (trace.found * self.impact_microseconds + trace.work * COMPONENT_MICROSECONDS)
+    def seconds(self, trace: Trace, impacts: int) -> float:
+        """Nominal seconds of one core up to an impact: counted impacts and flights of components, at stated costs."""
+        followed = min(trace.found, impacts)
+        flown = int(trace.flown[: impacts + 1].sum())
+        return 1e-6 * (followed * self.impact_microseconds + flown * COMPONENT_MICROSECONDS)
 
     def most_seconds(self, impacts: int) -> float:
         """The most that `seconds` can be: all components that it may have."""
@@ -242,6 +244,9 @@ def closures_for(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name in CLOSURES if name not in refused)
 
 
-def closure_seconds(found: MeanMap) -> float:
-    """Seconds of one core that a prediction takes: nominal, or measured where a user's own function made it."""
-    return found.method.seconds(found.trace)
+def closure_seconds(found: MeanMap, impacts: int | None = None) -> float:
+    """Seconds of one core that a prediction takes: nominal, or measured where a user's own function made it.
+
+    `impacts`: Up to which the work is counted, not measured; all by default.
+    """
+    return found.method.seconds(found.trace, found.impacts if impacts is None else impacts)

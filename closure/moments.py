@@ -7,7 +7,7 @@ are known, and the probability discarded (docs/theory/closures.md).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -63,13 +63,19 @@ class Trace:
     doubted: Floats | None = None
     # the same closure's mean of what its components are bent, squared, and taken as Gaussians; (impacts + 1,)
     bent: Floats | None = None
-    work: int = 0  # how many flights of components the same closure computed
+    # flights of components that the same closure computed, by impact; (impacts + 1,), of the others (0,)
+    flown: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     flight: Floats | None = None  # mean flights, where they are not differences of mean times; (impacts + 1,)
     # of a closure of one's own: ``rho1, rho2`` as it predicts them, (impacts + 1, 2); the seconds that it took; whether
     # it raised an exception
     rho: Floats | None = None
     seconds: float = float("nan")
     raised: bool = False
+
+    @property
+    def work(self) -> int:
+        """How many flights of components were computed."""
+        return int(self.flown.sum())
 
     @property
     def span(self) -> tuple[float, float]:

@@ -26,8 +26,8 @@ WARM_UP = "warm-up"  # the command that needs all tasks
 LONGEST_TASK = 600.0  # seconds after which a process that has begun a task is no longer waited for
 Task = Callable[[], object]
 
-VALIDATED = ("closure branching", "paths near rare branches", "closure published", "closure corrected")
-"""What a validation needs besides the simulation, the longest first."""
+VALIDATED = ("closure branching", "closure published", "closure corrected", "paths near rare branches")
+"""What a validation needs besides the simulation; last what has most in common with it."""
 NEEDS: dict[str, tuple[str, ...]] = {
     "validate": (*VALIDATED, "scheme exact-flight", "closure saltation"),
     "simulate": ("scheme exact-flight", "closure saltation", "rare branches"),
@@ -93,7 +93,7 @@ def tasks(orders: int = 1) -> dict[str, Task]:
 
 
 @dataclass(frozen=True)
-class Kept:
+class DoneTasks:
     """The folder of machine code, and what marks its tasks: the processor and the kind of the drive."""
 
     place: Path
@@ -141,7 +141,7 @@ class Kept:
             scratch.replace(mark)
 
 
-def compile_tasks(found: Mapping[str, Task], kept: Kept, wait: float = 0.0) -> Iterator[str]:
+def compile_tasks(found: Mapping[str, Task], kept: DoneTasks, wait: float = 0.0) -> Iterator[str]:
     """Run tasks, and give the name of each before; those that another process has begun are waited for at the end."""
     begun = []
     for name, task in found.items():
@@ -154,12 +154,12 @@ def compile_tasks(found: Mapping[str, Task], kept: Kept, wait: float = 0.0) -> I
             kept.run(name, found[name], wait) or found[name]()
 
 
-def kept_tasks(orders: int = 1) -> Kept | None:
+def kept_tasks(orders: int = 1) -> DoneTasks | None:
     """Where it is noted which tasks are done; None where no machine code is kept."""
     from rattle.scene.compiled import folder, processor
 
     place = folder()
-    return None if place is None else Kept(place, f"{processor()} {min(orders, 2)}")
+    return None if place is None else DoneTasks(place, f"{processor()} {min(orders, 2)}")
 
 
 def help_parent(wanted: str) -> None:

@@ -37,6 +37,7 @@ from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic, register_jitable
 
 from rattle.scene import compilers
+from rattle.scene.progress import compiling, has_terminal, print_on_stderr, watch_compiler
 from rattle.scene.sources import (
     PACKAGES,
     ROOT,
@@ -48,17 +49,16 @@ from rattle.scene.sources import (
     read_sources,
     sources_in,
 )
-from rattle.scene.text import has_terminal, print_on_stderr
 
 TAKEN = ("scene/compiled.py", "scene/types.py", "montecarlo/schemes/step_state.py")
 """Beside the sources that import the compiler, what compiled code takes."""
 COMPILED = b"from rattle.scene." + b"compiled import"  # in two, since this source is not compiled
-NUMBAS_RESULT: Any = CompileResult  # typed as Any: numba has no type hints
+NUMBAS_RESULT: Any = CompileResult  # both typed as Any: numba has no type hints
+EVENTS: Any = event
 
 CHECKSUM = hashlib.sha256().digest_size
 LONGEST_WAIT = 60.0  # seconds for what another process compiles: no function takes half as long
 GARBAGE = 20_000, 10, 10  # thresholds of Python's garbage collector while a function is compiled
-WAIT = "rattle:wait"  # numba's event while this process waits for another
 
 D = TypeVar("D")
 P = ParamSpec("P")
@@ -283,7 +283,7 @@ class Kept:
             try:
                 lock.acquire(timeout=0.0)
             except Timeout:
-                with event.trigger_event(WAIT, data={"function": self._function}):
+                with compiling():
                     lock.acquire(timeout=LONGEST_WAIT)
             self._locks[signature] = lock
 
@@ -346,7 +346,7 @@ class _Compiling(event.Listener):
             function._cache.release(signature)
 
 
-event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call]  # numba has no type hints
+EVENTS.register("numba:compile", _Compiling())
 
 
 def keep(function: D) -> D:
@@ -359,6 +359,7 @@ def keep(function: D) -> D:
 
 
 keep_by_source()
+watch_compiler()
 OPTIONS: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
 LEAN: dict[str, Any] = OPTIONS | {"_nrt": False}
 INTERNAL: dict[str, Any] = OPTIONS | {"no_cpython_wrapper": True}
@@ -381,13 +382,16 @@ def lean(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def internal(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, for a function that compiled code alone calls: Python cannot call it, and its callers keep its code."""
-    return cast(Callable[P, R], numba.njit(**INTERNAL)(function))
+    """As `jit`, for a function that compiled code alone calls: Python cannot call it.
+
+    Its callers keep its code too; its own file spares another process that compiles another caller its typing.
+    """
+    return cast(Callable[P, R], keep(numba.njit(**INTERNAL)(function)))
 
 
 def lean_internal(function: Callable[P, R]) -> Callable[P, R]:
     """As `lean`, for compiled callers alone, as `internal` is."""
-    return cast(Callable[P, R], numba.njit(**LEAN_INTERNAL)(function))
+    return cast(Callable[P, R], keep(numba.njit(**LEAN_INTERNAL)(function)))
 
 
 def shared(function: Callable[P, R]) -> Callable[P, R]:
@@ -402,7 +406,7 @@ def shared_inline(function: Callable[P, R]) -> Callable[P, R]:
 
 def inline(function: Callable[P, R]) -> Callable[P, R]:
     """As `lean_internal`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
-    return cast(Callable[P, R], numba.njit(**INLINE)(function))
+    return cast(Callable[P, R], keep(numba.njit(**INLINE)(function)))
 
 
 def splice(function: Callable[P, R]) -> Callable[P, R]:

@@ -1,10 +1,8 @@
 r"""Text for terminals, pages and notebooks: control characters escaped, durations in words, objects as Python text."""
 
-import sys
 import textwrap
 import unicodedata
 from collections.abc import Mapping
-from contextlib import suppress
 from decimal import Decimal
 from html import escape
 
@@ -26,20 +24,6 @@ def harmless(text: str, keep: str = "\n\t") -> str:
 def line(text: str) -> str:
     r"""Put a text on one line: white space collapsed, control characters escaped."""
     return " ".join(harmless(text).split())
-
-
-def print_on_stderr(text: str) -> None:
-    """Print a line on standard error, where there is one: a daemon has none, or one that is closed."""
-    with suppress(OSError, ValueError):
-        if sys.stderr is not None:  # `print` would take standard output
-            print(harmless(f"rattle: {text}"), file=sys.stderr, flush=True)
-
-
-def has_terminal() -> bool:
-    """Whether standard error is a terminal, where progress is shown."""
-    with suppress(AttributeError, ValueError):  # there is none, or it is closed
-        return sys.stderr.isatty()
-    return False
 
 
 def duration_text(seconds: float, digits: int = 3) -> str:

@@ -14,7 +14,7 @@ from rattle.compare.report.provenance import provenance
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import Scene, as_html, check_scene, compilers, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import print_on_stderr
+from rattle.scene.progress import print_on_stderr
 
 
 @numpy_defaults

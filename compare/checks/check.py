@@ -16,6 +16,7 @@ from scipy.special import ndtri
 
 from rattle.compare.report.texts import read_texts
 from rattle.scene import choice, count
+from rattle.scene.progress import ProgressBar
 
 FALSE_ALARM = 1e-3
 """Probability that at least one statistical check in a whole run of a correct program fails."""
@@ -101,13 +102,23 @@ def limit(checks: int) -> float:
 
 
 def run_checks(
-    subjects: Mapping[str, Subject], names: Sequence[str] = (), *, seed: int = 0, workers: int = 2
+    subjects: Mapping[str, Subject],
+    names: Sequence[str] = (),
+    *,
+    seed: int = 0,
+    workers: int = 2,
+    progress: str | None = None,
 ) -> list[Result]:
-    """Check the subjects of these names, or all; those without a bound of their own share `limit` of their checks."""
+    """Check the subjects of these names, or all; those without a bound of their own share `limit` of their checks.
+
+    `progress`: Label of a progress bar.
+    """
     count("seed", seed, least=0)
     count("workers", workers)
     found = []
-    for name in [choice("result", name, subjects) for name in dict.fromkeys(names)] or subjects:
+    chosen = [choice("result", name, subjects) for name in dict.fromkeys(names)] or list(subjects)
+    for name in (bar := ProgressBar(chosen, label=progress, unit="check", leave=False)):
+        bar.set_postfix_str(name)
         started = time.perf_counter()
         found.append(subjects[name](seed, workers)._replace(seconds=time.perf_counter() - started))
     allowed = limit(sum(check.se > 0.0 for result in found for check in result.checks))

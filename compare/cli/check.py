@@ -12,6 +12,7 @@ import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import Results, say, say_json, say_lines, say_part
 from rattle.scene import OutputError, count, positive
+from rattle.scene.progress import do
 
 EXIT_BROKEN = 1
 EXTREMES = "Try extreme values too (rattle check extremes), and put their table on the page."
@@ -29,7 +30,7 @@ def show_results(results: Sequence[Any], all_checks: bool, as_json: bool, record
         sys.exit(EXIT_BROKEN)
 
 
-@click.group()
+@click.group(cls=shared.CommandGroup)
 def check() -> None:
     """Check this installation: results, extremes, stability, speed."""
 
@@ -50,7 +51,7 @@ def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, a
     from rattle.compare.checks.check import results_record, run_checks
     from rattle.compare.checks.published import RESULTS
 
-    found = run_checks(RESULTS, names, seed=seed, workers=workers)
+    found = run_checks(RESULTS, names, seed=seed, workers=workers, progress="checks")
     show_results(found, all_checks, as_json, results_record(found, seed))
 
 
@@ -67,7 +68,7 @@ def extremes(ranges: bool, as_json: bool) -> None:
     from rattle.compare.checks.check import extreme_record, run_checks
     from rattle.compare.checks.extremes import ROWS
 
-    rows = run_checks(ROWS)
+    rows = run_checks(ROWS, progress="checks")
     show_results(rows, ranges, as_json, [extreme_record(row) for row in rows])
 
 
@@ -100,8 +101,9 @@ def stability(
         count(name, settings[name], least=least, most=most)
     results = Results("", out, "", "checks.stability.page:write_stability", overwrite)
     found = chart(schemes=chosen, axes=along, **settings, folder=results.cells)
+    do("covariances of each scheme")
     covariances = covariance_table(**settings)
-    tried = run_checks(ROWS) if extreme else ()
+    tried = run_checks(ROWS, progress="extreme values") if extreme else ()
     asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
     results.say(results.write(found, covariances, tried, **asked), "stability.html")
     if len(found.without_diagnostic) or not all(row.holds for row in tried):
@@ -179,12 +181,10 @@ def warm_up(times: bool) -> None:
 
     Exit codes: 0 done; 2 it cannot be kept.
     """
-    from tqdm import tqdm
-
     from rattle.compare.compiling import LONGEST_TASK, WARM_UP, compile_tasks, kept_tasks, measure_times, tasks
     from rattle.scene import compilers
     from rattle.scene.compiled import INTERPRETED
-    from rattle.scene.text import has_terminal
+    from rattle.scene.progress import ProgressBar
 
     if INTERPRETED:
         say("nothing is compiled: numba is off (NUMBA_DISABLE_JIT)")
@@ -198,7 +198,8 @@ def warm_up(times: bool) -> None:
         raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
     compilers.expect(WARM_UP)
     found, before = tasks(), kept.count()
-    for name in (line := tqdm(compile_tasks(found, kept, LONGEST_TASK), disable=not has_terminal(), unit="task")):
-        line.set_postfix_str(name)
+    named = compile_tasks(found, kept, LONGEST_TASK)
+    for name in (bar := ProgressBar(named, label="compiling", unit="task", total=len(found))):
+        bar.set_postfix_str(name)
     seconds = time.perf_counter() - started
     say(f"{kept.count() - before} functions compiled in {seconds:.0f} s; kept in {kept.place}")

@@ -9,19 +9,20 @@ import click
 
 from rattle.compare.cli.check import check, claims, warm_up
 from rattle.compare.cli.parameters import boundary, sensitivity
-from rattle.compare.cli.shared import say
+from rattle.compare.cli.shared import CommandGroup, say
 from rattle.compare.cli.show import animate, drive, init, show
 from rattle.compare.cli.simulate import chaos, simulate, stationary
 from rattle.compare.cli.study import study
 from rattle.compare.cli.validate import order, tradeoff, validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED, describe_interrupt, ends_soon, said
 from rattle.scene.errors import RattleError
+from rattle.scene.progress import speaking
 from rattle.scene.text import harmless
 
 EXIT_BAD_INPUT = 2
 
 
-class RattleGroup(click.Group):
+class RattleGroup(CommandGroup):
     """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
 
     def main(self, *args: Any, **settings: Any) -> Any:
@@ -40,7 +41,7 @@ class RattleGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command, and convert its errors to a message and an exit code."""
         try:
-            with ends_soon():
+            with ends_soon(), speaking("starting"):
                 return super().invoke(ctx)
         except click.ClickException as error:  # the message may quote a file name with control characters
             setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)

@@ -69,7 +69,8 @@ def boundary(
     if along is None:
         settings |= {"budget": budget}
         search: Any = rt.boundary if quantity is None else rt.crossing
-        found = search(base, **settings, **common, progress="boundary")
+        with shared.estimates_shown():
+            found = search(base, **settings, **common, progress="boundary")
     else:
         settings |= {"along": along, "reach": reach, "values": asked["values"]}
         found = rt.boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
@@ -112,7 +113,10 @@ def sensitivity(
     common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
     if closure is None:
         settings = {name: asked[name] for name in ("accuracy", "slow", "budget")}
-        found: Any = rt.sensitivity(base, quantities=quantities or None, **settings, **common, progress="sensitivity")
+        with shared.estimates_shown():
+            found: Any = rt.sensitivity(
+                base, quantities=quantities or None, **settings, **common, progress="sensitivity"
+            )
     else:
         settings = {"closure": closure} | {name: asked[name] for name in ("impacts", "paths", "budget")}
         found = rt.closure_sensitivity(base, **settings, **common, progress="sensitivity")

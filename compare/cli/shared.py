@@ -1,7 +1,8 @@
 """What the commands share: options and their types, the scene, the folder, and what is printed."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+import logging
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
 from functools import partial, reduce, wraps
@@ -15,6 +16,7 @@ from rattle.compare.report.folder import check_free, default_place, name_of
 from rattle.compare.report.interrupt import stored
 from rattle.compare.report.json_text import json_text
 from rattle.scene import DAT21, Scene, choice, compilers, count, harmless
+from rattle.scene.progress import ESTIMATES, apart_from_bars, do, print_on_stderr
 
 PATH = click.Path(path_type=Path)
 Option = Callable[[Any], Any]
@@ -28,6 +30,7 @@ EXIT_NOT_MET = 3  # the accuracy, the width or the requirement that was asked fo
 PAPER_SIGMA = 1.5**0.5  # sqrt(alpha) of DAT21
 
 MOST_DIGITS = 60
+LONGEST = 100  # characters of what a command says that it does
 
 
 class WholeNumber(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.2
@@ -187,6 +190,19 @@ def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGM
     return decorate
 
 
+class CommandGroup(click.Group):
+    """Group of commands, each of which states what it does before it begins."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that is asked for."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            do(f"{name} ({command.get_short_help_str(LONGEST).rstrip('.')})")
+        return name, command, rest
+
+
 class Results:
     """The folder of a command's results, and what their manifest says of the run; ``--json`` alone writes none."""
 
@@ -243,7 +259,7 @@ class Results:
 
 def say(text: str, *, err: bool = False, keep: str = "") -> None:
     """Print a text on one line; control characters, such as those of a file's name, are shown as escapes."""
-    with suppress(OSError) if err else nullcontext():  # nobody may read what is said besides the answer
+    with suppress(OSError) if err else nullcontext(), apart_from_bars():  # nobody may read what is said besides
         click.echo(harmless(text, keep), err=err)
 
 
@@ -255,12 +271,35 @@ def say_lines(sentences: Iterable[str]) -> None:
 
 def say_json(data: Any) -> None:
     """Print data as strict JSON; NaN and infinities become null."""
-    click.echo(json_text(data))
+    with apart_from_bars():
+        click.echo(json_text(data))
 
 
 def say_part(part: str) -> None:
     """Print on standard error which part of a long command begins, and when."""
     say(f"{datetime.now():%H:%M:%S} {part}", err=True)
+    do(part)
+
+
+class Printer(logging.Handler):
+    """Prints what is logged on standard error."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record."""
+        print_on_stderr(record.getMessage())
+
+
+@contextmanager
+def estimates_shown() -> Iterator[None]:
+    """Context in which estimates of the time that work takes are printed."""
+    printer, level = Printer(), ESTIMATES.level
+    ESTIMATES.addHandler(printer)
+    ESTIMATES.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        ESTIMATES.removeHandler(printer)
+        ESTIMATES.setLevel(level)
 
 
 def check_counts(settings: Mapping[str, Any], **least: int) -> None:

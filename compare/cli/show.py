@@ -20,6 +20,7 @@ from rattle.compare.report.json_text import NAME, read_page
 from rattle.scene import FileError, InputError, OutputError, count, harmless, line, nearest
 from rattle.scene.files import read_text, read_toml
 from rattle.scene.gears_input import find_measured, read_measured
+from rattle.scene.progress import apart_from_bars
 
 NARROWEST = 20
 """Characters of the shortest line; a narrower terminal wraps it."""
@@ -158,7 +159,8 @@ def show(report: Path, section: str | None, width: int | None) -> None:
             raise InputError("section", section, nearest(section, titles))
         lines = (row for s in found for row in section_lines(s, columns))
     text = "\n".join(lines).rstrip("\n")
-    click.echo(text, color=False if os.environ.get("NO_COLOR") else None)
+    with apart_from_bars():
+        click.echo(text, color=False if os.environ.get("NO_COLOR") else None)
 
 
 @click.command()

@@ -1,11 +1,8 @@
 """The commands ``rattle simulate``, ``rattle stationary`` and ``rattle chaos``."""
 
-import logging
 import math
 import os
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +13,7 @@ from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines, say_part
 from rattle.compare.report.folder import check_own, write_whole
 from rattle.scene import InputError, Scene, positive
+from rattle.scene.progress import do
 from rattle.scene.units import UNITS, check_units, in_units
 
 MOST_NAMED = 8  # rows that miss an accuracy which are named
@@ -79,7 +77,7 @@ def simulate(
     transient = describe_transient(base)
     if transient and not as_json:
         say(transient)
-    common: dict[str, Any] = {"rng": seed, "progress": "simulate", **settings}
+    common: dict[str, Any] = {"rng": seed, "progress": "simulating", **settings}
     if paths is not None and accuracy is None:
         recorded = None if step_bias else rt.Record(step_bias=False)
         run = rt.simulate(base, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded, **common)
@@ -88,7 +86,8 @@ def simulate(
         for name, value in (("paths", paths), ("dt", dt)):
             if value is not None:
                 raise InputError(name, value, "is chosen by --accuracy; leave out one of them")
-        with _estimates_shown():
+        do("simulate: pilot runs, which choose scheme, step and paths")
+        with shared.estimates_shown(), warnings.catch_warnings(action="ignore", category=rt.AccuracyWarning):
             run = rt.simulate_to(base, accuracy, scheme=scheme, budget=budget, refuse=False, **common)
     reach, missed = run.reach, run.reach.missed if run.reach else ()
     if as_json:
@@ -112,22 +111,6 @@ def simulate(
         write_whole(out, csv_text(run.section_in(units)))
     if reach and not reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
-
-
-@contextmanager
-def _estimates_shown() -> Iterator[None]:
-    """Context in which estimates of the time are printed; that an accuracy is missed is printed by the command."""
-    from rattle.montecarlo.accuracy.simulate_to import ESTIMATES
-
-    handler, level = logging.StreamHandler(), ESTIMATES.level
-    ESTIMATES.addHandler(handler)
-    ESTIMATES.setLevel(logging.INFO)
-    try:
-        with warnings.catch_warnings(action="ignore", category=rt.AccuracyWarning):
-            yield
-    finally:
-        ESTIMATES.removeHandler(handler)
-        ESTIMATES.setLevel(level)
 
 
 FORMS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
@@ -220,7 +203,8 @@ def stationary(
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
-    found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
+    with shared.estimates_shown():
+        found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
     more = {"scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at)}
     said = results.write(found, view, **more)
     results.say(said, "stationary.html", lambda: found.to_dict(units or "dimensionless"))

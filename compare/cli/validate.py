@@ -1,5 +1,6 @@
 """The commands that judge closures and schemes: validate, tradeoff and order."""
 
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Begin, load_scene, say, say_json, say_lines
 from rattle.compare.report.folder import check_free, default_place, name_of
+from rattle.compare.report.interrupt import stored
 from rattle.scene import Scene, choice, count, positive
 
 EXIT_FAILED, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 4, 5
@@ -33,6 +35,7 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 @shared.SEED_AND_WORKERS
 @shared.grid("validity", "1e-3:2:12", VALIDITY)
 @shared.whole("validity-paths", 40_000, "Simulated paths of each of these.")
+@shared.real("budget", "Core-seconds of counted work for that figure.", 60.0)
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
 @click.option("--out", type=shared.PATH, default=None, help="Report folder. [default: reports/NAME]")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
@@ -48,6 +51,7 @@ def validate(
     workers: int,
     validity: str,
     validity_paths: int,
+    budget: float,
     no_validity: bool,
     out: Path | None,
     overwrite: bool,
@@ -68,13 +72,16 @@ def validate(
     from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
-    from rattle.compare.validation.page import CONTENTS, all_rows, write_report
+    from rattle.compare.validation.answer import SECTION, UNFINISHED, answer, describe_left_out
+    from rattle.compare.validation.page import CONTENTS, all_rows, draw_sections, write_report
     from rattle.compare.validation.transient import describe_transient
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
     from rattle.montecarlo import check_settings
 
+    positive("budget", budget)
     recorded = None
     if repeat is not None:
+        budget = math.inf  # what the first run has left out is not in its manifest
         recorded = manifest.read_settings(repeat)
         settings = recorded.settings
         out = out or default_place(settings.name, "-repeated")
@@ -112,12 +119,31 @@ def validate(
         rt.validate(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
         for s in settings.scenes
     ]
+    origin = {"repeat": command_line(["validate", "--repeat", str(out / "manifest.json")])}
+    page = out / "report.html"
+    said = answer(validations)
+    told: list[str] = []  # what is printed before the page is whole
+    if settings.validity or settings.beside:
+        told = said
+    if not as_json:
+        say_lines(told)
+    drawn = draw_sections(validations)
+    if told:
+        at_once = settings._replace(validity=(), validity_paths=0, beside=())
+        unfinished = [UNFINISHED] if settings.validity else []
+        measured = origin | provenance(watch)
+        write_report(out, at_once, validations, None, said + unfinished, drawn, measured, overwrite)
+        overwrite = True
+        stored.append(lambda: f"the page is written, without the range of validity: {page}")
     swept = None
     if settings.validity:
-        swept = sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers)
+        say(f"Page: {page}; now the range of validity over σ, at {len(settings.validity)} intensities", err=True)
+        swept = sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers, budget=budget)
+        settings = settings._replace(validity=tuple(sorted(swept.validity["sigma"].unique())))
+        said = answer(validations, swept) + describe_left_out(swept, budget)
     schemes = compare_schemes(validations, settings.beside, workers) if settings.beside else None
-    origin = {"repeat": command_line(["validate", "--repeat", str(out / "manifest.json")])} | provenance(watch)
-    record = write_report(out, settings, validations, swept, origin, overwrite, schemes)
+    measured = origin | provenance(watch)
+    record = write_report(out, settings, validations, swept, said, drawn, measured, overwrite, schemes)
     repeated = None if recorded is None else manifest.compare(recorded, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
@@ -134,7 +160,9 @@ def validate(
         say_json(summary | {"table": all_rows(validations).to_dict("records")})
     else:
         comparison = repeated.sentences if repeated else []
-        say_lines((*record["answer"], f"Report: {out / 'report.html'}", *comparison))
+        known = {sentence.replace(SECTION, "") for sentence in told}  # it explains a word at its first use
+        new = [sentence for sentence in said if sentence.replace(SECTION, "") not in known]
+        say_lines((*new, f"Report: {page}", *comparison))
     if repeated and repeated.outcome == manifest.DIFFERENT:
         sys.exit(EXIT_NOT_REPEATED)
     failed = {f"closure {name} {why}" for v in validations for name, why in v.failed.items()}

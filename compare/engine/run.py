@@ -5,7 +5,6 @@ The work runs on threads of this process, or on a Dask cluster (`rattle.compare.
 
 import io
 import os
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Collection
@@ -14,15 +13,13 @@ from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self, TextIO
-
-from tqdm import tqdm
+from typing import Any, Self, TextIO
 
 from rattle.compare.engine.store import LOCKS, Cell, Content, Store, TemporaryStore
 from rattle.compare.report.folder import ANY_TEXT, check_own, describe_refusal, refuse_foreign, sweep
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar, print_on_stderr
 
 CELLS, LOG = "cells", "study.log"
 LOG_LINE = rb"\A\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} \d+ "
@@ -117,12 +114,11 @@ class StudyProgress:
                 self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (see __exit__)
         except OSError as error:
             raise describe_refusal(Path(folder or "", LOG), error) from None
-        self._bar: tqdm[NoReturn] = tqdm(
+        self._bar = ProgressBar(
             total=stored + len(todo),
             initial=stored,
-            desc="study",
+            label="study" if show else None,
             unit=" cells",
-            disable=not (show and has_terminal()),
             bar_format="{desc} {n}/{total} cells |{bar:20}| {elapsed}, {remaining} left{postfix}",
         )
         self.log(f"start: {stored} results stored, {len(todo)} to compute")
@@ -151,9 +147,7 @@ class StudyProgress:
         """Log a line, and print it at once: the other cells may take hours."""
         self.log(text)
         if self._show:
-            with suppress(OSError, ValueError):  # it may be closed
-                if sys.stderr is not None:  # tqdm would take standard output
-                    self._bar.write(f"rattle: {text}", file=sys.stderr)
+            print_on_stderr(text)
 
     def finish(self, cell: Cell, result: Any, here: bool) -> None:
         """Count a finished cell, computed here or by another process."""

@@ -28,8 +28,8 @@ from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene import OutputError, Scene, line
 from rattle.scene.compiled import has_fma
 from rattle.scene.files import read_regular
+from rattle.scene.progress import print_on_stderr
 from rattle.scene.sources import PACKAGES, describe_difference, digest_of, sources_in
-from rattle.scene.text import print_on_stderr
 
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
 

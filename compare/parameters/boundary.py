@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
@@ -22,10 +21,14 @@ from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.validation.verdict import Tolerances
+from rattle.montecarlo import simulate as simulate_paths
+from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar
+
+PROBED = 64  # paths of which what a look takes is foreseen
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -200,7 +203,14 @@ def boundary(
     method = find_closure("closure", closure)
     method.check(parameter.scene_at(low))
     steps = 0
-    bar = tqdm(desc=progress, unit=" values", disable=not (progress and has_terminal()))
+    values = search.expect_values(low, high, points, width)
+
+    def time_look() -> float:
+        middle = parameter.scene_at(math.sqrt(low * high))
+        return cost_of(simulate_paths(middle, paths=PROBED, impacts=impacts), search.LOOKS[0]).core_seconds
+
+    search.state_search(progress, values, time_look)
+    bar = ProgressBar(label=progress, total=values, unit=" values")
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

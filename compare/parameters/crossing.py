@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters.boundary import check_search, own_seed
 from rattle.compare.parameters.finding import Finding, list_values, with_unit
-from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes
+from rattle.compare.parameters.search import MOST, UNDECIDED, expect_values, find_changes, state_search
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
+from rattle.montecarlo.long_run.run import expect_run
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -216,7 +216,9 @@ def crossing(
     level = float(positive("level", level))
     positive("slow", slow)
     units = "dimensionless" if scene.gears is None else "physical"
-    bar = tqdm(desc=progress, unit=" values", disable=not (progress and has_terminal()))
+    values = expect_values(low, high, points, width)
+    state_search(progress, values, lambda: expect_run(scene, PATHS, LOOKS[0], slow=slow).core_seconds)
+    bar = ProgressBar(label=progress, total=values, unit=" values")
     store = open_store(folder)
     with Runner(workers) as runner, bar:
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy.stats import t as student
-from tqdm import tqdm
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
@@ -23,7 +22,7 @@ from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar
 
 GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
 STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
@@ -180,7 +179,7 @@ def closure_sensitivity(
         bar.update()
         return _moments(found.section, job[0], impacts)
 
-    bar = tqdm(desc=progress, total=GROUPS * len(every), unit="run", disable=not (progress and has_terminal()))
+    bar = ProgressBar(label=progress, total=GROUPS * len(every), unit="run")
     done: list[list[Floats]] = []
     with ThreadPoolExecutor(workers) as pool, bar:
         while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):

@@ -15,7 +15,8 @@ import pandas as pd
 
 from rattle.compare.validation.errors import Claimed, Simulated, section_errors, waits_for_branch
 from rattle.compare.validation.verdict import JUDGED, Tolerances, is_accurate, is_wrong, widest
-from rattle.scene import SECTION, Scene
+from rattle.scene import SECTION, Scene, duration_text
+from rattle.scene.progress import ESTIMATES
 
 LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 """Paths after which a value is judged."""
@@ -163,6 +164,23 @@ def find_changes(
     pairs = [(a, b) if a.verdict == first else (b, a) for a, b in pairwise(decided) if a.verdict != b.verdict]
     changes = [narrow(*pair) for pair in pairs]
     return changes, pd.DataFrame(sorted(known.values()))
+
+
+def expect_values(low: float, high: float, points: int, width: float) -> int:
+    """How many values a search tries that finds one change of verdict."""
+    enough = math.log((1.0 + width) / (1.0 - width))
+    apart = math.log(high / low) / (points - 1)
+    return min(points + math.ceil(math.log2(max(apart / enough, 1.0))), MOST)
+
+
+def state_search(label: str | None, values: int, each: Callable[[], float]) -> None:
+    """State what a search is expected to take at the least, where there is a label.
+
+    `each`: Core-seconds of the first look at one value.
+    """
+    if label:
+        seconds = duration_text(values * each(), 2)
+        ESTIMATES.info("%s: about %d values, and %s of processor time at the least", label, values, seconds)
 
 
 def _between(value: float, one: float, other: float) -> bool:

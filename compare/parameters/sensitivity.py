@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.stats import t as student
-from tqdm import tqdm
 
 from rattle.compare.parameters.finding import Finding, quantity_words, value_text
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.long_run.run import expect_run
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.scene import Floats, InputError, Scene, check_scene, choice, compilers, positive
+from rattle.scene import Floats, InputError, Scene, check_scene, choice, compilers, duration_text, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ESTIMATES, ProgressBar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -232,7 +232,11 @@ def sensitivity(
         except InputError as error:
             remarks[name] = f"cannot be changed by {STEPS[1]:.0%}: {error}"
     runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
-    bar = tqdm(desc=progress, unit="run", disable=not (progress and has_terminal()))
+    if progress:
+        seconds = GROUPS[0] * len(jobs) * expect_run(scene, PATHS, PERIODS, slow=slow).core_seconds
+        said = f"{progress}: {GROUPS[0]} to {GROUPS[-1]} groups of {len(jobs)} long runs, {duration_text(seconds, 2)}"
+        ESTIMATES.info("%s of processor time at the least", said)
+    bar = ProgressBar(label=progress, unit="run")
     with ThreadPoolExecutor(workers) as pool, bar:
         for groups in GROUPS:
             bar.total = groups * len(jobs)

@@ -82,18 +82,20 @@ def write_files(
     record: Mapping[str, Any],
     *,
     allowed: frozenset[str],
-    figures: Mapping[str, Figure],
+    figures: Mapping[str, Figure | bytes],
     tables: Mapping[str, pd.DataFrame],
     digits: str | None = None,
     digests: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Write figures, tables, page and manifest into a folder; a table as CSV, Parquet or both, as `allowed` says.
 
-    `digests`: Files whose digests the manifest holds, as ``files``.  Returns the manifest.
+    `figures`: SVG where they are drawn already. `digests`: Files whose digests the manifest holds, as ``files``.
+    Returns the manifest.
     """
     for label, figure in figures.items():
         (folder / label).parent.mkdir(exist_ok=True)
-        style.save(figure, folder / f"{label}.svg")
+        drawn = figure if isinstance(figure, bytes) else style.render(figure)
+        (folder / f"{label}.svg").write_bytes(drawn)
     for label, table in tables.items():
         if f"{label}.parquet" in allowed:
             table.to_parquet(folder / f"{label}.parquet", index=False, compression="zstd")

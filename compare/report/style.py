@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from importlib.resources import files
-from pathlib import Path
+from io import BytesIO
 from typing import Any
 
 import matplotlib as mpl
@@ -72,7 +72,9 @@ def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
     return "".join(text for text, word in parts if any(word in label for label in drawn) or not word)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as SVG; equal figures give equal files."""
+def render(figure: Figure) -> bytes:
+    """Draw a figure as SVG; equal figures give equal files."""
+    drawn = BytesIO()
     with mpl.rc_context(SETTINGS):
-        figure.savefig(path, format="svg", metadata={"Date": None})
+        figure.savefig(drawn, format="svg", metadata={"Date": None})
+    return drawn.getvalue()

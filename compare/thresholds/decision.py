@@ -39,7 +39,7 @@ from rattle.montecarlo.settings import begins
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import SECTION, InputError, Scene, choice
 from rattle.scene.numpy_errors import call_users
-from rattle.scene.text import print_on_stderr
+from rattle.scene.progress import print_on_stderr
 
 Model = str | Closure | Callable[[Scene, int], Any]
 """A closure's name, or a closure of one's own."""

@@ -201,7 +201,7 @@ class Rattle:
         self._item.user_properties.append(("rattle", facts))
 
     def _figure(self, model: str, table: pd.DataFrame) -> str:
-        from rattle.compare.report.style import save
+        from rattle.compare.report.style import render
 
         if self._session.folder is None:
             return ""
@@ -209,7 +209,7 @@ class Rattle:
         path = self._session.folder / "figures" / f"{name}.svg"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            save(messages.error_figure(table, model), path)
+            path.write_bytes(render(messages.error_figure(table, model)))
         except OSError as error:  # the verdict does not depend on the figure
             return f"\nNo figure: {error.strerror}"
         return f"\nFigure: {self._shorten(path)}"

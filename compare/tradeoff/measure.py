@@ -15,7 +15,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from rattle.closure import closures_for, mean_map
 from rattle.closure.mean_map import closure_seconds
@@ -30,7 +29,7 @@ from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.scene import SECTION, Floats, Scene, positive
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
 FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
@@ -295,7 +294,7 @@ def measure(
     models: dict[str, CostModel] = {}
     found: dict[str, list[tuple[CostPoint, Ensemble | None]]] = {scheme: [] for scheme in SCHEMES}
     exact, *euler = sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
-    with tqdm(total=len(SCHEMES) * len(accuracies), desc="accuracy", unit="point", disable=not has_terminal()) as bar:
+    with ProgressBar(label="accuracy", total=len(SCHEMES) * len(accuracies), unit="point") as bar:
         for scheme in (exact, *euler):
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
             model.shared = find_plain([models[exact].first, *(run for _, run in found[exact] if run)])

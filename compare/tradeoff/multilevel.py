@@ -15,7 +15,6 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import pandas as pd
 from scipy import stats
-from tqdm import tqdm
 
 from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
@@ -25,7 +24,7 @@ from rattle.montecarlo.noise.philox import LEVELS as SIDE_BY_SIDE
 from rattle.montecarlo.settings import plan_of
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Floats, Scene
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
 LEVELS, PATHS = 7, 16_384
@@ -135,7 +134,7 @@ def measure_levels(scene: Scene, scheme: str, *, impacts: int, seed: int, worker
     seeds = np.random.SeedSequence([seed, LEVELS]).spawn(LEVELS)
     common: dict[str, Any] = {"paths": PATHS, "impacts": impacts, "scheme": scheme, "workers": workers}
     common["record"], dt = Record(step_bias=True), min(COARSEST, longest)
-    bar = tqdm(seeds, desc=f"levels of {scheme}", unit="level", disable=not has_terminal(), leave=False)
+    bar = ProgressBar(seeds, label=f"levels of {scheme}", unit="level", leave=False)
     return levels_of([simulate(scene, dt=dt / 2**level, rng=own, **common) for level, own in enumerate(bar)])
 
 
@@ -219,7 +218,7 @@ def control_table(
     """
     rows = []
     settings: dict[str, Any] = {"paths": paths, "scheme": "exact-flight", "rng": seed}
-    for sigma in tqdm(sigmas, desc="control variate", unit="sigma", disable=not has_terminal(), leave=False):
+    for sigma in ProgressBar(sigmas, label="control variate", unit="sigma", leave=False):
         own = scene.with_sigma(sigma)
         call = partial(simulate, own, impacts=impacts, workers=workers, **settings)
         call(sampling=Sampling(control=True))

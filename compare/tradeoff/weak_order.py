@@ -14,13 +14,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
-from tqdm import tqdm
 
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.diagnostics.accuracy import ROUNDED, units
 from rattle.scene import Bools, Floats, Scene
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar
 
 CONFIDENCE = 0.95
 STILL = 1e-9  # change below which a quantity counts as constant
@@ -182,9 +181,7 @@ def weak_orders(
     exact = sample(paths=paths * replicates, scheme="exact-flight", rng=seeds[-1])
     found, changes = [], []
     schemes = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
-    with tqdm(
-        total=len(schemes) * replicates * len(STEPS), desc="weak order", unit="run", disable=not has_terminal()
-    ) as bar:
+    with ProgressBar(label="weak order", total=len(schemes) * replicates * len(STEPS), unit="run") as bar:
         for scheme in schemes:
             common: dict[str, Any] = {"paths": paths, "scheme": scheme, "record": Record(step_bias=True)}
             runs: list[list[Ensemble]] = []

@@ -156,6 +156,21 @@ def _all_but(probability: float) -> str:
     return f"all but {float(f'{probability * per:.2g}'):g} in {name}"
 
 
+UNFINISHED = "The range of validity over σ is missing: it was still being measured when this page was written."
+
+
+def describe_left_out(swept: Sweep, budget: float) -> list[str]:
+    """How many noise intensities of a sweep its budget has left out, and what all of them would take."""
+    if not swept.left_out:
+        return []
+    done = swept.validity["sigma"].nunique()
+    more = math.ceil(swept.all_work)
+    return [
+        f"The range of validity is measured at {done} of {done + swept.left_out} noise intensities, for a budget of "
+        f"{budget:g} core-seconds of counted work; all of them take about {more:,}: `--budget {more}`."
+    ]
+
+
 def explain_missing(scene: Scene, shown: Iterable[str]) -> list[str]:
     """Which closures cannot be applied to a scene, and why."""
     missing = [f"`{name}` ({why})" for name, why in refusals(scene).items() if name not in shown]

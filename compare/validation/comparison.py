@@ -25,7 +25,7 @@ from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import PilotRun, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import LEAST
 from rattle.montecarlo.diagnostics.reach import Candidate
-from rattle.montecarlo.ensemble.leaving import interval
+from rattle.montecarlo.ensemble.leaving import KNOWN, interval
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
@@ -45,6 +45,7 @@ class Comparison:
     correlation: pd.DataFrame
     z: float
     tolerances: Tolerances
+    near: Ensemble | None = None
 
     def section_rows(self, closure: str, kind: str = "section") -> pd.DataFrame:
         """The rows of ``table`` on the section moments of a closure."""
@@ -62,9 +63,14 @@ class Comparison:
         return dict(zip(rows["closure"], rows["remark"], strict=True))
 
     @cached_property
+    def validity(self) -> "dict[str, Validity]":
+        """Range of validity of each closure."""
+        return {closure: find_validity(self, closure) for closure in self.predictions}
+
+    @cached_property
     def near_branches(self) -> Ensemble | None:
         """Paths by the simulation's scheme of which a part is drawn near the rare branches that matter, if any does."""
-        return begin_rare(self.run, LEAST, in_threads(1))
+        return self.near or begin_rare(self.run, LEAST, in_threads(1))
 
     def foresee(self, accuracy: float) -> PilotRun:
         """What `rattle.montecarlo.simulate_to` is expected to take by the simulation's scheme."""
@@ -72,16 +78,17 @@ class Comparison:
 
     def leaving(self, closure: str) -> tuple[float, float, float]:
         """Probability of having left a closure's itinerary by its last impact, with a 95 % interval."""
-        run, own = self.run, self.run.plan.itineraries[closure]
+        run = self.run
+        own = run.plan.itineraries[closure]
         impacts = np.count_nonzero(own)
         if impacts == 0:  # nothing to follow
             return 1.0, 1.0, 1.0
         if not is_random(run.scene):
             return 0.0, 0.0, 0.0
-        if not begins(own, run.plan.itineraries[NOISE_FREE]):
-            n = run.paths * (1.0 - float(run.agreement[closure].loc[impacts]))
-            low, high = interval(n, n, 1.0)
-            return n / run.paths, low / run.paths, min(high / run.paths, 1.0)
+        left = run.paths * (1.0 - float(run.agreement[closure].loc[impacts]))
+        if left >= KNOWN or not begins(own, run.plan.itineraries[NOISE_FREE]):
+            low, high = interval(left, left, 1.0)
+            return left / run.paths, low / run.paths, min(high / run.paths, 1.0)
         rows = run.leaving[run.leaving["impact"] <= impacts]
         if rows.empty:
             return 0.0, 0.0, interval(0.0, 0.0, 1.0 / run.paths)[1]
@@ -97,6 +104,8 @@ class Sweep(NamedTuple):
     validity: pd.DataFrame  # columns of `Validity`
     speed: pd.DataFrame  # columns of `Speed`
     simulation: pd.DataFrame  # from `simulation_costs`, a row for each noise intensity
+    left_out: int = 0  # noise intensities for which the budget was too small
+    all_work: float = 0.0  # core-seconds of counted work that all of them are expected to take
 
 
 CAUSES: dict[str, str] = read_texts("validation")["causes"]
@@ -153,7 +162,7 @@ def _reach(rows: pd.DataFrame, impacts: range) -> tuple[int, int]:
 
 def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
     """Ranges of validity of all closures at all noise intensities."""
-    return pd.DataFrame([find_validity(v, closure) for v in validations for closure in v.predictions])
+    return pd.DataFrame([found for v in validations for found in v.validity.values()])
 
 
 def rows_to_judge(v: Comparison, closure: str, kind: str = "section") -> pd.DataFrame:
@@ -247,18 +256,18 @@ def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
 
 def measure_speed(v: Comparison, closure: str) -> Speed | None:
     """Count the work of a closure up to the last impact at which it is accurate; None if there is none, or no sd."""
-    reached, prediction = find_validity(v, closure).accurate, v.predictions[closure]
+    reached, prediction = v.validity[closure].accurate, v.predictions[closure]
     rows = rows_to_judge(v, closure)
     rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
     if rows.empty:
         return None
     errors = rows["error"].abs() / rows["unit"]
     worst, own = rows.iloc[int(errors.argmax())], prediction.method.own
-    if reached < prediction.impacts or own:  # one's own again: its first call may have compiled something
+    if own:  # again: its first call may have compiled something
         prediction = predict(v.scene, prediction.method, reached, prediction.order)
     costs = [_cost_of_rows(run, rows, float(errors.max())) for run in (v.run, v.foresee(float(errors.max())).run)]
     cheapest = min(costs, key=lambda cost: cost.core_seconds)
-    seconds, cost = closure_seconds(prediction), cheapest.core_seconds * reached / v.run.impacts
+    seconds, cost = closure_seconds(prediction, reached), cheapest.core_seconds * reached / v.run.impacts
     size = float(errors.max()), float(errors.median()), bool(worst["low"] > 0.0 or worst["high"] < 0.0)
     return Speed(
         closure, v.scene.sigma, reached, *size, seconds, cheapest.paths, cost, math.nan if own else cost / seconds

@@ -62,6 +62,9 @@ NEAR_BRANCHES = "decided by other paths, a part of them near rare branches"
 AGAIN = 0.25
 """Share of the probability of a wrong verdict that `judge_again` may add."""
 
+SPARE = 2.0
+"""Paths of `judge_again` over those with which its rows are expected to be decided: a branch widens their errors."""
+
 
 class Claimed(Protocol):
     """Section moments of a closure or of a user's own model, in the columns of `rattle.closure.MeanMap.section`."""
@@ -231,19 +234,31 @@ def judge_again(
     z: float,
     tolerances: Tolerances,
     workers: int,
-) -> list[pd.DataFrame]:
+) -> tuple[list[pd.DataFrame], Ensemble | None]:
     """Tables of `section_errors`, their rows that wait for a rare branch decided by paths of which a part is near it.
 
-    These are independent, and as many as those of the run or `LEAST`.  What they leave undecided stays as it was.
+    These paths are independent of the run; it says how many there are.  What they leave undecided stays as it was.
+
+    Returns: The tables, and the run of these paths, None where there is none.
     """
     waits = [waits_for_branch(table) for table in tables]
     plain = SCHEMES[run.scheme].has_step_bias or run.scene.correlation_time
-    some = not plain and any(rows.any() for rows in waits)
-    rare = begin_rare(run, max(run.paths, LEAST), in_threads(workers)) if some else None
+    waiting = pd.concat([table[rows] for table, rows in zip(tables, waits, strict=True)])
+    if plain or waiting.empty:
+        return tables, None
+    rare = begin_rare(run, _count_again(waiting, run.paths), in_threads(workers))
     if rare is None:
-        return tables
+        return tables, None
     again = [section_errors(prediction, rare, z, tolerances) for prediction in predictions]
-    return list(map(take_decided, tables, waits, again))
+    return list(map(take_decided, tables, waits, again)), rare
+
+
+def _count_again(rows: pd.DataFrame, paths: int) -> int:
+    """Paths that are expected to decide all rows that so many can decide; at least `LEAST`."""
+    margin = (rows["tolerance"] - rows["error"].abs()).abs()
+    needed = SPARE * paths * ((rows["noise"] + rows["rest"]) / margin) ** 2
+    most = float(needed.where(needed <= paths, 0.0).max())
+    return max(math.ceil(most), LEAST)
 
 
 def take_decided(table: pd.DataFrame, rows: "pd.Series[bool]", again: pd.DataFrame) -> pd.DataFrame:

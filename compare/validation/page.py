@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
@@ -13,7 +13,7 @@ from rattle.compare.report import Block, Code, Figure, Page, PageSection, Text, 
 from rattle.compare.report.folder import name_of
 from rattle.compare.report.provenance import command_line, provenance, source_of
 from rattle.compare.report.save import contents, csv_text, save
-from rattle.compare.report.style import caption_of
+from rattle.compare.report.style import caption_of, render
 from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary, lay_out, read_texts
 from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
@@ -45,8 +45,20 @@ def _add(drawings: dict[str, Drawing], drawing: Drawing, name: str, parts: Mappi
     return Figure(f"figures/{name}.svg", caption, caption)
 
 
-def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSection:
-    """One noise intensity of the page; its figures are added to the drawings."""
+class DrawnSection(NamedTuple):
+    """One noise intensity of the page, and its figures as SVG by their names."""
+
+    section: PageSection
+    figures: dict[str, bytes]
+
+
+def draw_sections(validations: Sequence[Comparison]) -> list[DrawnSection]:
+    """The sections of the noise intensities: most of the work of a page, and done once for several of them."""
+    return [_draw_section(v, number) for number, v in enumerate(validations, start=1)]
+
+
+def _draw_section(v: Comparison, number: int) -> DrawnSection:
+    drawings: dict[str, Drawing] = {}
     sigma, errors = sigma_text(v), list[Block]()
     for closure, prediction in v.predictions.items():
         errors.append(tables.impact_table(v, closure, f"Errors of the {closure} closure per impact, σ = {sigma}"))
@@ -68,7 +80,8 @@ def _section(v: Comparison, number: int, drawings: dict[str, Drawing]) -> PageSe
         "errors": errors,
     }
     values = {"sigma": sigma, "simulation": tables.simulation_text(v)}
-    return PageSection(f"σ = {sigma}", *lay_out("validation", parts, layout="sigma.md", **values))
+    section = PageSection(f"σ = {sigma}", *lay_out("validation", parts, layout="sigma.md", **values))
+    return DrawnSection(section, {name: render(drawing) for name, drawing in drawings.items()})
 
 
 def _own_closures(v: Comparison) -> list[Block]:
@@ -86,6 +99,7 @@ def _page(
     validations: Sequence[Comparison],
     swept: Sweep | None,
     record: dict[str, Any],
+    sections_drawn: Sequence[DrawnSection],
     drawings: dict[str, Drawing],
     schemes: pd.DataFrame | None,
 ) -> Page:
@@ -115,7 +129,7 @@ def _page(
     if claim := correlation_claim(validations):
         parts["claim"] = Text(claim)
     opening, sections = lay_out("validation", parts, **values)
-    sections += tuple(_section(v, number, drawings) for number, v in enumerate(validations, start=1))
+    sections += tuple(drawn.section for drawn in sections_drawn)
     if first.scene.drive != SINE_ALONE:
         shown = _add(drawings, drive_figure(first.scene), "drive", CAPTIONS["drive"])
         sections += (PageSection("The drive", (shown,)),)
@@ -137,25 +151,34 @@ def write_report(
     settings: manifest.ReportSettings,
     validations: Sequence[Comparison],
     swept: Sweep | None,
+    said: Sequence[str],
+    drawn: Sequence[DrawnSection],
     origin: dict[str, Any],
     overwrite: bool,
     schemes: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
-    """Write the report folder, whole or not at all."""
+    """Write the report folder, whole or not at all.
+
+    `said`: Its answer in sentences. `drawn`: `draw_sections` of the validations.
+    """
     own = {name: attrgetter(place) for name, place in TABLES.items()}
     frames = {n: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations]) for n, table in own.items()}
     frames["table"] = all_rows(validations)
-    frames |= swept._asdict() if swept else {}
+    if swept:
+        frames |= {name: getattr(swept, name) for name in ("validity", "speed", "simulation")}
     frames |= {} if schemes is None else {"schemes": schemes}
     digests = {
         f"{name}_sha256": manifest.digest(csv_text(frames[name], index=False)) if name in frames else None
         for name in ("table", "validity")
     }
     record = {"version": manifest.VERSION, "settings": settings.to_dict(), **digests, **origin}
-    record["answer"] = answer(validations, swept)
+    record["answer"] = list(said)
     drawings: dict[str, Drawing] = {}
-    page = _page(settings, validations, swept, record, drawings, schemes)
-    save(out, "report", page, record, allowed=CONTENTS, figures=drawings, tables=frames, overwrite=overwrite)
+    page = _page(settings, validations, swept, record, drawn, drawings, schemes)
+    figures: dict[str, Drawing | bytes] = {**drawings}
+    for one in drawn:
+        figures |= one.figures
+    save(out, "report", page, record, allowed=CONTENTS, figures=figures, tables=frames, overwrite=overwrite)
     return record
 
 
@@ -173,5 +196,5 @@ def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
         again = f"{here}, with the same seed and tolerances"
     time = {"wall_seconds": round(run.wall_seconds, 1), "cpu_seconds": None}
     origin = provenance() | {"command": here, "repeat": again, **time}
-    write_report(out, settings, [v], None, origin, overwrite)
+    write_report(out, settings, [v], None, answer([v]), draw_sections([v]), origin, overwrite)
     return out / "report.html"

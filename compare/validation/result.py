@@ -36,6 +36,9 @@ class Validation(Comparison):
     z : float
         Standard errors of the intervals, corrected for the number of rows.
     tolerances : Tolerances
+        What counts as accurate.
+    near : Ensemble or None
+        Other paths, of which a part is drawn near rare branches, where rows waited for these.
 
     Examples
     --------

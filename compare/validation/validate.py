@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from rattle.closure import Closure, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
@@ -17,11 +16,12 @@ from rattle.compare.validation.comparison import Comparison, Sweep, find_validit
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
+from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, InputError, Scene, check_scene, choice, compilers, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
 MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
@@ -45,6 +45,7 @@ def validate(
     workers: int = 1,
     order: int = 4,
     tolerances: Tolerances | None = None,
+    fixed_times: bool = True,
     progress: str | None = None,
 ) -> Validation:
     """Compare closures with a Monte Carlo simulation of the same scene.
@@ -66,6 +67,8 @@ def validate(
         Order of the closures' moments.
     tolerances : Tolerances, optional
         What counts as accurate: 5 % of an sd for means, 10 % for sds, 0.05 for correlations.
+    fixed_times : bool
+        Whether the correlations at fixed times, in the middle of the orbit's flights, are compared as well.
 
     Returns
     -------
@@ -105,7 +108,7 @@ def validate(
     grid = (4.0 if biased else 1.0) * dt  # fixed times are rounded to it; a flight shorter than it may contain none
     middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
     last = _last_impact(scene, **common)
-    times = middle[(middle - scene.phase > grid) & (middle <= last)]
+    times = middle[(middle - scene.phase > grid) & (middle <= last)] if fixed_times else ()
     shown: dict[str, Any] = {"step_bias": biased, "histogram": True, "energy": scene.gears is not None, "times": times}
     followed = {name: m.itinerary for name, m in predictions.items()}
     record = Record(**shown, on_itinerary=True, itineraries=followed)
@@ -118,7 +121,7 @@ def validate(
     z = widest(checks)
     parts = [errors.section_errors(m, run, z, limits) for m in maps]
     again = widest(checks, errors.AGAIN * 0.05)
-    parts = errors.judge_again(parts, maps, run, again, limits, workers)
+    parts, near = errors.judge_again(parts, maps, run, again, limits, workers)
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
     parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
@@ -128,7 +131,7 @@ def validate(
     table["remark"] = [raised.get(name, remark) for name, remark in said]
     valid = errors.judge_correlation(maps, run, flights)
     run = replace(run, plan=run.plan._replace(scene=given))
-    return Validation(given, predictions, run, errors.to_absolute_time(table, given), valid, z, limits)
+    return Validation(given, predictions, run, errors.to_absolute_time(table, given), valid, z, limits, near)
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:
@@ -178,17 +181,41 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
             raise InputError("validity", sigma, f"cannot be run ({error}); change the range, or leave it out") from None
 
 
-def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, **settings: Any) -> Sweep:
+STRIDES = (4, 2, 1)
+"""Of how many neighbouring noise intensities one is validated, in each round of a sweep: a part of it is of use."""
+FEWEST_SIGMAS = 2
+"""Of a sweep, whatever its budget: a range has two ends."""
+BESIDES = 1.0
+"""Core-seconds that a validation takes besides its paths and closures: its tables, and paths near rare branches."""
+
+
+def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, budget: float = math.inf, **settings: Any) -> Sweep:
     """Validate a scene at each noise intensity against exact flights, all from one seed.
 
     `sigmas`: Noise intensities.  All use the same random numbers, so that the sample does not change along the
-    grid.
+    grid. `budget`: Core-seconds of counted work; what it does not allow is left out.
     """
-    own = [
-        validate(scene.with_sigma(sigma), scheme=SCHEME, workers=workers, **settings)
-        for sigma in tqdm(sigmas, desc="validity", unit="sigma", disable=not has_terminal())
-    ]
-    return Sweep(find_validities(own), measure_speeds(own), simulation_costs(own))
+    order = list(dict.fromkeys(sigma for stride in STRIDES for sigma in sigmas[::stride]))
+    found = list[Validation]()
+    work = 0.0
+    with ProgressBar(order, label="range of validity", unit="intensities") as bar:
+        for sigma in bar:
+            v = validate(scene.with_sigma(sigma), scheme=SCHEME, fixed_times=False, workers=workers, **settings)
+            found.append(v)
+            latest = count_work(v)
+            work += latest
+            if work + latest > budget and len(found) >= FEWEST_SIGMAS:
+                break
+    left_out = len(order) - len(found)
+    all_work = work / len(found) * len(order)
+    found.sort(key=lambda v: v.scene.sigma)
+    return Sweep(find_validities(found), measure_speeds(found), simulation_costs(found), left_out, all_work)
+
+
+def count_work(v: Comparison) -> float:
+    """Core-seconds of a validation, from counted work; functions of one's own, whose work nobody counts, are free."""
+    closures = sum(closure_seconds(m) for m in v.predictions.values() if not m.method.own)
+    return BESIDES + closures + cost_of(v.run, v.run.paths).core_seconds
 
 
 def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], workers: int) -> pd.DataFrame:

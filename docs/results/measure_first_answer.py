@@ -1,4 +1,4 @@
-"""Measure what the first answer takes where no machine code is kept: processor and wall seconds, all processes together.
+"""Measure what the first answer takes where no machine code is kept, in processor and wall seconds of all processes.
 
 ``python docs/results/measure_first_answer.py [OLDER]`` writes docs/results/first_answer.csv (about five minutes on two
 idle cores for each tree).  OLDER is the folder of an older checkout, which is measured in turn with this one; without
@@ -56,7 +56,8 @@ def processor() -> str:
 
 def main() -> None:
     """Measure, and write the table."""
-    trees = {"before": Path(path).resolve() for path in sys.argv[1:2]} | {"now": ROOT}
+    older = {"before": Path(sys.argv[1]).resolve()} if len(sys.argv) > 1 else {}
+    trees = older | {"now": ROOT}
     gears, asked = commands()
     rows = []
     for what, words in asked.items():

@@ -72,7 +72,7 @@ def _verdicts(scene: Scene, truth: pd.DataFrame, paths: int) -> list[pd.DataFram
         with _nothing_unseen(len(truth)):
             before = section_errors(exact, run, z, Tolerances())
         bounded = section_errors(exact, run, z, Tolerances())
-        (again,) = judge_again([bounded], [exact], run, widest(checks, 0.05 * AGAIN), Tolerances(), 1)
+        (again,), _ = judge_again([bounded], [exact], run, widest(checks, 0.05 * AGAIN), Tolerances(), 1)
         for found, table in zip(tables, (before, bounded, again), strict=True):
             found.append(table.loc[table["judged"].astype(bool), "verdict"].reset_index(drop=True))
     return [pd.DataFrame(found) for found in tables]

@@ -7,7 +7,6 @@ is expected to cost more than an hour is refused as soon as pilots have shown it
 
 from __future__ import annotations
 
-import logging
 import math
 import warnings
 from dataclasses import replace
@@ -36,9 +35,7 @@ from rattle.montecarlo.settings import (
 )
 from rattle.scene import InputError, Scene, duration_text, positive
 from rattle.scene.numpy_errors import numpy_defaults
-
-ESTIMATES = logging.getLogger("rattle.estimate")
-"""What an accuracy is expected to take is said here (level INFO) before the work starts."""
+from rattle.scene.progress import ESTIMATES
 
 MOST_BIAS = 0.6  # share of an accuracy that the bias of the step may take; pilots aim at half
 SPARE = 1.05  # paths that are run over those foreseen, so that the next look is the last

@@ -4,10 +4,8 @@ import time
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult, Plan
@@ -16,9 +14,9 @@ from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, default_step,
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Record, Sampling, count_followed, plan_of
 from rattle.montecarlo.statistics.records import Batches, Histograms
-from rattle.scene import Floats, InputError, Scene, check_scene, choice, line
+from rattle.scene import Floats, InputError, Scene, check_scene, choice
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.text import has_terminal
+from rattle.scene.progress import ProgressBar
 
 
 @numpy_defaults
@@ -112,8 +110,7 @@ def _gather(
     batched = (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts)) if record.batches else None
     histograms: Histograms | None = None
     kept = []
-    label: dict[str, Any] = {"desc": progress and line(progress), "disable": not (progress and has_terminal())}
-    with tqdm(total=plan.paths - done * BLOCK, unit="path", unit_scale=True, **label) as bar:
+    with ProgressBar(label=progress, total=plan.paths - done * BLOCK, unit="path", unit_scale=True) as bar:
         for result, rows in results:
             merged = result if merged is None else merged.merge(result)
             if batched is not None:

@@ -2,16 +2,15 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from typing import NoReturn
 
 import numpy as np
-from tqdm import tqdm
 
 from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
 from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import Collected, Scales, Sums
 from rattle.montecarlo.long_run.walk import LANES, Walk
 from rattle.scene import Floats, InputError, Scene, duration_text
+from rattle.scene.progress import ProgressBar
 
 BATCHES = 64
 """Batches of each path; when they are full, each two become one."""
@@ -38,7 +37,7 @@ class LongPaths:
         slow: float,
         limit: Budget,
         pool: ThreadPoolExecutor,
-        bar: "tqdm[NoReturn]",
+        bar: ProgressBar,
     ) -> None:
         self._walks = [Walk(scene, seed, first, min(LANES, paths - first)) for first in range(0, paths, LANES)]
         self._together = TOGETHER if paths >= MANY else 1
@@ -68,6 +67,10 @@ class LongPaths:
             began, periods = clock(), batches * self.length
             self._advance(batch, periods, seen)
             self.pace = (clock() - began) / periods
+
+    def expect(self, periods: float) -> None:
+        """Have the bar say how many periods more are expected."""
+        self._bar.total = self.elapsed + math.ceil(periods)
 
     def _affordable(self) -> int:
         """Batches for which the budget has room; one where no period has been measured yet."""

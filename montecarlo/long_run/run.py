@@ -9,19 +9,20 @@ import math
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
-from tqdm import tqdm
 
 from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.paths import BATCHES, LEAST, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
-from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, scales_of_pilot
+from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, new_sums, no_scales, scales_of_pilot
+from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.settings import check_settings
-from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, line, positive
-from rattle.scene.text import has_terminal
+from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
+from rattle.scene.progress import ESTIMATES, ProgressBar
 
 PATHS = 256
 ACCURACY = 0.01
@@ -41,6 +42,8 @@ FALSE_ALARM = 1e-3  # probability that a run that is stationary fails a test
 TOO_FAR = 4.0  # ratio of variances between and within paths from which paths count as kept apart
 PARTS = 4  # of the last half, within each path
 COMPARED = ("impacts", "speed", "energy", "slow impacts")
+PROBED = 16  # paths of a run that is timed before the others
+PROBE = 2  # its periods, after as many in which they leave the start
 
 
 class BurnInError(InputError):
@@ -96,6 +99,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
     before: Contrast | None = None
     while True:
         began = clock()
+        paths.expect(until - paths.periods + LEAST)
         paths.follow(until)
         if paths.periods < until and (before is None or burn_in is not None):
             raise paths.unaffordable(f"{until} periods of burn-in at least", until)
@@ -148,7 +152,8 @@ def _pilot(paths: LongPaths) -> None:
     """Choose where distributions are counted, and begin to sum."""
     rate = float(paths.main[:, -1, NUMBER].sum()) / paths.length  # impacts of all paths in a period
     affordable = PILOT_SHARE * paths.limit.remaining / max(paths.pace, 1e-9)
-    periods = int(max(min(max(PILOT / max(rate, 1e-9), 2.0), MOST_PILOT, affordable), 1.0))
+    periods = int(max(min(_pilot_periods(rate), affordable), 1.0))
+    paths.expect(periods + LEAST)
     paths.begin()
     seen: list[Floats] = []
     paths.follow(periods, seen)
@@ -157,9 +162,15 @@ def _pilot(paths: LongPaths) -> None:
     paths.begin(scales_of_pilot(np.concatenate(seen), paths.slow))
 
 
+def _pilot_periods(rate: float) -> float:
+    """Periods of a pilot run in which so many impacts are seen in each."""
+    return min(max(PILOT / max(rate, 1e-9), 2.0), MOST_PILOT)
+
+
 def _gather(paths: LongPaths, goal: float | None, periods: int | None, asked: tuple[str, ...]) -> LongReach | None:
     """Follow the stationary motion for a number of periods, or until the intervals are narrow enough."""
     wanted = LEAST if periods is None else periods
+    paths.expect(wanted)
     paths.follow(wanted)
     if paths.periods < (FEWEST if periods is None else periods):
         raise paths.unaffordable(f"{wanted} periods after the burn-in", wanted)
@@ -175,6 +186,7 @@ def _gather(paths: LongPaths, goal: float | None, periods: int | None, asked: tu
             why = f"is expected to take {duration_text(more * paths.nominal)} of processor time, and without a budget "
             why += f"the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take as budget"
             raise InputError("accuracy", goal, why)
+        paths.expect(SPARE * more)
         paths.follow(int(min(SPARE * need + 1.0, GROWTH * before)))
         if paths.periods == before:
             return LongReach(goal, worst, width, more * paths.pace)
@@ -189,6 +201,42 @@ def _find_widest(found: dict[str, StationaryEstimate]) -> tuple[float, str]:
     }
     worst = max(widths, key=lambda name: (not math.isfinite(widths[name]), widths[name]))
     return (widths[worst] if math.isfinite(widths[worst]) else math.inf), worst
+
+
+class ExpectedRun(NamedTuple):
+    """What a long run is expected to take at the least."""
+
+    periods: int  # of burn-in, pilot run and stationary motion
+    core_seconds: float
+
+
+def expect_run(
+    scene: Scene, paths: int, periods: int | None = None, burn_in: int | None = None, slow: float = 0.1
+) -> ExpectedRun:
+    """Expect what a long run takes at the least, from the time of a few of its paths once they have left their start.
+
+    It takes more where paths forget their start late, or where an accuracy needs more than `LEAST` periods.
+    """
+    warm_up(scene, slow)
+    walk, sums = Walk(scene, np.random.SeedSequence(0), 0, PROBED), new_sums(PROBED, PROBE, no_scales(slow), False)
+    walk.follow(sums, PROBE)
+    sums.main[:] = 0.0
+    began = clock()
+    walk.follow(sums, PROBE)
+    pace = (clock() - began) / PROBE * paths / PROBED
+    rate = float(sums.main[:, :, NUMBER].sum()) / PROBE * paths / PROBED
+    least = FIRST if burn_in is None else burn_in
+    every = math.ceil(least + _pilot_periods(rate) + (LEAST if periods is None else periods))
+    return ExpectedRun(every, every * pace)
+
+
+def _state_estimate(label: str, expected: ExpectedRun, paths: int, budget: float | None) -> None:
+    """State what a long run is expected to take, and whether that is beyond a budget."""
+    said = f"{label}: {expected.periods} periods of {paths} paths at the least"
+    said += f", about {duration_text(expected.core_seconds, 2)} of processor time"
+    if budget is not None and expected.core_seconds > budget:
+        said += f", more than the budget of {duration_text(budget)}"
+    ESTIMATES.info("%s", said)
 
 
 def check_long_run(
@@ -248,7 +296,9 @@ def long_run(
     began = time.perf_counter()
     with limit.pause():
         warm_up(scene, slow)
-    bar = tqdm(unit="period", desc=progress and line(progress), disable=not (progress and has_terminal()))
+    if progress:
+        _state_estimate(progress, expect_run(scene, paths, periods, burn_in, slow), paths, budget)
+    bar = ProgressBar(label=progress, unit="period")
     with ThreadPoolExecutor(workers) as pool, bar:
         followed = LongPaths(scene, paths, seed, slow, limit, pool, bar)
         for _ in range(RESTARTS):

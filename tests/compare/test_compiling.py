@@ -8,7 +8,7 @@ import numba
 import pytest
 from filelock import FileLock
 
-from rattle.compare.compiling import NEEDS, Kept, compile_tasks, measure_times, tasks
+from rattle.compare.compiling import NEEDS, DoneTasks, compile_tasks, measure_times, tasks
 from rattle.scene import compiled, compilers
 
 COMPILED = pytest.mark.skipif(bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off")
@@ -18,7 +18,7 @@ COMPILED = pytest.mark.skipif(bool(getattr(numba.config, "DISABLE_JIT", False)),
 def kept(tmp_path, monkeypatch):
     monkeypatch.setattr(compiled, "_used", {"f.nbc"})
     (tmp_path / "f.nbc").touch()
-    return Kept(tmp_path, "this processor")
+    return DoneTasks(tmp_path, "this processor")
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def test_tasks_are_done_once_for_each_kind_of_processor(kept, three, ran, tmp_pa
     assert list(compile_tasks(three, kept)) == ["a", "b", "c"]
     list(compile_tasks(three, kept, 1.0))
     assert ran == ["a", "b", "c"]
-    list(compile_tasks(three, Kept(tmp_path, "another processor")))
+    list(compile_tasks(three, DoneTasks(tmp_path, "another processor")))
     assert ran == ["a", "b", "c"] * 2
 
 

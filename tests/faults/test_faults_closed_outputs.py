@@ -9,7 +9,7 @@ import pytest
 from programs import LONG
 
 from rattle import DAT21, Scene, simulate
-from rattle.scene.text import has_terminal, print_on_stderr
+from rattle.scene.progress import has_terminal, print_on_stderr
 
 FUNCTION = "from rattle.scene.moments import gaussian_raw_moments as f; print(float(f(1.0, 0.5, 2.0, 4)[2, 2]))"
 COMMAND = "from rattle.compare.cli.main import main; main()"

@@ -140,7 +140,7 @@ def place(tmp_path_factory):
     (place / "baseline.toml").write_text("[values.y1]\n1 = 0.5\n\n" + DAT.to_toml(), encoding="utf-8")
     small = "--paths 64 --impacts 1 --sigma 0.1 --no-validity --workers 1 --out"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path, **settings: path.touch())
+        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, file, **settings: None)
         rattle("study", place / "study.toml", "--workers", 1)
         rattle("validate", *small.split(), place / "report")
     return place

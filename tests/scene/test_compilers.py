@@ -5,12 +5,12 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numba
 import pytest
 from filelock import FileLock
-from numba.core import event
 from programs import python
 
 from rattle.scene import compiled, compilers
@@ -65,21 +65,20 @@ def test_who_waits_for_another_takes_what_it_has_compiled(kept, tmp_path, monkey
     lock = FileLock(code.with_suffix(".lock"))
     waits = []
 
-    class Other(event.Listener):
-        def on_start(self, event):
-            waits.append(event.data["function"])
-            code.write_bytes(made)
-            lock.release()
+    @contextmanager
+    def wait():
+        waits.append(code)
+        code.write_bytes(made)
+        lock.release()
+        yield
 
-        on_end = on_start
-
+    monkeypatch.setattr(compiled, "compiling", wait)
     again = numba.njit(**compiled.OPTIONS)(doubled.py_func)
     again._cache = kept._cache
     before = compiled.count_compiled()
     lock.acquire()
-    with event.install_listener(compiled.WAIT, Other()):
-        assert again(3) == 6
-    assert waits[0] is doubled.py_func
+    assert again(3) == 6
+    assert waits == [code]
     assert compiled.count_compiled() == before
 
 
@@ -207,7 +206,6 @@ def test_what_was_started_ends_with_this_process(end):
 
 KILLED = """
 import os, signal
-from numba.core import event
 from rattle.scene.moments import gaussian_raw_moments as f
 class Killer(event.Listener):
     def on_start(self, event): os.kill(os.getpid(), signal.SIGKILL)

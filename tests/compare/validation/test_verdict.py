@@ -177,7 +177,7 @@ def test_rows_that_wait_for_a_rare_branch_are_decided_by_paths_near_it():
     exact = Claimed(simulate_rare(scene, paths=131_072, impacts=3, rng=2).section)
     wrong = Claimed(exact.section.assign(sd_y2=exact.section["sd_y2"] * [1.0, 1.0, 1.35]))
     first = [section_errors(claim, run, widest(36), Tolerances()) for claim in (exact, wrong)]
-    right, off = judge_again(first, [exact, wrong], run, widest(36, 0.0125), Tolerances(), 1)
+    (right, off), _ = judge_again(first, [exact, wrong], run, widest(36, 0.0125), Tolerances(), 1)
     waits = [waits_for_branch(table) for table in first]
     assert all(rows.any() for rows in waits)
     assert not waits_for_branch(right).any()
