@@ -26,8 +26,8 @@ WARM_UP = "warm-up"  # the command that needs all tasks
 LONGEST_TASK = 600.0  # seconds after which a process that has begun a task is no longer waited for
 Task = Callable[[], object]
 
-VALIDATED = ("closure branching", "paths near rare branches", "closure published", "closure corrected")
-"""What a validation needs besides the simulation, the longest first."""
+VALIDATED = ("closure branching", "closure published", "closure corrected", "paths near rare branches")
+"""What a validation needs besides the simulation; last what has most in common with it."""
 NEEDS: dict[str, tuple[str, ...]] = {
     "validate": (*VALIDATED, "scheme exact-flight", "closure saltation"),
     "simulate": ("scheme exact-flight", "closure saltation", "rare branches"),
