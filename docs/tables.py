@@ -625,24 +625,6 @@ def benchmarks(reports: Path) -> Table:
 
 
 @table
-def first_answer(reports: Path) -> Table:
-    """What the first answer takes where no machine code is kept, in an older version and in this one."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "first_answer.csv")
-    heads = [
-        f"{state}, {version}: {of}"
-        for state in ("nothing kept", "kept")
-        for version in ("before", "now")
-        for of in ("processor s", "wall s")
-    ]
-    rows = []
-    for what, of in found.groupby("what", sort=False):
-        at = of.set_index(["state", "version"])[["cpu_seconds", "wall_seconds"]]
-        pairs = [at.loc[(state, version)] for state in ("nothing kept", "kept") for version in ("before", "now")]
-        rows.append([what, *(short(value, 2) for pair in pairs for value in pair)])
-    return ["", *heads], rows
-
-
-@table
 def path_steps(reports: Path) -> Table:
     """What ``rattle check speed --json`` has printed on the machine that the page names, kept beside this file."""
     found = json.loads((Path(__file__).parent / "path_steps.json").read_text(encoding="utf-8"))
