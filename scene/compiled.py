@@ -382,16 +382,13 @@ def lean(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def internal(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, for a function that compiled code alone calls: Python cannot call it.
-
-    Its callers keep its code too; its own file spares another process that compiles another caller its typing.
-    """
-    return cast(Callable[P, R], keep(numba.njit(**INTERNAL)(function)))
+    """As `jit`, for a function that compiled code alone calls: Python cannot call it, and its callers keep its code."""
+    return cast(Callable[P, R], numba.njit(**INTERNAL)(function))
 
 
 def lean_internal(function: Callable[P, R]) -> Callable[P, R]:
     """As `lean`, for compiled callers alone, as `internal` is."""
-    return cast(Callable[P, R], keep(numba.njit(**LEAN_INTERNAL)(function)))
+    return cast(Callable[P, R], numba.njit(**LEAN_INTERNAL)(function))
 
 
 def shared(function: Callable[P, R]) -> Callable[P, R]:
@@ -406,7 +403,7 @@ def shared_inline(function: Callable[P, R]) -> Callable[P, R]:
 
 def inline(function: Callable[P, R]) -> Callable[P, R]:
     """As `lean_internal`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
-    return cast(Callable[P, R], keep(numba.njit(**INLINE)(function)))
+    return cast(Callable[P, R], numba.njit(**INLINE)(function))
 
 
 def splice(function: Callable[P, R]) -> Callable[P, R]:
