@@ -274,16 +274,22 @@ def compiling() -> Iterator[None]:
 
 
 def watch_compiler() -> None:
-    """Have numba say when it compiles."""
+    """Have numba say when it compiles a function of this package; a user's own are the user's to announce."""
     from numba.core import event  # the command imports this module, and only some commands compile
 
     events: Any = event  # numba has no type hints
 
+    def is_ours(event: Any) -> bool:
+        module: str = event.data["dispatcher"].py_func.__module__
+        return module.startswith("rattle.")
+
     class Watch(event.Listener):
         def on_start(self, event: Any) -> None:
-            _compiler.begin()
+            if is_ours(event):
+                _compiler.begin()
 
         def on_end(self, event: Any) -> None:
-            _compiler.end()
+            if is_ours(event):
+                _compiler.end()
 
     events.register("numba:compile", Watch())

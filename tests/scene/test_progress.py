@@ -35,6 +35,7 @@ COMPILE = """
 import sys
 import numba
 import rattle.scene.compiled
+__name__ = "{package}.module"
 from rattle.scene.progress import speaking
 
 @numba.njit
@@ -82,32 +83,33 @@ def test_no_bar_is_left_where_an_answer_is_printed_on_a_terminal():
 
 
 def test_compiling_is_said_by_a_command_in_a_pipe():
-    done = python("-c", AT_ONCE + COMPILE.format(how="with speaking('nothing'): twice(1)"))
+    done = python("-c", AT_ONCE + COMPILE.format(package="rattle", how="with speaking('nothing'): twice(1)"))
     assert "rattle: compiling for this processor, once" in done.stderr
     assert done.stdout == "answer\n"
 
 
 def test_a_program_in_a_pipe_compiles_silently():
-    done = python("-c", AT_ONCE + COMPILE.format(how="twice(1)"))
+    done = python("-c", AT_ONCE + COMPILE.format(package="rattle", how="twice(1)"))
     assert (done.stdout, done.stderr) == ("answer\n", "")
 
 
 def test_a_program_on_a_terminal_shows_that_it_compiles_and_takes_it_away():
-    written, seen = on_terminal("-c", AT_ONCE + COMPILE.format(how="twice(1)"))
+    written, seen = on_terminal("-c", AT_ONCE + COMPILE.format(package="rattle", how="twice(1)"))
     assert "compiling for this processor, once" in written
     assert [line for line in seen if line] == ["answer"]
 
 
-@pytest.mark.parametrize("place", ["multiprocessing", "PYTEST_CURRENT_TEST"])
-def test_workers_and_tests_on_a_terminal_compile_silently(place):
+@pytest.mark.parametrize("place", ["multiprocessing", "PYTEST_CURRENT_TEST", "a user's function"])
+def test_workers_and_tests_on_a_terminal_compile_silently_and_so_do_users_functions(place):
     how = "twice(1)"
+    package = "mine" if place == "a user's function" else "rattle"
     environment = {}
     if place == "multiprocessing":
         how = "import multiprocessing; p = multiprocessing.get_context('fork').Process(target=twice, args=(1,))"
         how += "; p.start(); p.join()"
-    else:
+    elif place == "PYTEST_CURRENT_TEST":
         environment["PYTEST_CURRENT_TEST"] = "a test"
-    written, _ = on_terminal("-c", AT_ONCE + COMPILE.format(how=how), **environment)
+    written, _ = on_terminal("-c", AT_ONCE + COMPILE.format(package=package, how=how), **environment)
     assert written.strip() == "answer"
 
 
