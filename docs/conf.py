@@ -54,6 +54,7 @@ nitpick_ignore = [  # modules and functions that are no part of the reference
 # Pages are MyST; those with code cells are run when the site is built, and an error in one ends the build.
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
+os.environ["TQDM_DISABLE"] = "1"  # no bars on pages
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_in_temp = True

@@ -83,11 +83,13 @@ class ProgressBar(Bar):
 
     def __init__(self, items: Iterable[Any] | None = None, label: str | None = None, **settings: Any) -> None:
         self.label, self._shown = line(label or ""), shows_bars()
-        if not self._shown:
-            settings["file"] = io.StringIO()
+        if not label:
+            settings["disable"] = True
+        elif not self._shown:
+            settings |= {"disable": False, "file": io.StringIO()}
         with _lock:
             _hide_status()
-            super().__init__(items, desc=self.label, disable=not label, **settings)
+            super().__init__(items, desc=self.label, **settings)
             if label:
                 _bars.append(self)
 

@@ -178,7 +178,7 @@ def boundary(
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
-        Label of a progress bar on a terminal.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
 
     Returns
     -------

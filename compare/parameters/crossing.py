@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -191,7 +192,7 @@ def crossing(
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
-        Label of a progress bar on a terminal.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
 
     Returns
     -------
@@ -217,9 +218,10 @@ def crossing(
     positive("slow", slow)
     if progress:
         do(f"{progress}: timing a few paths")
-        expected = expect_run(parameter.scene_at(low), PATHS, LOOKS[0], slow=slow)
-        most = expected.lengthen(LOOKS[-1] - LOOKS[0])
-        state_effort(progress, over, points, expected.core_seconds, most)
+        with suppress(InputError):  # it cannot be simulated, which the search says of its value
+            expected = expect_run(parameter.scene_at(low), PATHS, LOOKS[0], slow=slow)
+            most = expected.lengthen(LOOKS[-1] - LOOKS[0])
+            state_effort(progress, over, points, expected.core_seconds, most)
     units = "dimensionless" if scene.gears is None else "physical"
     bar = ProgressBar(label=progress, unit=" values")
     store = open_store(folder)

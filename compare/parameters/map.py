@@ -198,7 +198,7 @@ def boundary_map(
     scheduler : str, optional
         Address of a running Dask cluster that computes instead, as in ``tcp://host:8786``.
     progress : bool
-        Whether to show a progress bar on a terminal.
+        Whether to show a progress bar on a terminal or in a notebook, and to log the expected time first.
     **settings
         Those of `boundary`: `between`, `impacts`, `points`, `width`, `tolerances` and `rng`.
 

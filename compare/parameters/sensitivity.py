@@ -19,6 +19,7 @@ from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, f
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.seed import Rng, read_whole_seed
+from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Scene, check_scene, choice, compilers, duration_text, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
@@ -193,7 +194,7 @@ def sensitivity(
     workers : int
         Threads.
     progress : str, optional
-        Label of a progress bar on a terminal.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
 
     Returns
     -------
@@ -231,7 +232,7 @@ def sensitivity(
             jobs += [_Job(name, f, parameter.scene_at(f * parameter.value)) for f in factors_of()]
         except InputError as error:
             remarks[name] = f"cannot be changed by {STEPS[1]:.0%}: {error}"
-    if progress:
+    if progress and is_random(scene):
         _state_estimate(progress, scene, GROUPS[0] * len(jobs), slow)
     runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
     bar = ProgressBar(label=progress, unit="run")

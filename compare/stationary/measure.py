@@ -71,7 +71,7 @@ def stationary(
     workers : int
         Threads.
     progress : str, optional
-        Label of a progress bar on a terminal.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
 
     Returns
     -------

@@ -116,7 +116,7 @@ def simulate_to(
     record : Record
         ``energy`` and ``batches`` are recorded where they are asked for; nothing else can be.
     progress : str
-        Label of a progress bar on a terminal; none by default, and none in a pipe.
+        Label of a progress bar on a terminal or in a notebook; none by default, and none in a pipe.
     sampling : Sampling
         ``blocks`` alone can be given: who runs the blocks of paths; by default threads of this process.
     refuse : bool

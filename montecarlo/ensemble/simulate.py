@@ -59,7 +59,7 @@ def simulate(
     record : Record
         What is recorded beside the section moments; nothing by default.
     progress : str
-        Label of a progress bar on a terminal; none by default, and none in a pipe.
+        Label of a progress bar on a terminal or in a notebook; none by default, and none in a pipe.
     sampling : Sampling
         What few runs need: a control variate, two-point increments, a time limit, or who runs blocks of paths.
 
