@@ -143,7 +143,11 @@ def is_drawn() -> bool:
 
 @contextmanager
 def apart_from_bars() -> Iterator[None]:
-    """Context in which something else is printed: bars are taken away before, and drawn again after it."""
+    """Context in which something else is printed: bars are taken away before, and drawn again after it.
+
+    What is said where no bar is comes back only if the work goes on: it would stand below an answer.
+    """
+    _hide_status()
     with Bar.external_write_mode():
         yield
 
