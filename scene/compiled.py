@@ -13,7 +13,6 @@ elsewhere.
 import gc
 import hashlib
 import math
-import multiprocessing
 import os
 import pickle
 import platform
@@ -37,7 +36,7 @@ from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic, register_jitable
 
 from rattle.scene import compilers
-from rattle.scene.progress import compiling, has_terminal, print_on_stderr, watch_compiler
+from rattle.scene.progress import compiling, print_on_stderr, watch_compiler
 from rattle.scene.sources import (
     PACKAGES,
     ROOT,
@@ -214,8 +213,6 @@ def _count() -> None:
         return
     if not has_fma():
         _warnings.append("this processor has no AVX2 or no FMA: simulations take several times as long as they might")
-    if has_terminal() and multiprocessing.parent_process() is None:
-        _warnings.append("compiling for this processor, about a minute, once (rattle warm-up: for all)")
     for warning in _warnings:
         print_on_stderr(warning)
 
@@ -224,13 +221,15 @@ class Kept:
     """The machine code of a function on disk, a file for each signature and processor, in place of numba's cache.
 
     A file begins with a digest of its key and its content.  So whatever lies under its name, by damage or by exchange,
-    is used only if it was made from this function, for these types, for this processor and from these sources.
+    is used only if it was made from this function under these options, for these types, for this processor and from
+    these sources.
 
     Who compiles holds a lock, which the operating system releases when the process ends; others wait for the file.
     """
 
-    def __init__(self, function: Any) -> None:
+    def __init__(self, function: Any, options: dict[str, Any]) -> None:
         self._function, self.cache_path = function, str(_folder)
+        self._options = sorted(options.items())
         self._locks: dict[Any, FileLock] = {}  # of what this process is compiling
         self._cells = [cell.cell_contents for cell in function.__closure__ or ()]
 
@@ -238,7 +237,8 @@ class Kept:
         """File and key of the function for some types."""
         code = self._function.__code__
         name = f"{self._function.__module__}.{self._function.__qualname__}"
-        key = repr((DIGEST, name, self._cells, code.co_code, signature, codegen.magic_tuple())).encode()
+        function = name, self._options, self._cells, code.co_code
+        key = repr((DIGEST, function, signature, codegen.magic_tuple())).encode()
         short = name.removeprefix("rattle.").replace("<locals>.", "")
         return Path(self.cache_path, f"{short}-{hashlib.sha256(key).hexdigest()[:16]}.nbc"), key
 
@@ -354,7 +354,7 @@ def keep(function: D) -> D:
     note_imports()
     made: Any = function
     if _folder is not None and hasattr(made, "py_func"):
-        made._cache = Kept(made.py_func)
+        made._cache = Kept(made.py_func, made.targetoptions)
     return function
 
 

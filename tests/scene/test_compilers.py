@@ -30,7 +30,7 @@ def kept(tmp_path, monkeypatch):
     tmp_path.chmod(0o700)
     monkeypatch.setattr(compilers, "start", lambda place: None)
     function = numba.njit(**compiled.OPTIONS)(doubled.py_func)
-    function._cache = compiled.Kept(function.py_func)
+    function._cache = compiled.Kept(function.py_func, function.targetoptions)
     function._cache.cache_path = str(tmp_path)
     return function
 
