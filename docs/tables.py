@@ -625,6 +625,19 @@ def benchmarks(reports: Path) -> Table:
 
 
 @table
+def first_answer(reports: Path) -> Table:
+    """What the first answer takes in an older version and in this one, with nothing kept and with machine code kept."""
+    found = pd.read_csv(Path(__file__).parent / "results" / "first_answer.csv")
+    wide = found.pivot_table(
+        index=["what", "state"], columns="version", values=["cpu_seconds", "wall_seconds"], sort=False
+    )
+    heads = [f"{version}: {of} s" for of in ("processor", "wall") for version in ("before", "now")]
+    order = [(of, version) for of in ("cpu_seconds", "wall_seconds") for version in ("before", "now")]
+    rows = [[*names, *(short(values[column], 3) for column in order)] for names, values in wide.iterrows()]
+    return ["", "machine code", *heads], rows
+
+
+@table
 def path_steps(reports: Path) -> Table:
     """What ``rattle check speed --json`` has printed on the machine that the page names, kept beside this file."""
     found = json.loads((Path(__file__).parent / "path_steps.json").read_text(encoding="utf-8"))

@@ -35,7 +35,7 @@ from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic, register_jitable
 
-from rattle.scene import compilers
+from rattle.scene import compile_ahead
 from rattle.scene.progress import compiling, print_on_stderr, watch_compiler
 from rattle.scene.sources import (
     PACKAGES,
@@ -324,7 +324,7 @@ class Kept:
 def _start_others() -> None:
     """Have other processes compile beside this one, which has to compile something."""
     if _folder is not None:
-        compilers.start(_folder)
+        compile_ahead.start(_folder)
 
 
 class _Compiling(event.Listener):

@@ -12,7 +12,7 @@ from rattle.compare.chaos.sweep import vary
 from rattle.compare.report.folder import name_of
 from rattle.compare.report.provenance import provenance
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.scene import Scene, as_html, check_scene, compilers, count, positive
+from rattle.scene import Scene, as_html, check_scene, compile_ahead, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import print_on_stderr
 
@@ -155,7 +155,7 @@ def chaos(
     True
     """
     check_scene(scene)
-    compilers.expect("chaos", len(scene.drive))
+    compile_ahead.expect("chaos", len(scene.drive))
     scenes = vary(scene, field, over)
     positive("width", width)
     for name, given, least in (("points", points, 100), ("impacts", impacts, 20_000), ("events", events, 128)):

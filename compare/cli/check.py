@@ -181,8 +181,8 @@ def warm_up(times: bool) -> None:
 
     Exit codes: 0 done; 2 it cannot be kept.
     """
-    from rattle.compare.compiling import LONGEST_TASK, WARM_UP, compile_tasks, kept_tasks, measure_times, tasks
-    from rattle.scene import compilers
+    from rattle.compare.warm_up import LONGEST_TASK, WARM_UP, compile_tasks, kept_tasks, measure_times, tasks
+    from rattle.scene import compile_ahead
     from rattle.scene.compiled import INTERPRETED
     from rattle.scene.progress import ProgressBar
 
@@ -196,7 +196,7 @@ def warm_up(times: bool) -> None:
     kept = kept_tasks()
     if kept is None:
         raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
-    compilers.expect(WARM_UP)
+    compile_ahead.expect(WARM_UP)
     found, before = tasks(), kept.count()
     named = compile_tasks(found, kept, LONGEST_TASK)
     for name in (bar := ProgressBar(named, label="compiling", unit="task", total=len(found))):

@@ -15,7 +15,7 @@ import click
 from rattle.compare.report.folder import check_free, default_place, name_of
 from rattle.compare.report.interrupt import stored
 from rattle.compare.report.json_text import json_text
-from rattle.scene import DAT21, Scene, choice, compilers, count, harmless
+from rattle.scene import DAT21, Scene, choice, compile_ahead, count, harmless
 from rattle.scene.progress import ESTIMATES, apart_from_bars, do, print_on_stderr
 
 PATH = click.Path(path_type=Path)
@@ -311,7 +311,7 @@ def check_counts(settings: Mapping[str, Any], **least: int) -> None:
 def load_scene(path: Path | None, sigma: float | None, otherwise: float = PAPER_SIGMA) -> Scene:
     """Load a scene file, or DAT21 at the noise intensity `otherwise`; `sigma` replaces either's noise."""
     scene = Scene.load(path) if path else Scene.from_gears(DAT21, sigma=otherwise)
-    compilers.expect(str(click.get_current_context().info_name), len(scene.drive))
+    compile_ahead.expect(str(click.get_current_context().info_name), len(scene.drive))
     if sigma is not None:
         return scene.with_sigma(sigma)
     if path and scene.sigma == 0.0:

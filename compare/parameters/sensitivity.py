@@ -20,7 +20,7 @@ from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.settings import is_random
-from rattle.scene import Floats, InputError, Scene, check_scene, choice, compilers, duration_text, positive
+from rattle.scene import Floats, InputError, Scene, check_scene, choice, compile_ahead, duration_text, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
@@ -216,7 +216,7 @@ def sensitivity(
     (['omega'], 4)
     """
     check_scene(scene)
-    compilers.expect("sensitivity", len(scene.drive))
+    compile_ahead.expect("sensitivity", len(scene.drive))
     whole = read_whole_seed(rng)
     asked = list(dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities))
     for name in asked:

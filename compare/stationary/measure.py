@@ -15,7 +15,7 @@ from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
-from rattle.scene import Scene, check_scene, choice, compilers
+from rattle.scene import Scene, check_scene, choice, compile_ahead
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import do
 
@@ -94,7 +94,7 @@ def stationary(
     ('simulated', True)
     """
     check_scene(scene)
-    compilers.expect("stationary", len(scene.drive))
+    compile_ahead.expect("stationary", len(scene.drive))
     named = tuple(dict.fromkeys(choice("closures", name, CLOSURES_JUDGED) for name in closures))
     rng = read_seed(rng)
     do("stationary: the motion without noise")

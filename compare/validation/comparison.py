@@ -25,7 +25,7 @@ from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import PilotRun, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import LEAST
 from rattle.montecarlo.diagnostics.reach import Candidate
-from rattle.montecarlo.ensemble.leaving import KNOWN, interval
+from rattle.montecarlo.ensemble.leaving import KNOWN, expect_leaving, interval
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
@@ -45,7 +45,7 @@ class Comparison:
     correlation: pd.DataFrame
     z: float
     tolerances: Tolerances
-    near: Ensemble | None = None
+    second_look: Ensemble | None = None
 
     def section_rows(self, closure: str, kind: str = "section") -> pd.DataFrame:
         """The rows of ``table`` on the section moments of a closure."""
@@ -70,7 +70,7 @@ class Comparison:
     @cached_property
     def near_branches(self) -> Ensemble | None:
         """Paths by the simulation's scheme of which a part is drawn near the rare branches that matter, if any does."""
-        return self.near or begin_rare(self.run, LEAST, in_threads(1))
+        return self.second_look or begin_rare(self.run, LEAST, in_threads(1))
 
     def foresee(self, accuracy: float) -> PilotRun:
         """What `rattle.montecarlo.simulate_to` is expected to take by the simulation's scheme."""
@@ -80,13 +80,14 @@ class Comparison:
         """Probability of having left a closure's itinerary by its last impact, with a 95 % interval."""
         run = self.run
         own = run.plan.itineraries[closure]
-        impacts = np.count_nonzero(own)
+        impacts = int(np.count_nonzero(own))
         if impacts == 0:  # nothing to follow
             return 1.0, 1.0, 1.0
         if not is_random(run.scene):
             return 0.0, 0.0, 0.0
-        left = run.paths * (1.0 - float(run.agreement[closure].loc[impacts]))
-        if left >= KNOWN or not begins(own, run.plan.itineraries[NOISE_FREE]):
+        noise_free = begins(own, run.plan.itineraries[NOISE_FREE])
+        if not noise_free or run.paths * expect_leaving(run, impacts) >= KNOWN:
+            left = run.paths * (1.0 - float(run.agreement[closure].loc[impacts]))
             low, high = interval(left, left, 1.0)
             return left / run.paths, low / run.paths, min(high / run.paths, 1.0)
         rows = run.leaving[run.leaving["impact"] <= impacts]

@@ -99,14 +99,14 @@ def _page(
     validations: Sequence[Comparison],
     swept: Sweep | None,
     record: dict[str, Any],
-    sections_drawn: Sequence[DrawnSection],
+    drawn: Sequence[DrawnSection],
     drawings: dict[str, Drawing],
     schemes: pd.DataFrame | None,
 ) -> Page:
     """The page of the report; its figures are added to the drawings."""
     first = validations[0]
-    drawn = {text: "" for text, word in CAPTIONS["agreement"].items() if not word or word in first.predictions}
-    agreement = _add(drawings, agreement_figure(validations), "agreement", drawn)
+    captions = {text: "" for text, word in CAPTIONS["agreement"].items() if not word or word in first.predictions}
+    agreement = _add(drawings, agreement_figure(validations), "agreement", captions)
     words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=first.scene.gears)
     explained, parts = [*_own_closures(first), words], dict[str, Any]()
     marks = ", ".join(f"{SIGNS[m] or '–'} {verdict}" for verdict, m in tables.MARKS.items() if verdict != NOT_JUDGED)
@@ -129,7 +129,7 @@ def _page(
     if claim := correlation_claim(validations):
         parts["claim"] = Text(claim)
     opening, sections = lay_out("validation", parts, **values)
-    sections += tuple(drawn.section for drawn in sections_drawn)
+    sections += tuple(one.section for one in drawn)
     if first.scene.drive != SINE_ALONE:
         shown = _add(drawings, drive_figure(first.scene), "drive", CAPTIONS["drive"])
         sections += (PageSection("The drive", (shown,)),)

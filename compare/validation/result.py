@@ -37,7 +37,7 @@ class Validation(Comparison):
         Standard errors of the intervals, corrected for the number of rows.
     tolerances : Tolerances
         What counts as accurate.
-    near : Ensemble or None
+    second_look : Ensemble or None
         Other paths, of which a part is drawn near rare branches, where rows waited for these.
 
     Examples

@@ -19,6 +19,7 @@ import pandas as pd
 from scipy.special import chdtri
 
 from rattle.montecarlo.branches.choose import LIKELY
+from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.ensemble.aim import ENOUGH, Exit, aim, share_out
 from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
 from rattle.montecarlo.kernel.mixture import mixture_of
@@ -64,6 +65,18 @@ def interval(total: float, squares: float, largest: float) -> tuple[float, float
     low = 0.5 * squares / total * chdtri(2.0 * total**2 / squares, 1.0 - tail) if squares > 0.0 else 0.0
     high = 0.5 * wide / more * chdtri(2.0 * more**2 / wide, tail) if wide > 0.0 else 0.0
     return float(low), float(high)
+
+
+def expect_leaving(run: Any, impacts: int) -> float:
+    """Share of paths that is expected to leave the noise-free itinerary by an impact: searched, first order in noise.
+
+    It depends on the scene alone, so what is decided by it has no influence on what is counted.
+    """
+    scene = run.plan.scene
+    if scene.sigma == 0.0:
+        return 0.0
+    branches = search_of(scene.phase_reduced, run.plan.impacts).until(1.0).branches
+    return float(sum(branch.probability for branch in branches if branch.impact <= impacts))
 
 
 def _list_exits(run: Any) -> Sequence[Exit]:

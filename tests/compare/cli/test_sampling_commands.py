@@ -8,7 +8,7 @@ import pytest
 from commands import rattle
 
 from rattle.closure import CLOSURES, mean_map
-from rattle.compare.compiling import tasks
+from rattle.compare.warm_up import tasks
 from rattle.montecarlo import SCHEMES, simulate, simulate_rare
 from rattle.montecarlo.long_run import long_run
 from rattle.scene import DAT21, Scene, Tolerance, compiled

@@ -9,7 +9,8 @@ from rattle.compare.validation.comparison import find_validities, find_validity
 from rattle.compare.validation.errors import NO_ITINERARY, ON_ITINERARY, TOO_FEW_FOLLOW
 from rattle.compare.validation.tables import find_reach, list_leaving
 from rattle.compare.validation.verdict import JUDGED
-from rattle.montecarlo import Record, simulate
+from rattle.montecarlo import Ensemble, Record, simulate
+from rattle.montecarlo.ensemble.leaving import KNOWN
 from rattle.scene import DAT21, Scene, Start
 
 SCENE = Scene.from_gears(DAT21, sigma=0.1)
@@ -94,3 +95,18 @@ def test_without_noise_the_rows_are_those_of_all_paths():
     np.testing.assert_array_equal(both[0]["simulated"], both[1]["simulated"])
     np.testing.assert_array_equal(both[0]["verdict"], both[1]["verdict"])
     assert find_validity(still, "saltation").leaving_high == 0.0
+
+
+@pytest.mark.parametrize(("paths", "pilots"), [(3072, True), (3584, False)])
+def test_how_it_is_known_how_many_leave_is_settled_before_they_are_counted(paths, pilots, monkeypatch):
+    """Some of the runs count `KNOWN` paths that left, others fewer: all are treated alike."""
+    asked = []
+    found = validate(SCENE, impacts=IMPACTS, closures=["saltation"], paths=1024).run.leaving
+    monkeypatch.setattr(Ensemble, "leaving", property(lambda run: asked.append(run) or found))
+    counts = []
+    for seed in range(12):
+        v = validate(SCENE, impacts=IMPACTS, closures=["saltation"], paths=paths, rng=seed, fixed_times=False)
+        v.leaving("saltation")
+        counts.append(paths * (1.0 - v.run.agreement["saltation"][IMPACTS]))
+    assert min(counts) < KNOWN < max(counts)
+    assert len({id(run) for run in asked}) == 12 * pilots

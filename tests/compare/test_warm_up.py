@@ -8,8 +8,8 @@ import numba
 import pytest
 from filelock import FileLock
 
-from rattle.compare.compiling import NEEDS, DoneTasks, compile_tasks, measure_times, tasks
-from rattle.scene import compiled, compilers
+from rattle.compare.warm_up import NEEDS, DoneTasks, compile_tasks, measure_times, tasks
+from rattle.scene import compile_ahead, compiled
 
 COMPILED = pytest.mark.skipif(bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off")
 
@@ -101,19 +101,19 @@ CODE = """
 import sys, time
 from pathlib import Path
 import rattle as rt
-from rattle.scene import compilers
+from rattle.scene import compile_ahead
 from rattle.scene.compiled import count_compiled, folder
 rt.mean_map(rt.Scene.from_gears(rt.DAT21, sigma=0.01), impacts=2, closure="saltation")
-for process in compilers._started:
+for process in compile_ahead._started:
     process.wait()
-print(len(compilers._started), count_compiled(), len(list(folder().glob("*.nbc"))))
+print(len(compile_ahead._started), count_compiled(), len(list(folder().glob("*.nbc"))))
 """
 
 
 @pytest.mark.slow
 @COMPILED
 def test_another_process_compiles_what_a_session_will_need(tmp_path):
-    environment = os.environ | {compilers.NUMBER: "2", "NUMBA_CACHE_DIR": str(tmp_path)}
+    environment = os.environ | {compile_ahead.NUMBER: "2", "NUMBA_CACHE_DIR": str(tmp_path)}
     environment.pop("PYTEST_XDIST_WORKER", None)
     done = [
         subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, text=True, check=True)

@@ -13,7 +13,7 @@ import pytest
 from filelock import FileLock
 from programs import python
 
-from rattle.scene import compiled, compilers
+from rattle.scene import compile_ahead, compiled
 
 COMPILED = pytest.mark.skipif(bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off")
 
@@ -28,7 +28,7 @@ def doubled(x):
 def kept(tmp_path, monkeypatch):
     """The machine code of `doubled` in a folder of its own, and how it is asked for."""
     tmp_path.chmod(0o700)
-    monkeypatch.setattr(compilers, "start", lambda place: None)
+    monkeypatch.setattr(compile_ahead, "start", lambda place: None)
     function = numba.njit(**compiled.OPTIONS)(doubled.py_func)
     function._cache = compiled.Kept(function.py_func, function.targetoptions)
     function._cache.cache_path = str(tmp_path)
@@ -45,14 +45,14 @@ def started(monkeypatch):
         return SimpleNamespace(poll=lambda: 0)
 
     monkeypatch.setattr(subprocess, "Popen", note)
-    monkeypatch.setattr(compilers, "_asked", set())
-    monkeypatch.setattr(compilers, "_started", [])
-    monkeypatch.setenv(compilers.NUMBER, "3")
+    monkeypatch.setattr(compile_ahead, "_asked", set())
+    monkeypatch.setattr(compile_ahead, "_started", [])
+    monkeypatch.setenv(compile_ahead.NUMBER, "3")
     monkeypatch.delenv("PYTEST_XDIST_WORKER", raising=False)
     monkeypatch.setattr("multiprocessing.parent_process", lambda: None)
     monkeypatch.setattr(threading, "current_thread", threading.main_thread)
     yield commands
-    compilers._started.clear()
+    compile_ahead._started.clear()
 
 
 @COMPILED
@@ -118,12 +118,12 @@ def test_without_locks_every_process_compiles(kept, monkeypatch, fault):
 
 
 def test_a_process_is_started_on_every_other_core_once_for_each_command(started, tmp_path):
-    compilers.expect("stationary")
-    compilers.start(tmp_path)
-    compilers.start(tmp_path)
+    compile_ahead.expect("stationary")
+    compile_ahead.start(tmp_path)
+    compile_ahead.start(tmp_path)
     assert [command[3] for command in started] == ["stationary"] * 2
-    compilers.expect("validate", orders=3)
-    compilers.start(tmp_path)
+    compile_ahead.expect("validate", orders=3)
+    compile_ahead.start(tmp_path)
     assert started[-1][3] == "validate, several orders"
 
 
@@ -139,21 +139,21 @@ def test_a_process_is_started_on_every_other_core_once_for_each_command(started,
 )
 def test_none_is_started_where_that_is_not_allowed_or_makes_no_sense(started, monkeypatch, tmp_path, what, value):
     monkeypatch.setattr(what, value)
-    compilers.start(tmp_path)
+    compile_ahead.start(tmp_path)
     assert not started
 
 
-@pytest.mark.parametrize(("name", "value"), [(compilers.NUMBER, "1"), ("PYTEST_XDIST_WORKER", "gw0")])
+@pytest.mark.parametrize(("name", "value"), [(compile_ahead.NUMBER, "1"), ("PYTEST_XDIST_WORKER", "gw0")])
 def test_none_is_started_where_the_environment_says_so(started, monkeypatch, tmp_path, name, value):
     monkeypatch.setenv(name, value)
-    compilers.start(tmp_path)
+    compile_ahead.start(tmp_path)
     assert not started
 
 
 def test_one_core_has_no_other_process(started, monkeypatch, tmp_path):
-    monkeypatch.setenv(compilers.NUMBER, "as many as possible")
+    monkeypatch.setenv(compile_ahead.NUMBER, "as many as possible")
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0}, raising=False)
-    compilers.start(tmp_path)
+    compile_ahead.start(tmp_path)
     assert not started
 
 
@@ -163,17 +163,17 @@ def test_where_no_process_can_be_started_nothing_is_said(started, monkeypatch, t
         raise fault
 
     monkeypatch.setattr(subprocess, "Popen", refuse)
-    compilers.start(tmp_path)
+    compile_ahead.start(tmp_path)
     assert capfd.readouterr() == ("", "")
 
 
 SLEEPER = """
 import sys, time
-from rattle.scene import compilers
-compilers.CODE = "import os, time; print(os.getpid(), flush=True)" + {then!r}
-compilers.subprocess.DEVNULL = None
+from rattle.scene import compile_ahead
+compile_ahead.CODE = "import os, time; print(os.getpid(), flush=True)" + {then!r}
+compile_ahead.subprocess.DEVNULL = None
 from pathlib import Path
-compilers.start(Path("kept"))
+compile_ahead.start(Path("kept"))
 time.sleep({alive})
 """
 
@@ -191,9 +191,9 @@ def is_running(process):
 @pytest.mark.parametrize("end", [None, signal.SIGKILL])
 def test_what_was_started_ends_with_this_process(end):
     """By itself or killed."""
-    then = "\nfrom rattle.compare.compiling import _end_with_parent\n_end_with_parent()"
+    then = "\nfrom rattle.compare.warm_up import _end_with_parent\n_end_with_parent()"
     code = SLEEPER.format(then=then, alive=60 if end else 0.5)
-    environment = os.environ | {compilers.NUMBER: "2", "PYTHONPATH": os.pathsep.join(sys.path)}
+    environment = os.environ | {compile_ahead.NUMBER: "2", "PYTHONPATH": os.pathsep.join(sys.path)}
     environment.pop("PYTEST_XDIST_WORKER", None)
     with subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE) as parent:
         child = int(parent.stdout.readline())

@@ -19,11 +19,11 @@ NUMBER = "RATTLE_COMPILERS"
 CODE = """
 import sys
 sys.path[:] = sys.argv[2:]
-from rattle.compare.compiling import help_parent
+from rattle.compare.warm_up import help_parent
 help_parent(sys.argv[1])
 """
 
-_expected = "validate"  # what is compiled ahead: a name in `rattle.compare.compiling.NEEDS`
+_expected = "validate"  # what is compiled ahead: a name in `rattle.compare.warm_up.NEEDS`
 _asked: set[str] = set()  # for what processes were started
 _started: list["subprocess.Popen[bytes]"] = []
 
