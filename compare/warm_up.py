@@ -28,8 +28,11 @@ Task = Callable[[], object]
 
 VALIDATED = ("closure branching", "closure published", "closure corrected", "paths near rare branches")
 """What a validation needs besides the simulation; last what has most in common with it."""
+SIMULATED_FIRST = ("scheme exact-flight", "paths near rare branches", "rare branches", "closure branching")
+"""The same where the command itself begins with the closures."""
 NEEDS: dict[str, tuple[str, ...]] = {
-    "validate": (*VALIDATED, "scheme exact-flight", "closure saltation"),
+    "session": (*VALIDATED, "scheme exact-flight", "closure saltation"),
+    "validate": (*SIMULATED_FIRST, "closure published", "closure corrected", "closure saltation"),
     "simulate": ("scheme exact-flight", "closure saltation", "rare branches"),
     "stationary": ("the long run", "closures in the long run"),
     "chaos": ("orbits", "long paths", "pairs of paths"),
@@ -37,7 +40,10 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "sensitivity": ("pairs of paths", "long paths", "scheme exact-flight", "closure saltation"),
     "tradeoff": ("scheme exact-flight", "scheme euler-maruyama-located", "scheme euler-maruyama", *VALIDATED),
 }
-"""The tasks of a command, in the order in which other processes take them: what itself it needs last comes first."""
+"""The tasks of a command, and of a session in Python, in the order in which other processes take them.
+
+What the command itself needs last comes first.
+"""
 
 
 def tasks(orders: int = 1) -> dict[str, Task]:

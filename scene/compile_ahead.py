@@ -23,7 +23,7 @@ from rattle.compare.warm_up import help_parent
 help_parent(sys.argv[1])
 """
 
-_expected = "validate"  # what is compiled ahead: a name in `rattle.compare.warm_up.NEEDS`
+_expected = "session"  # what is compiled ahead: a name in `rattle.compare.warm_up.NEEDS`
 _asked: set[str] = set()  # for what processes were started
 _started: list["subprocess.Popen[bytes]"] = []
 

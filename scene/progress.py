@@ -1,8 +1,8 @@
-"""What long work is doing, on standard error: a bar on a terminal or in a notebook, elsewhere lines of a log.
+"""What long work is doing, on standard error: a bar on a terminal or in a notebook, lines in a pipe or a log.
 
-Bars belong to the functions that are asked for them: `ProgressBar`.  A command says besides what it is doing where no
-bar says it, and in a pipe how far its bars are: within `speaking`, by a thread, since a long call of compiled code or
-of the compiler answers nobody.  The same thread draws a line while numba compiles in a Python session.
+A function that is asked for it shows a `ProgressBar`.  A command also says what it does where there is no bar, and in a
+pipe how far its bars are (`speaking`).  A thread does so, since compiled code and the compiler return only when they
+are done.  The same thread draws a line while numba compiles in a Python session.
 """
 
 import io
@@ -82,7 +82,8 @@ class ProgressBar(Bar):
     """
 
     def __init__(self, items: Iterable[Any] | None = None, label: str | None = None, **settings: Any) -> None:
-        self.label, self._shown = line(label or ""), shows_bars()
+        self.label = line(label or "")
+        self._shown = shows_bars()
         if not label:
             settings["disable"] = True
         elif not self._shown:
@@ -237,9 +238,11 @@ class Compiler:
     """
 
     def __init__(self) -> None:
-        self.depth, self.functions = 0, 0
+        self.depth = 0
+        self.functions = 0
         self._lock = threading.RLock()
-        self._seconds, self._began = 0.0, 0.0
+        self._seconds = 0.0
+        self._began = 0.0
         self._speaker: Speaker | None = None
 
     def begin(self) -> None:

@@ -87,7 +87,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     agreement[0], discarded_at[0] = 1.0, 0.0
     (slow, residual), carried = np.zeros((2, impacts + 1)), np.zeros((impacts + 1, 6))
     found = impacts
-    work = np.zeros(impacts + 1, np.int64)
+    flights = np.zeros(impacts + 1, np.int64)
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
     for k in range(1, impacts + 1):
         own = int(orbit.mesh[k] * orbit.side[k])
@@ -95,7 +95,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         struck = (section.weight[: 2 * run.flown] != 0.0) & (section.label[: 2 * run.flown] != 0)
         run.strike(own)
         flown, count = run.flown, run.kept
-        work[k] = flown
+        flights[k] = flown
         slow[k] = b.start.weight[:flown] @ b.slow[:flown]
         residual[k] = b.error[:flown].sum()
         if count == 0 or run.discarded > 0.5:
@@ -122,7 +122,7 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     stopped = "" if found == impacts else f"more than half of the probability is discarded after impact {found}"
     raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
     whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, parts)
-    seen = replace(whole, agreement=agreement, discarded=discarded_at, followed=followed, flown=work)
+    seen = replace(whole, agreement=agreement, discarded=discarded_at, followed=followed, flown=flights)
     return replace(seen, slow=slow, carried=carried, residual=residual, doubted=doubted, bent=bent)
 
 

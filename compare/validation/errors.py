@@ -63,7 +63,7 @@ AGAIN = 0.25
 """Share of the probability of a wrong verdict that `judge_again` may add."""
 
 SPARE = 2.0
-"""Paths of `judge_again` over those with which its rows are expected to be decided: a branch widens their errors."""
+"""How many times the paths that are expected to decide its rows `judge_again` takes: a branch widens their errors."""
 
 
 class Claimed(Protocol):
@@ -237,7 +237,7 @@ def judge_again(
 ) -> tuple[list[pd.DataFrame], Ensemble | None]:
     """Tables of `section_errors`, their rows that wait for a rare branch decided by paths of which a part is near it.
 
-    These paths are independent of the run; it says how many there are.  What they leave undecided stays as it was.
+    They are independent of the run, which only says how many are needed.  What they leave undecided stays as it was.
 
     Returns: The tables, and the run of these paths, None where there is none.
     """

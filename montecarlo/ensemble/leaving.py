@@ -68,9 +68,9 @@ def interval(total: float, squares: float, largest: float) -> tuple[float, float
 
 
 def expect_leaving(run: Any, impacts: int) -> float:
-    """Share of paths that is expected to leave the noise-free itinerary by an impact: searched, first order in noise.
+    """Share of paths that is expected to leave the noise-free itinerary by an impact, to first order in the noise.
 
-    It depends on the scene alone, so what is decided by it has no influence on what is counted.
+    It is that of the search for branches and depends on the scene alone, not on what is counted later.
     """
     scene = run.plan.scene
     if scene.sigma == 0.0:

@@ -222,7 +222,8 @@ def expect_run(
     It takes more where paths forget their start late, or where an accuracy needs more than `LEAST` periods.
     """
     warm_up(scene, slow)
-    walk, sums = Walk(scene, np.random.SeedSequence(0), 0, PROBED), new_sums(PROBED, PROBE, no_scales(slow), False)
+    walk = Walk(scene, np.random.SeedSequence(0), 0, PROBED)
+    sums = new_sums(PROBED, PROBE, no_scales(slow), False)
     walk.follow(sums, PROBE)
     sums.main[:] = 0.0
     began = clock()
