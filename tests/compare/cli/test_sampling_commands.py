@@ -1,7 +1,6 @@
 """The commands of the sampler as a user types them."""
 
 import json
-import sys
 
 import pandas as pd
 import pytest
@@ -93,16 +92,6 @@ def test_after_warming_up_nothing_is_compiled():
         long_run(scene, paths=16, periods=64)
     simulate_rare(Scene.from_gears(DAT21, sigma=0.1), paths=32_768, impacts=3)
     assert compiled.count_compiled() == before
-
-
-@pytest.mark.parametrize("terminal", [True, False])
-def test_compiling_is_announced_once_and_only_on_a_terminal(terminal, monkeypatch, capsys):
-    monkeypatch.setattr(compiled, "_compiled", 0)
-    monkeypatch.setattr(compiled, "_warnings", [])
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
-    compiled._count()
-    compiled._count()
-    assert capsys.readouterr().err.count("compiling for this processor") == (1 if terminal else 0)
 
 
 def test_warming_up_without_a_folder_says_what_to_do(monkeypatch):
