@@ -84,7 +84,7 @@ def judge_value(
     while looks:
         paths = looks[0]
         run = simulate(scene, paths, near_branches)
-        narrow, rows = (section_errors(predicted, run, width, tolerances) for width in z)
+        narrow, rows = (section_errors([predicted], run, width, tolerances) for width in z)
         narrow, rows = (table[table["verdict"].isin(JUDGED)] for table in (narrow, rows))
         if rows.empty:
             return Judgement(value, WRONG, paths, row="nothing is predicted")

@@ -199,7 +199,7 @@ def _errors(study: Study, points: list[Triple], z: float) -> pd.DataFrame:
     parts = []
     for point, run, predictions in points:
         for prediction in predictions:
-            tables = [section_errors(prediction, run, z, study.within)]
+            tables = [section_errors([prediction], run, z, study.within)]
             if prediction.followers and run.followers:
                 codes = [np.nan_to_num(s["mesh"] * s["side"]) for s in (prediction.section, run.followers.section)]
                 tables.append(judge_followers(prediction.followers, run.followers, z, study.within, *codes))

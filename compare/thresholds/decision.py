@@ -150,7 +150,7 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
             why = f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or kind={KINDS[0]!r}"
             raise InputError("kind", claim.kind, why)
     else:
-        table = errors.section_errors(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0))
+        table = errors.section_errors([prediction], run, 1.0, Tolerances(0.0, 0.0, 0.0))
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
     rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(drop=True)
     rows = rows[rows["judged"]].reset_index(drop=True)

@@ -1,7 +1,7 @@
 """Errors of a closure's section moments and of its correlations at mid-flight, with intervals and verdicts."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
@@ -105,13 +105,13 @@ class Simulated(Protocol):
         """As `Ensemble.agreement`."""
 
 
-def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
+def section_errors(predictions: Sequence[Claimed], run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
     """Errors of predicted section moments with intervals and verdicts.
 
     Both sides are moments on the Poincaré section at the impacts: of the state of each path at its own k-th impact.
 
-    Returns: A row for each impact, quantity and moment.  ``simulated`` is the simulated value with its standard
-    error ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value;
+    Returns: A row for each prediction, impact, quantity and moment.  ``simulated`` is the simulated value with its
+    standard error ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value;
     ``low`` and ``high`` bound it: ``noise`` is `z` standard errors of the corrected value (the interval has
     Student's t in place of `z`, which is wider where paths are few), ``rest`` bounds the bias that the correction
     may have left. ``unit`` is the sd of the quantity, ``se_unit`` its standard error. ``still`` is the tolerance
@@ -125,13 +125,33 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     that skewness over sqrt(n). Verdicts are those of `judge`.
     """
     section, steps = run.section, run.step_bias
+    impact = steps["impact"]
+    moment = steps["quantity"].where(steps["moment"] == "mean", "sd_" + steps["quantity"])
+    simulated = _simulated_rows(run, z, tolerances)
+    parts = []
+    for prediction in predictions:
+        predicted = _pick(prediction.section, impact, moment)
+        agreement = run.agreement.get(prediction.closure, section["agreement"])
+        rows = simulated.assign(closure=prediction.closure, predicted=predicted)
+        rows["error"] = predicted - steps["corrected"]
+        rows["agreement"] = agreement.loc[impact].to_numpy()
+        parts.append(rows)
+    table = pd.concat(parts, ignore_index=True)
+    half, skew = table.pop("half"), table.pop("skew")
+    table["low"] = table["error"] - half - skew.clip(lower=0.0) - table["unseen_low"]
+    table["high"] = table["error"] + half - skew.clip(upper=0.0) + table["unseen_high"]
+    table = judge(table)
+    return table.assign(remark=remarks(table))
+
+
+def _simulated_rows(run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
+    """The rows of `section_errors` without a prediction; ``half`` the width of an interval, and what ``skew`` adds."""
+    section, steps = run.section, run.step_bias
     impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
     name = quantity.where(is_mean, "sd_" + quantity)
     sd = steps[~is_mean].set_index(["impact", "quantity"])
     own = sd.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
     unit = own["corrected"].where(own["corrected"] > 0.0, _pick(section, impact, "sd_" + quantity))
-    agreement = run.agreement.get(prediction.closure, section["agreement"])
-    predicted = _pick(prediction.section, impact, name)
     sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
     size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
     columns = {str(name): section[name].to_numpy() for name in section}
@@ -140,16 +160,16 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
     still = np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size)
     table = pd.DataFrame(
         {
-            "closure": prediction.closure,
+            "closure": "",
             "kind": "section",
             "impact": impact,
             "quantity": quantity,
             "moment": steps["moment"],
-            "predicted": predicted,
+            "predicted": np.nan,
             "simulated": _pick(section, impact, name),
             "se": _pick(section, impact, "se_" + name),
             "bias": steps["bias"],
-            "error": predicted - steps["corrected"],
+            "error": np.nan,
             "noise": z * steps["se_corrected"].where(~few),
             "rest": steps["rest"],
             "unit": unit,
@@ -157,21 +177,19 @@ def section_errors(prediction: Claimed, run: Simulated, z: float, tolerances: To
             "tolerance": np.maximum(np.where(is_mean, tolerances.mean, tolerances.sd) * unit, still),
             "still": still,
             "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
-            "agreement": agreement.loc[impact].to_numpy(),
+            "agreement": np.nan,
             "paths": section["paths"].loc[impact].to_numpy(),
         }
     )
     student = half_width(table["paths"], float(ndtr(-z))) / z * table["noise"]
     gain = widen_for_skewness(columns, steps, z)
-    half, lean = student + table["rest"], gain * student
+    table["half"] = student + table["rest"]
+    table["skew"] = gain * student
     table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
     up, down, needed, chance = _shift_unseen(unseen(run.scene, columns, int(section["paths"].max())), steps)
     table["unseen_low"], table["unseen_high"], table["unseen_share"] = up, down, chance
     table["unseen_paths"] = np.where(few, np.fmax(needed, FEWEST), needed)
-    table["low"] = table["error"] - half - lean.clip(lower=0.0) - up
-    table["high"] = table["error"] + half - lean.clip(upper=0.0) + down
-    table = judge(table)
-    return table.assign(remark=remarks(table))
+    return table
 
 
 def itinerary_errors(prediction: MeanMap, run: Ensemble, z: float, tolerances: Tolerances) -> pd.DataFrame:
@@ -199,7 +217,7 @@ def judge_followers(
 
     `own`, `followed`: ``mesh * side`` of the closure and of the paths apart, 0 where it has ended; (impacts,).
     """
-    table = section_errors(prediction, on, z, tolerances).assign(kind=ON_ITINERARY)
+    table = section_errors([prediction], on, z, tolerances).assign(kind=ON_ITINERARY)
     at, other = table["impact"] - 1, np.logical_or.accumulate((own != followed) & (own != 0))
     few = (table["agreement"] < HALF) | other[at]
     table.loc[few & table["predicted"].notna(), ["verdict", "paths_needed", "judged"]] = NOT_JUDGED, np.nan, False
@@ -228,29 +246,22 @@ def waits_for_branch(table: pd.DataFrame) -> "pd.Series[bool]":
 
 
 def judge_again(
-    tables: list[pd.DataFrame],
-    predictions: list[MeanMap],
-    run: Ensemble,
-    z: float,
-    tolerances: Tolerances,
-    workers: int,
-) -> tuple[list[pd.DataFrame], Ensemble | None]:
-    """Tables of `section_errors`, their rows that wait for a rare branch decided by paths of which a part is near it.
+    table: pd.DataFrame, predictions: list[MeanMap], run: Ensemble, z: float, tolerances: Tolerances, workers: int
+) -> tuple[pd.DataFrame, Ensemble | None]:
+    """A table of `section_errors`, its rows that wait for a rare branch decided by paths of which a part is near it.
 
     They are independent of the run, which only says how many are needed.  What they leave undecided stays as it was.
 
-    Returns: The tables, and the run of these paths, None where there is none.
+    Returns: The table, and the run of these paths, None where there is none.
     """
-    waits = [waits_for_branch(table) for table in tables]
+    waits = waits_for_branch(table)
     plain = SCHEMES[run.scheme].has_step_bias or run.scene.correlation_time
-    waiting = pd.concat([table[rows] for table, rows in zip(tables, waits, strict=True)])
-    if plain or waiting.empty:
-        return tables, None
-    rare = begin_rare(run, _count_again(waiting, run.paths), in_threads(workers))
+    if plain or not waits.any():
+        return table, None
+    rare = begin_rare(run, _count_again(table[waits], run.paths), in_threads(workers))
     if rare is None:
-        return tables, None
-    again = [section_errors(prediction, rare, z, tolerances) for prediction in predictions]
-    return list(map(take_decided, tables, waits, again)), rare
+        return table, None
+    return take_decided(table, waits, section_errors(predictions, rare, z, tolerances)), rare
 
 
 def _count_again(rows: pd.DataFrame, paths: int) -> int:

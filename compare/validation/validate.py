@@ -119,9 +119,10 @@ def validate(
     moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
     checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
-    parts = [errors.section_errors(m, run, z, limits) for m in maps]
+    section = errors.section_errors(maps, run, z, limits)
     again = widest(checks, errors.AGAIN * 0.05)
-    parts, second_look = errors.judge_again(parts, maps, run, again, limits, workers)
+    section, second_look = errors.judge_again(section, maps, run, again, limits, workers)
+    parts = [section]
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
     parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
@@ -234,7 +235,7 @@ def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], w
             run = simulate(v.scene.phase_reduced, paths=BESIDE_PATHS, **common)
             took = time.process_time() - began
             sampled = errors.NamedSection(scheme, run.section)
-            table = errors.section_errors(sampled, v.run.phase_reduced, v.z, v.tolerances)
+            table = errors.section_errors([sampled], v.run.phase_reduced, v.z, v.tolerances)
             at = ["impact", "quantity", "moment"]
             bias = _largest(table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias")
             rows.append((v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *bias, *_largest(table, "error"), took))

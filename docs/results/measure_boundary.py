@@ -29,7 +29,7 @@ def shares(store, sigma):
     """The error of every judged row over its tolerance, and its standard error."""
     scene = SCENE.with_sigma(sigma)
     run = store.obtain(Sample(scene, IMPACTS, 2026, paths=PATHS))
-    rows = section_errors(mean_map(scene, impacts=IMPACTS, closure="saltation"), run, 1.0, Tolerances())
+    rows = section_errors([mean_map(scene, impacts=IMPACTS, closure="saltation")], run, 1.0, Tolerances())
     rows = rows[rows["verdict"].isin(JUDGED)].set_index(["quantity", "moment", "impact"])
     return rows["error"].abs() / rows["tolerance"], rows["noise"] / rows["tolerance"]
 

@@ -70,9 +70,9 @@ def _verdicts(scene: Scene, truth: pd.DataFrame, paths: int) -> list[pd.DataFram
     for seed in range(SEEDS):
         run = simulate(scene, paths=paths, impacts=len(truth), scheme="exact-flight", rng=seed)
         with _nothing_unseen(len(truth)):
-            before = section_errors(exact, run, z, Tolerances())
-        bounded = section_errors(exact, run, z, Tolerances())
-        (again,), _ = judge_again([bounded], [exact], run, widest(checks, 0.05 * AGAIN), Tolerances(), 1)
+            before = section_errors([exact], run, z, Tolerances())
+        bounded = section_errors([exact], run, z, Tolerances())
+        again, _ = judge_again(bounded, [exact], run, widest(checks, 0.05 * AGAIN), Tolerances(), 1)
         for found, table in zip(tables, (before, bounded, again), strict=True):
             found.append(table.loc[table["judged"].astype(bool), "verdict"].reset_index(drop=True))
     return [pd.DataFrame(found) for found in tables]

@@ -129,7 +129,7 @@ def compared_with(scene, paths, z=4.0, seed=5, scheme="euler-maruyama-located", 
     m = mean_map(scene, impacts=12)
     record = Record(step_bias=dt is not None, itineraries={"saltation": m.itinerary})
     run = simulate(scene, paths=paths, dt=dt, scheme=scheme, rng=seed, workers=2, record=record)
-    table = section_errors(m, run, z, Tolerances())
+    table = section_errors([m], run, z, Tolerances())
     table["scale"] = table["noise"] / z
     return table[(table["unit"] > ABSOLUTE) & (table["agreement"] == 1.0)], run
 

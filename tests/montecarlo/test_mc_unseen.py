@@ -35,7 +35,7 @@ def _verdict(monkeypatch, bounded):
     if not bounded:
         nil = np.zeros((2, 6))
         monkeypatch.setattr(errors, "unseen", lambda *_: Unseen(nil, nil, nil, nil, nil, nil, 2))
-    table = section_errors(SimpleNamespace(closure="exact", section=truth), run, widest(48), Tolerances())
+    table = section_errors([SimpleNamespace(closure="exact", section=truth)], run, widest(48), Tolerances())
     return table.query("impact == 2 and quantity == 'y2' and moment == 'sd'").iloc[0]
 
 

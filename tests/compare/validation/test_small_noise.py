@@ -47,7 +47,7 @@ def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
     _, run, right = drawn(name, sigma)
 
     def table(section):
-        found = section_errors(NamedSection("planted", section), run, Z, Tolerances())
+        found = section_errors([NamedSection("planted", section)], run, Z, Tolerances())
         return found[found["verdict"].isin(JUDGED) & (found["unit"] > 1e-3 * sigma)]
 
     assert (table(right)["verdict"] == "accurate").all()
@@ -85,7 +85,7 @@ def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
     ]
     far = drawn("DAT21", 0.0, paths=1)[2].assign(tau=lambda s: s["tau"] * (1.0 + 2.0 * ABSOLUTE))
     run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight")
-    found = section_errors(NamedSection("planted", far), run, Z, Tolerances())
+    found = section_errors([NamedSection("planted", far)], run, Z, Tolerances())
     assert found["verdict"][(found["moment"] == "mean") & (found["quantity"] == "tau")].eq("inaccurate").any()
 
 

@@ -104,7 +104,7 @@ def test_a_perfect_closure_is_within_its_intervals(sigma):
     z = widest(2 * len(SECTION) * IMPACTS)
     missing = 0
     for seed in range(100, 112):
-        table = section_errors(claim, ensemble(sigma, seed, 4096), z, Tolerances())
+        table = section_errors([claim], ensemble(sigma, seed, 4096), z, Tolerances())
         varying = table[table["unit"] > ABSOLUTE]
         missing += bool(((varying["low"] > 0.0) | (varying["high"] < 0.0)).any())
     assert missing <= 3  # P(more than 3 of 12 | 5 %) = 0.002
@@ -120,7 +120,7 @@ def few():
 
 def seeds_called_inaccurate(claim, runs):
     z = widest(2 * len(SECTION) * 2)
-    return sum((section_errors(claim, run, z, Tolerances())["verdict"] == "inaccurate").any() for run in runs)
+    return sum((section_errors([claim], run, z, Tolerances())["verdict"] == "inaccurate").any() for run in runs)
 
 
 @pytest.mark.parametrize("paths", [2, 4, 8, 16])
@@ -141,7 +141,7 @@ def test_few_paths_see_a_wrong_mean_and_judge_no_sd(few):
     section = claim.section
     wrong = Claimed(section.assign(y1=section["y1"] + 20.0 * section["sd_y1"]))
     assert seeds_called_inaccurate(wrong, runs[16]) == 60
-    table = section_errors(claim, runs[16][0], 4.0, Tolerances()).query("judged and moment == 'sd'")
+    table = section_errors([claim], runs[16][0], 4.0, Tolerances()).query("judged and moment == 'sd'")
     assert (table["verdict"] == "undecided").all()
     assert (table["paths_needed"] >= 32).all()
     assert table["remark"].str.startswith("too few paths").all()
@@ -162,7 +162,7 @@ def test_a_negative_control_is_inaccurate(truth, column, change):
     quantity, moment = column.removeprefix("sd_"), "sd" if column.startswith("sd_") else "mean"
 
     def verdicts(claim):
-        table = section_errors(Claimed(claim), run, z, Tolerances())
+        table = section_errors([Claimed(claim)], run, z, Tolerances())
         picked = table[(table["quantity"] == quantity) & (table["moment"] == moment)]
         return picked[picked["unit"] > ABSOLUTE]["verdict"]
 
@@ -176,13 +176,17 @@ def test_rows_that_wait_for_a_rare_branch_are_decided_by_paths_near_it():
     run = simulate(scene, paths=8192, impacts=3, rng=1)
     exact = Claimed(simulate_rare(scene, paths=131_072, impacts=3, rng=2).section)
     wrong = Claimed(exact.section.assign(sd_y2=exact.section["sd_y2"] * [1.0, 1.0, 1.35]))
-    first = [section_errors(claim, run, widest(36), Tolerances()) for claim in (exact, wrong)]
-    (right, off), _ = judge_again(first, [exact, wrong], run, widest(36, 0.0125), Tolerances(), 1)
-    waits = [waits_for_branch(table) for table in first]
+    claims = [exact, wrong]
+    first = section_errors(claims, run, widest(36), Tolerances())
+    again, _ = judge_again(first, claims, run, widest(36, 0.0125), Tolerances(), 1)
+    half = len(first) // 2
+    before, after = [(table[:half], table[half:]) for table in (first, again)]
+    waits = [waits_for_branch(table) for table in before]
+    right, off = after
     assert all(rows.any() for rows in waits)
     assert not waits_for_branch(right).any()
     assert (right.loc[waits[0], "verdict"] == "accurate").all()
     row = (off["quantity"] == "y2") & (off["moment"] == "sd") & (off["impact"] == 3)
-    assert first[1].loc[row, "verdict"].item() == "undecided"
+    assert before[1].loc[row, "verdict"].item() == "undecided"
     assert off.loc[row, "verdict"].item() == "inaccurate"
-    assert right[~waits[0]].equals(first[0][~waits[0]])
+    assert right[~waits[0]].equals(before[0][~waits[0]])
