@@ -55,7 +55,7 @@ class Trace:
     error: Floats | None = None
     # the same closure's mean share of the squared impact speed that the noise of one flight makes; (impacts + 1,)
     slow: Floats | None = None
-    # the same, as a mean over the variance of each section quantity: what slow impacts carry of it; (impacts + 1, 6)
+    # the part of the variance of each section quantity that comes from slow impacts; (impacts + 1, 6)
     carried: Floats | None = None
     # what splitting its components further would be worth, by its own measure; (impacts + 1,)
     residual: Floats | None = None

@@ -183,7 +183,7 @@ def levels_of(runs: Sequence[Ensemble]) -> Levels:
 
 
 def find_clear(table: pd.DataFrame) -> pd.DataFrame:
-    """The levels that show how the worst mean decays: those not hidden by noise, coarse ones for want of others."""
+    """The levels whose worst mean is not hidden by noise: the fine ones, or all where there are too few of these."""
     clear = table[table["mean_worst"] > 3.0 * table["se_mean_worst"]]
     fine = clear[clear["level"] >= FITTED_FROM]
     return next((part for part in (fine, clear) if len(part) > 2), table)  # two have no interval

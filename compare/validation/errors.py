@@ -38,7 +38,7 @@ ON_ITINERARY = "itinerary"
 """The kind of the rows on the paths that have followed a closure's itinerary so far."""
 
 HALF = 0.5
-"""Share of all paths from which on those of an itinerary are judged alone: fewer are no bulk."""
+"""Share of all paths that must follow an itinerary for these paths to be judged alone."""
 
 TOO_FEW_FOLLOW = "fewer than half of the paths follow this itinerary up to here: judged over all paths only"
 """Remark on the rows of the others."""

@@ -67,10 +67,12 @@ def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int)
     `kurtosis`: Of so many plain paths. Shapes: `kurtosis` (impacts, 6); `added`, each (impacts, 6), of each branch.
     """
     shares, each = np.zeros(len(added)), np.array(added).reshape(len(added), *kurtosis.shape)
-    seen = tails * paths > KNOWN  # what plain paths have seen cannot add more than all that they have
+    # branches that plain paths have taken: together they add at most the kurtosis that was measured
+    seen = tails * paths > KNOWN
     each[seen] *= np.minimum(1.0, kurtosis / np.maximum(each[seen].sum(axis=0), 1e-300))
     rest = np.maximum(kurtosis - each[seen].sum(axis=0), 3.0)
-    # the few that they may have seen by chance: n / kurtosis paths at most have so large a part of it
+    # where the other branches are expected to make much of the measured kurtosis, it may come from a few chance visits
+    # to them: the rest then counts as normal, with a kurtosis of 3
     rest[each[~seen].sum(axis=0) > np.where(kurtosis * FEW > paths, 0.03, 0.3) * kurtosis] = 3.0
 
     def largest(shares: Floats) -> float:

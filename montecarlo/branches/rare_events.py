@@ -253,8 +253,8 @@ def _meet(flight: SearchedFlight, mesh: int, side: int, probability: float, time
 def _miss(flight: SearchedFlight) -> Event | None:
     """The orbit's own impact, if it all but grazes: paths that stay within the wall.
 
-    The design point is where the wall is furthest behind, in sds; a path that is within it then has to be so all along,
-    which a small sample of Gaussian paths around the design point tells.
+    The design point is the time at which the orbit is furthest beyond the wall, in sds.  Whether a path that is within
+    the wall then has been within it all along is found from a small sample of Gaussian paths around the design point.
     """
     mesh, side, i = flight.mesh, flight.side, 2 * (flight.mesh - 1)
     wall = _wall(flight.c, mesh)

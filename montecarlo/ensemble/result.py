@@ -473,7 +473,7 @@ class Ensemble(SectionResult):
         return np.asarray(self.result.codes.sum(axis=1))
 
     def _estimable(self, paths: Floats, name: str) -> Floats:
-        """1 where so many paths tell the error of a statistic, else NaN; what is not random has none to tell."""
+        """NaN where so few paths cannot have a standard error of a random statistic, else 1."""
         return np.where(is_random(self.scene) & (paths < statistics.FEWEST[name]), np.nan, 1.0)
 
     def _share(self, count: Floats) -> Floats:

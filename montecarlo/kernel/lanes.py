@@ -84,7 +84,10 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     marked.
     """
     words = marks.view(np.int64)
-    whole, some, found = Word((lanes + 7) // 8), Word(0), Word(0)  # indices without a sign need no look at it
+    # unsigned, for numba checks every signed index for being negative
+    whole = Word((lanes + 7) // 8)
+    some = Word(0)
+    found = Word(0)
     for p in range(lanes, 8 * ((lanes + 7) // 8)):
         marks[p] = False
     for g in range(whole):

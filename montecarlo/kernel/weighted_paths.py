@@ -84,7 +84,7 @@ def run_weighted(job: Job, mixture: BranchMixture, every: Lanes, room: Room, out
             for k in range(mixture.unit.shape[0]):
                 if n < steps and mixture.unit[k, n] != 0.0:
                     _condition(w, mixture.unit[k, n], mixture.rest[k, n], k, part, ahead, wide)
-            for k in range(mixture.unit.shape[0]):  # once all normals are what they will be
+            for k in range(mixture.unit.shape[0]):  # after all parts have shifted their normals
                 if n < steps and mixture.unit[k, n] != 0.0:
                     _add_along(w, mixture.unit[k, n], done[k], wide)
             begin = job.tau + n * job.dt
