@@ -11,15 +11,18 @@ os.environ.setdefault("RATTLE_COMPILERS", "1")  # no test starts processes that 
 
 SECOND_TIER = [Path(__file__).parent / "tests" / folder for folder in ("faults", "interpreted", "page", "security")]
 """Folders whose tests are all slow, or look for faults that are rare."""
+LONGEST = {"test_docs_site.py", "test_readme.py"}
+"""Files of the second tier whose few tests take minutes: begun last, they would be waited for."""
 EMPTY = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>\n'
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark what lies in a folder of the second tier."""
+    """Mark what lies in a folder of the second tier; begin with the files that one process needs minutes for."""
     for item in items:
         if any(folder in item.path.parents for folder in SECOND_TIER):
             item.add_marker(pytest.mark.slow)
+    items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 @pytest.fixture(autouse=True, scope="session")
