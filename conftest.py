@@ -1,4 +1,5 @@
-"""Plugins of the project's own tests; its plugin for accuracy thresholds is named in case it has not been installed."""
+"""Plugins of the project's own tests; its plugin for accuracy thresholds is named in case it has
+not been installed."""
 
 import os
 import threading
@@ -7,9 +8,13 @@ from pathlib import Path
 import pytest
 
 pytest_plugins = ["pytester", "rattle.compare.thresholds.plugin"]
-os.environ.setdefault("RATTLE_COMPILERS", "1")  # no test starts processes that compile unless it says so
+# no test starts processes that compile unless it says so
+os.environ.setdefault("RATTLE_COMPILERS", "1")
 
-SECOND_TIER = [Path(__file__).parent / "tests" / folder for folder in ("faults", "interpreted", "page", "security")]
+SECOND_TIER = [
+    Path(__file__).parent / "tests" / folder
+    for folder in ("faults", "interpreted", "page", "security")
+]
 """Folders whose tests are all slow, or look for faults that are rare."""
 LONGEST = {"test_docs_site.py", "test_readme.py"}
 """Files of the second tier whose few tests take minutes: begun last, they would be waited for."""
@@ -18,7 +23,8 @@ EMPTY = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>\n'
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark what lies in a folder of the second tier; begin with the files that one process needs minutes for."""
+    """Mark what lies in a folder of the second tier; begin with the files that one process needs
+    minutes for."""
     for item in items:
         if any(folder in item.path.parents for folder in SECOND_TIER):
             item.add_marker(pytest.mark.slow)
@@ -35,7 +41,8 @@ def silent():
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Figures are made but not drawn, which takes most of a report's time: for tests of what stands beside them."""
+    """Figures are made but not drawn, which takes most of a report's time: for tests of what stands
+    beside them."""
     from matplotlib.figure import Figure
 
     def savefig(figure, file, **settings):

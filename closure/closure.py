@@ -29,12 +29,14 @@ RHO = ("rho1", "rho2")
 PREDICTED = (*SECTION, *(f"{what}_{name}" for what in ("sd", "skew") for name in SECTION), *RHO)
 """Columns of `MeanMap.section` that a closure of one's own may predict."""
 DERIVED = ("realizable", "agreement", "discarded", "error_mean", "error_sd", "within")
-"""Other columns of `MeanMap.section`, which are left aside, so that a changed copy of one may be returned."""
+"""Other columns of `MeanMap.section`, which are left aside, so that a changed copy of one may be
+returned."""
 DESCRIBED = ("itinerary", "all paths")
 """Whose moments a closure predicts: the paths that follow its itinerary, or all."""
 AT_TIMES = (*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]), *RHO)
 """Columns of `MeanMap.at_times`."""
-GUESS = 1000.0  # microseconds of an impact by a function of which nothing is known, for an estimate beforehand
+# microseconds of an impact by a function of which nothing is known, for an estimate beforehand
+GUESS = 1000.0
 UNPREDICTED = "it predicts nothing after impact {}"
 
 
@@ -42,36 +44,39 @@ UNPREDICTED = "it predicts nothing after impact {}"
 class Closure:
     """A closure of one's own, where more is to be said than a function can say.
 
-    Wherever the name of a closure is taken (`mean_map`, `validate`, a study, the pytest plugin), a plain function is
-    taken too, and is then a closure of that name.  Commands and study files take ``package.module:function``.
+    Wherever the name of a closure is taken (`mean_map`, `validate`, a study, the pytest plugin), a
+    plain function is taken too, and is then a closure of that name.  Commands and study files take
+    ``package.module:function``.
 
     Parameters
     ----------
     name : str
         Its name in tables, pages and figures; not that of a closure of the package.
     function : callable
-        ``function(scene, impacts)``, returns a DataFrame with a row for each impact (index 1 to ``impacts``), or a
-        mapping of names to as many values.  Any of the columns of `MeanMap.section`: means ``tau, flight, x1, y1, x2,
-        y2``, standard deviations ``sd_tau, sd_y1, ...``, skewness ``skew_...``, correlations ``rho1, rho2``; ``mesh``
-        and ``side`` where the impacts are not those of the orbit without noise.  What is missing, masked or NaN is not
-        predicted.  It is given the scene as you gave it, and its times ``tau`` are those of that scene, from
-        ``scene.start.tau`` on.
+        ``function(scene, impacts)``, returns a DataFrame with a row for each impact (index 1 to
+        ``impacts``), or a mapping of names to as many values.  Any of the columns of
+        `MeanMap.section`: means ``tau, flight, x1, y1, x2, y2``, standard deviations ``sd_tau,
+        sd_y1, ...``, skewness ``skew_...``, correlations ``rho1, rho2``; ``mesh`` and ``side``
+        where the impacts are not those of the orbit without noise.  What is missing, masked or NaN
+        is not predicted.  It is given the scene as you gave it, and its times ``tau`` are those of
+        that scene, from ``scene.start.tau`` on.
     at_times : callable, optional
-        ``at_times(scene, times)``, the same at fixed times: columns of `MeanMap.at_times`, a row for each time, or a
-        mapping of names to as many values.  An
-        attribute ``at_times`` of the function serves as well.
+        ``at_times(scene, times)``, the same at fixed times: columns of `MeanMap.at_times`, a row
+        for each time, or a mapping of names to as many values.  An attribute ``at_times`` of the
+        function serves as well.
     predicts : sequence of str, optional
         Columns that its table must have; by default any will do.
     stages : {1, 2}, optional
         The number of stages that it is made for; by default both.
     describes : {"itinerary", "all paths"}, optional
-        Whose moments it predicts: those of the paths that follow its itinerary (its sequence of meshes and sides), or
-        of all.  Both are judged whatever is said here; pages state it.
+        Whose moments it predicts: those of the paths that follow its itinerary (its sequence of
+        meshes and sides), or of all.  Both are judged whatever is said here; pages state it.
 
     Raises
     ------
     InputError
-        If something of it cannot be a closure: a name that is taken, a function that cannot be called.
+        If something of it cannot be a closure: a name that is taken, a function that cannot be
+        called.
 
     Examples
     --------
@@ -82,7 +87,9 @@ class Closure:
     ...     found = mean_map(scene, impacts=impacts, closure="saltation", order=2)
     ...     return found.section[["tau", "y1"]]
     >>> plain = Closure("orbit", orbit, predicts=("tau", "y1"))
-    >>> mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure=plain).section["tau"].round(2).tolist()
+    >>> mean_map(
+    ...     Scene.from_gears(DAT21, sigma=0.1), impacts=2, closure=plain
+    ... ).section["tau"].round(2).tolist()
     [0.56, 1.14]
     """
 
@@ -93,30 +100,54 @@ class Closure:
     stages: int | None = None
     describes: str | None = None
 
-    # whether `trace` takes a tolerance as its last argument; what limits it where all paths follow its itinerary
+    # whether `trace` takes a tolerance as its last argument; what limits it where all paths follow
+    # its itinerary
     refines: bool = field(default=False, init=False, repr=False)
     limit: str = field(default="own", init=False, repr=False)
-    origin: str = field(default="", init=False, repr=False, compare=False)  # the text that it was imported by
+    # the text that it was imported by
+    origin: str = field(default="", init=False, repr=False, compare=False)
 
     own: ClassVar[bool] = True
     taken: ClassVar[set[str]] = {"monte carlo"}
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name or line(self.name) != self.name or ":" in self.name:
-            raise InputError("closure.name", self.name, "give a short text on one line, without a colon")
+        if (
+            not isinstance(self.name, str)
+            or not self.name
+            or line(self.name) != self.name
+            or ":" in self.name
+        ):
+            raise InputError(
+                "closure.name", self.name, "give a short text on one line, without a colon"
+            )
         if self.own and self.name in self.taken:
-            why = f"is a closure of this package; give yours another name, as in Closure('my_{self.name}', function)"
+            why = (
+                "is a closure of this package; give yours another name, as in"
+                f" Closure('my_{self.name}', function)"
+            )
             raise InputError("closure.name", self.name, why)
-        at_times = getattr(self.function, "at_times", None) if self.at_times is None else self.at_times
+        at_times = (
+            getattr(self.function, "at_times", None) if self.at_times is None else self.at_times
+        )
         if not callable(self.function):
-            raise InputError("closure.function", self.function, "cannot be called; give a function (scene, impacts)")
+            raise InputError(
+                "closure.function",
+                self.function,
+                "cannot be called; give a function (scene, impacts)",
+            )
         if at_times is not None and not callable(at_times):
-            raise InputError("closure.at_times", at_times, "cannot be called; give a function (scene, times)")
+            raise InputError(
+                "closure.at_times", at_times, "cannot be called; give a function (scene, times)"
+            )
         if isinstance(self.predicts, str) or not isinstance(self.predicts, Iterable):
-            raise InputError("closure.predicts", self.predicts, "give a list of columns, as in ('tau', 'sd_tau')")
+            raise InputError(
+                "closure.predicts", self.predicts, "give a list of columns, as in ('tau', 'sd_tau')"
+            )
         predicts = tuple(choice("closure.predicts", name, PREDICTED) for name in self.predicts)
         if self.stages not in (None, 1, 2):
-            raise InputError("closure.stages", self.stages, "give 1 or 2, or leave it out if it is made for both")
+            raise InputError(
+                "closure.stages", self.stages, "give 1 or 2, or leave it out if it is made for both"
+            )
         if self.describes is not None:
             choice("closure.describes", self.describes, DESCRIBED)
         for name, value in (("at_times", at_times), ("predicts", predicts)):
@@ -125,15 +156,22 @@ class Closure:
     @property
     def reference(self) -> str:
         """``package.module:function`` by which a command finds it; empty where there is none."""
-        module, path = getattr(self.function, "__module__", None), getattr(self.function, "__qualname__", "<")
+        module = getattr(self.function, "__module__", None)
+        path = getattr(self.function, "__qualname__", "<")
         plain = self == Closure(self.name, self.function) and path.split(".")[-1] == self.name
         known = plain and "<" not in path and module not in (None, "__main__")
         return self.origin or (f"{module}:{path}" if known else "")
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 digest of its sources: it changes with the functions and with those of its module that they name."""
-        said = [self.name, str(self.stages), *self.predicts, *([self.describes] if self.describes else [])]
+        """SHA-256 digest of its sources: it changes with the functions and with those of its module
+        that they name."""
+        said = [
+            self.name,
+            str(self.stages),
+            *self.predicts,
+            *([self.describes] if self.describes else []),
+        ]
         for function in (self.function, self.at_times):
             said += sources(function) if function is not None else []
         return hashlib.sha256("\n".join(said).encode()).hexdigest()
@@ -145,7 +183,8 @@ class Closure:
             raise InputError("scene.stages", scene.stages, why)
 
     def trace(self, scene: Scene, impacts: int, order: int) -> Trace:
-        """Call the function, and read what it returns; raises OwnError where it raises an exception."""
+        """Call the function, and read what it returns; raises OwnError where it raises an
+        exception."""
         began = time.process_time()
         try:
             given = call_users(self.function, deepcopy(scene), impacts)  # it may change its own
@@ -173,14 +212,19 @@ class Closure:
         if self.at_times is None or not len(index):
             return pd.DataFrame(np.nan, index=index, columns=list(AT_TIMES))
         given = call_users(self.at_times, deepcopy(scene), index.to_numpy())
-        table = read_table(f"{self.name}, at_times", given, index, (), AT_TIMES).reindex(columns=list(AT_TIMES))
+        table = read_table(f"{self.name}, at_times", given, index, (), AT_TIMES).reindex(
+            columns=list(AT_TIMES)
+        )
         for stage in (1, 2):
             xx, xy, yy = (table[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
-            table[f"rho{stage}"] = table[f"rho{stage}"].fillna(xy / np.sqrt((xx * yy).where((xx > 0.0) & (yy > 0.0))))
+            table[f"rho{stage}"] = table[f"rho{stage}"].fillna(
+                xy / np.sqrt((xx * yy).where((xx > 0.0) & (yy > 0.0)))
+            )
         return table
 
     def seconds(self, trace: Trace, impacts: int) -> float:
-        """Seconds that the function took for all impacts: measured, for nobody knows what it counts."""
+        """Seconds that the function took for all impacts: measured, for nobody knows what it
+        counts."""
         return trace.seconds
 
     def most_seconds(self, impacts: int) -> float:
@@ -189,7 +233,8 @@ class Closure:
 
 
 class OwnError(Exception):
-    """A function of one's own raised an exception: tells it from what is wrong with the table that one returns."""
+    """A function of one's own raised an exception: tells it from what is wrong with the table that
+    one returns."""
 
     def __init__(self, raised: BaseException) -> None:
         super().__init__()
@@ -215,14 +260,17 @@ def name_error(error: BaseException) -> str:
 
 
 def nothing_known(time: float) -> tuple[Floats, Floats]:
-    """Mean and covariance at a fixed time, of a closure whose moments there are asked of `Closure.fixed_times`."""
+    """Mean and covariance at a fixed time, of a closure whose moments there are asked of
+    `Closure.fixed_times`."""
     return np.full(4, np.nan), np.full((4, 4), np.nan)
 
 
 def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
-    """The trace of a closure of one's own: what its table predicts, along the orbit without noise if it has no other.
+    """The trace of a closure of one's own: what its table predicts, along the orbit without noise
+    if it has no other.
 
-    A negative sd or ``|rho| > 1`` stays as it is, and is found not to be realizable.  `scene`: `Scene.phase_reduced`.
+    A negative sd or ``|rho| > 1`` stays as it is, and is found not to be realizable.  `scene`:
+    `Scene.phase_reduced`.
     """
     impacts = len(table)
     orbit = follow(scene, impacts)
@@ -237,38 +285,53 @@ def own_trace(scene: Scene, table: "pd.DataFrame", seconds: float) -> Trace:
     tau = column("tau", scene.phase)
     if "tau" not in table and "flight" in table:
         tau = np.cumsum(column("flight", scene.phase))
-    sd, rho = columns([f"sd_{name}" for name in SECTION]), columns(RHO)
+    sd = columns([f"sd_{name}" for name in SECTION])
+    rho = columns(RHO)
     covariance = np.full((impacts + 1, 4, 4), np.nan)
     state = sd[:, 2:]
-    covariance[:, range(4), range(4)] = state * np.abs(state)  # a negative sd is a negative variance
+    # a negative sd is a negative variance
+    covariance[:, range(4), range(4)] = state * np.abs(state)
     for j in (0, 2):
-        covariance[:, j, j + 1] = covariance[:, j + 1, j] = rho[:, j // 2] * state[:, j] * state[:, j + 1]
-    known = np.flatnonzero(table.drop(columns=["mesh", "side"], errors="ignore").notna().any(axis=1).to_numpy())
+        covariance[:, j, j + 1] = covariance[:, j + 1, j] = (
+            rho[:, j // 2] * state[:, j] * state[:, j + 1]
+        )
+    known = np.flatnonzero(
+        table.drop(columns=["mesh", "side"], errors="ignore").notna().any(axis=1).to_numpy()
+    )
     found = int(known[-1]) + 1 if len(known) else 0
     mesh, side = (
         np.append(along[0], table[name].fillna(0).astype(int)) if name in table else along
         for name, along in (("mesh", orbit.mesh), ("side", orbit.side))
     )
-    mean, skew = columns(STATE), columns([f"skew_{name}" for name in SECTION])
-    raw, stopped = np.full((impacts + 1, 2, 3, 3), np.nan), "" if found == impacts else UNPREDICTED.format(found)
+    mean = columns(STATE)
+    skew = columns([f"skew_{name}" for name in SECTION])
+    raw = np.full((impacts + 1, 2, 3, 3), np.nan)
+    stopped = "" if found == impacts else UNPREDICTED.format(found)
     whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, nothing_known, found, stopped)
     return replace(whole, until=np.inf, rho=rho, seconds=seconds)
 
 
 def read_table(
-    whose: str, given: Any, index: Iterable[Any], needed: Sequence[str], known: Sequence[str] = PREDICTED
+    whose: str,
+    given: Any,
+    index: Iterable[Any],
+    needed: Sequence[str],
+    known: Sequence[str] = PREDICTED,
 ) -> "pd.DataFrame":
     """Read the table that a function of one's own returns: numbers, a row for each impact or time.
 
-    `whose`: Named in messages.  `index`: The rows that it must have; more are left aside.  `needed`: Columns that
-    it must have.  `known`: Columns that it may have.  An infinite value counts as not predicted.
+    `whose`: Named in messages.  `index`: The rows that it must have; more are left aside.
+    `needed`: Columns that it must have.  `known`: Columns that it may have.  An infinite value
+    counts as not predicted.
     """
     import pandas as pd
 
     rows = pd.Index(index)
     what = "impact" if known is PREDICTED else "time"
     if not isinstance(given, Mapping | pd.DataFrame):
-        raise InputError(f"result of {whose}", type(given).__name__, f"return a DataFrame, a row for each {what}")
+        raise InputError(
+            f"result of {whose}", type(given).__name__, f"return a DataFrame, a row for each {what}"
+        )
     names = list(given)
     if len(set(names)) < len(names):
         raise InputError(f"columns of {whose}", names, "holds a name twice")
@@ -277,10 +340,15 @@ def read_table(
     if missing := [name for name in needed if name not in names]:
         raise InputError(f"columns of {whose}", names, f"{missing[0]!r} is missing; return it too")
     if not set(names) & set(known):
-        raise InputError(f"columns of {whose}", names, "nothing is predicted; return tau or sd_y1, say")
+        raise InputError(
+            f"columns of {whose}", names, "nothing is predicted; return tau or sd_y1, say"
+        )
     if isinstance(given, pd.DataFrame):
         if not (given.index.is_unique and rows.isin(given.index).all()):
-            why = f"must hold each {what} once, from {rows[0]:g} to {rows[-1]:g}; NaN where nothing is predicted"
+            why = (
+                f"must hold each {what} once, from {rows[0]:g} to {rows[-1]:g}; NaN where nothing"
+                " is predicted"
+            )
             raise InputError(f"index of {whose}", given.index.tolist(), why)
         given = given.loc[rows]
     picked = [name for name in names if name in (*known, "mesh", "side")]
@@ -293,7 +361,8 @@ def read_table(
 
 
 def _read_numbers(field: str, values: Any) -> Floats:
-    """A column as floats; NaN where a value is masked, missing or infinite, and so is not predicted."""
+    """A column as floats; NaN where a value is masked, missing or infinite, and so is not
+    predicted."""
     import pandas as pd
 
     try:
@@ -305,12 +374,15 @@ def _read_numbers(field: str, values: Any) -> Floats:
             raise TypeError
         numbers = np.array([float(value) for value in listed])
     except (TypeError, ValueError, OverflowError):
-        raise InputError(field, values, "must hold real numbers, or NaN where there is none") from None
+        raise InputError(
+            field, values, "must hold real numbers, or NaN where there is none"
+        ) from None
     return np.where(np.isfinite(numbers), numbers, np.nan)
 
 
 def check_itinerary(whose: str, table: "pd.DataFrame", stages: int) -> None:
-    """Refuse an impact at a mesh or on a side that the scene does not have; 0 or NaN stands for no impact."""
+    """Refuse an impact at a mesh or on a side that the scene does not have; 0 or NaN stands for no
+    impact."""
     for name, valid in (("mesh", range(1, stages + 1)), ("side", (1, -1))):
         if name in table:
             wrong = table[name][~table[name].isin((0, *valid)) & table[name].notna()]
@@ -318,17 +390,23 @@ def check_itinerary(whose: str, table: "pd.DataFrame", stages: int) -> None:
                 value = float(wrong.iloc[0])
                 value = int(value) if value.is_integer() else value
                 raise InputError(
-                    f"{name} of {whose} at impact {wrong.index[0]}", value, "give " + " or ".join(map(str, valid))
+                    f"{name} of {whose} at impact {wrong.index[0]}",
+                    value,
+                    "give " + " or ".join(map(str, valid)),
                 )
 
 
 def name_of(function: object) -> str:
     """Name of a function, on one line."""
-    return line(str(getattr(function, "__name__", type(function).__name__))).replace(":", " ") or "unnamed"
+    return (
+        line(str(getattr(function, "__name__", type(function).__name__))).replace(":", " ")
+        or "unnamed"
+    )
 
 
 def import_closure(field: str, text: str) -> Closure:
-    """The closure ``package.module:function``, of an installed package or of a module in the working folder."""
+    """The closure ``package.module:function``, of an installed package or of a module in the
+    working folder."""
     module, _, path = text.partition(":")
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
@@ -336,21 +414,32 @@ def import_closure(field: str, text: str) -> Closure:
         found: Any = importlib.import_module(module)
     except (Exception, SystemExit) as error:
         why = f"cannot be imported ({name_error(error)})"
-        raise InputError(field, text, f"{why}; run where its module is, or set PYTHONPATH") from None
+        raise InputError(
+            field, text, f"{why}; run where its module is, or set PYTHONPATH"
+        ) from None
     for name in path.split("."):
         if not hasattr(found, name):
-            valid = [n for n, value in vars(found).items() if callable(value)] if hasattr(found, "__dict__") else []
+            valid = (
+                [n for n, value in vars(found).items() if callable(value)]
+                if hasattr(found, "__dict__")
+                else []
+            )
             raise InputError(field, text, f"{module} has no {name!r}; {nearest(name, valid)}")
         found = getattr(found, name)
     if not callable(found) and not isinstance(found, Closure):
-        raise InputError(field, text, f"is a {type(found).__name__}; name a function (scene, impacts), or a Closure")
+        raise InputError(
+            field,
+            text,
+            f"is a {type(found).__name__}; name a function (scene, impacts), or a Closure",
+        )
     closure = copy(found) if isinstance(found, Closure) else Closure(name_of(found), found)
     object.__setattr__(closure, "origin", text)
     return closure
 
 
 def sources(function: Callable[..., Any], seen: set[int] | None = None) -> list[str]:
-    """Sources of a function and of what it names in its module, and the values that it is made with."""
+    """Sources of a function and of what it names in its module, and the values that it is made
+    with."""
     seen = set() if seen is None else seen
     if isinstance(function, partial):
         return [repr(function.args), repr(function.keywords), *sources(function.func, seen)]
@@ -364,24 +453,37 @@ def sources(function: Callable[..., Any], seen: set[int] | None = None) -> list[
         found = [inspect.getsource(kind)]
     except (OSError, TypeError):
         module = inspect.getmodule(kind)
-        found = [inspect.getsource(module)] if module is not None and hasattr(module, "__file__") else [repr(kind)]
+        found = (
+            [inspect.getsource(module)]
+            if module is not None and hasattr(module, "__file__")
+            else [repr(kind)]
+        )
     if kind is not function:  # an object that can be called: its state
         found.append(repr(sorted(vars(getattr(function, "__self__", function)).items())))
     methods = vars(kind).values() if isinstance(kind, type) else [kind]
     found += [code_text(one.__code__) for one in methods if isinstance(one, types.FunctionType)]
     if isinstance(kind, types.FunctionType):
-        given = [*(kind.__defaults__ or ()), *(cell.cell_contents for cell in kind.__closure__ or ())]
+        given = [
+            *(kind.__defaults__ or ()),
+            *(cell.cell_contents for cell in kind.__closure__ or ()),
+        ]
         found += [repr(value) for value in given if not callable(value)]
         for other in (*given, *(kind.__globals__.get(name) for name in names_in(kind.__code__))):
             other = getattr(other, "py_func", other)  # of a compiled function
-            if getattr(other, "__module__", "") == kind.__module__ and isinstance(other, types.FunctionType | type):
+            if getattr(other, "__module__", "") == kind.__module__ and isinstance(
+                other, types.FunctionType | type
+            ):
                 found += sources(other, seen)
     return found
 
 
 def code_text(code: types.CodeType) -> str:
-    """The compiled Python of a function: its source is read when it is asked for, and may have been edited since."""
-    constants = (code_text(one) if isinstance(one, types.CodeType) else stable_repr(one) for one in code.co_consts)
+    """The compiled Python of a function: its source is read when it is asked for, and may have been
+    edited since."""
+    constants = (
+        code_text(one) if isinstance(one, types.CodeType) else stable_repr(one)
+        for one in code.co_consts
+    )
     return " ".join((code.co_code.hex(), *code.co_names, *constants))
 
 
@@ -392,5 +494,7 @@ def stable_repr(constant: object) -> str:
 
 def names_in(code: types.CodeType) -> list[str]:
     """Names that compiled Python asks its module for, inner functions included."""
-    inner = [names_in(constant) for constant in code.co_consts if isinstance(constant, types.CodeType)]
+    inner = [
+        names_in(constant) for constant in code.co_consts if isinstance(constant, types.CodeType)
+    ]
     return [*code.co_names, *(name for names in inner for name in names)]

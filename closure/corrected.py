@@ -1,8 +1,9 @@
 """The paper's closure with its algebra corrected (docs/model.md sections 5, 6, 9).
 
-Linear flow, restitution maps at the orbit's own impact times and additive noise keep ``(xi_1, zeta_1, xi_2, zeta_2)``
-exactly Gaussian: only the covariance has to be propagated, raw moments of any order follow from it, and ``|rho| <= 1``
-always.  The means are shifted by the window means of Eqs. 20 and 21.
+Linear flow, restitution maps at the orbit's own impact times and additive noise keep ``(xi_1,
+zeta_1, xi_2, zeta_2)`` exactly Gaussian: only the covariance has to be propagated, raw moments of
+any order follow from it, and ``|rho| <= 1`` always.  The means are shifted by the window means of
+Eqs. 20 and 21.
 """
 
 from functools import partial
@@ -27,39 +28,72 @@ def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stage
     return shift
 
 
-def _fly(c: Constants, mesh: int, covariance: Floats, tau: float, t: float) -> tuple[Floats, Floats]:
-    """Covariance a time t after an impact, from that before it; and the sds of its terms, for rounding."""
-    j, noise = product(jacobian(c, t), contact_matrix(c, mesh)), noise_covariance(c, tau, t)
-    terms = np.column_stack([np.sqrt(np.diagonal(noise)), np.abs(j) * np.sqrt(np.abs(np.diagonal(covariance)))])
+def _fly(
+    c: Constants, mesh: int, covariance: Floats, tau: float, t: float
+) -> tuple[Floats, Floats]:
+    """Covariance a time t after an impact, from that before it; and the sds of its terms, for
+    rounding."""
+    j = product(jacobian(c, t), contact_matrix(c, mesh))
+    noise = noise_covariance(c, tau, t)
+    terms = np.column_stack(
+        [np.sqrt(np.diagonal(noise)), np.abs(j) * np.sqrt(np.abs(np.diagonal(covariance)))]
+    )
     return transform(j, covariance) + noise, np.add.accumulate(terms, axis=1)[:, -1]
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the corrected closure."""
-    c, orbit = scene.constants, follow(scene, impacts).until_sticking
-    tau, windows = orbit.tau, scene.windows
-    computed, scale = np.zeros((impacts + 1, 4, 4)), np.zeros((impacts + 1, 4))  # just before each impact
+    c = scene.constants
+    orbit = follow(scene, impacts).until_sticking
+    tau = orbit.tau
+    windows = scene.windows
+    # just before each impact
+    computed = np.zeros((impacts + 1, 4, 4))
+    scale = np.zeros((impacts + 1, 4))
     for k in range(1, orbit.found + 1):
-        computed[k], scale[k] = _fly(c, orbit.mesh[k - 1], computed[k - 1], tau[k - 1], tau[k] - tau[k - 1])
+        computed[k], scale[k] = _fly(
+            c, orbit.mesh[k - 1], computed[k - 1], tau[k - 1], tau[k] - tau[k - 1]
+        )
     computed[orbit.found + 1 :] = np.nan
     covariance = np.array([semidefinite(p, s) for p, s in zip(computed, scale, strict=True)])
     raw = stage_raw_moments(covariance, order)
     mean = orbit.before.copy()
     for k in range(1, impacts + 1):
         mean[k] += stage_shifts(raw[k], orbit.before[k], windows, c.stages)
-    sd = np.full((impacts + 1, 6), np.nan)  # no sd of tau or flight: this closure has no spread of impact times
+    # no sd of tau or flight: this closure has no spread of impact times
+    sd = np.full((impacts + 1, 6), np.nan)
     sd[:, 2:] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     skew = np.where(sd > 0.0, 0.0, np.nan)
 
     at = partial(_in_flight, c, orbit, covariance, order, windows)
-    return Trace(orbit.tau, orbit.mesh, orbit.side, mean, sd, skew, covariance, raw, at, orbit.found, orbit.stopped)
+    return Trace(
+        orbit.tau,
+        orbit.mesh,
+        orbit.side,
+        mean,
+        sd,
+        skew,
+        covariance,
+        raw,
+        at,
+        orbit.found,
+        orbit.stopped,
+    )
 
 
 def _in_flight(
-    c: Constants, orbit: Orbit, covariance: Floats, order: int, windows: tuple[float, float], time: float
+    c: Constants,
+    orbit: Orbit,
+    covariance: Floats,
+    order: int,
+    windows: tuple[float, float],
+    time: float,
 ) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time, from the covariance before each impact."""
     k = int(np.searchsorted(orbit.tau[: orbit.found + 1], time, side="right")) - 1
     cov = semidefinite(*_fly(c, orbit.mesh[k], covariance[k], orbit.tau[k], time - orbit.tau[k]))
     state = orbit.state(time)
-    return state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages), cov
+    return (
+        state + stage_shifts(stage_raw_moments(cov[None], order)[0], state, windows, c.stages),
+        cov,
+    )

@@ -1,4 +1,5 @@
-"""The bivariate Edgeworth series of one stage (Eqs. 11-13, 18, 19) and its window means (Eqs. 20, 21)."""
+"""The bivariate Edgeworth series of one stage (Eqs. 11-13, 18, 19) and its window means (Eqs. 20,
+21)."""
 
 from dataclasses import dataclass
 from math import erf, erfc, exp, factorial, pi, sqrt
@@ -22,7 +23,8 @@ HERMITE = np.array([np.pad(hermite_e.herme2poly([0.0] * i + [1.0]), (0, 7 - i)) 
 
 @jit
 def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
-    """``a_ij = E[He_i(xi / sd_x) He_j(zeta / sd_y)] / (i! j!)`` for ``i + j <= order`` (below Eq. 13).
+    """``a_ij = E[He_i(xi / sd_x) He_j(zeta / sd_y)] / (i! j!)`` for ``i + j <= order`` (below Eq.
+    13).
 
     By orthogonality of the Hermite polynomials these are the only coefficients for which the series
     has the given moments; Eq. 11 groups the same terms by order, with moments of order 4 where
@@ -43,10 +45,13 @@ def coefficients(raw: Floats, sd_x: float, sd_y: float) -> Floats:
 
 @jit
 def has_series(vx: float, vy: float, order: int) -> bool:
-    """Whether two variances are positive, and the powers of the sds up to that order neither underflow nor overflow."""
+    """Whether two variances are positive, and the powers of the sds up to that order neither
+    underflow nor overflow."""
     if not (vx > 0.0 and vy > 0.0):
         return False
-    return bool(min(vx, vy) ** (0.5 * order) > SMALLEST and max(vx, vy) ** (0.5 * order) * SMALLEST < 1.0)
+    return bool(
+        min(vx, vy) ** (0.5 * order) > SMALLEST and max(vx, vy) ** (0.5 * order) * SMALLEST < 1.0
+    )
 
 
 @jit
@@ -66,7 +71,8 @@ def normal_density(z: float) -> float:
 
 @jit
 def normal_mass(low: float, high: float) -> float:
-    """Probability of the standard normal between two points, accurate to rounding also within one tail."""
+    """Probability of the standard normal between two points, accurate to rounding also within one
+    tail."""
     root = sqrt(2.0)
     if low > 0.0:
         return 0.5 * (erfc(low / root) - erfc(high / root))
@@ -79,10 +85,12 @@ def normal_mass(low: float, high: float) -> float:
 def hermite_masses(low: float, high: float, order: int) -> tuple[Floats, Floats]:
     """``int He_i phi`` and ``int z He_i phi`` over a window, i = 0 to `order`.
 
-    The first is ``He_{i-1}(low) phi(low) - He_{i-1}(high) phi(high)`` and the second ``M_{i+1} + i M_{i-1}`` (below Eq.
-    21).  Over a narrow window these differences cancel, and Gauss-Legendre quadrature is used.
+    The first is ``He_{i-1}(low) phi(low) - He_{i-1}(high) phi(high)`` and the second ``M_{i+1} + i
+    M_{i-1}`` (below Eq. 21).  Over a narrow window these differences cancel, and Gauss-Legendre
+    quadrature is used.
     """
-    mass, first = np.zeros(order + 2), np.zeros(order + 1)
+    mass = np.zeros(order + 2)
+    first = np.zeros(order + 1)
     width = high - low
     if width < NARROW:
         for n in range(NODES.size):
@@ -103,16 +111,20 @@ def hermite_masses(low: float, high: float, order: int) -> tuple[Floats, Floats]
 
 
 @jit
-def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -> tuple[float, float]:
+def window_means(
+    a: Floats, sd_x: float, sd_y: float, low: float, high: float
+) -> tuple[float, float]:
     """``E[xi; low < xi < high]`` and ``E[zeta; low < xi < high]`` of the series (Eqs. 20, 21).
 
-    These are integrals over the window, not means conditional on it: that is how the paper shifts its means.
+    These are integrals over the window, not means conditional on it: that is how the paper shifts
+    its means.
 
     Shapes: `a` (order + 1, order + 1).
     """
     order = a.shape[0] - 1
     mass, first = hermite_masses(low / sd_x, high / sd_x, order)
-    mean_x, mean_y = 0.0, 0.0
+    mean_x = 0.0
+    mean_y = 0.0
     for i in range(order + 1):
         mean_x += a[i, 0] * first[i]
         if i < order:
@@ -122,27 +134,34 @@ def window_means(a: Floats, sd_x: float, sd_y: float, low: float, high: float) -
 
 @shared
 def window_shift(raw: Floats, x: float, half_window: float, published: bool) -> tuple[float, float]:
-    """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for walls at ``+-half_window``.
+    """Shift of a stage's mean displacement and velocity (Eqs. 20, 21) for walls at
+    ``+-half_window``.
 
-    A or C and B or D, times their standard deviations.  Zero where a variance is not positive: no window mean can be
-    formed there.  `published`: With ``+psi_0`` in the fourth-order term of A and C, as the paper has it.
+    A or C and B or D, times their standard deviations.  Zero where a variance is not positive: no
+    window mean can be formed there.  `published`: With ``+psi_0`` in the fourth-order term of A and
+    C, as the paper has it.
 
     Shapes: `raw` (order + 1, order + 1).
     """
-    vx, vy = raw[2, 0], raw[0, 2]
+    vx = raw[2, 0]
+    vy = raw[0, 2]
     if not has_series(vx, vy, len(raw) - 1):
         return 0.0, 0.0
-    sd_x, sd_y = np.sqrt(vx), np.sqrt(vy)
+    sd_x = np.sqrt(vx)
+    sd_y = np.sqrt(vy)
     a = coefficients(raw, sd_x, sd_y)
-    low, high = -half_window - x, half_window - x
+    low = -half_window - x
+    high = half_window - x
     shift_x, shift_y = window_means(a, sd_x, sd_y, low, high)
-    if published and len(raw) > 4:  # A and C in the paper have psi_4 - 2 psi_2 + psi_0; the integral has - psi_0
+    # A and C in the paper have psi_4 - 2 psi_2 + psi_0; the integral has - psi_0
+    if published and len(raw) > 4:
         shift_x += 2.0 * sd_x * a[4, 0] * (normal_density(low / sd_x) - normal_density(high / sd_x))
     return shift_x, shift_y
 
 
 def section_density(values: Floats, mean: float, sd: float, skew: float) -> Floats:
-    """Edgeworth density of one quantity up to its third cumulant, the order at which its skewness is O(sigma)."""
+    """Edgeworth density of one quantity up to its third cumulant, the order at which its skewness
+    is O(sigma)."""
     z = (np.asarray(values) - mean) / sd
     series = hermite_e.hermeval(z, [1.0, 0.0, 0.0, skew / 6.0])
     return np.asarray(exponentials(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * sd) * series)
@@ -178,7 +197,9 @@ class Edgeworth:
     Examples
     --------
     >>> from rattle import DAT21, Scene, mean_map
-    >>> density = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=1, closure="corrected").edgeworth(1, 1)
+    >>> density = mean_map(
+    ...     Scene.from_gears(DAT21, sigma=0.1), impacts=1, closure="corrected"
+    ... ).edgeworth(1, 1)
     >>> bool(density.density(np.array([0.0]), np.array([0.0]))[0] > 0.0)
     True
     """
@@ -203,7 +224,8 @@ class Edgeworth:
         ndarray
             Density at these points.
         """
-        u, v = np.asarray(xi) / self.sd_x, np.asarray(zeta) / self.sd_y
+        u = np.asarray(xi) / self.sd_x
+        v = np.asarray(zeta) / self.sd_y
         weight = exponentials(-0.5 * (u * u + v * v)) / (2.0 * np.pi * self.sd_x * self.sd_y)
         return np.asarray(weight * hermite_e.hermeval2d(u, v, self.a))
 
@@ -222,9 +244,12 @@ class Edgeworth:
         ndarray, shape (m, n)
             Density at these points.
         """
-        u, v = xi / self.sd_x, zeta / self.sd_y
+        u = xi / self.sd_x
+        v = zeta / self.sd_y
         normal = np.outer(exponentials(-0.5 * u * u), exponentials(-0.5 * v * v))
-        return np.asarray(normal * hermite_e.hermegrid2d(u, v, self.a / (2.0 * np.pi * self.sd_x * self.sd_y)))
+        return np.asarray(
+            normal * hermite_e.hermegrid2d(u, v, self.a / (2.0 * np.pi * self.sd_x * self.sd_y))
+        )
 
     def velocity_density(self, zeta: Floats) -> Floats:
         """Marginal density of the velocity perturbation.

@@ -1,8 +1,9 @@
-"""Orbits of any length, with the growth of their neighbours, and where they end: at rest, on a cycle, or on neither.
+"""Orbits of any length, with the growth of their neighbours, and where they end: at rest, on a
+cycle, or on neither.
 
-Times are kept modulo the period of the excitation, so that the accuracy does not decrease along the orbit.  For its end
-the orbit is looked at once a period (a stroboscopic section), which sees chatter and sticking phases like everything
-else.
+Times are kept modulo the period of the excitation, so that the accuracy does not decrease along the
+orbit.  For its end the orbit is looked at once a period (a stroboscopic section), which sees
+chatter and sticking phases like everything else.
 """
 
 import math
@@ -20,48 +21,68 @@ from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
 PERIOD = 2.0 * math.pi
 
-PERIODIC, REST_FOR_GOOD, IRREGULAR = "periodic", "rest", "irregular"
+PERIODIC = "periodic"
+REST_FOR_GOOD = "rest"
+IRREGULAR = "irregular"
 """Kinds of attractors; an irregular one is chaotic, or its period is longer than `LONGEST`."""
 
 LONGEST = 64  # periods of the excitation
 TRIES = (400, 4000, 30_000)  # impacts after which a period is looked for
 SAME = 1e-8  # difference of states, relative to the largest, up to which they are the same
-INSTANTS = (0.0, 1.0, 2.5, 4.5)  # phases at which states are compared: at one of them an impact may be due
+# phases at which states are compared: at one of them an impact may be due
+INSTANTS = (0.0, 1.0, 2.5, 4.5)
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 @jit
 def _stretch(c: Constants, tangent: bool, at: Floats, frame: Floats, s: Stretch) -> tuple[int, int]:
-    """Fill a stretch with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a sticking phase; updates `at`.
+    """Fill a stretch with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a sticking phase;
+    updates `at`.
 
     Returns the number of impacts, and 1 or a code of `MISSES`.
     """
-    tau, x1, y1, x2, y2 = at[0], at[1], at[2], at[3], at[4]
+    tau = at[0]
+    x1 = at[1]
+    y1 = at[2]
+    x2 = at[3]
+    y2 = at[4]
     for k in range(s.flight.size):
         t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
         if mesh <= 0:
             return k, mesh
         tau = (tau + t) % PERIOD
-        s.flight[k], s.phase[k], s.code[k] = t, tau, mesh * side
-        s.before[k, 0], s.before[k, 1], s.before[k, 2], s.before[k, 3] = x1, y1, x2, y2
+        s.flight[k] = t
+        s.phase[k] = tau
+        s.code[k] = mesh * side
+        s.before[k, 0] = x1
+        s.before[k, 1] = y1
+        s.before[k, 2] = x2
+        s.before[k, 3] = y2
         if tangent:
             carry_frame(c, t, frame)
             strike_frame(c, mesh, tau, y1, y2, frame, s.growth[k])
         y1, y2 = struck(c, mesh, y1, y2)
         if complete_chatter(c, tau, x1, y1, x2, y2, mesh, side)[0] < math.inf:
             return k + 1, REST
-    at[0], at[1], at[2], at[3], at[4] = tau, x1, y1, x2, y2
+    at[0] = tau
+    at[1] = x1
+    at[2] = y1
+    at[3] = x2
+    at[4] = y2
     return s.flight.size, 1
 
 
 @jit
 def _sample(c: Constants, step: float, s: Stretch, velocity: Floats) -> int:
     """Write ``(y1, y2)`` at equal time steps of a stretch; returns how many rows."""
-    n, t = 0, 0.0
+    n = 0
+    t = 0.0
     for k in range(s.flight.size - 1):
         y1, y2 = struck(c, abs(s.code[k]), s.before[k, 1], s.before[k, 3])
         while t < s.flight[k + 1] and n < len(velocity):
-            _, velocity[n, 0], _, velocity[n, 1] = flow(c, s.phase[k], s.before[k, 0], y1, s.before[k, 2], y2, t)
+            _, velocity[n, 0], _, velocity[n, 1] = flow(
+                c, s.phase[k], s.before[k, 0], y1, s.before[k, 2], y2, t
+            )
             n += 1
             t += step
         t -= s.flight[k + 1]
@@ -71,8 +92,8 @@ def _sample(c: Constants, step: float, s: Stretch, velocity: Floats) -> int:
 class LongOrbit:
     """The deterministic orbit of a scene from one of many starts, followed a stretch at a time.
 
-    `start`: 0 for the scene's own start; start number n is the same state at a phase later by n times 0.618
-    periods (the golden ratio, so that the phases of many starts are spread evenly).
+    `start`: 0 for the scene's own start; start number n is the same state at a phase later by n
+    times 0.618 periods (the golden ratio, so that the phases of many starts are spread evenly).
     """
 
     def __init__(self, scene: Scene, start: int = 0) -> None:
@@ -91,7 +112,8 @@ class LongOrbit:
         Returns: Fewer impacts where the orbit has ended; the attribute `ended` is then a code of
         `rattle.scene.impact.MISSES`.
         """
-        n, s = 0, Stretch.empty(impacts)
+        n = 0
+        s = Stretch.empty(impacts)
         if self.ended > 0:
             n, self.ended = _stretch(self.c, tangent, self.at, self.frame, s)
         return s.first(n)
@@ -113,7 +135,8 @@ class Attractor:
     kind: str  # `PERIODIC`, `REST_FOR_GOOD` or `IRREGULAR`
     reason: str  # the same as a clause
     periods: int  # length of a periodic orbit in periods of the excitation; 0 for others
-    # times of the impacts of one cycle, the last of the cycle before it first; empty for others; (impacts + 1,)
+    # times of the impacts of one cycle, the last of the cycle before it first; empty for others;
+    # (impacts + 1,)
     tau: Floats
     mesh: Ints  # mesh, side: what is struck; (impacts + 1,)
     side: Ints
@@ -137,20 +160,27 @@ class Attractor:
             return False
         if self.impacts == 0:
             return bool(np.allclose(self.contact, other.contact))
-        own, others = (np.sort(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3])[1:]) for a in (self, other))
+        own, others = (
+            np.sort(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3])[1:])
+            for a in (self, other)
+        )
         return bool(np.allclose(own, others, rtol=1e-5, atol=1e-5 * float(np.abs(own).max())))
 
 
 def _none(kind: str, reason: str, contact: tuple[float, float] = (0.0, 0.0)) -> Attractor:
-    nothing, numbers = np.empty((0, 4)), np.empty(0, np.int64)
+    nothing = np.empty((0, 4))
+    numbers = np.empty(0, np.int64)
     return Attractor(kind, reason, 0, np.empty(0), numbers, numbers, nothing, nothing, contact)
 
 
 def _repeats(orbit: Orbit, end: float, periods: int, stages: int) -> bool:
     """Whether the orbit repeats itself after a number of periods, at the end."""
     same = 0
-    for instant in INSTANTS:  # with one stage, what is carried along as the second need not repeat itself
-        last, one, two = (orbit.state(end - instant - k * periods * PERIOD)[: 2 * stages] for k in range(3))
+    # with one stage, what is carried along as the second need not repeat itself
+    for instant in INSTANTS:
+        last, one, two = (
+            orbit.state(end - instant - k * periods * PERIOD)[: 2 * stages] for k in range(3)
+        )
         allowed = SAME * max(np.abs(last).max(), 1e-12)
         same += bool(max(np.abs(last - one).max(), np.abs(one - two).max()) <= allowed)
     return same >= len(INSTANTS) - 1
@@ -159,12 +189,14 @@ def _repeats(orbit: Orbit, end: float, periods: int, stages: int) -> bool:
 def attractor(scene: Scene, start: int = 0) -> Attractor:
     """Find where the orbit of a scene ends.
 
-    `start`: 0 for the scene's own start; start number n is the same state at a phase later by n times 0.618
-    periods.
+    `start`: 0 for the scene's own start; start number n is the same state at a phase later by n
+    times 0.618 periods.
     """
     own = scene.phase_reduced.noise_free
     if start:
-        own = replace(own, start=replace(own.start, tau=own.phase + start * GOLDEN * PERIOD % PERIOD))
+        own = replace(
+            own, start=replace(own.start, tau=own.phase + start * GOLDEN * PERIOD % PERIOD)
+        )
     for impacts in TRIES:
         orbit = follow(own, impacts)
         if orbit.stopped:
@@ -182,15 +214,25 @@ def _end(orbit: Orbit) -> Attractor:
     """An orbit that has no further impact."""
     for code in (REST, NONE):
         if orbit.stopped.startswith(MISSES[code]):
-            closed = tuple(float(any(s.mesh == m and math.isinf(s.opened) for s in orbit.sticking)) for m in (1, 2))
-            words = "comes to rest for good: a mesh stays closed" if code == REST else "has no further impact"
-            return _none(REST_FOR_GOOD, f"{words} (after impact {orbit.found})", (closed[0], closed[1]))
+            closed = tuple(
+                float(any(s.mesh == m and math.isinf(s.opened) for s in orbit.sticking))
+                for m in (1, 2)
+            )
+            words = (
+                "comes to rest for good: a mesh stays closed"
+                if code == REST
+                else "has no further impact"
+            )
+            return _none(
+                REST_FOR_GOOD, f"{words} (after impact {orbit.found})", (closed[0], closed[1])
+            )
     return _none(IRREGULAR, f"could not be followed: {orbit.stopped}")
 
 
 def _cycle(orbit: Orbit, end: float, periods: int) -> Attractor:
     """One cycle at the end of an orbit."""
-    begin = end - 0.5 - periods * PERIOD  # half a unit of time before an impact, so that none is at the ends of a cycle
+    # half a unit of time before an impact, so that none is at the ends of a cycle
+    begin = end - 0.5 - periods * PERIOD
     first = int(np.searchsorted(orbit.tau[: orbit.found + 1], begin, side="right")) - 1
     last = int(np.searchsorted(orbit.tau[: orbit.found + 1], end - 0.5, side="right")) - 1
     part = slice(first, last + 1)

@@ -17,14 +17,17 @@ from rattle.scene.numpy_errors import numpy_defaults
 class BuiltIn(Closure):
     """A closure of the package: an entry of `CLOSURES`, which answers what one's own answers."""
 
-    function: Callable[..., Trace]  # ``function(scene, impacts, order)``, with a tolerance as its last where it refines
-    applies: Callable[[Scene], None] = lambda scene: None  # raises InputError for a scene to which it does not apply
+    # ``function(scene, impacts, order)``, with a tolerance as its last where it refines
+    function: Callable[..., Trace]
+    # raises InputError for a scene to which it does not apply
+    applies: Callable[[Scene], None] = lambda scene: None
     color: str = ""
     marker: str = ""
     limit: str = "fixed time"
     describes: str = "itinerary"
     refines: bool = False
-    impact_microseconds: float = 0.0  # of one core, components not counted; measured once on DAT21 and the examples
+    # of one core, components not counted; measured once on DAT21 and the examples
+    impact_microseconds: float = 0.0
     components: int = 0  # the most that it follows
 
     own: ClassVar[bool] = False
@@ -46,22 +49,44 @@ class BuiltIn(Closure):
         return self.function(scene, impacts, order, *tolerance)
 
     def seconds(self, trace: Trace, impacts: int) -> float:
-        """Nominal seconds of one core up to an impact: counted impacts and flights of components, at stated costs."""
+        """Nominal seconds of one core up to an impact: counted impacts and flights of components,
+        at stated costs."""
         followed = min(trace.found, impacts)
         flown = int(trace.flown[: impacts + 1].sum())
         return 1e-6 * (followed * self.impact_microseconds + flown * COMPONENT_MICROSECONDS)
 
     def most_seconds(self, impacts: int) -> float:
         """The most that `seconds` can be: all components that it may have."""
-        return 1e-6 * (impacts * self.impact_microseconds + impacts * self.components * COMPONENT_MICROSECONDS)
+        return 1e-6 * (
+            impacts * self.impact_microseconds + impacts * self.components * COMPONENT_MICROSECONDS
+        )
 
 
 _TABLE = (
     BuiltIn(
-        "published", published.trace, applies=published.check, color="#D55E00", marker="s", impact_microseconds=200.0
+        "published",
+        published.trace,
+        applies=published.check,
+        color="#D55E00",
+        marker="s",
+        impact_microseconds=200.0,
     ),
-    BuiltIn("corrected", corrected.trace, applies=check_white, color="#0072B2", marker="o", impact_microseconds=50.0),
-    BuiltIn("saltation", saltation.trace, color="#009E73", marker="^", limit="second order", impact_microseconds=250.0),
+    BuiltIn(
+        "corrected",
+        corrected.trace,
+        applies=check_white,
+        color="#0072B2",
+        marker="o",
+        impact_microseconds=50.0,
+    ),
+    BuiltIn(
+        "saltation",
+        saltation.trace,
+        color="#009E73",
+        marker="^",
+        limit="second order",
+        impact_microseconds=250.0,
+    ),
     BuiltIn(
         "branching",
         branching.trace,
@@ -79,7 +104,8 @@ CLOSURES = {closure.name: closure for closure in _TABLE}
 Closure.taken |= set(CLOSURES)
 
 ORDERS = (2, 6)
-MOST_IMPACTS = 100_000  # an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
+# an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
+MOST_IMPACTS = 100_000
 
 
 @numpy_defaults
@@ -100,16 +126,18 @@ def mean_map(
     impacts : int
         How many impacts after the start.
     closure : {"saltation", "branching", "corrected", "published"}, Closure or callable
-        Which closure (docs/model.md section 6).  ``saltation`` is asymptotically exact for small noise.  ``branching``
-        is a mixture over the different itineraries that paths take under larger noise, and predicts their shares too.
-        Or one's own: a `Closure`, a function ``(scene, impacts)``, or ``package.module:function``.
+        Which closure (docs/model.md section 6).  ``saltation`` is asymptotically exact for small
+        noise.  ``branching`` is a mixture over the different itineraries that paths take under
+        larger noise, and predicts their shares too. Or one's own: a `Closure`, a function ``(scene,
+        impacts)``, or ``package.module:function``.
     order : int
-        Highest order of the moments in the Edgeworth series, 2 to 6.  ``saltation`` has first-order means and sds at
-        order 2, and adds mean shifts and skewness from order 3 on.
+        Highest order of the moments in the Edgeworth series, 2 to 6.  ``saltation`` has first-order
+        means and sds at order 2, and adds mean shifts and skewness from order 3 on.
     tolerance : float, optional
-        Of ``branching``: the largest error of a mean, in sds, and half the largest of an sd, that is allowed.  The
-        closure refines itself until its own bound is below, or its finest level is reached; without a tolerance it
-        uses the finest level.  `MeanMap.advice` says whether the tolerance is met.
+        Of ``branching``: the largest error of a mean, in sds, and half the largest of an sd, that
+        is allowed.  The closure refines itself until its own bound is below, or its finest level is
+        reached; without a tolerance it uses the finest level.  `MeanMap.advice` says whether the
+        tolerance is met.
 
     Returns
     -------
@@ -119,9 +147,9 @@ def mean_map(
     Raises
     ------
     InputError
-        For an unknown closure, an order out of range, a scene to which the closure does not apply, or a tolerance that
-        is not positive or is given to a closure that cannot refine itself; for a table of one's own closure that lacks
-        impacts, has an unknown column, or holds no numbers.
+        For an unknown closure, an order out of range, a scene to which the closure does not apply,
+        or a tolerance that is not positive or is given to a closure that cannot refine itself; for
+        a table of one's own closure that lacks impacts, has an unknown column, or holds no numbers.
 
     Examples
     --------
@@ -134,10 +162,13 @@ def mean_map(
         return _predict(scene, find_closure("closure", closure), impacts, order, tolerance)
     except OwnError as error:
         raised = error.raised
-    raise raised  # outside of the handler, so that its traceback is that of the user's function alone
+    # outside of the handler, so that its traceback is that of the user's function alone
+    raise raised
 
 
-def _predict(scene: Scene, method: Closure, impacts: int, order: int, tolerance: float | None = None) -> MeanMap:
+def _predict(
+    scene: Scene, method: Closure, impacts: int, order: int, tolerance: float | None = None
+) -> MeanMap:
     """`mean_map`, which raises `OwnError` where a function of one's own raises an exception."""
     check_scene(scene)
     count("impacts", impacts, most=MOST_IMPACTS)
@@ -153,7 +184,8 @@ def _predict(scene: Scene, method: Closure, impacts: int, order: int, tolerance:
 
 
 def predict(scene: Scene, method: Closure, impacts: int, order: int) -> MeanMap:
-    """`mean_map`; where a function of one's own raises an exception, nothing is predicted, and `stopped` says what."""
+    """`mean_map`; where a function of one's own raises an exception, nothing is predicted, and
+    `stopped` says what."""
     try:
         return _predict(scene, method, impacts, order)
     except OwnError as error:
@@ -171,7 +203,11 @@ def find_closure(field: str, given: object) -> Closure:
     if isinstance(given, Closure):
         return given
     if isinstance(given, str):
-        return import_closure(field, given) if ":" in given else CLOSURES[choice(field, given, CLOSURES)]
+        return (
+            import_closure(field, given)
+            if ":" in given
+            else CLOSURES[choice(field, given, CLOSURES)]
+        )
     if callable(given):
         return Closure(name_of(given), given)
     why = "give the name of a closure, package.module:function, or a function (scene, impacts)"
@@ -181,12 +217,17 @@ def find_closure(field: str, given: object) -> Closure:
 def find_closures(field: str, given: object) -> tuple[Closure, ...]:
     """Several closures, each once, whose names differ."""
     if not isinstance(given, list | tuple) or not given:
-        raise InputError(field, given, f"give a list of {', '.join(CLOSURES)}, or functions of your own")
+        raise InputError(
+            field, given, f"give a list of {', '.join(CLOSURES)}, or functions of your own"
+        )
     found: dict[str, Closure] = {}
     for each in given:
         closure = find_closure(field, each)
         if found.setdefault(closure.name, closure) != closure:
-            why = f"is the name of two closures; give one another, as in Closure('{closure.name}2', function)"
+            why = (
+                f"is the name of two closures; give one another, as in Closure('{closure.name}2',"
+                " function)"
+            )
             raise InputError(field, closure.name, why)
     return tuple(found.values())
 
@@ -245,7 +286,8 @@ def closures_for(scene: Scene) -> tuple[str, ...]:
 
 
 def closure_seconds(found: MeanMap, impacts: int | None = None) -> float:
-    """Seconds of one core that a prediction takes: nominal, or measured where a user's own function made it.
+    """Seconds of one core that a prediction takes: nominal, or measured where a user's own function
+    made it.
 
     `impacts`: Up to which the work is counted, not measured; all by default.
     """

@@ -1,9 +1,11 @@
-"""What every closure returns, its moments just before each impact and between impacts, and the bounds of their errors.
+"""What every closure returns, its moments just before each impact and between impacts, and the
+bounds of their errors.
 
-`branching` estimates its own error, without simulation, from signs that are added as independent ones: the change from
-the next coarser level, the share of the squared impact speed that the noise of one flight makes, what splitting the
-components further would be worth, how far they are bent and taken as Gaussians, how well the weights of its branches
-are known, and the probability discarded (docs/theory/closures.md).
+`branching` estimates its own error, without simulation, from signs that are added as independent
+ones: the change from the next coarser level, the share of the squared impact speed that the noise
+of one flight makes, what splitting the components further would be worth, how far they are bent and
+taken as Gaussians, how well the weights of its branches are known, and the probability discarded
+(docs/theory/closures.md).
 """
 
 from collections.abc import Callable
@@ -19,55 +21,64 @@ from rattle.scene.moments import fill_gaussian_moments
 class Trace:
     """One closure followed through its impacts; index 0 of every array is the start."""
 
-    tau: Floats  # mean impact times in local time (`Scene.phase`); NaN beyond `found`; (impacts + 1,)
+    # mean impact times in local time (`Scene.phase`); NaN beyond `found`; (impacts + 1,)
+    tau: Floats
     mesh: Ints  # mesh, side: mesh and flank of each impact; 0 beyond `found`; (impacts + 1,)
     side: Ints
-    mean: Floats  # mean state just before the impact, in the order ``x1, y1, x2, y2``; (impacts + 1, 4)
-    # predicted standard deviations of ``tau, flight, x1, y1, x2, y2``; NaN where the closure predicts none, or where
-    # its variance is negative; (impacts + 1, 6)
+    # mean state just before the impact, in the order ``x1, y1, x2, y2``; (impacts + 1, 4)
+    mean: Floats
+    # predicted standard deviations of ``tau, flight, x1, y1, x2, y2``; NaN where the closure
+    # predicts none, or where its variance is negative; (impacts + 1, 6)
     sd: Floats
-    # skewness of the same; NaN where the closure predicts none, or where the cube of the sd underflows; (impacts + 1,
-    # 6)
+    # skewness of the same; NaN where the closure predicts none, or where the cube of the sd
+    # underflows; (impacts + 1, 6)
     skew: Floats
-    # covariance of the perturbation just before the impact; NaN where the closure has no such moment; (impacts + 1,
-    # 4, 4)
+    # covariance of the perturbation just before the impact; NaN where the closure has no such
+    # moment; (impacts + 1, 4, 4)
     covariance: Floats
-    # raw moments of each stage's perturbation just before the impact; (impacts + 1, 2, order + 1, order + 1)
+    # raw moments of each stage's perturbation just before the impact; (impacts + 1, 2, order + 1,
+    # order + 1)
     raw: Floats
     # ``at(time) -> (mean, covariance)`` at a fixed local time between impacts
     at: Callable[[float], tuple[Floats, Floats]]
     found: int  # number of impacts that could be evaluated
     stopped: str  # why it ended early, or an empty string
-    # components of the mixture at each impact, over ``tau, flight, x1, y1, x2, y2``; None if the closure is a single
-    # Gaussian
+    # components of the mixture at each impact, over ``tau, flight, x1, y1, x2, y2``; None if the
+    # closure is a single Gaussian
     parts: dict[int, tuple[Floats, Floats, Floats]] | None = None
     # last local time at which `at` can be evaluated; the mean time of the last impact by default
     until: float | None = None
-    # agreement, discarded: predicted share of paths that have followed the orbit's itinerary so far, and the
-    # probability discarded so far; of the branching closure only; (impacts + 1,)
+    # agreement, discarded: predicted share of paths that have followed the orbit's itinerary so
+    # far, and the probability discarded so far; of the branching closure only; (impacts + 1,)
     agreement: Floats | None = None
     discarded: Floats | None = None
-    # mean, sd and skewness of ``tau, flight, x1, y1, x2, y2`` over these paths alone, by the same closure; NaN where
-    # there are none; (3, impacts + 1, 6)
+    # mean, sd and skewness of ``tau, flight, x1, y1, x2, y2`` over these paths alone, by the same
+    # closure; NaN where there are none; (3, impacts + 1, 6)
     followed: Floats | None = None
-    # the same closure's bounds of its own errors of mean and sd of ``tau, flight, x1, y1, x2, y2``, in sds; NaN where
-    # none is made; (impacts + 1, 2, 6)
+    # the same closure's bounds of its own errors of mean and sd of ``tau, flight, x1, y1, x2, y2``,
+    # in sds; NaN where none is made; (impacts + 1, 2, 6)
     error: Floats | None = None
-    # the same closure's mean share of the squared impact speed that the noise of one flight makes; (impacts + 1,)
+    # the same closure's mean share of the squared impact speed that the noise of one flight makes;
+    # (impacts + 1,)
     slow: Floats | None = None
-    # the part of the variance of each section quantity that comes from slow impacts; (impacts + 1, 6)
+    # the part of the variance of each section quantity that comes from slow impacts; (impacts + 1,
+    # 6)
     carried: Floats | None = None
     # what splitting its components further would be worth, by its own measure; (impacts + 1,)
     residual: Floats | None = None
-    # the same, in sds of the section quantities: errors of mean and sd by those of the weights; (impacts + 1, 2, 6)
+    # the same, in sds of the section quantities: errors of mean and sd by those of the weights;
+    # (impacts + 1, 2, 6)
     doubted: Floats | None = None
-    # the same closure's mean of what its components are bent, squared, and taken as Gaussians; (impacts + 1,)
+    # the same closure's mean of what its components are bent, squared, and taken as Gaussians;
+    # (impacts + 1,)
     bent: Floats | None = None
-    # flights of components that the same closure computed, by impact; (impacts + 1,), of the others (0,)
+    # flights of components that the same closure computed, by impact; (impacts + 1,), of the others
+    # (0,)
     flown: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
-    flight: Floats | None = None  # mean flights, where they are not differences of mean times; (impacts + 1,)
-    # of a closure of one's own: ``rho1, rho2`` as it predicts them, (impacts + 1, 2); the seconds that it took; whether
-    # it raised an exception
+    # mean flights, where they are not differences of mean times; (impacts + 1,)
+    flight: Floats | None = None
+    # of a closure of one's own: ``rho1, rho2`` as it predicts them, (impacts + 1, 2); the seconds
+    # that it took; whether it raised an exception
     rho: Floats | None = None
     seconds: float = float("nan")
     raised: bool = False
@@ -88,7 +99,8 @@ def stage_raw_moments(covariance: Floats, order: int) -> Floats:
 
     Shapes: `covariance` (count, 4, 4); result (count, 2, order + 1, order + 1).
     """
-    x, y = [0, 2], [1, 3]
+    x = [0, 2]
+    y = [1, 3]
     raw = np.zeros((order + 1, order + 1, len(covariance), 2))
     fill_gaussian_moments(covariance[:, x, x], covariance[:, x, y], covariance[:, y, y], raw)
     return np.ascontiguousarray(raw.transpose(2, 3, 0, 1))
@@ -96,13 +108,16 @@ def stage_raw_moments(covariance: Floats, order: int) -> Floats:
 
 CHANGED = 1.0  # error per change from the coarser level
 SLOW = 1.0  # error per share of slow impacts
-CURVED = np.array([0.05, 0.15])  # errors of mean and sd, per ratio of second-order to first-order sd
+# errors of mean and sd, per ratio of second-order to first-order sd
+CURVED = np.array([0.05, 0.15])
 BENT = 0.2  # error per unit of what further splits are worth
-COMPONENT_MICROSECONDS = 60.0  # of a component's flight on one core, with splitting and merging; measured once
+# of a component's flight on one core, with splitting and merging; measured once
+COMPONENT_MICROSECONDS = 60.0
 FLIGHT_MICROSECONDS = 0.8  # of a path's flight, as the cost model of exact flights has it
 COVERAGE = "estimates; at most one row in ten is beyond them"  # measured: docs/theory/closures.md
 SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
-ALL = 3.5  # standard errors that with 95 % probability no mean or sd of 12 impacts is off by more than
+# standard errors that with 95 % probability no mean or sd of 12 impacts is off by more than
+ALL = 3.5
 TINY = 1e-18  # variance of a displacement at its wall: rounding
 SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
 
@@ -110,9 +125,9 @@ SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
 def bounds(coarse: Trace, fine: Trace) -> Floats:
     """Bounds of the errors of the finer of two traces.
 
-    Returns: Of mean and sd of the section quantities, in sds; infinite where only the finer one goes on, NaN at
-    the start, at the displacement of the mesh that most paths strike, and where a quantity does not vary. Shapes:
-    result (impacts + 1, 2, 6).
+    Returns: Of mean and sd of the section quantities, in sds; infinite where only the finer one
+    goes on, NaN at the start, at the displacement of the mesh that most paths strike, and where a
+    quantity does not vary. Shapes: result (impacts + 1, 2, 6).
     """
     change = np.full((len(fine.tau), 2, 6), np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -134,7 +149,9 @@ def bounds(coarse: Trace, fine: Trace) -> Floats:
         error = np.hypot(error, SLOW * fine.carried[:, None])
     if fine.doubted is not None:
         error = np.hypot(error, fine.doubted)
-    error = np.asarray(np.hypot(error, CURVED[:, None] * np.sqrt(_so_far(fine.bent))[:, None, None]))
+    error = np.asarray(
+        np.hypot(error, CURVED[:, None] * np.sqrt(_so_far(fine.bent))[:, None, None])
+    )
     error[missing] = np.nan
     worst = np.fmax.accumulate(np.fmax.reduce(error, axis=2))
     error[1:] = np.fmax(error[1:], worst[:-1, :, None])
@@ -170,35 +187,45 @@ def largest_error(errors: Floats) -> float:
 def advice(found: Trace, tolerance: float) -> str:
     """Whether to use the closure or to simulate.
 
-    With 95 % probability none of the errors of a simulation is above `ALL` standard errors.  It is advised where the
-    closure's bounds are above the tolerance, and where as many paths as reach the bounds so are less counted work than
-    the closure's components.
+    With 95 % probability none of the errors of a simulation is above `ALL` standard errors.  It is
+    advised where the closure's bounds are above the tolerance, and where as many paths as reach the
+    bounds so are less counted work than the closure's components.
     """
     if found.error is None:
         return ""
     if found.found == 0:
         return "no impact could be followed: simulate"
     error = found.error[1 : found.found + 1]
-    means, sds = largest_error(error[:, 0]), largest_error(error[:, 1])
+    means = largest_error(error[:, 0])
+    sds = largest_error(error[:, 1])
     said = f"own bounds of the errors ({COVERAGE}): means {means:.2g}, sds {sds:.2g} of an sd"
     wrong = np.flatnonzero(np.logical_not(within(error, tolerance)))
     if wrong.size > 0 and wrong[0] == 0:
         return f"{said}, above the tolerance {tolerance:g} from impact 1 on: simulate"
     if wrong.size > 0:
-        return f"{said}, within the tolerance {tolerance:g} up to impact {wrong[0]}; beyond it simulate"
-    # all means and sds are within an error by so many paths, with 95 % probability: the standard error of a mean is
-    # ``1 / sqrt(n)`` sds, that of an sd ``sqrt((kurtosis - 1) / 4 n)``
+        return (
+            f"{said}, within the tolerance {tolerance:g} up to impact {wrong[0]}; beyond it"
+            " simulate"
+        )
+    # all means and sds are within an error by so many paths, with 95 % probability: the standard
+    # error of a mean is ``1 / sqrt(n)`` sds, that of an sd ``sqrt((kurtosis - 1) / 4 n)``
     heaviest = float(np.fmax.reduce(kurtosis(found), axis=None, initial=3.0))
-    paths = (ALL / float(max(np.fmax(means, sds), SMALLEST))) ** 2 * max(1.0, 0.25 * (heaviest - 1.0))
-    work, simulated = 1e-6 * COMPONENT_MICROSECONDS * found.work, 1e-6 * FLIGHT_MICROSECONDS * paths * found.found
+    paths = (ALL / float(max(np.fmax(means, sds), SMALLEST))) ** 2 * max(
+        1.0, 0.25 * (heaviest - 1.0)
+    )
+    work = 1e-6 * COMPONENT_MICROSECONDS * found.work
+    simulated = 1e-6 * FLIGHT_MICROSECONDS * paths * found.found
     if work > simulated:
-        said += f", within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate at less work"
+        said += (
+            f", within the tolerance {tolerance:g}; {paths:.1g} paths are as accurate at less work"
+        )
         return f"{said} ({simulated:.1g} s against {work:.1g} s of a core): simulate"
     return f"{said}; by them within the tolerance {tolerance:g}"
 
 
 def kurtosis(found: Trace) -> Floats:
-    """Kurtosis of the section quantities, shape (impacts + 1, 6); NaN where they do not vary or nothing is known."""
+    """Kurtosis of the section quantities, shape (impacts + 1, 6); NaN where they do not vary or
+    nothing is known."""
     out = np.full((len(found.tau), len(SECTION)), np.nan)
     for k, (weights, means, variances) in (found.parts or {}).items():
         off = means - weights @ means
@@ -212,4 +239,6 @@ def kurtosis(found: Trace) -> Floats:
 def check_white(scene: Scene) -> None:
     """Refuse a scene whose noise has a memory, for a closure that knows white noise alone."""
     if scene.correlation_time:
-        raise InputError("correlation_time", scene.correlation_time, "this closure is for white noise only, 0")
+        raise InputError(
+            "correlation_time", scene.correlation_time, "this closure is for white noise only, 0"
+        )

@@ -1,8 +1,10 @@
-"""The deterministic orbit (sigma = 0) from impact to impact over both meshes, around which every closure is built.
+"""The deterministic orbit (sigma = 0) from impact to impact over both meshes, around which every
+closure is built.
 
-Between two impacts lies a flight, or a sticking phase: impacts accumulate (chatter), the mesh stays closed while its
-contact force pushes, and opens.  The orbit goes through all of these.  Its linearisations end at the first sticking
-phase, after which the state no longer depends on the one before.
+Between two impacts lies a flight, or a sticking phase: impacts accumulate (chatter), the mesh stays
+closed while its contact force pushes, and opens.  The orbit goes through all of these.  Its
+linearisations end at the first sticking phase, after which the state no longer depends on the one
+before.
 """
 
 import math
@@ -17,7 +19,14 @@ from rattle.scene.compiled import lean
 from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.sticking import complete_chatter, find_sticking, may_chatter, next_contact, stick_on, stuck
+from rattle.scene.sticking import (
+    complete_chatter,
+    find_sticking,
+    may_chatter,
+    next_contact,
+    stick_on,
+    stuck,
+)
 from rattle.scene.text import as_html
 from rattle.scene.units import as_dataset
 
@@ -51,10 +60,16 @@ class Impacts(NamedTuple):
 
 
 @lean
-def _fly(c: Constants, k: int, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats) -> int:
-    """Write the impacts after impact k, as far as no mesh can stick between them; returns the last one."""
+def _fly(
+    c: Constants, k: int, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats
+) -> int:
+    """Write the impacts after impact k, as far as no mesh can stick between them; returns the last
+    one."""
     while k + 1 < tau.size:
-        x1, y1, x2, y2 = after[k, 0], after[k, 1], after[k, 2], after[k, 3]
+        x1 = after[k, 0]
+        y1 = after[k, 1]
+        x2 = after[k, 2]
+        y2 = after[k, 3]
         if (y1 == 0.0 and abs(x1) == c.wall1) or (y2 == 0.0 and abs(x2) == c.wall2):
             break
         if mesh[k] > 0 and may_chatter(c, tau[k], y1, y2, mesh[k]):
@@ -63,17 +78,26 @@ def _fly(c: Constants, k: int, tau: Floats, mesh: Ints, side: Ints, before: Floa
         if hit <= 0:
             break
         k += 1
-        tau[k], mesh[k], side[k] = tau[k - 1] + t, hit, wall
-        before[k, 0], before[k, 1], before[k, 2], before[k, 3] = x1, y1, x2, y2
+        tau[k] = tau[k - 1] + t
+        mesh[k] = hit
+        side[k] = wall
+        before[k, 0] = x1
+        before[k, 1] = y1
+        before[k, 2] = x2
+        before[k, 3] = y2
         y1, y2 = struck(c, hit, y1, y2)
-        after[k, 0], after[k, 1], after[k, 2], after[k, 3] = x1, y1, x2, y2
+        after[k, 0] = x1
+        after[k, 1] = y1
+        after[k, 2] = x2
+        after[k, 3] = y2
     return k
 
 
 def _stick(
     c: Constants, tau: float, state: State, mesh: int, side: int, legs: list[Leg], room: int
 ) -> tuple[float, int, int, State]:
-    """Time, mesh, side and state of the next impact, through sticking phases, whose legs are added to the list.
+    """Time, mesh, side and state of the next impact, through sticking phases, whose legs are added
+    to the list.
 
     The mesh is a code of `MISSES` where there is none; `room`: most legs that the list may have.
     """
@@ -87,7 +111,9 @@ def _stick(
         if closed == (0, 0):
             x1, y1, x2, y2 = state
             touching1 = int(x1 == c.wall1) - int(x1 == -c.wall1) if y1 == 0.0 else 0
-            touching2 = int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
+            touching2 = (
+                int(x2 == c.wall2) - int(x2 == -c.wall2) if y2 == 0.0 and c.stages == 2 else 0
+            )
             closed = find_sticking(c, tau, y1, y2, (touching1, touching2))
         if closed != (0, 0):
             legs.append((tau, *state, *closed))
@@ -96,7 +122,8 @@ def _stick(
                 return tau, REST, 0, state
         else:
             t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, *state, HORIZON)
-        tau, state = tau + t, (x1, y1, x2, y2)
+        tau = tau + t
+        state = (x1, y1, x2, y2)
         if mesh != REST:
             return tau, mesh, side, state
         if len(legs) + 2 >= room:
@@ -112,7 +139,9 @@ class StickingPhase(NamedTuple):
 
     mesh: int  # mesh, side: mesh and flank
     side: int
-    closed: float  # closed, opened: begin and end in local time; ``opened`` is infinite for a mesh that sticks for good
+    # closed, opened: begin and end in local time; ``opened`` is infinite for a mesh that sticks for
+    # good
+    closed: float
     opened: float
     impact: int  # number of the last impact before it
 
@@ -137,8 +166,9 @@ class Orbit:
     stopped : str
         Why it ended early, or an empty string.
     legs : ndarray, shape (legs, 7)
-        The smooth pieces of the orbit, one after each impact and one for each change of the sticking meshes: time and
-        state at which it begins, and the sides on which mesh 1 and mesh 2 stick (0 for open).
+        The smooth pieces of the orbit, one after each impact and one for each change of the
+        sticking meshes: time and state at which it begins, and the sides on which mesh 1 and mesh 2
+        stick (0 for open).
     sticking : tuple of StickingPhase
         Sticking phases, in order of time.
 
@@ -165,7 +195,10 @@ class Orbit:
         codes = self.mesh[1 : SHOWN + 1] * self.side[1 : SHOWN + 1]
         more = " ..." * (len(self.mesh) - 1 > SHOWN)
         lines = [
-            f"Orbit: impacts 1 to {self.found}, tau = {self.tau[0]:.6g} to {self.tau[self.found]:.6g} (local time)",
+            (
+                f"Orbit: impacts 1 to {self.found}, tau = {self.tau[0]:.6g} to"
+                f" {self.tau[self.found]:.6g} (local time)"
+            ),
             f"  itinerary (mesh * side): {' '.join(f'{code:+d}' for code in codes if code)}{more}",
             f"  sticking phases: {len(self.sticking)}",
         ]
@@ -176,15 +209,19 @@ class Orbit:
 
     @property
     def table(self) -> "pd.DataFrame":
-        """Times, meshes, sides and states just before each impact, index ``impact`` from 0, the start."""
+        """Times, meshes, sides and states just before each impact, index ``impact`` from 0, the
+        start."""
         import pandas as pd
 
-        columns = {"tau": self.tau, "mesh": self.mesh, "side": self.side} | dict(zip(STATE, self.before.T, strict=True))
+        columns = {"tau": self.tau, "mesh": self.mesh, "side": self.side} | dict(
+            zip(STATE, self.before.T, strict=True)
+        )
         return pd.DataFrame(columns).rename_axis("impact")
 
     @property
     def until_sticking(self) -> "Orbit":
-        """The orbit up to its first sticking phase: as far as its linearisation describes neighbouring paths."""
+        """The orbit up to its first sticking phase: as far as its linearisation describes
+        neighbouring paths."""
         if not self.sticking:
             return self
         k = self.sticking[0].impact
@@ -207,12 +244,15 @@ class Orbit:
         ndarray, shape (4,)
             ``(x1, y1, x2, y2)``.
         """
-        tau, x1, y1, x2, y2, first, second = self.legs[int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1]
+        tau, x1, y1, x2, y2, first, second = self.legs[
+            int(np.searchsorted(self.legs[:, 0], time, side="right")) - 1
+        ]
         closed = int(first), int(second)
         return np.array(stick_on(self.constants, tau, x1, y1, x2, y2, closed, time - tau))
 
     def plot(self) -> "Figure":
-        """Draw the displacements over time between their walls, with the impacts and the sticking phases.
+        """Draw the displacements over time between their walls, with the impacts and the sticking
+        phases.
 
         Returns
         -------
@@ -233,16 +273,25 @@ class Orbit:
         times = np.concatenate([*parts, [last]])
         states = np.array([self.state(t) for t in times])
         n = self.found + 1
-        return plot_orbit(self.constants, times, states, self.tau[:n], self.mesh[:n], self.before[:n], self.sticking)
+        return plot_orbit(
+            self.constants,
+            times,
+            states,
+            self.tau[:n],
+            self.mesh[:n],
+            self.before[:n],
+            self.sticking,
+        )
 
     def to_xarray(self) -> "xr.Dataset":
-        """Convert times, meshes, sides and states to a dataset; needs the optional dependency ``xarray``.
+        """Convert times, meshes, sides and states to a dataset; needs the optional dependency
+        ``xarray``.
 
         Returns
         -------
         xarray.Dataset
-            Dimension ``impact``, from 0, the start; ``y1_after, y2_after`` are velocities just after the impact.  Each
-            variable has its unit in ``attrs["units"]``.
+            Dimension ``impact``, from 0, the start; ``y1_after, y2_after`` are velocities just
+            after the impact.  Each variable has its unit in ``attrs["units"]``.
 
         Examples
         --------
@@ -258,7 +307,8 @@ class Orbit:
 
 @numpy_defaults
 def follow(scene: Scene, impacts: int) -> Orbit:
-    """Compute the orbit of a scene through a number of impacts, and the sticking phases between them.
+    """Compute the orbit of a scene through a number of impacts, and the sticking phases between
+    them.
 
     Parameters
     ----------
@@ -285,27 +335,36 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     >>> [round(value, 5) for value in orbit.sticking[0]]
     [1, 1, 4.97495, 7.21048, 14]
     """
-    c, first = scene.constants, scene.start.mesh
-    tau, (before, after) = np.full(impacts + 1, np.nan), np.full((2, impacts + 1, 4), np.nan)
+    c = scene.constants
+    first = scene.start.mesh
+    tau = np.full(impacts + 1, np.nan)
+    before, after = np.full((2, impacts + 1, 4), np.nan)
     mesh, side = np.zeros((2, impacts + 1), np.int64)
     x1, y1, x2, y2 = before[0] = scene.start_state
-    tau[0], mesh[0] = scene.phase, first
+    tau[0] = scene.phase
+    mesh[0] = first
     if first != 0:
         side[0] = 1 if (x1 if first == 1 else x2) > 0.0 else -1
         y1, y2 = struck(c, first, y1, y2)
     after[0] = x1, y1, x2, y2
-    k, code, room = 0, 1, LEGS * (impacts + 2)
+    k = 0
+    code = 1
+    room = LEGS * (impacts + 2)
     legs: list[Leg] = []
     legs_after: list[int] = []
     while (k := _fly(c, k, tau, mesh, side, before, after)) < impacts:
         known = len(legs)
-        time, code, flank, state = _stick(c, tau[k], after[k].tolist(), mesh[k], side[k], legs, room - k - 1)
+        time, code, flank, state = _stick(
+            c, tau[k], after[k].tolist(), mesh[k], side[k], legs, room - k - 1
+        )
         legs_after += [k] * (len(legs) - known)
         if code <= 0:
             break
         k += 1
         x1, y1, x2, y2 = before[k] = state
-        tau[k], mesh[k], side[k] = time, code, flank
+        tau[k] = time
+        mesh[k] = code
+        side[k] = flank
         y1, y2 = struck(c, code, y1, y2)
         after[k] = x1, y1, x2, y2
     number = np.arange(k + 1)
@@ -314,7 +373,9 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     pieces = np.insert(begun, place, np.reshape(legs, (-1, 7)), axis=0)
     number = np.insert(number, place, legs_after)
     stopped = "" if code > 0 else f"{MISSES[code]} after impact {k}"
-    return Orbit(c, tau, mesh, side, before, after, k, stopped, pieces, _sticking_phases(pieces, number))
+    return Orbit(
+        c, tau, mesh, side, before, after, k, stopped, pieces, _sticking_phases(pieces, number)
+    )
 
 
 def _sticking_phases(legs: Floats, impact: Ints) -> tuple[StickingPhase, ...]:
@@ -325,6 +386,9 @@ def _sticking_phases(legs: Floats, impact: Ints) -> tuple[StickingPhase, ...]:
         (edges,) = np.nonzero(np.diff(closed, prepend=0, append=0))
         for first, last in pairwise(edges):
             if closed[first] != 0:
-                begin, end = float(legs[first, 0]), float(legs[last, 0]) if last < len(legs) else np.inf
-                phases.append(StickingPhase(mesh, int(closed[first]), begin, end, int(impact[first])))
+                begin = float(legs[first, 0])
+                end = float(legs[last, 0]) if last < len(legs) else np.inf
+                phases.append(
+                    StickingPhase(mesh, int(closed[first]), begin, end, int(impact[first]))
+                )
     return tuple(sorted(phases, key=lambda phase: phase.closed))

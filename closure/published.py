@@ -1,12 +1,14 @@
-"""The paper's mean map as it stands: Eqs. 10, 14-17, 20-22 with misprints corrected only (docs/model.md section 9).
+"""The paper's mean map as it stands: Eqs. 10, 14-17, 20-22 with misprints corrected only
+(docs/model.md section 9).
 
-Errors of the paper that are kept: the moments of both stages follow the mesh-2 rules (15) and (17) at every impact,
-with ``-eps m_np`` where ``(-eps)^p m_np`` is right; the noise of Eq. 14 is not modulated; the flight after every impact
-is the one after a mesh-1 impact; the next impact is where ``E[x_i]`` has changed its sign (counter meshes); the ``y_2``
-line of Eq. 22; ``+psi_0`` in the fourth-order term of A and C.
+Errors of the paper that are kept: the moments of both stages follow the mesh-2 rules (15) and (17)
+at every impact, with ``-eps m_np`` where ``(-eps)^p m_np`` is right; the noise of Eq. 14 is not
+modulated; the flight after every impact is the one after a mesh-1 impact; the next impact is where
+``E[x_i]`` has changed its sign (counter meshes); the ``y_2`` line of Eq. 22; ``+psi_0`` in the
+fourth-order term of A and C.
 
-Choices where the paper is silent: ``B_k`` and ``D_k`` go with the standard deviations of impact k; the shift of a stage
-whose variance is not positive is left out, and the map goes on.
+Choices where the paper is silent: ``B_k`` and ``D_k`` go with the standard deviations of impact k;
+the shift of a stage whose variance is not positive is left out, and the map goes on.
 """
 
 from functools import partial
@@ -35,19 +37,24 @@ Windows = tuple[float, float]
 def _in_flight(
     c: Constants, tau: float, mean: Floats, shift: Floats, raw: Floats, t: float, windows: Windows
 ) -> tuple[Floats, Floats, Floats]:
-    """Mean (Eq. 22), its shift, and the raw moments of both stages, a time `t` after the impact at `tau`."""
-    y1, y2 = struck(c, 1, mean[1] - shift[1], mean[3] - shift[3])  # the unperturbed x, y of Eqs. 7 and 10
+    """Mean (Eq. 22), its shift, and the raw moments of both stages, a time `t` after the impact at
+    `tau`."""
+    # the unperturbed x, y of Eqs. 7 and 10
+    y1, y2 = struck(c, 1, mean[1] - shift[1], mean[3] - shift[3])
     x1, y1, x2, y2 = flow(c, tau, mean[0] - shift[0], y1, mean[2] - shift[2], y2, t)  # Eq. 10
     raw_t = np.zeros(raw.shape)
     put(raw_t[0], after_flight(raw[0], c.beta1, t, noise_covariance(c, tau, t)))  # Eq. 16
-    mean_t, shift_t = np.zeros(4), np.zeros(4)
+    mean_t = np.zeros(4)
+    shift_t = np.zeros(4)
     shift_t[0], shift_t[1] = window_shift(raw_t[0], x1, windows[0], True)
-    mean_t[0], mean_t[1] = x1 + shift_t[0], y1 + shift_t[1]
+    mean_t[0] = x1 + shift_t[0]
+    mean_t[1] = y1 + shift_t[1]
     if c.stages == 2:
         # Eq. 14; its term with E[zeta_1] stays zero, for every first moment starts at zero
         put(raw_t[1], after_flight(raw[1], c.beta2, t, plain_covariance(c.beta2, c.sigma, t)))
         shift_t[2], shift_t[3] = window_shift(raw_t[1], x2, windows[1], True)
-        d1, d2 = decay(c.beta1, t), decay(c.beta2, t)
+        d1 = decay(c.beta1, t)
+        d2 = decay(c.beta2, t)
         driver = c.alpha * np.cos(tau)
         mean_t[2] = x2 + shift_t[2]
         mean_t[3] = (  # Eq. 22, last line
@@ -64,7 +71,8 @@ def _in_flight(
 
 def _after_impact(c: Constants, raw: Floats) -> Floats:
     """Eqs. 15 and 17 for ``p != 0``; what has ``p = 0`` stays (a single stage follows Eq. 15)."""
-    out, (n, p) = raw.copy(), np.indices(raw.shape[1:])
+    out = raw.copy()
+    n, p = np.indices(raw.shape[1:])
     changed = (p > 0) & (n + p < raw.shape[1])
     if c.stages == 1:
         out[0, changed] = -c.epsilon * raw[0, changed]
@@ -84,57 +92,79 @@ def _counter_mesh(
     while earlier < LONGEST:
         later = earlier + SCAN
         now = beyond(_in_flight(c, tau, mean, shift, raw, later, windows)[0], 1.0, mean)
-        best, stage = np.inf, 0
+        best = np.inf
+        stage = 0
         for i in range(c.stages):
-            f_low, f_high = before[2 * i], now[2 * i]
+            f_low = before[2 * i]
+            f_high = now[2 * i]
             if not f_low * f_high <= 0.0:
                 continue
-            low, high = earlier, later
+            low = earlier
+            high = later
             for _ in range(60):  # regula falsi (Illinois variant)
                 t = (low * f_high - high * f_low) / (f_high - f_low)
                 f = _in_flight(c, tau, mean, shift, raw, t, windows)[0][2 * i] + mean[2 * i]
                 if f * f_high < 0.0:
-                    low, f_low = high, f_high
+                    low = high
+                    f_low = f_high
                 else:
                     f_low *= 0.5
-                high, f_high = t, f
+                high = t
+                f_high = f
                 if f == 0.0 or abs(high - low) < 1e-14 * (1.0 + t) or abs(f) < 1e-15 * windows[i]:
                     break
             if high < best and high > 0.0:
-                best, stage = high, i + 1
+                best = high
+                stage = i + 1
         if stage:
             return best, stage
-        earlier, before = later, now
+        earlier = later
+        before = now
     return LONGEST, 0
 
 
 def _covariance(raw: Floats) -> Floats:
-    """Second moments of both stages as a 4 x 4 matrix; NaN across the stages, where this closure has none."""
+    """Second moments of both stages as a 4 x 4 matrix; NaN across the stages, where this closure
+    has none."""
     out = np.full((*raw.shape[:-3], 4, 4), np.nan)
     for i in (0, 1):
         j = 2 * i
-        out[..., j, j], out[..., j + 1, j + 1] = raw[..., i, 2, 0], raw[..., i, 0, 2]
+        out[..., j, j] = raw[..., i, 2, 0]
+        out[..., j + 1, j + 1] = raw[..., i, 0, 2]
         out[..., j, j + 1] = out[..., j + 1, j] = raw[..., i, 1, 1]
     return out
 
 
 def check(scene: Scene) -> None:
-    """Refuse what Eq. 10 does not cover: a start without an impact at mesh 1, another drive, noise with a memory."""
+    """Refuse what Eq. 10 does not cover: a start without an impact at mesh 1, another drive, noise
+    with a memory."""
     check_white(scene)
     if scene.drive != SINE_ALONE:
-        raise InputError("drive", f"{len(scene.drive)} orders", "the published closure is for one order only, sin tau")
+        raise InputError(
+            "drive",
+            f"{len(scene.drive)} orders",
+            "the published closure is for one order only, sin tau",
+        )
     if scene.start.mesh != 1:
-        raise InputError("start.mesh", scene.start.mesh, "the published closure needs a start at mesh 1 (Eq. 10)")
+        raise InputError(
+            "start.mesh", scene.start.mesh, "the published closure needs a start at mesh 1 (Eq. 10)"
+        )
 
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the published mean map."""
-    c, windows = scene.constants, scene.windows
-    tau, mesh = np.full(impacts + 1, np.nan), np.zeros(impacts + 1, np.int64)
+    c = scene.constants
+    windows = scene.windows
+    tau = np.full(impacts + 1, np.nan)
+    mesh = np.zeros(impacts + 1, np.int64)
     mean, shift = np.full((2, impacts + 1, 4), np.nan)
     before, after = raw = np.full((2, impacts + 1, 2, order + 1, order + 1), np.nan)
-    tau[0], mesh[0], mean[0], shift[0] = scene.phase, 1, scene.start_state, 0.0
-    raw[:, 0], raw[:, 0, :, 0, 0] = 0.0, 1.0
+    tau[0] = scene.phase
+    mesh[0] = 1
+    mean[0] = scene.start_state
+    shift[0] = 0.0
+    raw[:, 0] = 0.0
+    raw[:, 0, :, 0, 0] = 1.0
     found = 0
     while found < impacts:
         last = tau[found], mean[found], shift[found], after[found]
@@ -142,7 +172,8 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         if stage == 0:
             break
         found += 1
-        tau[found], mesh[found] = last[0] + t, stage
+        tau[found] = last[0] + t
+        mesh[found] = stage
         mean[found], shift[found], before[found] = _in_flight(c, *last, t, windows)
         after[found] = _after_impact(c, before[found])
     covariance = _covariance(before)
@@ -155,11 +186,19 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     ended = f"the other mesh is not struck within {LONGEST:g} time units after impact {found}"
     stopped = "" if found == impacts else ended
     at = partial(_at, c, windows, tau[: found + 1], mean, shift, after)
-    return Trace(tau, mesh, side, mean, sd, np.full_like(sd, np.nan), covariance, before, at, found, stopped)
+    return Trace(
+        tau, mesh, side, mean, sd, np.full_like(sd, np.nan), covariance, before, at, found, stopped
+    )
 
 
 def _at(
-    c: Constants, windows: Windows, tau: Floats, mean: Floats, shift: Floats, after: Floats, time: float
+    c: Constants,
+    windows: Windows,
+    tau: Floats,
+    mean: Floats,
+    shift: Floats,
+    after: Floats,
+    time: float,
 ) -> tuple[Floats, Floats]:
     """Mean and covariance of the state at a local time."""
     k = int(np.searchsorted(tau, time, side="right")) - 1
@@ -174,7 +213,8 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
     Shapes: `raw` (order + 1, order + 1); `q` (2, 2); result (order + 1, order + 1).
     """
     order = raw.shape[0] - 1
-    e, d = phi1(beta, t), decay(beta, t)
+    e = phi1(beta, t)
+    d = decay(beta, t)
     flown = np.zeros_like(raw)
     for n in range(order + 1):
         for p in range(order + 1 - n):
@@ -203,7 +243,9 @@ def plain_covariance(beta: float, sigma: float, t: float) -> Floats:
         h = min(panel, t - lag)
         for n in range(NODES.size):
             r = lag + h * NODES[n]
-            e, d, w = phi1(beta, r), decay(beta, r), sigma * sigma * h * WEIGHTS[n]
+            e = phi1(beta, r)
+            d = decay(beta, r)
+            w = sigma * sigma * h * WEIGHTS[n]
             q[0, 0] += w * e * e
             q[0, 1] += w * e * d
             q[1, 1] += w * d * d

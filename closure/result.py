@@ -1,4 +1,5 @@
-"""What a closure predicts: its moments by impact and at fixed times, where they break down, and its densities."""
+"""What a closure predicts: its moments by impact and at fixed times, where they break down, and its
+densities."""
 
 from __future__ import annotations
 
@@ -10,7 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rattle.closure.closure import AT_TIMES, Closure
-from rattle.closure.edgeworth import Edgeworth, coefficients, has_series, mixture_density, section_density
+from rattle.closure.edgeworth import (
+    Edgeworth,
+    coefficients,
+    has_series,
+    mixture_density,
+    section_density,
+)
 from rattle.closure.moments import Trace, advice, largest_error, within
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, count
 from rattle.scene.moments import ROUNDING, SMALLEST, Realizability, correlation, realizability
@@ -23,7 +30,8 @@ if TYPE_CHECKING:  # tables are made when they are asked for, see `SectionResult
 
 
 TOLERANCE = 0.05
-"""Error of a mean, in sds, above which a bound says "simulate" where no tolerance is given; twice that of an sd."""
+"""Error of a mean, in sds, above which a bound says "simulate" where no tolerance is given; twice
+that of an sd."""
 
 VELOCITIES = ("y1", "y2")
 SHOWN = 12  # impacts of an itinerary that a repr shows
@@ -44,7 +52,9 @@ class Breakdown(NamedTuple):
     Examples
     --------
     >>> from rattle import DAT21, Scene, mean_map
-    >>> found = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=4, closure="published").breakdown
+    >>> found = mean_map(
+    ...     Scene.from_gears(DAT21, sigma=0.1), impacts=4, closure="published"
+    ... ).breakdown
     >>> found.impact, found.stage
     (2, 1)
     """
@@ -84,18 +94,31 @@ class MeanMap(SectionResult):
     order: int
     trace: Trace
     tolerance: float | None = None
-    given: Scene | None = None  # what a closure of one's own is asked at fixed times of, where `scene` is phase-reduced
+    # what a closure of one's own is asked at fixed times of, where `scene` is phase-reduced
+    given: Scene | None = None
 
     def __repr__(self) -> str:
         """What was predicted, on a few lines."""
-        shown = " ".join(f"{code:+d}" for code in self.itinerary[:SHOWN]) + " ..." * (self.impacts > SHOWN)
-        broken, where = self.breakdown, ""
+        shown = " ".join(f"{code:+d}" for code in self.itinerary[:SHOWN]) + " ..." * (
+            self.impacts > SHOWN
+        )
+        broken = self.breakdown
+        where = ""
         if broken is not None:
-            where = f" from impact {broken.impact} on" + f", stage {broken.stage}" * (broken.stage > 0)
+            where = f" from impact {broken.impact} on" + f", stage {broken.stage}" * (
+                broken.stage > 0
+            )
         lines = [
-            f"MeanMap: {self.closure}, order {self.order}, impacts 1 to {self.impacts}, sigma = {self.scene.sigma:.4g}",
+            (
+                f"MeanMap: {self.closure}, order {self.order}, impacts 1 to {self.impacts}, sigma ="
+                f" {self.scene.sigma:.4g}"
+            ),
             f"  itinerary (mesh * side): {shown}",
-            "  moments are realizable" if broken is None else f"  moments are not realizable{where}: {broken.reason}",
+            (
+                "  moments are realizable"
+                if broken is None
+                else f"  moments are not realizable{where}: {broken.reason}"
+            ),
         ]
         lines += [f"  {self.advice}"] * bool(self.advice)
         return "\n".join(lines + [f"  ended: {self.stopped}"] * bool(self.stopped))
@@ -107,13 +130,15 @@ class MeanMap(SectionResult):
 
     @cached_property
     def phase_reduced(self) -> MeanMap:
-        """The same result for `Scene.phase_reduced`: tau is in local time, with full precision for a late start."""
+        """The same result for `Scene.phase_reduced`: tau is in local time, with full precision for
+        a late start."""
         reduced = self.scene.phase_reduced
         return self if reduced is self.scene else replace(self, scene=reduced, given=self.scene)
 
     @property
     def advice(self) -> str:
-        """Whether to use the closure or to simulate, by the bound of its errors; empty for a closure without one."""
+        """Whether to use the closure or to simulate, by the bound of its errors; empty for a
+        closure without one."""
         asked = TOLERANCE if self.tolerance is None else self.tolerance
         return "" if self.trace.error is None else advice(self.trace, asked)
 
@@ -124,14 +149,18 @@ class MeanMap(SectionResult):
 
     @property
     def itinerary(self) -> tuple[int, ...]:
-        """``mesh * side`` of impacts 1, 2, ...: +1, -1, +2 or -2, and 0 where the closure has ended."""
-        return tuple(int(m * s) for m, s in zip(self.trace.mesh[1:], self.trace.side[1:], strict=True))
+        """``mesh * side`` of impacts 1, 2, ...: +1, -1, +2 or -2, and 0 where the closure has
+        ended."""
+        return tuple(
+            int(m * s) for m, s in zip(self.trace.mesh[1:], self.trace.side[1:], strict=True)
+        )
 
     def on_itinerary(self) -> MeanMap:
-        """The same prediction for the paths alone that have followed the closure's itinerary up to each impact.
+        """The same prediction for the paths alone that have followed the closure's itinerary up to
+        each impact.
 
-        ``branching`` tells them from the others: by its components that have.  Every other closure follows one
-        itinerary and predicts one set of moments, which is taken for theirs.
+        ``branching`` tells them from the others: by its components that have.  Every other closure
+        follows one itinerary and predicts one set of moments, which is taken for theirs.
 
         Returns
         -------
@@ -170,20 +199,29 @@ class MeanMap(SectionResult):
         return self.trace.covariance[impact, j : j + 2, j : j + 2]
 
     def stage_realizability(self, impact: int, stage: int) -> Realizability:
-        """Whether a distribution can have the second moments of a stage; of one's own closure, those it predicts."""
-        covariance, t = self.stage_covariance(impact, stage), self.trace
+        """Whether a distribution can have the second moments of a stage; of one's own closure,
+        those it predicts."""
+        covariance = self.stage_covariance(impact, stage)
+        t = self.trace
         if t.rho is None:
             return realizability(covariance)
         rho = float(t.rho[impact, stage - 1])
-        own = [(name, sd) for name, sd in zip(SECTION, t.sd[impact], strict=True) if (name[-1] == "2") == (stage == 2)]
+        own = [
+            (name, sd)
+            for name, sd in zip(SECTION, t.sd[impact], strict=True)
+            if (name[-1] == "2") == (stage == 2)
+        ]
         reasons = [f"sd of {name} = {sd:.3g} < 0" for name, sd in own if sd < 0.0]
         reasons += [f"|rho| = {abs(rho):.4g} > 1"] * (abs(rho) > 1.0 + ROUNDING)
         vx, vy = covariance.diagonal()
-        return Realizability(not reasons, ", ".join(reasons), float(vx), float(vy), rho, float("nan"))
+        return Realizability(
+            not reasons, ", ".join(reasons), float(vx), float(vy), rho, float("nan")
+        )
 
     @cached_property
     def breakdown(self) -> Breakdown | None:
-        """The first impact at which the moments are not realizable, or None; those of a mixture always are."""
+        """The first impact at which the moments are not realizable, or None; those of a mixture
+        always are."""
         for k in range(1, self.trace.found + 1):
             for stage in range(1, self.scene.stages + 1) if self.trace.parts is None else ():
                 judged = self.stage_realizability(k, stage)
@@ -196,25 +234,30 @@ class MeanMap(SectionResult):
 
     @cached_property
     def section(self) -> pd.DataFrame:
-        """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the closure predicts none.
+        """Moments of the state just before impact 1, 2, ... (dimensionless); NaN where the closure
+        predicts none.
 
-        Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each quantity, ``rho1, rho2``
-        (correlation of displacement and velocity perturbation of a stage) and ``realizable`` (false also for a negative
-        mean flight time); for ``branching`` also ``agreement``, the predicted share of paths that have followed the
-        orbit's itinerary so far, ``discarded``, the probability discarded so far, ``error_mean`` and ``error_sd``, the
-        bounds of the errors of the worst mean and the worst sd in sds (by quantity in `errors`; the displacement of the
-        struck mesh is left out), and ``within``, whether they are within the tolerance (0.05 if none was given; twice
-        that for sds).  ``tau`` is in absolute time.
+        Columns: ``tau, flight, mesh, side, x1, y1, x2, y2``, ``sd_`` and ``skew_`` of each
+        quantity, ``rho1, rho2`` (correlation of displacement and velocity perturbation of a stage)
+        and ``realizable`` (false also for a negative mean flight time); for ``branching`` also
+        ``agreement``, the predicted share of paths that have followed the orbit's itinerary so far,
+        ``discarded``, the probability discarded so far, ``error_mean`` and ``error_sd``, the bounds
+        of the errors of the worst mean and the worst sd in sds (by quantity in `errors`; the
+        displacement of the struck mesh is left out), and ``within``, whether they are within the
+        tolerance (0.05 if none was given; twice that for sds).  ``tau`` is in absolute time.
 
-        ``saltation`` and ``branching`` predict the state that each path has just before its own k-th impact (a Poincaré
-        section at the impacts), as simulation samples it.  ``published`` and ``corrected`` approximate it by the state
-        at one impact time for all paths.
+        ``saltation`` and ``branching`` predict the state that each path has just before its own
+        k-th impact (a Poincaré section at the impacts), as simulation samples it.  ``published``
+        and ``corrected`` approximate it by the state at one impact time for all paths.
         """
         import pandas as pd
 
         t = self.trace
         flight = np.diff(t.tau) if t.flight is None else t.flight[1:]
-        columns: dict[str, object] = {"tau": self.scene.to_absolute_time(t.tau[1:]), "flight": flight}
+        columns: dict[str, object] = {
+            "tau": self.scene.to_absolute_time(t.tau[1:]),
+            "flight": flight,
+        }
         columns |= {"mesh": t.mesh[1:], "side": t.side[1:]}
         columns |= {name: t.mean[1:, i] for i, name in enumerate(STATE)}
         columns |= {f"sd_{name}": t.sd[1:, i] for i, name in enumerate(SECTION)}
@@ -232,10 +275,15 @@ class MeanMap(SectionResult):
         ]
         table = pd.DataFrame(columns, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
         if t.agreement is not None and t.discarded is not None:
-            table["agreement"], table["discarded"] = t.agreement[1:], t.discarded[1:]
+            table["agreement"] = t.agreement[1:]
+            table["discarded"] = t.discarded[1:]
         if t.error is not None:
-            table["error_mean"], table["error_sd"] = ([largest_error(e[i]) for e in t.error[1:]] for i in (0, 1))
-            table["within"] = within(t.error, TOLERANCE if self.tolerance is None else self.tolerance)[1:]
+            table["error_mean"], table["error_sd"] = (
+                [largest_error(e[i]) for e in t.error[1:]] for i in (0, 1)
+            )
+            table["within"] = within(
+                t.error, TOLERANCE if self.tolerance is None else self.tolerance
+            )[1:]
             table.loc[t.found + 1 :, "within"] = False
         if self.scene.stages == 1:
             table[["x2", "y2", "sd_x2", "sd_y2", "skew_x2", "skew_y2", "rho2"]] = np.nan
@@ -243,21 +291,29 @@ class MeanMap(SectionResult):
 
     @property
     def errors(self) -> pd.DataFrame | None:
-        """The closure's bounds of its errors by impact and quantity, ``mean`` and ``sd`` in sds; None without."""
+        """The closure's bounds of its errors by impact and quantity, ``mean`` and ``sd`` in sds;
+        None without."""
         import pandas as pd
 
         if self.trace.error is None:
             return None
-        index = pd.MultiIndex.from_product([range(1, self.impacts + 1), SECTION], names=["impact", "quantity"])
-        table = pd.DataFrame(self.trace.error[1:].transpose(0, 2, 1).reshape(-1, 2), index, ["mean", "sd"])
+        index = pd.MultiIndex.from_product(
+            [range(1, self.impacts + 1), SECTION], names=["impact", "quantity"]
+        )
+        table = pd.DataFrame(
+            self.trace.error[1:].transpose(0, 2, 1).reshape(-1, 2), index, ["mean", "sd"]
+        )
         return table.dropna()
 
     @property
     def _title(self) -> str:
         return self.closure
 
-    def at_times(self, times: Sequence[float] | Floats, units: str = "dimensionless") -> pd.DataFrame:
-        """Means, covariances and ``rho1, rho2`` of the state at fixed times between the start and the last impact.
+    def at_times(
+        self, times: Sequence[float] | Floats, units: str = "dimensionless"
+    ) -> pd.DataFrame:
+        """Means, covariances and ``rho1, rho2`` of the state at fixed times between the start and
+        the last impact.
 
         Parameters
         ----------
@@ -269,24 +325,29 @@ class MeanMap(SectionResult):
         Returns
         -------
         DataFrame
-            Index ``time``; columns ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1, rho2``.  In physical
-            units index ``time_ms`` and columns ``x1_mm, y1_mm_per_s, ..., cov_x1_x1_mm2, cov_x1_y1_mm2_per_s, ...``.
-            ``branching`` counts every path on the flight on which it is at that time, whichever that is; NaN where the
-            flights that it follows (twice as many as impacts, and eight) do not hold nearly all paths.
+            Index ``time``; columns ``x1, y1, x2, y2``, ``cov_x1_x1, cov_x1_y1, ...`` and ``rho1,
+            rho2``.  In physical units index ``time_ms`` and columns ``x1_mm, y1_mm_per_s, ...,
+            cov_x1_x1_mm2, cov_x1_y1_mm2_per_s, ...``. ``branching`` counts every path on the flight
+            on which it is at that time, whichever that is; NaN where the flights that it follows
+            (twice as many as impacts, and eight) do not hold nearly all paths.
 
         Raises
         ------
         InputError
-            If a time lies outside the times followed, for unknown units, or physical ones of a scene without gears.
+            If a time lies outside the times followed, for unknown units, or physical ones of a
+            scene without gears.
 
         Examples
         --------
         >>> from rattle import DAT21, Scene, mean_map
         >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.1), impacts=1)
-        >>> m.at_times([0.3], units="physical")[["x1_mm", "y1_mm_per_s"]].round(3).reset_index().loc[0].tolist()
+        >>> m.at_times(
+        ...     [0.3], units="physical"
+        ... )[["x1_mm", "y1_mm_per_s"]].round(3).reset_index().loc[0].tolist()
         [1.0, -0.006, -106.119]
 
-        At the mean time of an impact half of the paths have had it: their velocities have two signs.
+        At the mean time of an impact half of the paths have had it: their velocities have two
+        signs.
 
         >>> m = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closure="branching")
         >>> at = m.at_times([m.section["tau"].loc[1]])
@@ -297,15 +358,20 @@ class MeanMap(SectionResult):
 
         check_units(units, self.scene.gears)
         asked = _as_list(times)
-        index, local = pd.Index(asked, dtype=float, name="time"), [self.scene.to_local_time(time) for time in asked]
+        index = pd.Index(asked, dtype=float, name="time")
+        local = [self.scene.to_local_time(time) for time in asked]
         if self.method.own:
             given = self.given or self.scene
-            table = self.method.fixed_times(given, [given.to_absolute_time(time) for time in local]).set_axis(index)
+            table = self.method.fixed_times(
+                given, [given.to_absolute_time(time) for time in local]
+            ).set_axis(index)
             return at_times_in(table, self.scene.gears, units)
         low, high = self.trace.span
         for time, own in zip(asked, local, strict=True):
             if not low <= own <= high:
-                followed = f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
+                followed = (
+                    f"{self.scene.to_absolute_time(low):g} to {self.scene.to_absolute_time(high):g}"
+                )
                 raise InputError("times", time, f"lies outside the times followed, {followed}")
         rows = [row_of_moments(*self.trace.at(own), self.scene.stages) for own in local]
         table = pd.DataFrame(rows, index=index, columns=list(AT_TIMES), dtype=float)
@@ -314,8 +380,8 @@ class MeanMap(SectionResult):
     def density(self, impact: int, quantity: str, values: Floats) -> Floats | None:
         """Density that the closure predicts for a section quantity at an impact.
 
-        From the mean, sd and skewness.  ``branching`` has the density of its mixture, and ``published`` the velocity
-        marginals of its bivariate Edgeworth series, around its mean.
+        From the mean, sd and skewness.  ``branching`` has the density of its mixture, and
+        ``published`` the velocity marginals of its bivariate Edgeworth series, around its mean.
 
         Parameters
         ----------
@@ -339,11 +405,15 @@ class MeanMap(SectionResult):
         i = SECTION.index(choice("quantity", quantity, SECTION))
         count("impact", impact, least=1, most=self.impacts)
         if impact > self.trace.found or self.trace.sd[impact, i] ** 2 < SMALLEST:
-            return None  # the displacement at the wall that is struck is one value, which has no density
+            # the displacement at the wall that is struck is one value, which has no density
+            return None
         if self.trace.parts is not None:
-            weights, means, variances = (a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact])
+            weights, means, variances = (
+                a if a.ndim == 1 else a[:, i] for a in self.trace.parts[impact]
+            )
             return mixture_density(values, weights, means, variances)
-        skew, sd = float(self.trace.skew[impact, i]), float(self.trace.sd[impact, i])
+        skew = float(self.trace.skew[impact, i])
+        sd = float(self.trace.sd[impact, i])
         if np.isfinite(self.trace.sd[impact, 0]) and np.isnan(self.trace.skew[impact]).all():
             skew = 0.0  # section moments of first order: Gaussian
         mean = float(self.phase_reduced.section[quantity].loc[impact])
@@ -382,8 +452,13 @@ class MeanMap(SectionResult):
         count("stage", stage, least=1, most=self.scene.stages)
         raw = self.trace.raw[impact, stage - 1]
         if not has_series(raw[2, 0], raw[0, 2], self.order):
-            raise InputError("impact", impact, f"stage {stage} has no positive variance there, so no Edgeworth series")
-        sd_x, sd_y = float(np.sqrt(raw[2, 0])), float(np.sqrt(raw[0, 2]))
+            raise InputError(
+                "impact",
+                impact,
+                f"stage {stage} has no positive variance there, so no Edgeworth series",
+            )
+        sd_x = float(np.sqrt(raw[2, 0]))
+        sd_y = float(np.sqrt(raw[0, 2]))
         return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)
 
 
@@ -397,7 +472,8 @@ def _as_list(times: Sequence[float] | Floats) -> list[float]:
 def row_of_moments(mean: Floats, covariance: Floats, stages: int) -> list[float]:
     """One row of a table of moments at fixed times, `AT_TIMES`; NaN of an absent stage."""
     if stages == 1:
-        mean, covariance = mean.copy(), covariance.copy()
+        mean = mean.copy()
+        covariance = covariance.copy()
         mean[2:] = covariance[2:] = covariance[:, 2:] = np.nan
     rho = (correlation(covariance[j : j + 2, j : j + 2]) for j in (0, 2))
     return [*mean.tolist(), *covariance[np.triu_indices(4)].tolist(), *rho]

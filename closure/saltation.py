@@ -1,9 +1,11 @@
-"""The saltation closure: first order in the noise, exactly, and its second-order corrections (docs/model.md section 6).
+"""The saltation closure: first order in the noise, exactly, and its second-order corrections
+(docs/model.md section 6).
 
-What is propagated is the state that each path has at its own k-th impact (the section state: ``tau, x1, y1, x2, y2``,
-then the deviations of the flanks where they vary, or a noise's memory), by the derivative of the map from section to
-section; at fixed times that is the saltation matrix ``Xi = R + (F+ - R F-) g' / (g' F-)``.  From order 3 on, the second
-derivatives add the shift of the mean, an O(sigma^2) effect, and the third cumulants.
+What is propagated is the state that each path has at its own k-th impact (the section state: ``tau,
+x1, y1, x2, y2``, then the deviations of the flanks where they vary, or a noise's memory), by the
+derivative of the map from section to section; at fixed times that is the saltation matrix ``Xi = R
++ (F+ - R F-) g' / (g' F-)``.  From order 3 on, the second derivatives add the shift of the mean, an
+O(sigma^2) effect, and the third cumulants.
 """
 
 import math
@@ -16,12 +18,20 @@ from rattle.closure.moments import Trace, stage_raw_moments
 from rattle.closure.orbit import Impacts, Orbit, follow
 from rattle.closure.section_map import column, hit_matrix, redrawn_variances, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene, memory
-from rattle.scene.flight import field, field_rate, jacobian, noise_covariance, noise_rate, system_matrix
+from rattle.scene.flight import (
+    field,
+    field_rate,
+    jacobian,
+    noise_covariance,
+    noise_rate,
+    system_matrix,
+)
 from rattle.scene.linear_algebra import add_product, image, product, totals, transform
 from rattle.scene.moments import SMALLEST, semidefinite
 
 SLOWEST = 1e-6
-"""Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no derivatives there."""
+"""Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no
+derivatives there."""
 
 
 PLACES = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
@@ -33,7 +43,8 @@ class Steps(NamedTuple):
     """Steps from section to section; d components of the state, m of the noise."""
 
     first: Floats  # derivatives of the next state by state and noise; (steps, d, d + m)
-    hessian: Floats  # second derivatives of the components `bent`; (steps, components, d + m, d + m)
+    # second derivatives of the components `bent`; (steps, components, d + m, d + m)
+    hessian: Floats
     bent: Ints  # components that are not linear
     noise: Floats  # covariances of the noise; (steps, m, m)
     kick: Floats  # effect of white noise on the state at the impact, per root of time; (steps, d)
@@ -45,14 +56,16 @@ def section_start(scene: Scene) -> Floats:
     if not scene.correlation_time:
         return plain
     out = np.zeros((len(plain) + 1, len(plain) + 1))
-    out[:-1, :-1], out[-1, -1] = plain, 0.5 / scene.correlation_time
+    out[:-1, :-1] = plain
+    out[-1, -1] = 0.5 / scene.correlation_time
     return out
 
 
 def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
     """The steps between successive impacts; d is the size of the section state."""
     first, hessian, bent = section_derivatives(c, at, d)
-    flights, kick = list(zip(at.tau[:-1], np.diff(at.tau), strict=True)), np.zeros((len(at.tau) - 1, d))
+    flights = list(zip(at.tau[:-1], np.diff(at.tau), strict=True))
+    kick = np.zeros((len(at.tau) - 1, d))
     if c.memory:
         noise = np.array([memory.covariance(c, s, t)[0] for s, t in flights])
         kick[:, d - 1] = 1.0 / c.memory
@@ -64,18 +77,23 @@ def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
 
 
 def noise_slope(c: Constants, tau: float, t: float) -> Floats:
-    """Derivative of the covariance of a flight's noise with respect to the time of its start, shape (m, m).
+    """Derivative of the covariance of a flight's noise with respect to the time of its start, shape
+    (m, m).
 
-    That of white noise is ``A + B cos 2 tau + C sin 2 tau``, so a difference over a quarter of a period gives it
-    exactly.  For several orders it is bilinear in the modulation m and its derivative: half the difference of the
-    covariances for ``m + m'`` and ``m - m'``.
+    That of white noise is ``A + B cos 2 tau + C sin 2 tau``, so a difference over a quarter of a
+    period gives it exactly.  For several orders it is bilinear in the modulation m and its
+    derivative: half the difference of the covariances for ``m + m'`` and ``m - m'``.
     """
     if c.memory:
         return memory.covariance(c, tau, t)[1]
     if c.drive:
         d = c.drive
         more, less = (
-            c._replace(drive=d._replace(odd=d.odd - sign * d.order * d.even, even=d.even + sign * d.order * d.odd))
+            c._replace(
+                drive=d._replace(
+                    odd=d.odd - sign * d.order * d.even, even=d.even + sign * d.order * d.odd
+                )
+            )
             for sign in (1.0, -1.0)
         )
         return 0.5 * (noise_covariance(more, tau, t) - noise_covariance(less, tau, t))
@@ -84,46 +102,67 @@ def noise_slope(c: Constants, tau: float, t: float) -> Floats:
 
 
 def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floats, Ints]:
-    """`rattle.closure.section_map.derivatives` of each flight between impacts, in numpy: for white noise the same bits.
+    """`rattle.closure.section_map.derivatives` of each flight between impacts, in numpy: for white
+    noise the same bits.
 
     With noise that has a memory eta, which is 0 on the orbit, is a fifth component of the state.
 
-    Returns: First and second derivatives by ``(s, n)``, of k state components, and the components that the second are
-    of.  Shapes: (n, d, d + k); (n, 1 + k, d + k, d + k); (1 + k,).
+    Returns: First and second derivatives by ``(s, n)``, of k state components, and the components
+    that the second are of.  Shapes: (n, d, d + k); (n, 1 + k, d + k, d + k); (1 + k,).
     """
-    t, k, every = np.diff(at.tau), 5 if c.memory else 4, np.arange(len(at.tau) - 1)
-    begin, end, side, size = at.tau[:-1], at.tau[:-1] + t, at.side[1:], d + k
-    state, flanks = [1, 2, 3, 4, d - 1][:k], range(5, d + 4 - k)  # their places in the section state
+    t = np.diff(at.tau)
+    k = 5 if c.memory else 4
+    every = np.arange(len(at.tau) - 1)
+    begin = at.tau[:-1]
+    end = at.tau[:-1] + t
+    side = at.side[1:]
+    size = d + k
+    # their places in the section state
+    state = [1, 2, 3, 4, d - 1][:k]
+    flanks = range(5, d + 4 - k)
     struck = np.where(at.mesh[1:] == 1, 0, 2)  # place of its displacement in the state
-    y, flank = at.before[1:][every, struck + 1, None], column(at.mesh[1:], side)
+    y = at.before[1:][every, struck + 1, None]
+    flank = column(at.mesh[1:], side)
 
     def drift(times: Floats, states: Floats) -> Floats:
-        return _with_eta([field(c, s, y1, y2) for s, y1, y2 in zip(times, states[:, 1], states[:, 3], strict=True)], k)
+        return _with_eta(
+            [
+                field(c, s, y1, y2)
+                for s, y1, y2 in zip(times, states[:, 1], states[:, 3], strict=True)
+            ],
+            k,
+        )
 
-    rate, begun = drift(end, at.before[1:]), drift(begin, at.after[:-1])
+    rate = drift(end, at.before[1:])
+    begun = drift(begin, at.after[:-1])
     explicit, initial = (_with_eta([field_rate(c, s) for s in times], k) for times in (end, begin))
     if c.memory:
         carried = [memory.propagator(c, s, duration) for s, duration in zip(begin, t, strict=True)]
         j, turned = (np.array(part) for part in zip(*carried, strict=True))
         a = np.array([memory.matrix(c, s) for s in end])
     else:
-        j, a = np.array([jacobian(c, s) for s in t]), system_matrix(c)
+        j = np.array([jacobian(c, s) for s in t])
+        a = system_matrix(c)
     moving = rate - image(j, begun)  # by the time of the start
     flown = np.zeros((len(t), k, size))
-    flown[:, :, 0], flown[:, :, state], flown[:, range(k), range(d, size)] = moving, j, 1.0
+    flown[:, :, 0] = moving
+    flown[:, :, state] = j
+    flown[:, range(k), range(d, size)] = 1.0
     late = -flown[every, struck] / y  # of the remaining time to the wall
     first = np.zeros((len(t), d, size))
     first[:, flanks, flanks] = 1.0
     if flanks:
         late[every, flank] += side / y[:, 0]
-    first[:, 0], first[:, state] = late, flown + rate[:, :, None] * late[:, None]
+    first[:, 0] = late
+    first[:, state] = flown + rate[:, :, None] * late[:, None]
     first[:, 0, 0] += 1.0
     first[every, 1 + struck] = 0.0  # the struck displacement is on its wall
     if flanks:
         first[every, 1 + struck, flank] = side
     along = product(a, flown)
     along[:, :, 0] += explicit
-    cross, bend = along[:, :, :, None] * late[:, None, None], image(a, rate) + explicit
+    cross = along[:, :, :, None] * late[:, None, None]
+    bend = image(a, rate) + explicit
     second = cross + cross.mT + bend[:, :, None, None] * (late[:, :, None] * late[:, None])[:, None]
     second[:, :, 0, 0] += explicit + image(a, moving) - image(j, initial)
     if c.memory:
@@ -144,28 +183,36 @@ def _with_eta(states: list[Floats], k: int) -> Floats:
 def propagate(
     c: Constants, at: Impacts, found: int, start: Floats, redrawn: Floats, second: bool
 ) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:
-    """Mean shift, sd and skewness of the section quantities, and covariance of the section state before and after.
+    """Mean shift, sd and skewness of the section quantities, and covariance of the section state
+    before and after.
 
-    `found`: How many impacts there are. `start`: Covariance of the section state after the start; its size tells
-    whether flanks vary. `redrawn`: See `rattle.closure.section_map.redrawn_variances`. Shapes: `start` (d, d); result
-    (impacts + 1, 6); result (impacts + 1, d, d).
+    `found`: How many impacts there are. `start`: Covariance of the section state after the start;
+    its size tells whether flanks vary. `redrawn`: See
+    `rattle.closure.section_map.redrawn_variances`. Shapes: `start` (d, d); result (impacts + 1, 6);
+    result (impacts + 1, d, d).
     """
     tau, mesh, side, before, _ = at
-    count, d = tau.size, start.shape[0]
+    count = tau.size
+    d = start.shape[0]
     shift, sd, skew = np.full((3, count, 6), np.nan)
     section, covariance = np.full((2, count, d, d), np.nan)  # before the impact, and after it
     section[0] = covariance[0] = start
-    moved, third = np.zeros(d), np.zeros((d, d, d))
+    moved = np.zeros(d)
+    third = np.zeros((d, d, d))
     speed = np.where(mesh == 1, before[:, 1], before[:, 3])[1 : found + 1]
     fastest = max(c.alpha, c.gamma1, abs(before[0, 1]), abs(before[0, 3]))
     found = int(np.append(np.abs(speed) < SLOWEST * fastest, True).argmax())
     hits = {m: hit_matrix(c, m, d) for m in (1, 2)}
     for low in range(0, found, BLOCK):
         high = min(low + BLOCK, found)
-        ends, part = slice(low, high + 1), slice(low + 1, high + 1)
+        ends = slice(low, high + 1)
+        part = slice(low + 1, high + 1)
         steps = section_steps(c, Impacts.of(at, ends), d)
-        first, hessian, q = steps.first, steps.hessian, steps.noise
-        linear, added = first[:, :, :d], transform(first[:, :, d:], q)
+        first = steps.first
+        hessian = steps.hessian
+        q = steps.noise
+        linear = first[:, :, :d]
+        added = transform(first[:, :, d:], q)
         for k, flown, noise in zip(range(low + 1, high + 1), linear, added, strict=True):
             section[k] = transform(flown, covariance[k - 1]) + noise
             covariance[k] = transform(hits[mesh[k]], section[k])
@@ -180,16 +227,26 @@ def propagate(
         sd[part] = np.sqrt(np.maximum(np.column_stack([own[:, 0], spread, own[:, 1:]]), 0.0))
         if not second:
             continue
-        slope = np.array([noise_slope(c, s, t) for s, t in zip(tau[low:high], np.diff(tau[ends]), strict=True)])
+        slope = np.array(
+            [noise_slope(c, s, t) for s, t in zip(tau[low:high], np.diff(tau[ends]), strict=True)]
+        )
         made = produce_cumulants(steps, p, slope)
-        bent = 0.5 * (totals(hessian[:, :, :d, :d] * p[:, None]) + totals(hessian[:, :, d:, d:] * q[:, None]))
-        thirds, cubes = np.empty((high - low, d, d, d)), np.empty((high - low, 5))
+        bent = 0.5 * (
+            totals(hessian[:, :, :d, :d] * p[:, None]) + totals(hessian[:, :, d:, d:] * q[:, None])
+        )
+        thirds = np.empty((high - low, d, d, d))
+        cubes = np.empty((high - low, 5))
         for n, k in enumerate(range(low + 1, high + 1)):
-            last, moved, thirds[n] = moved[0], image(linear[n], moved), third
+            last = moved[0]
+            moved = image(linear[n], moved)
+            thirds[n] = third
             third = map_cumulants(linear[n], third, made[n])
             moved[steps.bent] += bent[n]
-            shift[k, PLACES], shift[k, 1], cubes[n] = moved[:5], moved[0] - last, third[STATES, STATES, STATES]
-            moved, third = image(hits[mesh[k]], moved), map_cumulants(hits[mesh[k]], third, np.zeros_like(third))
+            shift[k, PLACES] = moved[:5]
+            shift[k, 1] = moved[0] - last
+            cubes[n] = third[STATES, STATES, STATES]
+            moved = image(hits[mesh[k]], moved)
+            third = map_cumulants(hits[mesh[k]], third, np.zeros_like(third))
             if redrawn.size:
                 flank = column(mesh[k], -side[k])
                 moved[flank] = 0.0
@@ -203,14 +260,21 @@ def propagate(
 
 def trace(scene: Scene, impacts: int, order: int) -> Trace:
     """Follow the saltation closure; to second order from `order` 3 on."""
-    c, orbit = scene.constants, follow(scene, impacts).until_sticking
+    c = scene.constants
+    orbit = follow(scene, impacts).until_sticking
     found, shift, sd, skew, section, after = propagate(
-        c, Impacts.of(orbit), orbit.found, section_start(scene), redrawn_variances(scene), order >= 3
+        c,
+        Impacts.of(orbit),
+        orbit.found,
+        section_start(scene),
+        redrawn_variances(scene),
+        order >= 3,
     )
     stopped = orbit.stopped if found == orbit.found else f"impact {found + 1} grazes its wall"
     mean = orbit.before + np.nan_to_num(shift[:, 2:])
     tau = orbit.tau + np.nan_to_num(shift[:, 0])
-    mean[found + 1 :], tau[found + 1 :] = np.nan, np.nan
+    mean[found + 1 :] = np.nan
+    tau[found + 1 :] = np.nan
     covariance = np.full((impacts + 1, 4, 4), np.nan)
     for k in range(found + 1):
         rate = field(c, orbit.tau[k], orbit.before[k, 1], orbit.before[k, 3]) if k else np.zeros(4)
@@ -218,33 +282,57 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     raw = stage_raw_moments(covariance, order)
 
     at = partial(_in_flight, c, orbit, found, after)
-    mesh, side = orbit.mesh.copy(), orbit.side.copy()
-    mesh[found + 1 :], side[found + 1 :] = 0, 0
-    return Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, until=float(orbit.tau[found]))
+    mesh = orbit.mesh.copy()
+    side = orbit.side.copy()
+    mesh[found + 1 :] = 0
+    side[found + 1 :] = 0
+    return Trace(
+        tau,
+        mesh,
+        side,
+        mean,
+        sd,
+        skew,
+        covariance,
+        raw,
+        at,
+        found,
+        stopped,
+        until=float(orbit.tau[found]),
+    )
 
 
-def _in_flight(c: Constants, orbit: Orbit, found: int, after: Floats, time: float) -> tuple[Floats, Floats]:
-    """Mean and covariance of the state at a local time, from the covariance of the section state after each impact."""
+def _in_flight(
+    c: Constants, orbit: Orbit, found: int, after: Floats, time: float
+) -> tuple[Floats, Floats]:
+    """Mean and covariance of the state at a local time, from the covariance of the section state
+    after each impact."""
     k = int(np.searchsorted(orbit.tau[: found + 1], time, side="right")) - 1
     rate = field(c, orbit.tau[k], orbit.after[k, 1], orbit.after[k, 3])
     t = time - orbit.tau[k]
     if c.memory:
         known = [0, 1, 2, 3, 4, len(after[k]) - 1]
         section = after[k][np.ix_(known, known)]
-        flown = _at_one_time(np.append(rate, 0.0), section, memory.propagator(c, orbit.tau[k], t)[0][:4])
+        flown = _at_one_time(
+            np.append(rate, 0.0), section, memory.propagator(c, orbit.tau[k], t)[0][:4]
+        )
         return orbit.state(time), flown + memory.covariance(c, orbit.tau[k], t)[0][:4, :4]
     flown = _at_one_time(rate, after[k, :5, :5], jacobian(c, t))
     return orbit.state(time), flown + noise_covariance(c, orbit.tau[k], t)
 
 
 def _at_one_time(rate: Floats, section: Floats, flown: Floats) -> Floats:
-    """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight, shape (4, 4).
+    """Covariance of the state at one time: ``xi = delta s - F delta tau`` propagated by a flight,
+    shape (4, 4).
 
-    Shapes: `rate` (n,); `section` (n + 1, n + 1); `flown` (4, n), n = 5 with noise that has a memory.
+    Shapes: `rate` (n,); `section` (n + 1, n + 1); `flown` (4, n), n = 5 with noise that has a
+    memory.
     """
     fixed = product(flown, np.concatenate([-rate[:, None], np.eye(len(rate))], axis=1))
     sd = np.sqrt(np.maximum(np.diagonal(section), 0.0))
-    return semidefinite(transform(fixed, section), image(np.abs(flown), sd[1:] + np.abs(rate) * sd[0]))
+    return semidefinite(
+        transform(fixed, section), image(np.abs(flown), sd[1:] + np.abs(rate) * sd[0])
+    )
 
 
 def produce_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
@@ -252,13 +340,18 @@ def produce_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
 
     Shapes: `p`, `slope` (n, d, d) and (n, m, m); result (n, d, d, d).
     """
-    first, (n, d, size) = steps.first, steps.first.shape
+    first = steps.first
+    n, d, size = steps.first.shape
     spread = np.zeros((n, size, size))  # covariance of (s, n)
-    spread[:, :d, :d], spread[:, d:, d:] = p, steps.noise
+    spread[:, :d, :d] = p
+    spread[:, d:, d:] = steps.noise
     reach = product(first, spread)  # cov(s', (s, n))
-    varied, since = transform(first[:, :, d:], slope), reach[:, :, 0]  # d cov(s' | s) / d tau_k
+    # d cov(s' | s) / d tau_k
+    varied = transform(first[:, :, d:], slope)
+    since = reach[:, :, 0]
     late = product(reach[:, :1], first.mT)[:, 0] - since  # cov(delta, s'), delta = tau' - tau - t
-    bent = np.zeros((n, d, d, d))  # bent[:, l, i, j]: contribution of the quadratic part of component l
+    # bent[:, l, i, j]: contribution of the quadratic part of component l
+    bent = np.zeros((n, d, d, d))
     bent[:, steps.bent] = transform(reach[:, None], steps.hessian)
     out = bent.transpose(0, 2, 3, 1) + bent.transpose(0, 2, 1, 3) + bent
     out = out + _over_pairs(varied, since)
@@ -267,31 +360,38 @@ def produce_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
 
 def _over_pairs(pair: Floats, other: Floats) -> Floats:
     """``A_ij b_k + A_ik b_j + A_jk b_i``."""
-    one, two, three = other[:, None, None], other[:, None, :, None], other[:, :, None, None]
+    one = other[:, None, None]
+    two = other[:, None, :, None]
+    three = other[:, :, None, None]
     return pair[:, :, :, None] * one + pair[:, :, None] * two + pair[:, None] * three
 
 
 def map_cumulants(linear: Floats, third: Floats, produced: Floats) -> Floats:
-    """Third cumulants after a linear map, added to others; shapes (d, d), (d, d, d) and (d, d, d)."""
-    d, out = len(linear), produced.copy()
+    """Third cumulants after a linear map, added to others; shapes (d, d), (d, d, d) and (d, d,
+    d)."""
+    d = len(linear)
+    out = produced.copy()
     along = product(linear, third.transpose(1, 0, 2).reshape(d, -1)).reshape(d * d, d)
     turned = product(along, linear.T).reshape(d, d, d).transpose(1, 0, 2)
     add_product(np.ascontiguousarray(linear), turned.reshape(d, -1), out.reshape(d, -1))
     return out
 
 
-def flight_cumulants(first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats) -> Floats:
+def flight_cumulants(
+    first: Floats, hessian: Floats, p: Floats, q: Floats, slope: Floats, third: Floats
+) -> Floats:
     """Third cumulants of the flight times, the difference of the next tau and the last one.
 
-    Only the next tau is nonlinear.  The noise beyond the orbit's flight time does not enter, because it acts on
-    velocities.
+    Only the next tau is nonlinear.  The noise beyond the orbit's flight time does not enter,
+    because it acts on velocities.
 
     Shapes: `p`, `q`, `slope` (n, d, d) and (n, m, m); `third` (n, d, d, d); result (n,).
     """
     d = p.shape[1]
     own = first[:, 0].copy()  # derivative of the flight time with respect to (s, n)
     own[:, 0] -= 1.0
-    past, noise = own[:, :d], own[:, d:]
+    past = own[:, :d]
+    noise = own[:, d:]
     reach = np.concatenate([image(p, past), image(q, noise)], axis=1)  # its covariance with (s, n)
     varied = _dot(noise, image(slope, noise))  # d var(flight | s) / d tau_k
     found = 3.0 * _dot(reach, image(hessian[:, 0], reach)) + 3.0 * varied * reach[:, 0]

@@ -1,11 +1,13 @@
 """The closures in the long run: what each says of the stationary motion.
 
-A stationary law is a mixture over impacts: a weight, the mesh, and mean and sd of the speed and of the flight of each.
+A stationary law is a mixture over impacts: a weight, the mesh, and mean and sd of the speed and of
+the flight of each.
 
-- **Linear** (`saltation`): at a stable periodic orbit the covariance of the section state after a cycle is that before
-  it, ``P = A P A' + Q`` (a discrete Lyapunov equation).  Means are shifted to second order in the noise.
-- **Orbit average** (`published`, `corrected`): the mean map is iterated, and the average over its orbit is taken for
-  the stationary law, as the paper does.
+- **Linear** (`saltation`): at a stable periodic orbit the covariance of the section state after a
+  cycle is that before it, ``P = A P A' + Q`` (a discrete Lyapunov equation).  Means are shifted to
+  second order in the noise.
+- **Orbit average** (`published`, `corrected`): the mean map is iterated, and the average over its
+  orbit is taken for the stationary law, as the paper does.
 - **Branching**: the mixture is followed until it no longer changes from impact to impact.
 """
 
@@ -47,24 +49,33 @@ class Law(NamedTuple):
     sd_speed: Floats
     flight: Floats  # flight, sd_flight: mean and sd of the time since the last impact; (parts,)
     sd_flight: Floats
-    # back, sd_back: mean and sd of the time since the last impact at the same mesh; NaN where there is no such
-    # prediction; (parts,)
+    # back, sd_back: mean and sd of the time since the last impact at the same mesh; NaN where there
+    # is no such prediction; (parts,)
     back: Floats
     sd_back: Floats
-    se: float = 0.0  # relative standard error of averages over a mean map's orbit; 0 for a law that is not an average
+    # relative standard error of averages over a mean map's orbit; 0 for a law that is not an
+    # average
+    se: float = 0.0
 
 
 def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floats]:
-    """Map and noise of a whole cycle on the section state after an impact; section and restitution map of each one."""
-    c, size = scene.constants, 1 + 2 * scene.stages
+    """Map and noise of a whole cycle on the section state after an impact; section and restitution
+    map of each one."""
+    c = scene.constants
+    size = 1 + 2 * scene.stages
     first, _, _ = section_derivatives(c, Impacts.of(a), PLAIN)
     flights = zip(a.tau[:-1], np.diff(a.tau), strict=True)
-    noise = transform(first[:, :size, PLAIN:], np.array([noise_covariance(c, tau, t) for tau, t in flights]))
-    flown, hit = first[:, :size, :size], np.array([hit_matrix(c, mesh, PLAIN)[:size, :size] for mesh in a.mesh[1:]])
-    whole, added = np.eye(size), np.zeros((size, size))
+    noise = transform(
+        first[:, :size, PLAIN:], np.array([noise_covariance(c, tau, t) for tau, t in flights])
+    )
+    flown = first[:, :size, :size]
+    hit = np.array([hit_matrix(c, mesh, PLAIN)[:size, :size] for mesh in a.mesh[1:]])
+    whole = np.eye(size)
+    added = np.zeros((size, size))
     for f, q, h in zip(flown, noise, hit, strict=True):
         step = h @ f
-        whole, added = step @ whole, step @ added @ step.T + h @ q @ h.T
+        whole = step @ whole
+        added = step @ added @ step.T + h @ q @ h.T
     return whole, added, flown, hit
 
 
@@ -73,11 +84,15 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     if a.kind != PERIODIC:
         raise NotPredicted(f"the orbit {a.reason}")
     if scene.correlation_time:
-        raise NotPredicted("the noise has a memory; the stationary covariance is that of white noise")
+        raise NotPredicted(
+            "the noise has a memory; the stationary covariance is that of white noise"
+        )
     if a.sticks:
         raise NotPredicted("the orbit sticks at times: its linearisation ends there")
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
-        raise NotPredicted("the tolerance is random; the stationary covariance is that of the noise alone")
+        raise NotPredicted(
+            "the tolerance is random; the stationary covariance is that of the noise alone"
+        )
     speeds = np.abs(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3]))[1:]
     if speeds.min() < SLOWEST * max(speeds.max(), scene.alpha):
         raise NotPredicted("the orbit grazes a wall: no derivative there")
@@ -90,38 +105,61 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
     shift, sd, section, after = _second_order(scene, a, start, largest)
     n = a.impacts
     own = np.where(a.mesh[1:] == 1, 3, 5)  # place of the velocity among the section quantities
-    each, sign = np.arange(n), np.sign(np.where(a.mesh[1:] == 1, a.before[1:, 1], a.before[1:, 3]))
+    each = np.arange(n)
+    sign = np.sign(np.where(a.mesh[1:] == 1, a.before[1:, 1], a.before[1:, 3]))
     back, sd_back = _since_same_mesh(a, flown, hit, section, after)
-    rate, flight = n / (2.0 * math.pi * a.periods), np.diff(a.tau) + np.nan_to_num(shift[:, 1])
+    rate = n / (2.0 * math.pi * a.periods)
+    flight = np.diff(a.tau) + np.nan_to_num(shift[:, 1])
     speed = speeds + sign * shift[each, own]
-    return Law(rate, np.full(n, 1.0 / n), a.mesh[1:], speed, sd[each, own], flight, sd[:, 1], back, sd_back)
+    return Law(
+        rate, np.full(n, 1.0 / n), a.mesh[1:], speed, sd[each, own], flight, sd[:, 1], back, sd_back
+    )
 
 
-def _second_order(scene: Scene, a: Attractor, start: Floats, largest: float) -> tuple[Floats, Floats, Floats, Floats]:
-    """Mean shifts, sds and covariances before and after the impacts of the last of many cycles; the first is linear.
+def _second_order(
+    scene: Scene, a: Attractor, start: Floats, largest: float
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Mean shifts, sds and covariances before and after the impacts of the last of many cycles; the
+    first is linear.
 
-    The covariance starts as the stationary one; the shift of the mean converges from cycle to cycle.
+    The covariance starts as the stationary one; the shift of the mean converges from cycle to
+    cycle.
     """
-    n, size = a.impacts, len(start)
-    passes = min(2 + (math.ceil(math.log(LEFT) / math.log(largest)) if largest > 0.0 else 0), MOST_PASSES)
+    n = a.impacts
+    size = len(start)
+    passes = min(
+        2 + (math.ceil(math.log(LEFT) / math.log(largest)) if largest > 0.0 else 0), MOST_PASSES
+    )
     turn = 2.0 * math.pi * a.periods
-    cycles = Impacts(*(np.concatenate([values[:1], *[values[1:]] * passes]) for values in Impacts.of(a)))
+    cycles = Impacts(
+        *(np.concatenate([values[:1], *[values[1:]] * passes]) for values in Impacts.of(a))
+    )
     cycles.tau[1:] += turn * np.repeat(np.arange(passes), n)
     whole = np.zeros((5, 5))
     whole[:size, :size] = start
-    _, shift, sd, _, section, after = propagate(scene.constants, cycles, passes * n, whole, np.zeros(0), True)
+    _, shift, sd, _, section, after = propagate(
+        scene.constants, cycles, passes * n, whole, np.zeros(0), True
+    )
     return shift[-n:], sd[-n:], section[-n:, :size, :size], after[-n:, :size, :size]
 
 
-def _since_same_mesh(a: Attractor, flown: Floats, hit: Floats, section: Floats, after: Floats) -> tuple[Floats, Floats]:
-    """Mean and sd of the time since the last impact at the same mesh, for each impact of a cycle."""
-    n, turn = a.impacts, 2.0 * math.pi * a.periods
-    mean, sd = np.full(n, np.nan), np.full(n, np.nan)
+def _since_same_mesh(
+    a: Attractor, flown: Floats, hit: Floats, section: Floats, after: Floats
+) -> tuple[Floats, Floats]:
+    """Mean and sd of the time since the last impact at the same mesh, for each impact of a
+    cycle."""
+    n = a.impacts
+    turn = 2.0 * math.pi * a.periods
+    mean = np.full(n, np.nan)
+    sd = np.full(n, np.nan)
     for k in range(n):
-        reach = np.eye(section.shape[1])  # derivative of the state before impact k by that after an earlier one
+        # derivative of the state before impact k by that after an earlier one
+        reach = np.eye(section.shape[1])
         for steps in range(1, n + 1):
             j = k - steps
-            reach = reach @ flown[k] if steps == 1 else reach @ hit[(j + 1) % n] @ flown[(j + 1) % n]
+            reach = (
+                reach @ flown[k] if steps == 1 else reach @ hit[(j + 1) % n] @ flown[(j + 1) % n]
+            )
             if a.mesh[1 + j % n] != a.mesh[1 + k]:
                 continue
             mean[k] = a.tau[1 + k] - a.tau[1 + j % n] + (turn if j < 0 else 0.0)
@@ -138,23 +176,35 @@ def _check(scene: Scene, closure: str) -> None:
 
 
 def orbit_average(scene: Scene, closure: str) -> Law:
-    """The average over the orbit of a closure's mean map, which the paper takes for the stationary law."""
+    """The average over the orbit of a closure's mean map, which the paper takes for the stationary
+    law."""
     _check(scene, closure)
     t = mean_map(scene.phase_reduced, impacts=MAPPED, closure=closure, order=2).trace
     if t.found < MAPPED:
         raise NotPredicted(f"the mean map ends at impact {t.found}: {t.stopped}")
-    last, since = {1: math.nan, 2: math.nan}, np.full(MAPPED + 1, math.nan)
+    last = {1: math.nan, 2: math.nan}
+    since = np.full(MAPPED + 1, math.nan)
     for k in range(1, MAPPED + 1):
         since[k] = t.tau[k] - last[t.mesh[k]]
         last[t.mesh[k]] = t.tau[k]
     part = slice(DROPPED, MAPPED + 1)
-    tau, mesh, back = t.tau[part], t.mesh[part], since[part]
+    tau = t.tau[part]
+    mesh = t.mesh[part]
+    back = since[part]
     before = np.where(mesh == 1, t.mean[part, 1], t.mean[part, 3])
     n = tau.size - 1
-    speed, zero = np.abs(before[1:]), np.zeros(n)
-    spread = speed[: n // 32 * 32].reshape(32, -1).mean(axis=1).std(ddof=1) / math.sqrt(32.0) / speed.mean()
-    rate, weight = n / float(tau[-1] - tau[0]), np.full(n, 1.0 / n)
-    return Law(rate, weight, mesh[1:], speed, zero, np.diff(tau), zero, back[1:], zero, float(spread))
+    speed = np.abs(before[1:])
+    zero = np.zeros(n)
+    spread = (
+        speed[: n // 32 * 32].reshape(32, -1).mean(axis=1).std(ddof=1)
+        / math.sqrt(32.0)
+        / speed.mean()
+    )
+    rate = n / float(tau[-1] - tau[0])
+    weight = np.full(n, 1.0 / n)
+    return Law(
+        rate, weight, mesh[1:], speed, zero, np.diff(tau), zero, back[1:], zero, float(spread)
+    )
 
 
 def branching_law(scene: Scene) -> Law:
@@ -164,8 +214,11 @@ def branching_law(scene: Scene) -> Law:
     if t.found < BRANCHED or t.parts is None or t.discarded is None:
         raise NotPredicted(f"it ends at impact {t.found}: {t.stopped}")
     if t.discarded[BRANCHED] > DISCARDED:
-        raise NotPredicted(f"it has discarded {t.discarded[BRANCHED]:.1%} of the probability by impact {BRANCHED}")
-    half, last = BRANCHED // 2, 3 * BRANCHED // 4
+        raise NotPredicted(
+            f"it has discarded {t.discarded[BRANCHED]:.1%} of the probability by impact {BRANCHED}"
+        )
+    half = BRANCHED // 2
+    last = 3 * BRANCHED // 4
     early, late = (_join(t.parts, range(a + 1, b + 1)) for a, b in ((half, last), (last, BRANCHED)))
     for name in ("flight", "speed"):
         a, b = (float((law.weight * getattr(law, name)).sum()) for law in (early, late))
@@ -180,9 +233,14 @@ def _join(parts: dict[int, tuple[Floats, Floats, Floats]], impacts: range) -> La
     weight = np.concatenate([parts[k][0] for k in impacts]) / len(impacts)
     mean, variance = (np.concatenate([parts[k][i] for k in impacts]) for i in (1, 2))
     place = {name: i for i, name in enumerate(SECTION)}
-    mesh = np.where(variance[:, place["x1"]] <= variance[:, place["x2"]], 1, 2)  # the struck one lies on its wall
+    # the struck one lies on its wall
+    mesh = np.where(variance[:, place["x1"]] <= variance[:, place["x2"]], 1, 2)
     own = np.where(mesh == 1, place["y1"], place["y2"])
-    each, nothing = np.arange(weight.size), np.full(weight.size, np.nan)
-    flight, sd_flight = mean[:, place["flight"]], np.sqrt(variance[:, place["flight"]])
-    rate, speed, sd = float(1.0 / (weight * flight).sum()), np.abs(mean[each, own]), np.sqrt(variance[each, own])
+    each = np.arange(weight.size)
+    nothing = np.full(weight.size, np.nan)
+    flight = mean[:, place["flight"]]
+    sd_flight = np.sqrt(variance[:, place["flight"]])
+    rate = float(1.0 / (weight * flight).sum())
+    speed = np.abs(mean[each, own])
+    sd = np.sqrt(variance[each, own])
     return Law(rate, weight, mesh, speed, sd, flight, sd_flight, nothing, nothing)

@@ -1,1 +1,2 @@
-"""Comparison of the closures with the Monte Carlo: errors of moments with intervals, verdicts, studies, reports."""
+"""Comparison of the closures with the Monte Carlo: errors of moments with intervals, verdicts,
+studies, reports."""

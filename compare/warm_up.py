@@ -1,7 +1,8 @@
-"""Small runs that compile what the commands need, shared by several processes; how long each function takes.
+"""Small runs that compile what the commands need, shared by several processes; how long each
+function takes.
 
-A task is run by one process.  A file in the folder of machine code says that it is done, and names what it needs there:
-where a name is missing the task is run again.
+A task is run by one process.  A file in the folder of machine code says that it is done, and names
+what it needs there: where a name is missing the task is run again.
 """
 
 import hashlib
@@ -20,15 +21,27 @@ import pandas as pd
 from filelock import FileLock, Timeout
 from numba.core import event
 
-IMPACTS, PATHS = 2, 64  # a small run compiles the same machine code as a large one
+# a small run compiles the same machine code as a large one
+IMPACTS = 2
+PATHS = 64
 RARE_PATHS = 4096  # from which it is known that a branch is worth it
 WARM_UP = "warm-up"  # the command that needs all tasks
 LONGEST_TASK = 600.0  # seconds after which a process that has begun a task is no longer waited for
 Task = Callable[[], object]
 
-VALIDATED = ("closure branching", "closure published", "closure corrected", "paths near rare branches")
+VALIDATED = (
+    "closure branching",
+    "closure published",
+    "closure corrected",
+    "paths near rare branches",
+)
 """What a validation needs besides the simulation; last what has most in common with it."""
-SIMULATED_FIRST = ("scheme exact-flight", "paths near rare branches", "rare branches", "closure branching")
+SIMULATED_FIRST = (
+    "scheme exact-flight",
+    "paths near rare branches",
+    "rare branches",
+    "closure branching",
+)
 """The same where the command itself begins with the closures."""
 NEEDS: dict[str, tuple[str, ...]] = {
     "session": (*VALIDATED, "scheme exact-flight", "closure saltation"),
@@ -38,18 +51,26 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "chaos": ("orbits", "long paths", "pairs of paths"),
     "boundary": (*VALIDATED, "scheme exact-flight", "closure saltation"),
     "sensitivity": ("pairs of paths", "long paths", "scheme exact-flight", "closure saltation"),
-    "tradeoff": ("scheme exact-flight", "scheme euler-maruyama-located", "scheme euler-maruyama", *VALIDATED),
+    "tradeoff": (
+        "scheme exact-flight",
+        "scheme euler-maruyama-located",
+        "scheme euler-maruyama",
+        *VALIDATED,
+    ),
 }
-"""The tasks of a command, and of a session in Python, in the order in which other processes take them.
+"""The tasks of a command, and of a session in Python, in the order in which other processes take
+them.
 
 What the command itself needs last comes first.
 """
 
 
 def tasks(orders: int = 1) -> dict[str, Task]:
-    """All tasks by name, for a drive of so many orders: every closure, every scheme, long orbits and runs.
+    """All tasks by name, for a drive of so many orders: every closure, every scheme, long orbits
+    and runs.
 
-    The longest come first, and those that have much in common are apart: processes begin one after the other.
+    The longest come first, and those that have much in common are apart: processes begin one after
+    the other.
     """
     import numpy as np
 
@@ -71,14 +92,23 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     drive = tuple(rt.Order(order, 1.0 / order) for order in range(1, orders + 1))
     scene = rt.Scene.from_gears(rt.DAT21, sigma=0.1, drive=drive)
     single = rt.Scene.from_gears(rt.DAT21, sigma=0.1, stages=1, drive=drive)
-    tolerant, by_path = (replace(scene, tolerance=rt.Tolerance(1e-3, 1e-3, draw=draw)) for draw in ("contact", "path"))
-    periodic = rt.Scene(alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01, drive=drive)
+    tolerant, by_path = (
+        replace(scene, tolerance=rt.Tolerance(1e-3, 1e-3, draw=draw))
+        for draw in ("contact", "path")
+    )
+    periodic = rt.Scene(
+        alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01, drive=drive
+    )
     simulate = partial(rt.simulate, paths=PATHS, impacts=IMPACTS)
     kinds = {"": scene, ", one stage": single, ", gaps that vary": by_path}
-    closures = {f"closure {c}{k}": partial(predict, kinds[k], c) for k in kinds for c in rt.CLOSURES}
+    closures = {
+        f"closure {c}{k}": partial(predict, kinds[k], c) for k in kinds for c in rt.CLOSURES
+    }
     schemes: dict[str, Task] = {}
     for name, scheme in rt.SCHEMES.items():
-        record = rt.Record(step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True)
+        record = rt.Record(
+            step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True
+        )
         schemes[f"scheme {name}"] = partial(simulate, tolerant, scheme=name, record=record)
     found: dict[str, Task] = {
         "closure branching": closures["closure branching"],
@@ -100,14 +130,18 @@ def tasks(orders: int = 1) -> dict[str, Task]:
 
 @dataclass(frozen=True)
 class DoneTasks:
-    """The folder of machine code, and what marks its tasks: the processor and the kind of the drive."""
+    """The folder of machine code, and what marks its tasks: the processor and the kind of the
+    drive."""
 
     place: Path
     kind: str
 
     def mark(self, task: str) -> Path:
         """The file that says that a task is done."""
-        return self.place / f"task-{hashlib.sha256(f'{self.kind} {task}'.encode()).hexdigest()[:16]}.txt"
+        return (
+            self.place
+            / f"task-{hashlib.sha256(f'{self.kind} {task}'.encode()).hexdigest()[:16]}.txt"
+        )
 
     def is_done(self, task: str) -> bool:
         """Whether all machine code of a task is kept."""
@@ -120,7 +154,8 @@ class DoneTasks:
         return sum(1 for _ in self.place.glob("*.nbc"))
 
     def run(self, name: str, task: Task, wait: float) -> bool:
-        """Run a task, unless it is done or another process still runs it after so many seconds; whether it is done."""
+        """Run a task, unless it is done or another process still runs it after so many seconds;
+        whether it is done."""
         lock = FileLock(self.mark(name).with_suffix(".lock"))
         with suppress(OSError, NotImplementedError):  # without a lock where none can be had
             try:
@@ -148,7 +183,8 @@ class DoneTasks:
 
 
 def compile_tasks(found: Mapping[str, Task], kept: DoneTasks, wait: float = 0.0) -> Iterator[str]:
-    """Run tasks, and give the name of each before; those that another process has begun are waited for at the end."""
+    """Run tasks, and give the name of each before; those that another process has begun are waited
+    for at the end."""
     begun = []
     for name, task in found.items():
         yield name
@@ -173,7 +209,8 @@ def help_parent(wanted: str) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     command, _, several = wanted.partition(", ")
     orders = 2 if several else 1
-    kept, found = kept_tasks(orders), tasks(orders)
+    kept = kept_tasks(orders)
+    found = tasks(orders)
     needed = found if command == WARM_UP else {name: found[name] for name in NEEDS.get(command, ())}
     for _ in compile_tasks(needed, kept) if kept else ():
         pass
@@ -186,11 +223,13 @@ def _end_with_parent() -> None:
 
 
 class Clock(event.Listener):
-    """Processor seconds of each function's own typing and of its LLVM, without those of the functions that it calls."""
+    """Processor seconds of each function's own typing and of its LLVM, without those of the
+    functions that it calls."""
 
     def __init__(self) -> None:
         self.rows: dict[str, list[float]] = defaultdict(lambda: [0, 0.0, 0.0])
-        self._inside: list[tuple[str, int]] = []  # functions that are compiled, and in which part of the work
+        # functions that are compiled, and in which part of the work
+        self._inside: list[tuple[str, int]] = []
         self._last = 0.0
 
     def on_start(self, event: Any) -> None:
@@ -219,7 +258,8 @@ class Clock(event.Listener):
 
 
 def measure_times(found: Mapping[str, Task]) -> pd.DataFrame:
-    """Run tasks in this process alone, with all compiled anew: how long the work on each function takes."""
+    """Run tasks in this process alone, with all compiled anew: how long the work on each function
+    takes."""
     from rattle.scene.compiled import compiling_anew
 
     clock = Clock()
@@ -230,6 +270,8 @@ def measure_times(found: Mapping[str, Task]) -> pd.DataFrame:
             recorded.enter_context(event.install_listener(kind, clock))
         for task in found.values():
             task()
-    table = pd.DataFrame.from_dict(clock.rows, orient="index", columns=["signatures", "typing", "LLVM"])
+    table = pd.DataFrame.from_dict(
+        clock.rows, orient="index", columns=["signatures", "typing", "LLVM"]
+    )
     table["all"] = table["typing"] + table["LLVM"]
     return table.sort_values("all", ascending=False).astype({"signatures": int})

@@ -1,4 +1,5 @@
-"""What every command says with ``--help``, folded below its heading, asked of the commands when the site is built.
+"""What every command says with ``--help``, folded below its heading, asked of the commands when the
+site is built.
 
 .. code-block:: none
 
@@ -29,8 +30,12 @@ class CommandHelp(SphinxDirective):
 
     def section(self, name: str, command: click.Command) -> nodes.section:
         """Heading, first sentence, and the whole help, folded."""
-        text = command.get_help(click.Context(command, info_name=name, terminal_width=WIDTH, max_content_width=WIDTH))
-        section = nodes.section("", nodes.title("", name), ids=[name.replace(" ", "-")], names=[name])
+        text = command.get_help(
+            click.Context(command, info_name=name, terminal_width=WIDTH, max_content_width=WIDTH)
+        )
+        section = nodes.section(
+            "", nodes.title("", name), ids=[name.replace(" ", "-")], names=[name]
+        )
         section += nodes.paragraph("", command.get_short_help_str(limit=200))
         summary = f"<details class='command-help'><summary><code>{name} --help</code></summary>"
         section += nodes.raw("", summary, format="html")

@@ -1,4 +1,5 @@
-"""The documentation site: ``make docs`` builds it into docs/_build, without a network and with warnings as errors."""
+"""The documentation site: ``make docs`` builds it into docs/_build, without a network and with
+warnings as errors."""
 
 import os
 import sys
@@ -51,7 +52,8 @@ nitpick_ignore = [  # modules and functions that are no part of the reference
     )
 ]
 
-# Pages are MyST; those with code cells are run when the site is built, and an error in one ends the build.
+# Pages are MyST; those with code cells are run when the site is built, and an error in one ends the
+# build.
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
 os.environ["TQDM_DISABLE"] = "1"  # no bars on pages
@@ -110,7 +112,8 @@ release = version = version_of("rattle")
 
 
 def frame_pictures(app: Sphinx, doctree: nodes.document) -> None:
-    """Give each picture of the gallery a frame, in which it scrolls on a narrow screen (site.css)."""
+    """Give each picture of the gallery a frame, in which it scrolls on a narrow screen
+    (site.css)."""
     for picture in list(doctree.findall(imgsgnode)):
         frame = nodes.container(classes=["picture"])
         picture.replace_self(frame)

@@ -18,11 +18,18 @@ __all__ = ["setup", "written"]
 
 def written(value: Any) -> str:
     """A value as a reader writes it."""
-    return f"{value:,}" if isinstance(value, int) else f"{value:.3g}" if isinstance(value, float) else str(value)
+    return (
+        f"{value:,}"
+        if isinstance(value, int)
+        else f"{value:.3g}"
+        if isinstance(value, float)
+        else str(value)
+    )
 
 
 class Fact(SphinxRole):
-    """A value in a JSON file of the reports: the file, a space, and its keys with dots between them."""
+    """A value in a JSON file of the reports: the file, a space, and its keys with dots between
+    them."""
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         """Make it."""
@@ -34,7 +41,11 @@ class Fact(SphinxRole):
             for key in keys.split("."):
                 value = value[key]
         except (OSError, KeyError, TypeError) as error:
-            return [], [self.inliner.reporter.error(f"{self.text} is not there: {error!r}", line=self.lineno)]
+            return [], [
+                self.inliner.reporter.error(
+                    f"{self.text} is not there: {error!r}", line=self.lineno
+                )
+            ]
         return [nodes.Text(written(value))], []
 
 

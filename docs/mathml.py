@@ -1,4 +1,5 @@
-"""Formulas as MathML, which browsers draw by themselves: the site needs neither a network nor a script for them."""
+"""Formulas as MathML, which browsers draw by themselves: the site needs neither a network nor a
+script for them."""
 
 import re
 from itertools import cycle
@@ -24,8 +25,12 @@ def drawn(formula: str, as_block: bool) -> str:
     """A formula as MathML."""
     for pattern, replacement in REWRITTEN:
         formula = pattern.sub(replacement, formula)
-    ends = cycle(("prefix", "postfix"))  # an opening bar has no room on its inner side, nor has a closing one
-    return BAR.sub(lambda _: f'<mo form="{next(ends)}" stretchy="false">|</mo>', tex2mathml(formula, as_block=as_block))
+    # an opening bar has no room on its inner side, nor has a closing one
+    ends = cycle(("prefix", "postfix"))
+    return BAR.sub(
+        lambda _: f'<mo form="{next(ends)}" stretchy="false">|</mo>',
+        tex2mathml(formula, as_block=as_block),
+    )
 
 
 def inline(self: Any, node: nodes.math) -> None:

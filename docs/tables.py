@@ -1,4 +1,5 @@
-"""What the pages show of the committed reports, read when the site is built: tables, answers and figures.
+"""What the pages show of the committed reports, read when the site is built: tables, answers and
+figures.
 
 .. code-block:: none
 
@@ -33,7 +34,12 @@ __all__ = ["TABLES", "setup"]
 Table = tuple[list[str], list[list[str]]]
 TABLES: dict[str, Callable[[Path], Table]] = {}
 CLOSURES = ("published", "corrected", "saltation", "branching")
-MOMENTS = {"tau": "the time of an impact", "flight": "a flight", "y1": "the speed y1", "y2": "the speed y2"}
+MOMENTS = {
+    "tau": "the time of an impact",
+    "flight": "a flight",
+    "y1": "the speed y1",
+    "y2": "the speed y2",
+}
 AVERAGES = {
     "rate": "impacts per unit of time",
     "rate_above": "those faster than 0.1",
@@ -94,16 +100,27 @@ def validity(reports: Path) -> Table:
     found = pd.read_csv(reports / "dat21" / "validity.csv")
     for closure in CLOSURES:
         of = found[found["closure"] == closure].sort_values("sigma").to_dict("records")
-        for (accurate, not_wrong, _), same in groupby(of, lambda r: (r["accurate"], r["not_inaccurate"], r["cause"])):
+        for (accurate, not_wrong, _), same in groupby(
+            of, lambda r: (r["accurate"], r["not_inaccurate"], r["cause"])
+        ):
             group = list(same)
             why = group[0]["why"] if len(group) == 1 else group[0]["why"].split(":")[0]
-            rows.append([closure, stretch(r["sigma"] for r in group), short(accurate), short(not_wrong), why])
+            rows.append(
+                [
+                    closure,
+                    stretch(r["sigma"] for r in group),
+                    short(accurate),
+                    short(not_wrong),
+                    why,
+                ]
+            )
     return ["closure", "σ", "accurate up to impact", "not shown wrong up to", "why it ends"], rows
 
 
 @table
 def itinerary(reports: Path) -> Table:
-    """Moments of the paths on each closure's itinerary, and of all paths, at the noise of the report on DAT21."""
+    """Moments of the paths on each closure's itinerary, and of all paths, at the noise of the
+    report on DAT21."""
     found = pd.read_csv(reports / "dat21" / "table.csv")
     rows = []
     for sigma, of in found.groupby("sigma"):
@@ -111,8 +128,11 @@ def itinerary(reports: Path) -> Table:
             cells = []
             for kind in ("itinerary", "section"):
                 own = of[(of["closure"] == closure) & (of["kind"] == kind)]
-                judged = own["verdict"][own["verdict"].isin(["accurate", "inaccurate", "undecided"])]
-                right, wrong = (judged == "accurate").sum(), (judged == "inaccurate").sum()
+                judged = own["verdict"][
+                    own["verdict"].isin(["accurate", "inaccurate", "undecided"])
+                ]
+                right = (judged == "accurate").sum()
+                wrong = (judged == "inaccurate").sum()
                 cells.append(f"{right} ({len(judged) - wrong}) of {len(judged)}")
             rows.append([f"{sigma:.4g}", closure, *cells])
     return ["σ", "closure", "on its itinerary", "all paths"], rows
@@ -153,7 +173,9 @@ def leaving_coverage(reports: Path) -> Table:
         for r in found.to_dict("records")
     ]
     for name, some in (("looked at", found[~found["unseen"]]), ("unseen", found[found["unseen"]])):
-        every = [np.average(some[c], weights=some["seeds"]) for c in ("coverage", "coverage_of_mean")]
+        every = [
+            np.average(some[c], weights=some["seeds"]) for c in ("coverage", "coverage_of_mean")
+        ]
         scatter = f"{some['scatter'].median():.0%} (median)"
         rows.append([f"all {name}", "", "", "", "", scatter, *(f"{share:.1%}" for share in every)])
     head = ["gear set", "exit", "truth", "plain paths", "mean", "scatter"]
@@ -165,10 +187,15 @@ def coverage(reports: Path) -> Table:
     """How often the intervals of the long run hold the truth, and how often naive ones would."""
     found = pd.read_csv(Path(__file__).parent / "results" / "coverage.csv")
     rate = found[found["quantity"] == "rate"].set_index(["paths", "periods"])["value"]
+
+    def impacts_of(r: pd.Series) -> float:
+        duration = r["periods"] * 2.0 * math.pi
+        return rate[r["paths"], r["periods"]] * r["paths"] * duration
+
     rows = [
         [
             f"{r['paths']} × {r['periods']}",
-            short(float(f"{rate[r['paths'], r['periods']] * r['paths'] * r['periods'] * 2.0 * math.pi:.2g}")),
+            short(float(f"{impacts_of(r):.2g}")),
             f"{r['seeds']}",
             r["quantity"],
             short(r["value"], 4),
@@ -193,7 +220,8 @@ def coverage(reports: Path) -> Table:
 
 @table
 def drive_noise(reports: Path) -> Table:
-    """How often the interval of a measured drive holds the noise that was put into made measurements."""
+    """How often the interval of a measured drive holds the noise that was put into made
+    measurements."""
     found = pd.read_csv(Path(__file__).parent / "results" / "drive_noise.csv")
     rows = [
         [
@@ -208,18 +236,36 @@ def drive_noise(reports: Path) -> Table:
         ]
         for r in found.to_dict("records")
     ]
-    heads = ["file", "noise of the measurement", "σ/α", "median found", "intervals that hold it (95 % interval)"]
+    heads = [
+        "file",
+        "noise of the measurement",
+        "σ/α",
+        "median found",
+        "intervals that hold it (95 % interval)",
+    ]
     return [*heads, "that hold 1.5 times as much", "said as “at most”", "floor"], rows
 
 
 @table
 def energy_law(reports: Path) -> Table:
-    """What ``rattle check published --result energy-law --all --json`` has printed, kept beside the page."""
-    found = json.loads((Path(__file__).parent / "results" / "energy_law.json").read_text())["results"][0]
-    heads = ["long run", "energy lost per unit of time", "by the law", "relative standard error", "off by [se]"]
+    """What ``rattle check published --result energy-law --all --json`` has printed, kept beside the
+    page."""
+    found = json.loads((Path(__file__).parent / "results" / "energy_law.json").read_text())[
+        "results"
+    ][0]
+    heads = [
+        "long run",
+        "energy lost per unit of time",
+        "by the law",
+        "relative standard error",
+        "off by [se]",
+    ]
     return [*heads, "allowed"], [
         [
-            c["quantity"].removeprefix("loss per time, ").replace("eps", "ε").replace("sigma", "σ ="),
+            c["quantity"]
+            .removeprefix("loss per time, ")
+            .replace("eps", "ε")
+            .replace("sigma", "σ ="),
             short(c["found"], 4),
             short(c["truth"], 4),
             f"{c['se'] / c['truth']:.2%}",
@@ -250,9 +296,13 @@ def random_gears(reports: Path) -> Table:
     found = pd.read_csv(Path(__file__).parent / "results" / "random_gears.csv")
     rows = []
     for (_, ratio), of in found.groupby(["set", "ratio"], sort=False):
-        first, by = of.iloc[0], of.set_index("closure")
+        first = of.iloc[0]
+        by = of.set_index("closure")
         gears = [short(first[name]) for name in ("set", "stages", "alpha", "epsilon", "gap2")]
-        reach = [f"{by['accurate'][c]:.0f} ({by['not_inaccurate'][c]:.0f})" if c in by.index else "–" for c in CLOSURES]
+        reach = [
+            f"{by['accurate'][c]:.0f} ({by['not_inaccurate'][c]:.0f})" if c in by.index else "–"
+            for c in CLOSURES
+        ]
         rows.append([*gears, f"{ratio:g}", *reach])
     return ["set", "stages", "α", "ε", "gap 2", "σ/√α", *CLOSURES], rows
 
@@ -281,21 +331,48 @@ def rare_branches(reports: Path) -> Table:
                 f"{r['coverage']:.1%} ({r['least_coverage']:.1%})",
             ]
         )
-    heads = ["scene", "branch (impact: struck instead)", "first order", "near", "plain", "worst row (kurtosis)"]
-    return [*heads, "its variance falls", "median row", "largest z", "intervals that hold (worst row)"], rows
+    heads = [
+        "scene",
+        "branch (impact: struck instead)",
+        "first order",
+        "near",
+        "plain",
+        "worst row (kurtosis)",
+    ]
+    return [
+        *heads,
+        "its variance falls",
+        "median row",
+        "largest z",
+        "intervals that hold (worst row)",
+    ], rows
 
 
 @table
 def boundary_seeds(reports: Path) -> Table:
-    """Whether searches with seeds of their own hold the true boundary, and at what cost, kept beside the page."""
+    """Whether searches with seeds of their own hold the true boundary, and at what cost, kept
+    beside the page."""
     found = pd.read_csv(Path(__file__).parent / "results" / "boundary_seeds.csv")
-    truth, share = found["truth"], found["path_steps"] / found["study_path_steps"]
-    of, se = found["seed"].nunique(), widest(1) * found["se_truth"].iloc[0]
-    held, cheap = (found["accurate"] <= truth) & (found["wrong"] >= truth), share <= 0.2
+    truth = found["truth"]
+    share = found["path_steps"] / found["study_path_steps"]
+    of = found["seed"].nunique()
+    se = widest(1) * found["se_truth"].iloc[0]
+    held = (found["accurate"] <= truth) & (found["wrong"] >= truth)
+    cheap = share <= 0.2
     width = (found["wrong"] - found["accurate"]) / (found["wrong"] + found["accurate"])
     spread = (f"{part.median():.1%} ({part.max():.1%})" for part in (width, share))
-    row = [f"{truth.iloc[0]:.4f} ± {se:.4f}", f"{held.sum()} of {of}", *spread, f"{cheap.sum()} of {of}"]
-    heads = ["true value of σ", "searches that hold it", "half width: median (most)", "share of the study's path-steps"]
+    row = [
+        f"{truth.iloc[0]:.4f} ± {se:.4f}",
+        f"{held.sum()} of {of}",
+        *spread,
+        f"{cheap.sum()} of {of}",
+    ]
+    heads = [
+        "true value of σ",
+        "searches that hold it",
+        "half width: median (most)",
+        "share of the study's path-steps",
+    ]
     return [*heads, "at most a fifth"], [row]
 
 
@@ -306,7 +383,10 @@ def accuracy_cells(reports: Path) -> Table:
     random = found["cell"].str.match(r"\d")
     ratio = found["cell"].str.split(", ").str[1]
     groups = [(f"random, σ/√α = {name}", of) for name, of in found[random].groupby(ratio)]
-    groups += [("random, all", found[random]), *((r["cell"], found.loc[[i]]) for i, r in found[~random].iterrows())]
+    groups += [
+        ("random, all", found[random]),
+        *((r["cell"], found.loc[[i]]) for i, r in found[~random].iterrows()),
+    ]
     rows = []
     for name, of in groups:
         reached = of[of["reached"]]
@@ -322,13 +402,21 @@ def accuracy_cells(reports: Path) -> Table:
                 short(reached["error"].max(), 2) if len(reached) else "–",
             ]
         )
-    head = ["cells", "accuracy", "number", "core-seconds: median (most)", "within 20 s and 5 min", "reached in 20 s"]
+    head = [
+        "cells",
+        "accuracy",
+        "number",
+        "core-seconds: median (most)",
+        "within 20 s and 5 min",
+        "reached in 20 s",
+    ]
     return [*head, "true error within it", "largest difference from the reference"], rows
 
 
 @table
 def unseen(reports: Path) -> Table:
-    """How often an exactly right closure is called inaccurate, with and without the bound of unseen branches."""
+    """How often an exactly right closure is called inaccurate, with and without the bound of unseen
+    branches."""
     found = pd.read_csv(Path(__file__).parent / "results" / "unseen.csv")
     rows = [
         [
@@ -345,12 +433,26 @@ def unseen(reports: Path) -> Table:
         ]
         for r in found.to_dict("records")
     ]
-    head = ["scene", "largest kurtosis", "paths", "called inaccurate", "without", "any row, judged again"]
-    return [*head, "rows decided", "decided without", "decided, judged again", "0.03 sd reached, and true"], rows
+    head = [
+        "scene",
+        "largest kurtosis",
+        "paths",
+        "called inaccurate",
+        "without",
+        "any row, judged again",
+    ]
+    return [
+        *head,
+        "rows decided",
+        "decided without",
+        "decided, judged again",
+        "0.03 sd reached, and true",
+    ], rows
 
 
 def _share(hits: float, of: int) -> str:
-    """A count with the 95 % interval of its share (Clopper and Pearson 1934); nothing where none was measured."""
+    """A count with the 95 % interval of its share (Clopper and Pearson 1934); nothing where none
+    was measured."""
     if not hits >= 0.0:
         return ""
     low, high = binomtest(int(hits), of).proportion_ci()
@@ -362,25 +464,48 @@ BEFORE = ("before: beyond the bound", "before: wrong", "before: wrong, unmarked"
 
 @table
 def branching(reports: Path) -> Table:
-    """Errors of `branching` on random gear sets, its own bounds of them, and the time beside exact flights."""
+    """Errors of `branching` on random gear sets, its own bounds of them, and the time beside exact
+    flights."""
     found = pd.read_csv(Path(__file__).parent / "results" / "branching.csv")
     rows = []
     every = found.assign(noise="all")
     for (seen, noise), of in [*found.groupby(["seen", "noise"]), *every.groupby(["seen", "noise"])]:
-        total, before, used = of["rows"].sum(), of["rows_before"].sum(), of[of["advice"] == "branching"]
-        faster = f"{short(used['ratio'].min(), 2)} / {short(used['ratio'].median(), 2)}" if len(used) else "–"
+        total = of["rows"].sum()
+        before = of["rows_before"].sum()
+        used = of[of["advice"] == "branching"]
+        faster = (
+            f"{short(used['ratio'].min(), 2)} / {short(used['ratio'].median(), 2)}"
+            if len(used)
+            else "–"
+        )
         rows.append(
             [
                 "for tuning" if seen else "unseen",
                 noise if noise == "all" else short(noise),
-                *(f"{short(of[c].median(), 2)} / {short(of[c].max(), 2)}" for c in ("error_mean", "error_sd")),
-                *(f"{of[c].sum() / total:.1%}" for c in ("exceeded", "factor", "wrong", "unmarked")),
-                *(f"{of[f'{c}_before'].sum() / before:.1%}" for c in ("exceeded", "wrong", "unmarked")),
+                *(
+                    f"{short(of[c].median(), 2)} / {short(of[c].max(), 2)}"
+                    for c in ("error_mean", "error_sd")
+                ),
+                *(
+                    f"{of[c].sum() / total:.1%}"
+                    for c in ("exceeded", "factor", "wrong", "unmarked")
+                ),
+                *(
+                    f"{of[f'{c}_before'].sum() / before:.1%}"
+                    for c in ("exceeded", "wrong", "unmarked")
+                ),
                 f"{len(used)} of {len(of)}",
                 faster,
             ]
         )
-    head = ["gear sets", "σ/√α", "worst mean: median / largest", "worst sd", "beyond the bound", "within a factor of 2"]
+    head = [
+        "gear sets",
+        "σ/√α",
+        "worst mean: median / largest",
+        "worst sd",
+        "beyond the bound",
+        "within a factor of 2",
+    ]
     return [*head, "wrong", "wrong, unmarked", *BEFORE, "advised", "speed-up: least / median"], rows
 
 
@@ -393,10 +518,13 @@ def fixed_times(reports: Path) -> Table:
         row = ["looked at" if seen else "unseen", short(noise)]
         for closure in ("branching", "saltation"):
             for moment in ("mean", "sd"):
-                median, largest = of[f"{closure}_{moment}_median"], of[f"{closure}_{moment}_largest"]
+                median = of[f"{closure}_{moment}_median"]
+                largest = of[f"{closure}_{moment}_largest"]
                 row.append(f"{short(median.median(), 2)} / {short(largest.max(), 2)}")
         rows.append(row)
-    heads = [f"`{closure}`: {of}" for closure in ("branching", "saltation") for of in ("mean", "sd")]
+    heads = [
+        f"`{closure}`: {of}" for closure in ("branching", "saltation") for of in ("mean", "sd")
+    ]
     return ["gear sets", "σ/√α", *heads], rows
 
 
@@ -421,28 +549,44 @@ def speed(reports: Path) -> Table:
 
 @table
 def shares(reports: Path) -> Table:
-    """Share of the predicted means and sds that are accurate, over the noise intensities of the default study."""
+    """Share of the predicted means and sds that are accurate, over the noise intensities of the
+    default study."""
     errors = pd.read_parquet(reports / "studies" / "noise" / "errors.parquet")
-    errors = errors[(errors["kind"] == "section") & errors["verdict"].isin(["accurate", "inaccurate", "undecided"])]
+    errors = errors[
+        (errors["kind"] == "section")
+        & errors["verdict"].isin(["accurate", "inaccurate", "undecided"])
+    ]
     errors = errors[errors["judged"]]
-    agreement = errors[errors["impact"] == errors["impact"].max()].groupby("sigma")["agreement"].max()
+    agreement = (
+        errors[errors["impact"] == errors["impact"].max()].groupby("sigma")["agreement"].max()
+    )
     rows = []
     for sigma in sorted(errors["sigma"].unique())[::2]:
         row = [short(sigma), f"{agreement[sigma]:.2f}"]
         for closure in CLOSURES:
-            verdicts = errors.loc[(errors["sigma"] == sigma) & (errors["closure"] == closure), "verdict"]
-            row.append(f"{(verdicts == 'accurate').mean():.2f} ({(verdicts != 'inaccurate').mean():.2f})")
+            verdicts = errors.loc[
+                (errors["sigma"] == sigma) & (errors["closure"] == closure), "verdict"
+            ]
+            row.append(
+                f"{(verdicts == 'accurate').mean():.2f} ({(verdicts != 'inaccurate').mean():.2f})"
+            )
         rows.append(row)
     return ["σ", "paths on one itinerary", *CLOSURES], rows
 
 
 @table
 def memory(reports: Path) -> Table:
-    """Between which correlation times white noise begins to mislead about each quantity of DAT21."""
+    """Between which correlation times white noise begins to mislead about each quantity of
+    DAT21."""
     sections = pd.read_parquet(reports / "studies" / "memory" / "sections.parquet")
     long = pd.read_parquet(reports / "studies" / "long-memory" / "quantities.parquet")
-    sections = sections[sections["quantity"].isin(MOMENTS) & sections["moment"].isin(("mean", "sd"))]
-    found = pd.concat([sections, long[long["quantity"].isin(AVERAGES)].assign(moment="", impact=0)], ignore_index=True)
+    sections = sections[
+        sections["quantity"].isin(MOMENTS) & sections["moment"].isin(("mean", "sd"))
+    ]
+    found = pd.concat(
+        [sections, long[long["quantity"].isin(AVERAGES)].assign(moment="", impact=0)],
+        ignore_index=True,
+    )
     at = ["sigma", "quantity", "impact"]
     white = found[found["correlation_time"] == 0.0]
     sds = white[white["moment"] == "sd"].set_index(at)["value"].rename("sd")
@@ -453,15 +597,20 @@ def memory(reports: Path) -> Table:
     )
     off = (found["value"] - found["value_white"]).abs()
     half = widest(len(found)) * np.hypot(found["se"], found["se_white"])
-    allowed = found["sd"].fillna(found["value_white"]) * np.where(found["moment"] == "sd", 0.1, 0.05)
+    allowed = found["sd"].fillna(found["value_white"]) * np.where(
+        found["moment"] == "sd", 0.1, 0.05
+    )
     found = found.assign(right=off + half <= allowed, wrong=off - half > allowed)
     rows = []
     for (moment, quantity), of in found.groupby(["moment", "quantity"], sort=False):
         row = [f"{moment} of {MOMENTS[quantity]}" if moment else AVERAGES[quantity]]
         for _, own in of.groupby("sigma"):
             by = own.groupby("correlation_time")
-            right, wrong = by["right"].all().cummin(), by["wrong"].any()
-            first = f"{wrong.index[wrong][0]:g}" if wrong.any() else f"(none up to {wrong.index[-1]:g})"
+            right = by["right"].all().cummin()
+            wrong = by["wrong"].any()
+            first = (
+                f"{wrong.index[wrong][0]:g}" if wrong.any() else f"(none up to {wrong.index[-1]:g})"
+            )
             row.append(f"{right.index[right][-1] if right.any() else 0.0:g} – {first}")
         rows.append(row)
     return ["", *(f"σ = {s:g}" for s in sorted(found["sigma"].unique()))], rows
@@ -482,7 +631,8 @@ def exponents(reports: Path) -> Table:
     """Lyapunov exponents of the orbit, and of the linearisation along a noisy path."""
     found = pd.read_csv(reports / "chaos" / "exponents.csv")
     rows = [
-        [str(name), *(interval(r, "value") for _, r in of.iterrows())] for name, of in found.groupby("of", sort=False)
+        [str(name), *(interval(r, "value") for _, r in of.iterrows())]
+        for name, of in found.groupby("of", sort=False)
     ]
     return ["exponents per unit of τ", "largest", "second", "third", "fourth"], rows
 
@@ -492,7 +642,8 @@ def finite_size(reports: Path) -> Table:
     """The finite-size exponent of two paths on one noise."""
     found = pd.read_csv(reports / "chaos" / "fsle.csv")
     return ["distance δ", "finite-size exponent", "events"], [
-        [f"{r['delta']:.1e}", interval(r, "exponent", 2), short(r["events"])] for _, r in found.iterrows()
+        [f"{r['delta']:.1e}", interval(r, "exponent", 2), short(r["events"])]
+        for _, r in found.iterrows()
     ]
 
 
@@ -500,9 +651,16 @@ def finite_size(reports: Path) -> Table:
 def mean_maps(reports: Path) -> Table:
     """The closures as iterated maps."""
     found = pd.read_csv(reports / "chaos" / "mean_maps.csv")
-    heads = ["closure", "map", "exponents of its means", "growth of its moments", "first impact that is not realizable"]
+    heads = [
+        "closure",
+        "map",
+        "exponents of its means",
+        "growth of its moments",
+        "first impact that is not realizable",
+    ]
     return heads, [
-        [r["closure"], r["map"], r["exponents"], r["moments"], short(r["not_realizable"])] for _, r in found.iterrows()
+        [r["closure"], r["map"], r["exponents"], r["moments"], short(r["not_realizable"])]
+        for _, r in found.iterrows()
     ]
 
 
@@ -535,7 +693,8 @@ def tradeoff(reports: Path) -> Table:
 
 @table
 def orders(reports: Path) -> Table:
-    """Measured slopes of the step bias of the Euler-Maruyama schemes, and the orders on which they have settled."""
+    """Measured slopes of the step bias of the Euler-Maruyama schemes, and the orders on which they
+    have settled."""
     found = pd.read_csv(reports / "tradeoff" / "orders.csv", keep_default_na=False, na_values=[""])
     rows = [
         [
@@ -544,23 +703,48 @@ def orders(reports: Path) -> Table:
             " ".join(str(r[n]) for n in ("moment", "quantity") if not pd.isna(r[n])),
             f"{r['coarsest']:g} to {r['finest']:g}",
             interval(r, "slope", 2),
-            "not settled"
-            if pd.isna(r["order"])
-            else f"{r['order']:.2f} ± {0.5 * (r['order_high'] - r['order_low']):.2f}",
+            (
+                "not settled"
+                if pd.isna(r["order"])
+                else f"{r['order']:.2f} ± {0.5 * (r['order_high'] - r['order_low']):.2f}"
+            ),
             short(r["limit_z"], 2),
             short(r["limit_allowed"], 2),
         ]
         for _, r in found[found["slope"].notna()].iterrows()
     ]
-    return ["scheme", "σ", "moment", "steps", "slope", "order", "limit off by [se]", "allowed"], rows
+    return [
+        "scheme",
+        "σ",
+        "moment",
+        "steps",
+        "slope",
+        "order",
+        "limit off by [se]",
+        "allowed",
+    ], rows
 
 
 @table
 def control(reports: Path) -> Table:
     """By what factor the control variate and antithetic pairs divide the variance."""
     found = pd.read_csv(reports / "tradeoff" / "control.csv")
-    heads = ["σ", "control: means", "control: sds", "antithetic: means", "antithetic: sds", "time of the control"]
-    names = ["sigma", "means_median", "sds_median", "antithetic_means", "antithetic_sds", "time_ratio"]
+    heads = [
+        "σ",
+        "control: means",
+        "control: sds",
+        "antithetic: means",
+        "antithetic: sds",
+        "time of the control",
+    ]
+    names = [
+        "sigma",
+        "means_median",
+        "sds_median",
+        "antithetic_means",
+        "antithetic_sds",
+        "time_ratio",
+    ]
     return heads, [[short(r[name]) for name in names] for _, r in found.iterrows()]
 
 
@@ -592,7 +776,15 @@ def extremes(reports: Path) -> Table:
     """Extreme values: what was tried, against which truth, with what worst error."""
     found = pd.read_csv(reports / "stability" / "extremes.csv")
     return ["what", "tried", "truth", "worst error", "allowed", "in units of", "holds"], [
-        [r["name"], r["tried"], r["truth"], short(r["worst"]), short(r["allowed"]), r["unit"], short(r["holds"])]
+        [
+            r["name"],
+            r["tried"],
+            r["truth"],
+            short(r["worst"]),
+            short(r["allowed"]),
+            r["unit"],
+            short(r["holds"]),
+        ]
         for _, r in found.iterrows()
     ]
 
@@ -619,30 +811,49 @@ def fuzz_wide(reports: Path) -> Table:
 
 @table
 def benchmarks(reports: Path) -> Table:
-    """Times on one machine, kept beside this file: they are measured by hand and hold for the version beside them."""
+    """Times on one machine, kept beside this file: they are measured by hand and hold for the
+    version beside them."""
     found = pd.read_csv(Path(__file__).parent / "benchmarks.csv")
     return list(found.columns), found.fillna("").astype(str).to_numpy().tolist()
 
 
 @table
 def first_answer(reports: Path) -> Table:
-    """What the first answer takes in an older version and in this one, with nothing kept and with machine code kept."""
+    """What the first answer takes in an older version and in this one, with nothing kept and with
+    machine code kept."""
     found = pd.read_csv(Path(__file__).parent / "results" / "first_answer.csv")
     wide = found.pivot_table(
-        index=["what", "state"], columns="version", values=["cpu_seconds", "wall_seconds"], sort=False
+        index=["what", "state"],
+        columns="version",
+        values=["cpu_seconds", "wall_seconds"],
+        sort=False,
     )
     heads = [f"{version}: {of} s" for of in ("processor", "wall") for version in ("before", "now")]
-    order = [(of, version) for of in ("cpu_seconds", "wall_seconds") for version in ("before", "now")]
-    rows = [[*names, *(short(values[column], 3) for column in order)] for names, values in wide.iterrows()]
+    order = [
+        (of, version) for of in ("cpu_seconds", "wall_seconds") for version in ("before", "now")
+    ]
+    rows = [
+        [*names, *(short(values[column], 3) for column in order)]
+        for names, values in wide.iterrows()
+    ]
     return ["", "machine code", *heads], rows
 
 
 @table
 def path_steps(reports: Path) -> Table:
-    """What ``rattle check speed --json`` has printed on the machine that the page names, kept beside this file."""
+    """What ``rattle check speed --json`` has printed on the machine that the page names, kept
+    beside this file."""
     found = json.loads((Path(__file__).parent / "path_steps.json").read_text(encoding="utf-8"))
-    columns = {"what": "", "ns": "ns", "times_floor": "times the floor", "gain": "times as fast", "us": "µs per path"}
-    rows = [[short(math.nan if row[name] is None else row[name]) for name in columns] for row in found]
+    columns = {
+        "what": "",
+        "ns": "ns",
+        "times_floor": "times the floor",
+        "gain": "times as fast",
+        "us": "µs per path",
+    }
+    rows = [
+        [short(math.nan if row[name] is None else row[name]) for name in columns] for row in found
+    ]
     return list(columns.values()), rows
 
 
@@ -682,7 +893,9 @@ class Reported(FromReports):
         try:
             heads, rows = TABLES[name](self.reports)
         except (OSError, KeyError) as error:
-            raise self.error(f"the table {name} cannot be made of {self.reports}: {error!r}") from None
+            raise self.error(
+                f"the table {name} cannot be made of {self.reports}: {error!r}"
+            ) from None
         whole = nodes.table(classes=["reported", f"reported-{name}"])
         group = nodes.tgroup(cols=len(heads))
         group += [nodes.colspec(colwidth=1) for _ in heads]

@@ -1,8 +1,9 @@
 """Monte Carlo of the rattling system: ensembles of Eqs. 5 and 6 with impacts at both meshes.
 
-Two Euler-Maruyama schemes and exact flights (`SCHEMES`) advance the paths.  `simulate` runs a given number of them,
-`simulate_to` as many as an accuracy takes; both reduce them to section moments, and to moments at fixed times and
-whatever else a `Record` asks for.  `simulate_rare` draws a part of the paths near rare branches.
+Two Euler-Maruyama schemes and exact flights (`SCHEMES`) advance the paths.  `simulate` runs a given
+number of them, `simulate_to` as many as an accuracy takes; both reduce them to section moments, and
+to moments at fixed times and whatever else a `Record` asks for.  `simulate_rare` draws a part of
+the paths near rare branches.
 """
 
 from rattle.montecarlo.accuracy.simulate_to import simulate_to as simulate_to

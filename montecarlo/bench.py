@@ -1,8 +1,9 @@
-"""Cost of a path-step, next to the lower bound set by random numbers and arithmetic, and to a skilled loop in numba.
+"""Cost of a path-step, next to the lower bound set by random numbers and arithmetic, and to a
+skilled loop in numba.
 
-All times are processor time of one core.  What is compared is measured in one run in slices that take turns, for the
-clock and the neighbours of a machine change from second to second; a ratio is the median over the turns.  Ratios carry
-over to machines of a kind; times may not.
+All times are processor time of one core.  What is compared is measured in one run in slices that
+take turns, for the clock and the neighbours of a machine change from second to second; a ratio is
+the median over the turns.  Ratios carry over to machines of a kind; times may not.
 """
 
 import math
@@ -26,14 +27,13 @@ REPEATS = 25  # turns of slices
 STEP = 2.0 * math.pi / 1000.0
 LANES = 256  # of the floor: as many as the kernel takes through its steps together
 LOOPS = 100
-LOOP_PATHS = 1250  # of the skilled loop: enough that caches and branch predictors have learned it after another slice
+# of the skilled loop: enough that caches and branch predictors have learned it after another slice
+LOOP_PATHS = 1250
 LOOP_STEPS = 800  # of the skilled loop's paths: about as many as twelve impacts take
-SKILLED, SCALAR, NORMAL, ARITHMETIC = (
-    "a skilled loop in numba, without statistics",
-    "one normal by standard_normal",
-    "one standard normal",
-    "arithmetic of one step",
-)
+SKILLED = "a skilled loop in numba, without statistics"
+SCALAR = "one normal by standard_normal"
+NORMAL = "one standard normal"
+ARITHMETIC = "arithmetic of one step"
 FLIGHTS: dict[str, Any] = {"scheme": "exact-flight", "dt": math.pi / 96.0}
 
 
@@ -44,7 +44,9 @@ def _normals(key: Any, paths: Any, z: Any, loops: int) -> None:
 
 
 @lean
-def _steps(c: Constants, forcing: Any, walls: Any, state: Any, z: Any, beyond: Any, loops: int) -> None:
+def _steps(
+    c: Constants, forcing: Any, walls: Any, state: Any, z: Any, beyond: Any, loops: int
+) -> None:
     for _ in range(loops):  # so short that no path moves noticeably
         plain_lanes(c, forcing, 1e-12, False, walls, state, z, beyond)
 
@@ -58,15 +60,28 @@ def _scalar_normals(generator: np.random.Generator, count: int) -> float:
 
 
 @jit
-def _skill_loop(c: Constants, generator: np.random.Generator, paths: int, forcing: Floats, h: float) -> float:
-    """Euler-Maruyama with impacts as one writes it who knows numba: path by path, forcing tabulated, a fast generator.
+def _skill_loop(
+    c: Constants, generator: np.random.Generator, paths: int, forcing: Floats, h: float
+) -> float:
+    """Euler-Maruyama with impacts as one writes it who knows numba: path by path, forcing
+    tabulated, a fast generator.
 
     Both meshes' impacts are taken at the end of a step.  Nothing is recorded.
     """
-    keep1, keep2, pull, total = 1.0 - h * c.beta1, 1.0 - h * c.beta2, h * (c.beta2 - c.beta1), 0.0
-    wall1, wall2, epsilon, jump, jump_back = c.wall1, c.wall2, c.epsilon, 1.0 + c.epsilon, (1.0 + c.epsilon) * c.mu
+    keep1 = 1.0 - h * c.beta1
+    keep2 = 1.0 - h * c.beta2
+    pull = h * (c.beta2 - c.beta1)
+    total = 0.0
+    wall1 = c.wall1
+    wall2 = c.wall2
+    epsilon = c.epsilon
+    jump = 1.0 + c.epsilon
+    jump_back = (1.0 + c.epsilon) * c.mu
     for _ in range(paths):
-        x1, y1, x2, y2 = 0.0, 0.0, 0.0, 0.0
+        x1 = 0.0
+        y1 = 0.0
+        x2 = 0.0
+        y2 = 0.0
         for i in range(forcing.shape[0]):
             z = generator.standard_normal()
             x1, y1, x2, y2 = (
@@ -80,7 +95,8 @@ def _skill_loop(c: Constants, generator: np.random.Generator, paths: int, forcin
                 y1, y2 = -epsilon * y1, y2 - jump * y1
             if (x2 > wall2 and y2 > 0.0) or (x2 < -wall2 and y2 < 0.0):
                 x2 = wall2 if x2 > 0.0 else -wall2
-                y1, y2 = y1 - jump_back * y2, -epsilon * y2
+                y1 = y1 - jump_back * y2
+                y2 = -epsilon * y2
         total += x1
     return total
 
@@ -102,18 +118,28 @@ def slices(calls: Mapping[str, tuple[Callable[[], Any], float]], turns: int) -> 
 
 
 def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
-    """A normal and the arithmetic of a step as they are here, and the loop and the generator that others take."""
+    """A normal and the arithmetic of a step as they are here, and the loop and the generator that
+    others take."""
     c = scene.constants
-    key, paths = key_of(np.random.SeedSequence(1)), np.arange(LANES, dtype=np.uint64)
+    key = key_of(np.random.SeedSequence(1))
+    paths = np.arange(LANES, dtype=np.uint64)
     generator = np.random.Generator(np.random.SFC64(1))  # the fastest of numpy's
-    (z, walls, state), beyond = np.zeros((3, 4, LANES + 8)), np.zeros(LANES, np.bool_)
-    still, steps = np.zeros(LANES), [step_forcing(c, i * STEP, STEP) for i in range(LOOP_STEPS)]
+    z, walls, state = np.zeros((3, 4, LANES + 8))
+    beyond = np.zeros(LANES, np.bool_)
+    still = np.zeros(LANES)
+    steps = [step_forcing(c, i * STEP, STEP) for i in range(LOOP_STEPS)]
     forcing = np.array(steps)
     return {
-        SKILLED: (lambda: _skill_loop(c, generator, LOOP_PATHS, forcing, STEP), float(LOOP_PATHS * LOOP_STEPS)),
+        SKILLED: (
+            lambda: _skill_loop(c, generator, LOOP_PATHS, forcing, STEP),
+            float(LOOP_PATHS * LOOP_STEPS),
+        ),
         SCALAR: (lambda: _scalar_normals(generator, 100_000), 1e5),
         NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * LANES * LOOPS),
-        ARITHMETIC: (lambda: _steps(c, steps[0], walls, state, still, beyond, LOOPS), float(LANES * LOOPS)),
+        ARITHMETIC: (
+            lambda: _steps(c, steps[0], walls, state, still, beyond, LOOPS),
+            float(LANES * LOOPS),
+        ),
     }
 
 
@@ -128,14 +154,17 @@ def _case(scene: Scene, statistics: bool = True, **settings: Any) -> tuple[Calla
 def bench(scene: Scene | None = None) -> pd.DataFrame:
     """Time of a path-step for every scheme, and for each option of a scene or a run.
 
-    Returns: Index ``what``; columns ``ns`` per path-step, the least; ``times_floor``, over a normal and the
-    arithmetic of a step together; ``gain``, how many path-steps are done in the time of one of the skilled loop,
-    or normals in that of one by ``standard_normal``, or paths of exact flights in that of one of the loop;
-    ``steps`` of a path; ``us`` per path.
+    Returns: Index ``what``; columns ``ns`` per path-step, the least; ``times_floor``, over a normal
+    and the arithmetic of a step together; ``gain``, how many path-steps are done in the time of one
+    of the skilled loop, or normals in that of one by ``standard_normal``, or paths of exact flights
+    in that of one of the loop; ``steps`` of a path; ``us`` per path.
     """
     base = scene or Scene.from_gears(DAT21, sigma=math.sqrt(DAT21.alpha))
-    alone, two_point = {"statistics": False}, {"sampling": Sampling(increments="two-point")}
-    loose, redrawn = (replace(base, tolerance=Tolerance(0.01, 0.01, draw=draw)) for draw in ("path", "contact"))
+    alone = {"statistics": False}
+    two_point = {"sampling": Sampling(increments="two-point")}
+    loose, redrawn = (
+        replace(base, tolerance=Tolerance(0.01, 0.01, draw=draw)) for draw in ("path", "contact")
+    )
     far = replace(base, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 0.0))
     cases: Mapping[str, tuple[Scene, dict[str, Any]]] = {
         "euler-maruyama, paths alone": (base, alone),
@@ -147,18 +176,29 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         "  with one stage": (replace(base, stages=1), {}),
         "  with gaps that vary by path": (loose, {}),
         "  with gaps that vary by contact": (redrawn, {}),
-        "  with moments at 12 fixed times": (base, {"record": Record(times=np.linspace(0.5, 4.0, 12))}),
+        "  with moments at 12 fixed times": (
+            base,
+            {"record": Record(times=np.linspace(0.5, 4.0, 12))},
+        ),
         "  with 2 dt and 4 dt for the step bias": (base, {"record": Record(step_bias=True)}),
         "euler-maruyama-located": (base, {"scheme": "euler-maruyama-located"}),
         "exact-flight, dt = pi/96": (base, FLIGHTS),
         "  the same, sigma = 0.1": (replace(base, sigma=0.1), FLIGHTS),
         "  the same, paths alone": (base, FLIGHTS | alone),
         "  with gaps redrawn at each contact": (redrawn, FLIGHTS),
-        "  with the linearised path as control variate": (base, FLIGHTS | {"sampling": Sampling(control=True)}),
-        "  steps far from any wall, paths alone": (far, FLIGHTS | {"sampling": Sampling(horizon=4.0)} | alone),
+        "  with the linearised path as control variate": (
+            base,
+            FLIGHTS | {"sampling": Sampling(control=True)},
+        ),
+        "  steps far from any wall, paths alone": (
+            far,
+            FLIGHTS | {"sampling": Sampling(horizon=4.0)} | alone,
+        ),
     }
     work = {name: _case(own, **settings) for name, (own, settings) in cases.items()}
-    taken = slices(_floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()}, REPEATS)
+    taken = slices(
+        _floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()}, REPEATS
+    )
     low = taken[NORMAL] + taken[ARITHMETIC]
     rows = {}
     for name, ns in taken.items():

@@ -1,16 +1,19 @@
-"""What `rng` may be: a seed, a SeedSequence, or a generator of numpy (SPEC 7 of Scientific Python)."""
+"""What `rng` may be: a seed, a SeedSequence, or a generator of numpy (SPEC 7 of Scientific
+Python)."""
 
 import numpy as np
 
 from rattle.scene import InputError, count
 
 Rng = int | np.random.SeedSequence | np.random.Generator | np.random.BitGenerator
-"""A whole number or a SeedSequence gives the same results each time.  A generator gives those of a child of its seed
-sequence, another one each time that it is passed, whatever was drawn from it; no number is drawn from it here."""
+"""A whole number or a SeedSequence gives the same results each time.  A generator gives those of a
+child of its seed sequence, another one each time that it is passed, whatever was drawn from it; no
+number is drawn from it here."""
 
 
 def read_seed(rng: Rng) -> int | np.random.SeedSequence:
-    """The seed that a public function is given; a generator is asked for a child once in each call."""
+    """The seed that a public function is given; a generator is asked for a child once in each
+    call."""
     if isinstance(rng, np.random.Generator):
         rng = rng.bit_generator
     if isinstance(rng, np.random.BitGenerator):

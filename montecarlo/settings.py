@@ -1,4 +1,5 @@
-"""What a simulation is asked for; settings in, a plan of the work out, or a clear refusal before any work starts."""
+"""What a simulation is asked for; settings in, a plan of the work out, or a clear refusal before
+any work starts."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence, Sized
@@ -10,24 +11,44 @@ from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.control_variate import linear_path, no_control
-from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES, accurate_flight, check_step, default_step
+from rattle.montecarlo.schemes.step_size import (
+    COARSEST,
+    SCHEMES,
+    accurate_flight,
+    check_step,
+    default_step,
+)
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.seed import read_seed
-from rattle.scene import Floats, InputError, Ints, Scene, check_scene, choice, count, finite, positive
+from rattle.scene import (
+    Floats,
+    InputError,
+    Ints,
+    Scene,
+    check_scene,
+    choice,
+    count,
+    finite,
+    positive,
+)
 
 NOISE_FREE = "noise-free"
 """Name of the itinerary of the noise-free path, by exact flights."""
 
 EXACT = "exact-flight"
 
-MOST_PATHS, MOST_WORKERS = 2**40, 1024
+MOST_PATHS = 2**40
+MOST_WORKERS = 1024
 MOST_IMPACTS = 10_000  # a block of paths keeps every impact: 57 kB each
 
 HORIZON_PER_IMPACT = 50.0
-"""Default time after which a path is given up, per impact asked for; flights of DAT21 last about 0.5."""
+"""Default time after which a path is given up, per impact asked for; flights of DAT21 last about
+0.5."""
 
-STEPS, MOST_STEPS = 10**7, 10**9
-"""Steps after which a path is given up: by default (half a minute for a block of slow paths), and at the most."""
+STEPS = 10**7
+MOST_STEPS = 10**9
+"""Steps after which a path is given up: by default (half a minute for a block of slow paths), and
+at the most."""
 
 
 @dataclass(frozen=True)
@@ -37,32 +58,35 @@ class Record:
     Parameters
     ----------
     times : sequence of float
-        Times at which the moments of all paths are taken, see `Ensemble.at_times`; on the grid of the coarsest step.
+        Times at which the moments of all paths are taken, see `Ensemble.at_times`; on the grid of
+        the coarsest step.
     step_bias : bool, optional
-        Run 2 dt and 4 dt on the same Brownian paths beside dt, and estimate the bias of the step from the differences
-        (Richardson extrapolation; about two thirds more work).  By default where the scheme has such a bias, and 4 dt
-        is admissible.
+        Run 2 dt and 4 dt on the same Brownian paths beside dt, and estimate the bias of the step
+        from the differences (Richardson extrapolation; about two thirds more work).  By default
+        where the scheme has such a bias, and 4 dt is admissible.
     itineraries : mapping of str to sequence of int
-        Named itineraries ``mesh * side``, one entry for each impact, whose agreement with the paths is counted beside
-        that of the noise-free path.
+        Named itineraries ``mesh * side``, one entry for each impact, whose agreement with the paths
+        is counted beside that of the noise-free path.
     on_itinerary : bool
-        The moments of the paths that have followed an itinerary so far, `Ensemble.on_itinerary`, and how the others
-        leave it, `Ensemble.leaving`.
+        The moments of the paths that have followed an itinerary so far, `Ensemble.on_itinerary`,
+        and how the others leave it, `Ensemble.leaving`.
     histogram : bool
         Histograms of each section quantity at each impact, `Ensemble.histograms`.
     raw : bool
-        Every impact of every path, `Ensemble.records` and `Ensemble.raw`; memory then grows with the paths (56 bytes an
-        impact).
+        Every impact of every path, `Ensemble.records` and `Ensemble.raw`; memory then grows with
+        the paths (56 bytes an impact).
     energy : bool
         The mean energy lost at each impact.
     batches : bool
-        Means and sds of batches of paths, `Ensemble.batches`, for intervals of what is computed from them.
+        Means and sds of batches of paths, `Ensemble.batches`, for intervals of what is computed
+        from them.
 
     Examples
     --------
     >>> from rattle.montecarlo import simulate
     >>> from rattle.scene import DAT21, Scene
-    >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=64, impacts=3, record=Record(energy=True, raw=True))
+    >>> scene = Scene.from_gears(DAT21, sigma=0.1)
+    >>> run = simulate(scene, paths=64, impacts=3, record=Record(energy=True, raw=True))
     >>> run.raw.shape, "energy" in run.section
     ((64, 3, 7), True)
     """
@@ -84,14 +108,17 @@ class Sampling:
     Parameters
     ----------
     control : bool
-        Use the linearised path as a control variate for section means and sds (``exact-flight`` only).
+        Use the linearised path as a control variate for section means and sds (``exact-flight``
+        only).
     increments : {"gaussian", "two-point"}
-        Distribution of the Brownian increments of an Euler-Maruyama step; two-point ones (plus or minus the root of the
-        step) have the same weak order 1 and cost one random bit.
+        Distribution of the Brownian increments of an Euler-Maruyama step; two-point ones (plus or
+        minus the root of the step) have the same weak order 1 and cost one random bit.
     horizon : float, optional
-        Time after the start at which unfinished paths are given up; by default 50 per impact, or 10 million steps.
+        Time after the start at which unfinished paths are given up; by default 50 per impact, or 10
+        million steps.
     blocks : callable, optional
-        Who runs the blocks of paths; by default threads of this process.  The result does not depend on it.
+        Who runs the blocks of paths; by default threads of this process.  The result does not
+        depend on it.
 
     Examples
     --------
@@ -111,7 +138,9 @@ class Sampling:
 
 def is_random(scene: Scene) -> bool:
     """Whether one path differs from another: noise, or a random tolerance."""
-    return scene.sigma > 0.0 or (scene.tolerance is not None and scene.tolerance.distribution != "fixed")
+    return scene.sigma > 0.0 or (
+        scene.tolerance is not None and scene.tolerance.distribution != "fixed"
+    )
 
 
 def count_followed(scene: Scene, paths: int) -> int:
@@ -161,14 +190,21 @@ def plan_of(
 
     `any_step`: Take a step that is not admissible too, to measure what becomes of it.
     """
-    record, sampling = record or Record(), sampling or Sampling()
+    record = record or Record()
+    sampling = sampling or Sampling()
     step = min(dt, default_step(scene, scheme)) if any_step else dt
     check_settings(scene, paths, impacts, step, scheme, rng, workers, bool(record.step_bias))
     if sampling.control and SCHEMES[scheme].normals < 2:
-        raise InputError("sampling.control", True, f"works with scheme 'exact-flight' only; scheme = {scheme!r}")
+        raise InputError(
+            "sampling.control", True, f"works with scheme 'exact-flight' only; scheme = {scheme!r}"
+        )
     if scene.correlation_time and sampling.control:
-        raise InputError("sampling.control", True, "is for white noise only; correlation_time is not 0")
-    two_point = choice("sampling.increments", sampling.increments, ("gaussian", "two-point")) == "two-point"
+        raise InputError(
+            "sampling.control", True, "is for white noise only; correlation_time is not 0"
+        )
+    two_point = (
+        choice("sampling.increments", sampling.increments, ("gaussian", "two-point")) == "two-point"
+    )
     if two_point and SCHEMES[scheme].normals > 1:
         why = f"works with the Euler-Maruyama schemes only; scheme = {scheme!r}"
         raise InputError("sampling.increments", sampling.increments, why)
@@ -178,7 +214,10 @@ def plan_of(
     if not isinstance(record.itineraries, Mapping):
         why = "give a mapping from names to sequences of mesh * side"
         raise InputError("record.itineraries", record.itineraries, why)
-    named = {name: _check_itinerary(name, itinerary, impacts) for name, itinerary in record.itineraries.items()}
+    named = {
+        name: _check_itinerary(name, itinerary, impacts)
+        for name, itinerary in record.itineraries.items()
+    }
     plan = Plan(
         scene=scene,
         paths=count_followed(scene, paths),
@@ -191,7 +230,11 @@ def plan_of(
         itineraries=named,
         levels=levels,
         keep=record.histogram or record.raw,
-        control=linear_path(scene, impacts, dt) if sampling.control and scene.sigma > 0.0 else no_control(),
+        control=(
+            linear_path(scene, impacts, dt)
+            if sampling.control and scene.sigma > 0.0
+            else no_control()
+        ),
         two_point=two_point,
         energy=record.energy,
     )
@@ -202,7 +245,9 @@ def plan_of(
 def _longest(itineraries: dict[str, tuple[int, ...]]) -> tuple[str, ...]:
     """Names of the itineraries of which no other is the beginning or the same."""
     found: list[str] = []
-    for name in sorted(itineraries, key=lambda n: (-np.count_nonzero(itineraries[n]), n != NOISE_FREE)):
+    for name in sorted(
+        itineraries, key=lambda n: (-np.count_nonzero(itineraries[n]), n != NOISE_FREE)
+    ):
         if not any(begins(itineraries[name], itineraries[other]) for other in found):
             found.append(name)
     return tuple(found)
@@ -216,16 +261,22 @@ def begins(itinerary: Sequence[int], other: Sequence[int]) -> bool:
 def exact_orbit(plan: Plan) -> Floats:
     """The noise-free path by exact flights, whatever the scheme of the plan.
 
-    Rows ``tau, flight, x1, y1, x2, y2, mesh * side`` of each impact, shape (impacts, 7); 0 after the last one.
+    Rows ``tau, flight, x1, y1, x2, y2, mesh * side`` of each impact, shape (impacts, 7); 0 after
+    the last one.
     """
     step = min(SCHEMES[EXACT].step, accurate_flight(plan.scene)[0])
-    return noise_free_path(plan, EXACT, min(plan.dt, step) if plan.impacts > MOST_IN_A_STEP else step)
+    return noise_free_path(
+        plan, EXACT, min(plan.dt, step) if plan.impacts > MOST_IN_A_STEP else step
+    )
 
 
 def noise_free_path(plan: Plan, scheme: str, dt: float) -> Floats:
     """The path of a plan without noise, by a scheme and a step; rows as of `exact_orbit`."""
-    scene, most_steps = plan.scene.noise_free, math.ceil(plan.most_steps * plan.dt / dt)
-    start = Plan(scene, 1, plan.impacts, dt, scheme, plan.seed, most_steps, np.empty(0, np.int64), {}, 1)
+    scene = plan.scene.noise_free
+    most_steps = math.ceil(plan.most_steps * plan.dt / dt)
+    start = Plan(
+        scene, 1, plan.impacts, dt, scheme, plan.seed, most_steps, np.empty(0, np.int64), {}, 1
+    )
     return np.asarray(np.nan_to_num(sample(start, 0).rows[0, 0]))
 
 
@@ -236,7 +287,9 @@ def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float
     if positive("sampling.horizon", given) / dt > MOST_STEPS:
         hours = given / dt * BLOCK * SCHEMES[scheme].step_ns * 1e-9 / 3600.0
         why = f"must be at most {MOST_STEPS * dt:.3g}, {MOST_STEPS:.0e} steps of {dt:.3g}"
-        raise InputError("sampling.horizon", given, f"{why}; {BLOCK} paths that last would take {hours:.3g} h")
+        raise InputError(
+            "sampling.horizon", given, f"{why}; {BLOCK} paths that last would take {hours:.3g} h"
+        )
     return given
 
 
@@ -247,7 +300,9 @@ def _fixed_steps(scene: Scene, times: Sequence[float] | Floats, dt: float, horiz
     for t in times:
         since = finite("record.times", t) - scene.start.tau
         if not dt <= since <= horizon:
-            raise InputError("record.times", t, f"must lie between {dt:g} and {horizon:g} after the start")
+            raise InputError(
+                "record.times", t, f"must lie between {dt:g} and {horizon:g} after the start"
+            )
         steps.append(round(since / dt))
     return np.unique(np.array(steps, dtype=np.int64))
 

@@ -1,6 +1,7 @@
 """When can a cheap moment closure of a noisy vibro-impact system be believed?
 
-The public names.  Each is imported on first access, so ``import rattle`` loads neither numpy nor numba.
+The public names.  Each is imported on first access, so ``import rattle`` loads neither numpy nor
+numba.
 
 Examples
 --------

@@ -1,4 +1,5 @@
-"""The model (parameters, start, noise, tolerances) and the physics that closures and simulation share."""
+"""The model (parameters, start, noise, tolerances) and the physics that closures and simulation
+share."""
 
 from rattle.scene import sources as sources  # first: it notes the sources before they are imported
 from rattle.scene.errors import FileError as FileError

@@ -1,8 +1,8 @@
 """Other processes that compile, on the other cores, what this one will soon need.
 
-They begin when this process first has to compile something, and end with it.  A function is compiled by one of them,
-and whoever else needs it waits (`rattle.scene.compiled`).  Nothing depends on them: where none can be started, or one
-dies, this process compiles for itself.
+They begin when this process first has to compile something, and end with it.  A function is
+compiled by one of them, and whoever else needs it waits (`rattle.scene.compiled`).  Nothing depends
+on them: where none can be started, or one dies, this process compiles for itself.
 """
 
 import atexit
@@ -15,7 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 
 NUMBER = "RATTLE_COMPILERS"
-"""Environment variable: the number of processes that compile, this one included; otherwise the number of cores."""
+"""Environment variable: the number of processes that compile, this one included; otherwise the
+number of cores."""
 CODE = """
 import sys
 sys.path[:] = sys.argv[2:]
@@ -29,7 +30,8 @@ _started: list["subprocess.Popen[bytes]"] = []
 
 
 def expect(command: str, orders: int = 1) -> None:
-    """Announce what this process will do, for a drive of so many orders: other processes compile it ahead."""
+    """Announce what this process will do, for a drive of so many orders: other processes compile it
+    ahead."""
     global _expected
     _expected = command if orders == 1 else f"{command}, several orders"
 
@@ -44,7 +46,8 @@ def count_processes() -> int:
 
 
 def may_start() -> bool:
-    """Whether this process may start others: not one of several that share the work, nor what is no Python itself.
+    """Whether this process may start others: not one of several that share the work, nor what is no
+    Python itself.
 
     A thread that is not the main one may be that of a server or of a Dask worker.
     """
@@ -54,7 +57,8 @@ def may_start() -> bool:
 
 
 def start(kept: Path) -> None:
-    """Start a process on every other core that compiles what is expected; `kept` is the folder of machine code."""
+    """Start a process on every other core that compiles what is expected; `kept` is the folder of
+    machine code."""
     busy = any(process.poll() is None for process in _started)
     if busy or _expected in _asked or not may_start():
         return

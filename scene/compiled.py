@@ -1,13 +1,15 @@
-"""How physics is compiled: the numba options, where machine code is kept, instructions that numba has no name for.
+"""How physics is compiled: the numba options, where machine code is kept, instructions that numba
+has no name for.
 
-Machine code is kept in a folder of the user's own, named by the sources that it was made from.  Cached files are
-unpickled and executed, so whoever can write to the folder can run code as you: it is used only where you own it and
-nobody else has access (mode 0700).  What is missing, damaged, of another function or cannot be read is compiled again.
-Where a source has been edited since this process began, nothing is taken from the folder or put into it.
+Machine code is kept in a folder of the user's own, named by the sources that it was made from.
+Cached files are unpickled and executed, so whoever can write to the folder can run code as you: it
+is used only where you own it and nobody else has access (mode 0700).  What is missing, damaged, of
+another function or cannot be read is compiled again. Where a source has been edited since this
+process began, nothing is taken from the folder or put into it.
 
-A compiler that may contract ``a * b + c`` does so on one processor and not on another.  Here the source says where it
-happens (`fma`), and every processor gives the same bits: by an instruction where there is one, by its emulation
-elsewhere.
+A compiler that may contract ``a * b + c`` does so on one processor and not on another.  Here the
+source says where it happens (`fma`), and every processor gives the same bits: by an instruction
+where there is one, by its emulation elsewhere.
 """
 
 import gc
@@ -73,19 +75,25 @@ _anew = False  # whether functions are compiled although their machine code is k
 
 def compiled_sources(sources: dict[str, SourceFile]) -> dict[str, SourceFile]:
     """Those of all compiled code: they import `rattle.scene.compiled`, or are named in `TAKEN`."""
-    return {name: source for name, source in sources.items() if COMPILED in source.content or name in TAKEN}
+    return {
+        name: source
+        for name, source in sources.items()
+        if COMPILED in source.content or name in TAKEN
+    }
 
 
 def source_digest(root: Path) -> str:
-    """Digest of the sources of all compiled code in an installation, as they stand now: see `compiled_digest`."""
+    """Digest of the sources of all compiled code in an installation, as they stand now: see
+    `compiled_digest`."""
     return compiled_digest(compiled_sources(read_sources(root, *PACKAGES)))
 
 
 def compiled_digest(sources: dict[str, SourceFile]) -> str:
-    """Digest of the sources of all compiled code and of the versions of the libraries that compile it.
+    """Digest of the sources of all compiled code and of the versions of the libraries that compile
+    it.
 
-    All other sources may change freely, and so may comments and docstrings.  The processor is not part of it: it is
-    part of the name of each file.
+    All other sources may change freely, and so may comments and docstrings.  The processor is not
+    part of it: it is part of the name of each file.
     """
     return digest_of(sources, numba.__version__, llvmlite.__version__, np.__version__)
 
@@ -97,11 +105,12 @@ DIGEST = compiled_digest(SOURCES)
 def keep_by_source() -> None:
     """Choose the folder for machine code, named by user, installation and sources.
 
-    Numba by itself checks only the file of the function that is called: after a change in a file that it calls
-    into, it would go on with the old machine code, and the results would be those of other sources.
+    Numba by itself checks only the file of the function that is called: after a change in a file
+    that it calls into, it would go on with the old machine code, and the results would be those of
+    other sources.
 
-    The folder is the first that can be created and is private.  Folders of earlier sources are removed; a process that
-    still uses one compiles what it has not loaded.
+    The folder is the first that can be created and is private.  Folders of earlier sources are
+    removed; a process that still uses one compiles what it has not loaded.
     """
     global _folder
     mine = f"rattle-{os.geteuid()}-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:8]}-"
@@ -123,7 +132,8 @@ def keep_by_source() -> None:
 
 
 def _places() -> Iterator[Path]:
-    """Where the folder may be: as told, in this installation, in the user's cache, among the temporary files."""
+    """Where the folder may be: as told, in this installation, in the user's cache, among the
+    temporary files."""
     with suppress(FileNotFoundError):  # of a relative path, where the current folder was removed
         if os.environ.get("NUMBA_CACHE_DIR"):
             yield Path(os.environ["NUMBA_CACHE_DIR"]).absolute()
@@ -138,9 +148,11 @@ def _places() -> Iterator[Path]:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether a folder is owned by this user, closed to others and writable; it is created if missing.
+    """Whether a folder is owned by this user, closed to others and writable; it is created if
+    missing.
 
-    Links are refused.  A folder of ours that was open to others is emptied: they may have put something into it.
+    Links are refused.  A folder of ours that was open to others is emptied: they may have put
+    something into it.
     """
     with suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -162,13 +174,17 @@ def _refuse(difference: str) -> bool:
 
 
 def has_fma() -> bool:
-    """Whether compiled code may use AVX2 and a fused multiply-add; every processor but an old x86-64 has its like.
+    """Whether compiled code may use AVX2 and a fused multiply-add; every processor but an old
+    x86-64 has its like.
 
     Without them the results are right and slower, since each multiply-add calls a function.
     """
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return True
-    features = getattr(numba.config, "CPU_FEATURES", None) or llvmlite.binding.get_host_cpu_features().flatten()
+    features = (
+        getattr(numba.config, "CPU_FEATURES", None)
+        or llvmlite.binding.get_host_cpu_features().flatten()
+    )
     return {"+avx2", "+fma"} <= set(features.split(","))
 
 
@@ -190,7 +206,10 @@ def files_used() -> set[str]:
 def processor() -> str:
     """Name and features of the processor that is compiled for."""
     name = getattr(numba.config, "CPU_NAME", None) or llvmlite.binding.get_host_cpu_name()
-    features = getattr(numba.config, "CPU_FEATURES", None) or llvmlite.binding.get_host_cpu_features().flatten()
+    features = (
+        getattr(numba.config, "CPU_FEATURES", None)
+        or llvmlite.binding.get_host_cpu_features().flatten()
+    )
     return f"{llvmlite.binding.get_process_triple()} {name} {features}"
 
 
@@ -212,19 +231,24 @@ def _count() -> None:
     if _compiled > 1:
         return
     if not has_fma():
-        _warnings.append("this processor has no AVX2 or no FMA: simulations take several times as long as they might")
+        _warnings.append(
+            "this processor has no AVX2 or no FMA: simulations take several times as long as they"
+            " might"
+        )
     for warning in _warnings:
         print_on_stderr(warning)
 
 
 class Kept:
-    """The machine code of a function on disk, a file for each signature and processor, in place of numba's cache.
+    """The machine code of a function on disk, a file for each signature and processor, in place of
+    numba's cache.
 
-    A file begins with a digest of its key and its content.  So whatever lies under its name, by damage or by exchange,
-    is used only if it was made from this function under these options, for these types, for this processor and from
-    these sources.
+    A file begins with a digest of its key and its content.  So whatever lies under its name, by
+    damage or by exchange, is used only if it was made from this function under these options, for
+    these types, for this processor and from these sources.
 
-    Who compiles holds a lock, which the operating system releases when the process ends; others wait for the file.
+    Who compiles holds a lock, which the operating system releases when the process ends; others
+    wait for the file.
     """
 
     def __init__(self, function: Any, options: dict[str, Any]) -> None:
@@ -245,8 +269,8 @@ class Kept:
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Machine code from the disk; None where it has to be compiled, which is announced once.
 
-        Numba's own cache would first describe all that it can compile (0.3 s), which only a function that is not here
-        needs.
+        Numba's own cache would first describe all that it can compile (0.3 s), which only a
+        function that is not here needs.
         """
         with suppress(Exception):  # whatever a damaged file raises: the function is compiled again
             if not (_anew or _refuse(describe_edit(SOURCES))):
@@ -255,7 +279,8 @@ class Kept:
                 if found is None:
                     _start_others()
                     self._take(signature, path)
-                    found = self._read(path, key, target_context)  # another process may have compiled it
+                    # another process may have compiled it
+                    found = self._read(path, key, target_context)
                 if found is not None:
                     self.release(signature)
                     return found
@@ -275,7 +300,8 @@ class Kept:
         return found
 
     def _take(self, signature: Any, path: Path) -> None:
-        """Take the lock of a function that has to be compiled; without it where that is not possible, or takes long."""
+        """Take the lock of a function that has to be compiled; without it where that is not
+        possible, or takes long."""
         if not _is_private(path.parent):
             return
         lock = FileLock(path.with_suffix(".lock"))
@@ -296,7 +322,8 @@ class Kept:
             lock.release()
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Write machine code to the disk, where that is possible: otherwise it is compiled again next time."""
+        """Write machine code to the disk, where that is possible: otherwise it is compiled again
+        next time."""
         try:
             self._write(signature, compiled)
         finally:
@@ -334,14 +361,17 @@ class _Compiling(event.Listener):
         self._thresholds: list[tuple[int, int, int]] = []
 
     def on_start(self, event: Any) -> None:
-        """Have garbage collected rarely: numba makes so many objects that it would take a tenth of the time."""
+        """Have garbage collected rarely: numba makes so many objects that it would take a tenth of
+        the time."""
         self._thresholds.append(gc.get_threshold())
         gc.set_threshold(*map(max, GARBAGE, gc.get_threshold()))
 
     def on_end(self, event: Any) -> None:
-        """Release the lock of a function that cannot be compiled; what has been compiled is written next."""
+        """Release the lock of a function that cannot be compiled; what has been compiled is written
+        next."""
         gc.set_threshold(*self._thresholds.pop())
-        function, signature = event.data["dispatcher"], event.data["args"]
+        function = event.data["dispatcher"]
+        signature = event.data["args"]
         if isinstance(function._cache, Kept) and signature not in function.signatures:
             function._cache.release(signature)
 
@@ -368,21 +398,25 @@ INLINE: dict[str, Any] = LEAN_INTERNAL | {"forceinline": True}
 
 
 def jit(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function with numba, keep the machine code on disk, and release the interpreter lock while it runs.
+    """Compile a function with numba, keep the machine code on disk, and release the interpreter
+    lock while it runs.
 
     Division follows IEEE rules instead of raising: a branch on every division keeps LLVM from
-    vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths is cut.
+    vectorising the loops over paths.  No fast-math: results do not depend on how a loop over paths
+    is cut.
     """
     return cast(Callable[P, R], keep(numba.njit(**OPTIONS)(function)))
 
 
 def lean(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, without reference counting: for functions that allocate no arrays and take views only."""
+    """As `jit`, without reference counting: for functions that allocate no arrays and take views
+    only."""
     return cast(Callable[P, R], keep(numba.njit(**LEAN)(function)))
 
 
 def internal(function: Callable[P, R]) -> Callable[P, R]:
-    """As `jit`, for a function that compiled code alone calls: Python cannot call it, and its callers keep its code."""
+    """As `jit`, for a function that compiled code alone calls: Python cannot call it, and its
+    callers keep its code."""
     return cast(Callable[P, R], numba.njit(**INTERNAL)(function))
 
 
@@ -392,32 +426,38 @@ def lean_internal(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def shared(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function for its compiled callers alone; in Python it runs as it stands: for what is called rarely."""
+    """Compile a function for its compiled callers alone; in Python it runs as it stands: for what
+    is called rarely."""
     return register_jitable(**OPTIONS)(function)
 
 
 def shared_inline(function: Callable[P, R]) -> Callable[P, R]:
-    """As `shared`, and always inlined as `inline` does: for a formula that both Python and loops over paths need."""
+    """As `shared`, and always inlined as `inline` does: for a formula that both Python and loops
+    over paths need."""
     return register_jitable(**INLINE)(function)
 
 
 def inline(function: Callable[P, R]) -> Callable[P, R]:
-    """As `lean_internal`, and always inlined by LLVM: a loop over paths vectorises only when its body calls nothing."""
+    """As `lean_internal`, and always inlined by LLVM: a loop over paths vectorises only when its
+    body calls nothing."""
     return cast(Callable[P, R], numba.njit(**INLINE)(function))
 
 
 def splice(function: Callable[P, R]) -> Callable[P, R]:
-    """Inline a function into its caller before type inference: branches on the caller's constants are removed.
+    """Inline a function into its caller before type inference: branches on the caller's constants
+    are removed.
 
-    A function with one caller compiles faster so: by itself it would be optimised, and then again within its caller.
-    Other functions do not: the copy is typed and optimised again in each caller.
+    A function with one caller compiles faster so: by itself it would be optimised, and then again
+    within its caller. Other functions do not: the copy is typed and optimised again in each caller.
     """
     return cast(Callable[P, R], numba.njit(inline="always")(function))
 
 
 def emulate_fma(a: float, b: float, c: float) -> float:
     """``a * b + c`` rounded once, in fractions."""
-    a, b, c = float(a), float(b), float(c)
+    a = float(a)
+    b = float(b)
+    c = float(c)
     exact = Fraction(a) * Fraction(b) + Fraction(c) if all(map(math.isfinite, (a, b, c))) else 0
     try:
         return float(exact) if exact else a * b + c  # which has the sign of a zero
@@ -436,7 +476,8 @@ def _fma(_context: Any, a: Any, b: Any, c: Any) -> Any:
 @intrinsic
 def _widest_vectors(_context: Any) -> Any:
     def emit(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # llvmlite's own `add` knows fewer names
+        # llvmlite's own `add` knows fewer names
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()
 
     return types.void(), emit
@@ -449,13 +490,14 @@ def _nothing() -> None:
 INTERPRETED = bool(getattr(numba.config, "DISABLE_JIT", False))
 
 fma = cast(Callable[[float, float, float], float], emulate_fma if INTERPRETED else _fma)
-"""``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where numba is off."""
+"""``fma(a, b, c)``: ``a * b + c`` rounded once, by an instruction in compiled code; emulated where
+numba is off."""
 
 widest_vectors = cast(Callable[[], None], _nothing if INTERPRETED else _widest_vectors)
 """Ask the compiler for vectors of 512 bits in the calling function, where the processor has them.
 
-It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops over paths win in spite
-of that.  Numbers do not depend on it.
+It prefers 256 otherwise, since some processors lower their clock under wide vectors; the loops over
+paths win in spite of that.  Numbers do not depend on it.
 """
 
 

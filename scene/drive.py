@@ -1,7 +1,8 @@
-"""The driver's motion ``f(tau)`` and its derivatives: ``sin tau``, or a sum of orders (docs/model.md section 1).
+"""The driver's motion ``f(tau)`` and its derivatives: ``sin tau``, or a sum of orders
+(docs/model.md section 1).
 
-Functions take ``Constants.drive`` itself as an argument: its length is known when they are compiled, and what belongs
-to the other kind of drive is left out.
+Functions take ``Constants.drive`` itself as an argument: its length is known when they are
+compiled, and what belongs to the other kind of drive is left out.
 """
 
 import math
@@ -11,7 +12,8 @@ from rattle.scene.compiled import lean, shared_inline
 from rattle.scene.damping import Pair
 
 # pi / 2 in three parts; multiples of the first two below 2^20 are exact
-QUARTER_HIGH, QUARTER_MIDDLE = 1.57079632673412561417, 6.07710050630396597660e-11
+QUARTER_HIGH = 1.57079632673412561417
+QUARTER_MIDDLE = 6.07710050630396597660e-11
 QUARTER_LOW = 2.02226624879595063154e-21
 QUARTERS = 0.63661977236758134308  # 2 / pi
 # polynomials in x^2 of sin x / x^3 and cos x / x^4 (FDLIBM), highest power first
@@ -41,10 +43,14 @@ def sine_cosine(tau: float) -> tuple[float, float]:
     """
     turns = math.floor(QUARTERS * tau + 0.5)
     x = tau - turns * QUARTER_HIGH - turns * QUARTER_MIDDLE - turns * QUARTER_LOW
-    z, sine, cosine = x * x, SINES[0], COSINES[0]
+    z = x * x
+    sine = SINES[0]
+    cosine = COSINES[0]
     for i in range(1, len(SINES)):
-        sine, cosine = SINES[i] + z * sine, COSINES[i] + z * cosine
-    sine, cosine = x + x * z * sine, 1.0 - (0.5 * z - z * z * cosine)
+        sine = SINES[i] + z * sine
+        cosine = COSINES[i] + z * cosine
+    sine = x + x * z * sine
+    cosine = 1.0 - (0.5 * z - z * z * cosine)
     quadrant = turns & 3
     if quadrant == 0:
         return sine, cosine
@@ -59,7 +65,8 @@ def sine_cosine(tau: float) -> tuple[float, float]:
 def _turn(
     drive: Any, i: int, angle: float, unit: tuple[float, float], last: tuple[float, float]
 ) -> tuple[float, float]:
-    """Sine and cosine of ``j angle`` of order i: those of the order before it, turned by the angle `gap` times.
+    """Sine and cosine of ``j angle`` of order i: those of the order before it, turned by the angle
+    `gap` times.
 
     `unit`, `last`: Sine and cosine of the angle, and of the order before times the angle.
     """
@@ -74,10 +81,14 @@ def _turn(
 @shared_inline
 def _derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
     """``f'``, ``f''`` and ``f'''`` of several orders."""
-    first, second, third = 0.0, 0.0, 0.0
-    unit, at = sine_cosine(tau), (0.0, 1.0)
+    first = 0.0
+    second = 0.0
+    third = 0.0
+    unit = sine_cosine(tau)
+    at = (0.0, 1.0)
     for i in range(drive.order.size):
-        j, at = drive.order[i], _turn(drive, i, tau, unit, at)
+        j = drive.order[i]
+        at = _turn(drive, i, tau, unit, at)
         slope = j * (drive.odd[i] * at[1] - drive.even[i] * at[0])
         first += slope
         second -= j * j * (drive.odd[i] * at[0] + drive.even[i] * at[1])
@@ -120,25 +131,32 @@ def phase_of_orders(drive: Any, tau: float) -> tuple[float, float, float, float]
 
 @shared_inline
 def begin_derivatives(drive: Any, tau: float) -> tuple[float, float, float]:
-    """``f'``, ``f''`` and ``f'''``; the next two derivatives by order go into the rows of ``drive.waves``."""
-    first, second, third = 0.0, 0.0, 0.0
-    unit, at = sine_cosine(tau), (0.0, 1.0)
+    """``f'``, ``f''`` and ``f'''``; the next two derivatives by order go into the rows of
+    ``drive.waves``."""
+    first = 0.0
+    second = 0.0
+    third = 0.0
+    unit = sine_cosine(tau)
+    at = (0.0, 1.0)
     for i in range(drive.order.size):
-        j, at = drive.order[i], _turn(drive, i, tau, unit, at)
+        j = drive.order[i]
+        at = _turn(drive, i, tau, unit, at)
         slope = j * (drive.odd[i] * at[1] - drive.even[i] * at[0])
         bend = -j * j * (drive.odd[i] * at[0] + drive.even[i] * at[1])
         square = -j * j
         first += slope
         second += bend
         third += square * slope
-        drive.waves[0, i], drive.waves[1, i] = square * bend, square * (square * slope)
+        drive.waves[0, i] = square * bend
+        drive.waves[1, i] = square * (square * slope)
     return first, second, third
 
 
 @shared_inline
 def next_derivative(drive: Any, k: int) -> float:
     """Derivative ``k + 3`` of f, for k = 1, 2, ... in turn after `begin_derivatives`."""
-    total, row = 0.0, drive.waves[(k - 1) & 1]
+    total = 0.0
+    row = drive.waves[(k - 1) & 1]
     for i in range(drive.order.size):
         part = row[i]
         total += part
@@ -184,7 +202,8 @@ def most_modulation_rate(drive: Any, beta: float) -> float:
 
 @lean
 def t_minus_sine(t: float, sine: float) -> float:
-    """``t - sin t`` for a given ``sine = sin t``; by its series where the difference would cancel."""
+    """``t - sin t`` for a given ``sine = sin t``; by its series where the difference would
+    cancel."""
     z = t * t
     if z > 1.0:
         return t - sine
@@ -196,23 +215,42 @@ def t_minus_sine(t: float, sine: float) -> float:
 
 @shared_inline
 def excite(drive: Any, beta: float, p: Pair, tau: float, t: float) -> tuple[float, float, float]:
-    """What the drive adds to stage 1 in a flight from `tau` on: ``f(tau + t) - f - e1 f'``, ``f'(tau + t) - d1 f'``.
+    """What the drive adds to stage 1 in a flight from `tau` on: ``f(tau + t) - f - e1 f'``,
+    ``f'(tau + t) - d1 f'``.
 
-    e1 and d1 are the phi-functions of `beta`, in `p`.  Terms vanish with t as the sums do.  The third number is ``f'``.
+    e1 and d1 are the phi-functions of `beta`, in `p`.  Terms vanish with t as the sums do.  The
+    third number is ``f'``.
     """
     if len(drive) == 0:
-        sine, cosine = math.sin(tau), math.cos(tau)
-        sh, ch = math.sin(0.5 * t), math.cos(0.5 * t)
-        versine, sine_t = 2.0 * sh * sh, 2.0 * sh * ch  # 1 - cos t, sin t
+        sine = math.sin(tau)
+        cosine = math.cos(tau)
+        sh = math.sin(0.5 * t)
+        ch = math.cos(0.5 * t)
+        # 1 - cos t, sin t
+        versine = 2.0 * sh * sh
+        sine_t = 2.0 * sh * ch
         # sin(tau + t) - sin tau - cos tau e1, with sin t - e1 = beta g1 - (t - sin t)
         ahead = beta * p.g1 - t_minus_sine(t, sine_t) if t < 1.0 else sine_t - p.e1
-        return cosine * ahead - sine * versine, cosine * (beta * p.e1 - versine) - sine * sine_t, cosine
-    moved, gained, first = 0.0, 0.0, 0.0
-    unit, at, half_unit, half = sine_cosine(tau), (0.0, 1.0), sine_cosine(0.5 * t), (0.0, 1.0)
+        return (
+            cosine * ahead - sine * versine,
+            cosine * (beta * p.e1 - versine) - sine * sine_t,
+            cosine,
+        )
+    moved = 0.0
+    gained = 0.0
+    first = 0.0
+    unit = sine_cosine(tau)
+    at = (0.0, 1.0)
+    half_unit = sine_cosine(0.5 * t)
+    half = (0.0, 1.0)
     for i in range(drive.order.size):
-        j, at, half = drive.order[i], _turn(drive, i, tau, unit, at), _turn(drive, i, 0.5 * t, half_unit, half)
-        sine, cosine = drive.odd[i] * at[0] + drive.even[i] * at[1], drive.odd[i] * at[1] - drive.even[i] * at[0]
-        versine, sine_t = 2.0 * half[0] * half[0], 2.0 * half[0] * half[1]
+        j = drive.order[i]
+        at = _turn(drive, i, tau, unit, at)
+        half = _turn(drive, i, 0.5 * t, half_unit, half)
+        sine = drive.odd[i] * at[0] + drive.even[i] * at[1]
+        cosine = drive.odd[i] * at[1] - drive.even[i] * at[0]
+        versine = 2.0 * half[0] * half[0]
+        sine_t = 2.0 * half[0] * half[1]
         ahead = j * beta * p.g1 - t_minus_sine(j * t, sine_t) if j * t < 1.0 else sine_t - j * p.e1
         moved += cosine * ahead - sine * versine
         gained += j * (cosine * (beta * p.e1 - versine) - sine * sine_t)

@@ -1,9 +1,10 @@
 """The noise of a measured drive, from what the acceleration of each period is of the mean one.
 
-That share is 1 plus the integral of the modulation with a weight; for white noise of the drive the periods are
-independent and normal, with variances that `rattle.scene.period_fits.measure_gains` knows.  So their scatter gives
-sigma, with an interval from the chi-square distribution.  Not noise are periods that stand far off, a slow change, and
-a pattern that repeats after some periods, such as that of a half order.
+That share is 1 plus the integral of the modulation with a weight; for white noise of the drive the
+periods are independent and normal, with variances that `rattle.scene.period_fits.measure_gains`
+knows.  So their scatter gives sigma, with an interval from the chi-square distribution.  Not noise
+are periods that stand far off, a slow change, and a pattern that repeats after some periods, such
+as that of a half order.
 """
 
 import math
@@ -21,7 +22,8 @@ CYCLES = (1, 2, 3, 4, 5, 6, 8)  # periods after which a pattern may repeat
 HIGHEST_DEGREE = 12  # of the polynomial of a slow change
 SLOW = 4  # periods at least for each number of a pattern
 PASSES = 3  # between leaving out periods and finding their pattern
-PENALTY = 3.0  # times log(periods) for each number of a model: white noise of 60 periods passes in 5 of 10,000
+# times log(periods) for each number of a model: white noise of 60 periods passes in 5 of 10,000
+PENALTY = 3.0
 RESOLVED = 1e-7  # scatter, relative to the mean, below which nothing is looked for
 RESOLUTION = 1e-5  # of sigma / alpha: what is smaller counts as 0
 SURE = 3.0  # standard errors of the noise of the measurement that an interval allows for
@@ -29,7 +31,8 @@ SURE = 3.0  # standard errors of the noise of the measurement that an interval a
 
 @dataclass(frozen=True)
 class Pattern:
-    """What in numbers of successive periods is no noise: a slow change, and a pattern of `cycle` periods."""
+    """What in numbers of successive periods is no noise: a slow change, and a pattern of `cycle`
+    periods."""
 
     slow: Legendre  # over the number of the period, from 0
     residual: Floats
@@ -39,14 +42,17 @@ class Pattern:
 
 
 def _find_near(residual: Floats, good: Bools, least: float) -> Bools:
-    """Which of the good periods are not far off, by the median of all; where many are, it is no exception."""
+    """Which of the good periods are not far off, by the median of all; where many are, it is no
+    exception."""
     size = np.abs(residual - np.median(residual[good]))
     sd = 1.4826 * float(np.median(size[good]))
     near = good & (size <= max(FAR * sd, least))
     return near if near.sum() >= (1.0 - FEW) * good.sum() else good
 
 
-def find_pattern(values: Floats, good: Bools, least: float, cycles: Sequence[int] = CYCLES) -> Pattern:
+def find_pattern(
+    values: Floats, good: Bools, least: float, cycles: Sequence[int] = CYCLES
+) -> Pattern:
     """Tell noise from periods that stand far off, a slow change and a repeating pattern.
 
     `least`: What does not count as far off.  `cycles`: Periods after which a pattern may repeat.
@@ -64,7 +70,9 @@ def find_pattern(values: Floats, good: Bools, least: float, cycles: Sequence[int
             rest = values[rows, None] - np.cumsum(parts * (parts.T @ values[rows]), axis=1)
             error = np.log((rest**2).mean(axis=0)[cycle - 1 :] + RESOLVED**2)
             count = np.arange(cycle, cycle + len(error))  # of the numbers of each model
-            score = error + PENALTY * count * math.log(rows.sum()) / np.maximum(rows.sum() - count - 1, 1)
+            score = error + PENALTY * count * math.log(rows.sum()) / np.maximum(
+                rows.sum() - count - 1, 1
+            )
             degree = int(score.argmin())
             scores[float(score[degree])] = cycle, degree
         cycle, degree = scores[min(scores)]
@@ -93,7 +101,8 @@ def correlate_neighbours(pattern: Pattern) -> float:
 def estimate_noise(
     pattern: Pattern, gains: tuple[Floats, Floats], own_noise: tuple[float, float]
 ) -> tuple[float, float, float, float]:
-    """Sigma over alpha, its 95 % interval, and the sigma that the noise of the measurement would be taken for.
+    """Sigma over alpha, its 95 % interval, and the sigma that the noise of the measurement would be
+    taken for.
 
     `own_noise`: Variance of the samples by noise of the measurement, and its standard error.
     """

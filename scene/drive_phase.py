@@ -8,10 +8,19 @@ import numpy as np
 from rattle.scene.drive_noise import find_pattern
 from rattle.scene.errors import InputError, count, positive
 from rattle.scene.measured_file import Measurement
-from rattle.scene.period_fits import TURN, PeriodFits, Samples, Waves, count_periods, evaluate, fit_periods
+from rattle.scene.period_fits import (
+    TURN,
+    PeriodFits,
+    Samples,
+    Waves,
+    count_periods,
+    evaluate,
+    fit_periods,
+)
 from rattle.scene.types import Bools, Floats
 
-LEAST_PERIODS, LEAST_SAMPLES = 8, 16
+LEAST_PERIODS = 8
+LEAST_SAMPLES = 16
 LONGEST_STEP = TURN / 8.0  # of the phase, between two samples
 LEAST_SPIKE = 0.003  # of the range of the mean period, up to which no sample stands out from it
 SLIP = 0.02  # share by which the frequency in the file may differ from the stated one
@@ -22,7 +31,8 @@ SPIKE = 10.0  # times the usual step from sample to sample, beyond which a sampl
 USUAL = 0.9  # quantile of the steps
 RARE = 0.01  # share of the samples from which on they are no bad ones, but a motion with steps
 FAR_PHASE = 0.1  # rad, up to which no period counts as far off
-UNSTEADY = 0.6  # rad of the strongest order, from which on its phase cannot be followed from period to period
+# rad of the strongest order, from which on its phase cannot be followed from period to period
+UNSTEADY = 0.6
 MOST = 0.5  # share of the periods whose phases are to be compared, for a phase to be followed
 FASTER = 0.3  # relative change of the frequency that is never a slow one of the stated
 EXACT = 1e-9  # rad, up to which the phase is left as it is
@@ -30,7 +40,8 @@ ALIKE = 2.0  # factor between the sizes of two periods, up to which their phases
 
 
 def is_spike(values: Floats, least: float = 0.0) -> Bools:
-    """Which samples stand out from their neighbours, far more than samples move from one to the next."""
+    """Which samples stand out from their neighbours, far more than samples move from one to the
+    next."""
     from scipy.ndimage import median_filter
 
     off = np.abs(values - median_filter(values, NEIGHBOURS, mode="nearest"))
@@ -40,14 +51,20 @@ def is_spike(values: Floats, least: float = 0.0) -> Bools:
 
 
 def find_shift(fits: PeriodFits, slip: float) -> float:
-    """The change of the frequency, up to a share `slip`, at which the strongest orders of all periods add up best."""
-    waves, number = fits.waves[fits.fitted], np.flatnonzero(fits.fitted)
+    """The change of the frequency, up to a share `slip`, at which the strongest orders of all
+    periods add up best."""
+    waves = fits.waves[fits.fitted]
+    number = np.flatnonzero(fits.fitted)
     size = np.abs(waves)
     length = np.linalg.norm(size, axis=1)
-    waves = waves / np.maximum(length, np.median(length))[:, None]  # no period counts for more than the others
-    usable = fits.orders * slip < 0.4  # of a turn in a period: the direction of a faster one is not known
+    # no period counts for more than the others
+    waves = waves / np.maximum(length, np.median(length))[:, None]
+    # of a turn in a period: the direction of a faster one is not known
+    usable = fits.orders * slip < 0.4
     strongest = np.argsort(np.where(usable, np.median(size, axis=0), 0.0))[-STRONGEST:]
-    shares = np.linspace(-slip, slip, 1 + 2 * math.ceil(8.0 * slip * fits.orders[strongest].max() * len(fits.waves)))
+    shares = np.linspace(
+        -slip, slip, 1 + 2 * math.ceil(8.0 * slip * fits.orders[strongest].max() * len(fits.waves))
+    )
     power = np.zeros(len(shares))
     for j in strongest:
         turns = np.outer(shares, fits.orders[j] * number)
@@ -56,14 +73,17 @@ def find_shift(fits: PeriodFits, slip: float) -> float:
 
 
 def follow_phase(samples: Samples, highest: int, slip: float) -> tuple[Samples, Floats]:
-    """The samples at the phase that the motion has, and what the frequency is of the stated one at each.
+    """The samples at the phase that the motion has, and what the frequency is of the stated one at
+    each.
 
-    The frequency is first searched up to `slip`; then the phase of the strongest order is followed from period to
-    period, as far as it changes slowly.
+    The frequency is first searched up to `slip`; then the phase of the strongest order is followed
+    from period to period, as far as it changes slowly.
     """
-    tau, rate = samples.tau, np.ones(len(samples.tau))
+    tau = samples.tau
+    rate = np.ones(len(samples.tau))
     shift = find_shift(fit_periods(samples, highest), slip)
-    tau, rate = tau * (1.0 + shift), rate * (1.0 + shift)
+    tau = tau * (1.0 + shift)
+    rate = rate * (1.0 + shift)
     for _ in range(PASSES):
         now = Samples(tau, samples.values / rate**samples.power, samples.power)
         fits = fit_periods(now, highest)
@@ -133,9 +153,15 @@ class Followed:
 
 
 def guess_phases(
-    measured: Measurement, good: Bools, omega: float | None, periods: int | None, per_turn: int, radius: float | None
+    measured: Measurement,
+    good: Bools,
+    omega: float | None,
+    periods: int | None,
+    per_turn: int,
+    radius: float | None,
 ) -> list[tuple[Floats, Floats]]:
-    """Phases of the drive at all samples, with their rates in rad/s: as stated, or with the time or the angle."""
+    """Phases of the drive at all samples, with their rates in rad/s: as stated, or with the time or
+    the angle."""
     at = measured.at
     if measured.along == "angle":
         turning = measured.values if measured.is_angular else measured.values / (radius or 1.0)
@@ -179,7 +205,8 @@ def _check_turning(measured: Measurement, good: Bools, omega: float | None) -> b
 def _phases_of_rotation(
     angle: Floats, speed: Floats, good: Bools, omega: float | None, per_turn: int
 ) -> list[tuple[Floats, Floats]]:
-    """The phase by a constant frequency in time, and that with a whole number of periods in each turn."""
+    """The phase by a constant frequency in time, and that with a whole number of periods in each
+    turn."""
     from scipy.interpolate import CubicSpline
 
     time = CubicSpline(angle[good], 1.0 / speed[good]).antiderivative()(angle)
@@ -197,9 +224,15 @@ def _phases_of_rotation(
 
 
 def follow(
-    measured: Measurement, good: Bools, phase: tuple[Floats, Floats], radius: float, highest: int, slip: float
+    measured: Measurement,
+    good: Bools,
+    phase: tuple[Floats, Floats],
+    radius: float,
+    highest: int,
+    slip: float,
 ) -> Followed:
-    """Follow the phase of the drive from a first guess, and leave out samples that stand out from the mean period."""
+    """Follow the phase of the drive from a first guess, and leave out samples that stand out from
+    the mean period."""
     tau, rate = phase
     _check_sampling(measured, tau)
     everything = Samples(tau, measured.values * radius / rate**measured.power, measured.power)
@@ -227,7 +260,11 @@ def _check_sampling(measured: Measurement, tau: Floats) -> None:
         raise InputError("drive.file", f"{tau[-1] / TURN:.3g} periods", why)
     each = TURN * len(tau) / tau[-1]
     if each < LEAST_SAMPLES:
-        raise InputError("drive.file", f"{each:.3g} samples a period", f"is too coarse; {LEAST_SAMPLES} are the least")
+        raise InputError(
+            "drive.file",
+            f"{each:.3g} samples a period",
+            f"is too coarse; {LEAST_SAMPLES} are the least",
+        )
     steps = np.diff(tau)
     k = int(steps.argmax())
     if steps[k] > LONGEST_STEP:

@@ -1,8 +1,8 @@
 """Elementary functions of arrays and quadrature whose last bits do not depend on the processor.
 
-numpy takes other exponentials, powers and trigonometric functions where it finds AVX-512, and its quadrature nodes are
-eigenvalues from LAPACK, which chooses its kernels by the processor.  The functions of the C library are the same on all
-processors with a fused multiply-add.
+numpy takes other exponentials, powers and trigonometric functions where it finds AVX-512, and its
+quadrature nodes are eigenvalues from LAPACK, which chooses its kernels by the processor.  The
+functions of the C library are the same on all processors with a fused multiply-add.
 """
 
 import math
@@ -50,15 +50,19 @@ def gauss_legendre(n: int) -> tuple[Floats, Floats]:
 
     Shapes: result (n,).
     """
-    nodes, weights = np.zeros(n), np.zeros(n)
+    nodes = np.zeros(n)
+    weights = np.zeros(n)
     for i in range((n + 1) // 2):
-        x, slope = math.cos(math.pi * (i + 0.75) / (n + 0.5)) if 2 * i + 1 < n else 0.0, 0.0
+        x = math.cos(math.pi * (i + 0.75) / (n + 0.5)) if 2 * i + 1 < n else 0.0
+        slope = 0.0
         for _ in range(10):  # Newton's method doubles the digits, from two on
-            p, q = 1.0, 0.0
+            p = 1.0
+            q = 0.0
             for k in range(1, n + 1):
                 p, q = ((2 * k - 1) * x * p - (k - 1) * q) / k, p
             slope = n * (x * p - q) / (x * x - 1.0)
             x -= p / slope
-        nodes[i], nodes[n - 1 - i] = -x, x
+        nodes[i] = -x
+        nodes[n - 1 - i] = x
         weights[i] = weights[n - 1 - i] = 2.0 / ((1.0 - x * x) * slope * slope)
     return nodes, weights

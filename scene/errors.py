@@ -1,4 +1,5 @@
-"""The exceptions of the project, and the input validation that raises them; each message names field, value, remedy.
+"""The exceptions of the project, and the input validation that raises them; each message names
+field, value, remedy.
 
 A check returns the value that it was given, or raises an InputError that says what to change.
 """
@@ -19,7 +20,8 @@ LONGEST = 300  # most characters of a value that a message quotes
 
 
 class RattleError(Exception):
-    """Base of every error that this project raises on purpose; control characters in its message are escaped."""
+    """Base of every error that this project raises on purpose; control characters in its message
+    are escaped."""
 
     def __init__(self, message: str) -> None:
         super().__init__(harmless(message))
@@ -46,8 +48,13 @@ class InputError(RattleError, ValueError):
     """
 
     def __init__(self, field: str, value: object, remedy: str, where: str = "") -> None:
-        super().__init__(harmless(f"{where}{': ' * bool(where)}{field} = {_show(value)}: {remedy}", keep=""))
-        self.field, self.value, self.remedy, self.where = field, value, remedy, where
+        super().__init__(
+            harmless(f"{where}{': ' * bool(where)}{field} = {_show(value)}: {remedy}", keep="")
+        )
+        self.field = field
+        self.value = value
+        self.remedy = remedy
+        self.where = where
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, object, str, str]]:
         return type(self), (self.field, self.value, self.remedy, self.where)  # for worker processes
@@ -105,7 +112,8 @@ def unit_interval(field: str, value: float) -> float:
 
 
 def check_range(field: str, value: float, least: float, most: float, zero: bool = True) -> float:
-    """Check that the absolute value of a number lies within bounds, or is 0 where that is allowed."""
+    """Check that the absolute value of a number lies within bounds, or is 0 where that is
+    allowed."""
     size = abs(finite(field, value))
     if not least <= size <= most and not (zero and size == 0.0):
         zeros = "0 or " if zero and least > 0.0 else ""
@@ -126,7 +134,8 @@ def count(field: str, value: object, least: int = 1, most: int | None = None) ->
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:
-    """The end of an error message about an unknown name: the closest valid ones, where several are as close, or all."""
+    """The end of an error message about an unknown name: the closest valid ones, where several are
+    as close, or all."""
     names = list(valid)
     plain = {name.casefold(): name for name in names}
     match = SequenceMatcher(b=word[:100].casefold())
@@ -136,7 +145,9 @@ def nearest(word: str, valid: Iterable[str]) -> str:
         close[plain[name]] = match.ratio()
     best = [name for name, likeness in close.items() if likeness == max(close.values())]
     return (
-        f"did you mean {' or '.join(map(repr, sorted(best)))}?" if best else f"valid are {', '.join(map(repr, names))}"
+        f"did you mean {' or '.join(map(repr, sorted(best)))}?"
+        if best
+        else f"valid are {', '.join(map(repr, names))}"
     )
 
 
@@ -153,14 +164,16 @@ def check_keys(where: str, given: Iterable[str], valid: Iterable[str]) -> None:
     names = list(valid)
     for key in given:
         if not isinstance(key, str) or key not in names:
-            raise InputError(where, key, f"unknown key; {nearest(key if isinstance(key, str) else '', names)}")
+            raise InputError(
+                where, key, f"unknown key; {nearest(key if isinstance(key, str) else '', names)}"
+            )
 
 
 def suggesting(cls: type[C]) -> type[C]:
     """Make a class refuse an unknown keyword by an InputError that names the nearest known one.
 
-    `cls`: The class; it is changed in place.  Its dictionary ``ELSEWHERE``, if it has one, says of keywords that
-    people try here where they belong.
+    `cls`: The class; it is changed in place.  Its dictionary ``ELSEWHERE``, if it has one, says of
+    keywords that people try here where they belong.
     """
     made = cls.__init__
     names = tuple(inspect.signature(made).parameters)[1:]

@@ -1,4 +1,5 @@
-"""Reading of text, TOML and JSON files of bounded size and depth, with errors that name the file."""
+"""Reading of text, TOML and JSON files of bounded size and depth, with errors that name the
+file."""
 
 import errno
 import io
@@ -25,7 +26,9 @@ MOST_TOML = 1_000_000
 """Most characters of a TOML text: fifty thousand numbers, which are parsed in about a second."""
 MOST_DEPTH = 32
 """Most levels of nested tables and lists, and most parts of a dotted key; a page has 12."""
-LONG_KEY = re.compile(rf"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{MOST_DEPTH}}}""")
+LONG_KEY = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{MOST_DEPTH}}}"""
+)
 MOST_BITS = 1000
 """Most bits of an integer: any seed has fewer, and a floating-point number holds it."""
 PATIENCE = 5.0  # seconds in which somebody has to open a pipe for writing
@@ -43,17 +46,24 @@ def read_text(what: str, path: str | Path, give: str = "a TOML file") -> str:
     except UnicodeDecodeError:
         raise FileError(what, str(path), f"is not UTF-8 text; give {give} saved as UTF-8") from None
     except OSError as error:
-        raise FileError(what, str(path), f"cannot be read ({error.strerror}); give {give}") from None
+        raise FileError(
+            what, str(path), f"cannot be read ({error.strerror}); give {give}"
+        ) from None
     except (TypeError, ValueError):  # not a path, or one with a null character in it
         raise FileError(what, path, f"is no path; give that of {give}") from None
 
 
 def _read(path: Path) -> bytes:
-    """Read at most `MOST_BYTES` and one more; a pipe into which nobody writes is an error, where it would block."""
+    """Read at most `MOST_BYTES` and one more; a pipe into which nobody writes is an error, where it
+    would block."""
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
         first: bytes | None = None
-        if stat.S_ISFIFO(os.fstat(file.fileno()).st_mode) and not select.select([file], [], [], PATIENCE)[0]:
-            first = file.raw.read(1)  # None while somebody who has opened it has written nothing yet
+        if (
+            stat.S_ISFIFO(os.fstat(file.fileno()).st_mode)
+            and not select.select([file], [], [], PATIENCE)[0]
+        ):
+            # None while somebody who has opened it has written nothing yet
+            first = file.raw.read(1)
             if first == b"":
                 raise OSError(errno.EPIPE, "nobody writes into this pipe")
         os.set_blocking(file.fileno(), True)
@@ -61,7 +71,8 @@ def _read(path: Path) -> bytes:
 
 
 def read_regular(path: Path) -> bytes:
-    """Read a file of this project's own; OSError where it is of another kind or size, for it might have no end."""
+    """Read a file of this project's own; OSError where it is of another kind or size, for it might
+    have no end."""
     if not path.is_file():
         raise OSError(errno.EINVAL, "is no regular file", str(path))
     if path.stat().st_size > MOST_BYTES:
@@ -116,7 +127,11 @@ def _check_data(data: Any) -> None:
     for _ in range(MOST_DEPTH + 1):
         if any(isinstance(item, int) and item.bit_length() > MOST_BITS for item in level):
             raise ValueError(TOO_LARGE)
-        nested = [item.values() if isinstance(item, dict) else item for item in level if isinstance(item, dict | list)]
+        nested = [
+            item.values() if isinstance(item, dict) else item
+            for item in level
+            if isinstance(item, dict | list)
+        ]
         level = [item for items in nested for item in items]
         if not nested:
             return
@@ -132,7 +147,9 @@ def read_toml(text: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise FileError("TOML", str(error), _remedy(text, str(error))) from None
     except ValueError as error:
-        raise FileError("TOML", str(error), "no scene or study needs that; correct the file") from None
+        raise FileError(
+            "TOML", str(error), "no scene or study needs that; correct the file"
+        ) from None
 
 
 def _remedy(text: str, error: str) -> str:
@@ -142,13 +159,17 @@ def _remedy(text: str, error: str) -> str:
     if comma := COMMA.search(row):
         return f"use a decimal point: {comma[1]}.{comma[2]}"
     if row and "=" not in row and re.search("[,;\t]", row):
-        return "this looks like a table (CSV): write each value on a line as name = value, with a decimal point"
+        return (
+            "this looks like a table (CSV): write each value on a line as name = value, with a"
+            " decimal point"
+        )
     return "correct the file at that place"
 
 
 @contextmanager
 def in_file(path: str | Path, text: str) -> Iterator[None]:
-    """Errors about the content of a TOML file name the file, and the line of the key where that can be found."""
+    """Errors about the content of a TOML file name the file, and the line of the key where that can
+    be found."""
     try:
         yield
     except InputError as error:
@@ -158,7 +179,8 @@ def in_file(path: str | Path, text: str) -> Iterator[None]:
 
 
 def _line_of(text: str, error: InputError) -> int | None:
-    """The first line whose key is the field of an error, or, of a table with an unknown key, that key."""
+    """The first line whose key is the field of an error, or, of a table with an unknown key, that
+    key."""
     *tables, key = error.field.split(".")
     wanted = [(".".join(tables), key)]
     if isinstance(error.value, str):
@@ -168,6 +190,8 @@ def _line_of(text: str, error: InputError) -> int | None:
         if found := TABLE.match(line):
             table = found[1].strip()
         found = KEY.match(line)
-        if found and any(found[1] == name and (not of or f".{table}".endswith(f".{of}")) for of, name in wanted):
+        if found and any(
+            found[1] == name and (not of or f".{table}".endswith(f".{of}")) for of, name in wanted
+        ):
             return number
     return None

@@ -1,4 +1,5 @@
-"""A scene of gears in which some values of the gears are others: what an axis of a study and a search vary."""
+"""A scene of gears in which some values of the gears are others: what an axis of a study and a
+search vary."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,8 +14,11 @@ UNITS = ("omega", "backlash1")
 
 
 def values_of(gears: Gears) -> dict[str, float]:
-    """The values of gears that may be varied, as they were typed; the drive is its amplitude in mm."""
-    return {"amplitude": gears.amplitude} | {name: v for name, v in gears.values.items() if name not in DRIVES}
+    """The values of gears that may be varied, as they were typed; the drive is its amplitude in
+    mm."""
+    return {"amplitude": gears.amplitude} | {
+        name: v for name, v in gears.values.items() if name not in DRIVES
+    }
 
 
 def is_value(name: str, gears: Gears | None) -> bool:
@@ -28,7 +32,8 @@ def has_own_start(scene: Scene) -> bool:
 
 
 def scene_with(scene: Scene, changes: Mapping[str, Any]) -> Scene:
-    """The scene with other values of its gears; all others stay as they were typed, the drive and tolerances in mm."""
+    """The scene with other values of its gears; all others stay as they were typed, the drive and
+    tolerances in mm."""
     assert scene.gears is not None
     gears = scene.gears
     for name, value in changes.items():

@@ -5,7 +5,15 @@ from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, fields
 from typing import Any, ClassVar
 
-from rattle.scene.errors import InputError, check_range, finite, non_negative, positive, suggesting, unit_interval
+from rattle.scene.errors import (
+    InputError,
+    check_range,
+    finite,
+    non_negative,
+    positive,
+    suggesting,
+    unit_interval,
+)
 from rattle.scene.text import as_call
 from rattle.scene.units import Units
 
@@ -24,11 +32,13 @@ WHEEL2 = ("inertia2", "radius2")
 class Gears:
     """Physical data of the driver and its one or two loose wheels.
 
-    `driven` takes the amplitude of the driver's motion in place of `alpha`, and the mean speed.  All dimensional values
-    are at most 1e12 in the units below; frequency, inertias, radii and backlashes are at least 1e-12.
+    `driven` takes the amplitude of the driver's motion in place of `alpha`, and the mean speed.
+    All dimensional values are at most 1e12 in the units below; frequency, inertias, radii and
+    backlashes are at least 1e-12.
 
-    ``dataclasses.replace`` leaves everything else as it was typed: of a drive that was given in mm or rad another
-    ``backlash1`` makes another ``alpha``, and with ``alpha`` given another motion; a mean speed is counted in again.
+    ``dataclasses.replace`` leaves everything else as it was typed: of a drive that was given in mm
+    or rad another ``backlash1`` makes another ``alpha``, and with ``alpha`` given another motion; a
+    mean speed is counted in again.
 
     Parameters
     ----------
@@ -39,7 +49,8 @@ class Gears:
     omega : float
         Excitation frequency in rad/s.
     inertia1, inertia2 : float
-        Moments of inertia of the wheels in kg mm^2; without a second wheel `inertia2` and `radius2` are left out.
+        Moments of inertia of the wheels in kg mm^2; without a second wheel `inertia2` and `radius2`
+        are left out.
     radius1, radius2 : float
         Base radii in mm.
     backlash1, backlash2 : float
@@ -47,8 +58,9 @@ class Gears:
     damping1, damping2 : float
         Rotational damping in N mm s; left out, none, and of wheel 2 that of wheel 1.
     torque1, torque2 : float
-        Drag torques in N mm at the mean speed; left out, none, and on wheel 2 that on wheel 1.  Damping acts on the
-        oscillation alone: what it brakes the mean rotation by, ``damping * mean speed``, is part of the torque.
+        Drag torques in N mm at the mean speed; left out, none, and on wheel 2 that on wheel 1.
+        Damping acts on the oscillation alone: what it brakes the mean rotation by, ``damping * mean
+        speed``, is part of the torque.
     origin : Gears, optional
         Those that these are a changed copy of; given by ``dataclasses.replace``.
 
@@ -87,14 +99,17 @@ class Gears:
     torque2: float = None  # type: ignore[assignment]
     origin: InitVar["Gears | None"] = None
 
-    _typed: ClassVar[dict[str, float]] = {}  # of an instance what `driven` was given in place of a field's value
+    # of an instance what `driven` was given in place of a field's value
+    _typed: ClassVar[dict[str, float]] = {}
     ELSEWHERE = dict.fromkeys((*DRIVES[1:], "driver_radius", *SPEEDS), "give it to Gears.driven")
 
     def __post_init__(self, origin: "Gears | None") -> None:
         given = [name for name in WHEEL2 if getattr(self, name) is not None]
         if len(given) == 1:
             other = WHEEL2[1 - WHEEL2.index(given[0])]
-            raise InputError(other, None, f"goes with {given[0]}; leave out both where there is no wheel 2")
+            raise InputError(
+                other, None, f"goes with {given[0]}; leave out both where there is no wheel 2"
+            )
         for name in ("backlash", "damping", "torque"):
             if given and getattr(self, f"{name}2") is None:
                 object.__setattr__(self, f"{name}2", getattr(self, f"{name}1"))
@@ -114,7 +129,11 @@ class Gears:
 
     def _keep_typed(self, origin: "Gears") -> None:
         """Derive again what was derived in the gears that these are a changed copy of."""
-        changed = {f.name: v for f in fields(self) if (v := getattr(self, f.name)) != getattr(origin, f.name)}
+        changed = {
+            f.name: v
+            for f in fields(self)
+            if (v := getattr(self, f.name)) != getattr(origin, f.name)
+        }
         values = origin.values | changed
         if "alpha" in changed:
             values = drive_by(values, "alpha", self.alpha)
@@ -149,48 +168,69 @@ class Gears:
         speed_rad_s: float | None = None,
         **values: Any,
     ) -> "Gears":
-        """Gears whose drive is given as the amplitude of the driver's motion, or with the mean speed of the driver.
+        """Gears whose drive is given as the amplitude of the driver's motion, or with the mean
+        speed of the driver.
 
         Parameters
         ----------
         amplitude : float, optional
             Amplitude ``R_e a`` of the motion on the driver's pitch circle, in mm.
         amplitude_rad : float, optional
-            Amplitude ``a`` of the driver's rotation in rad, in place of `amplitude`; with `driver_radius`.
+            Amplitude ``a`` of the driver's rotation in rad, in place of `amplitude`; with
+            `driver_radius`.
         driver_radius : float, optional
             Base radius ``R_e`` of the driver in mm; with `amplitude_rad` or a speed.
         speed_rpm, speed_rad_s : float, optional
-            Mean speed of the driver in revolutions per minute or in rad/s, one of them.  Wheel i then turns at
-            ``speed R_e / R_i``, and what its damping brakes it by is added to the torque that is given.
+            Mean speed of the driver in revolutions per minute or in rad/s, one of them.  Wheel i
+            then turns at ``speed R_e / R_i``, and what its damping brakes it by is added to the
+            torque that is given.
         **values : float
             All other fields of Gears; `alpha` where no amplitude is given.
 
         Returns
         -------
         Gears
-            With ``alpha = R_e a / backlash1`` (Eqs. 1-3) and ``torque_i + damping_i speed R_e / R_i``.
+            With ``alpha = R_e a / backlash1`` (Eqs. 1-3) and ``torque_i + damping_i speed R_e /
+            R_i``.
 
         Raises
         ------
         InputError
-            Unless the drive is given in just one way, or if a value has no physical meaning, or a speed comes without
-            `driver_radius`.
+            Unless the drive is given in just one way, or if a value has no physical meaning, or a
+            speed comes without `driver_radius`.
 
         Examples
         --------
         >>> others = {k: v for k, v in DAT21.values.items() if k != "alpha"}
-        >>> Gears.driven(amplitude=0.3, **others) == Gears.driven(amplitude_rad=0.01, driver_radius=30.0, **others)
+        >>> Gears.driven(
+        ...     amplitude=0.3, **others
+        ... ) == Gears.driven(amplitude_rad=0.01, driver_radius=30.0, **others)
         True
         """
-        drives = {"alpha": values.get("alpha"), "amplitude": amplitude, "amplitude_rad": amplitude_rad}
+        drives = {
+            "alpha": values.get("alpha"),
+            "amplitude": amplitude,
+            "amplitude_rad": amplitude_rad,
+        }
         given = [name for name in DRIVES if drives[name] is not None]
         if len(given) != 1:
-            raise InputError("gears", given, "give the drive once: " + ", ".join(DRIVES[:-1]) + f" or {DRIVES[-1]}")
-        speeds = {name: v for name, v in {"speed_rpm": speed_rpm, "speed_rad_s": speed_rad_s}.items() if v is not None}
+            raise InputError(
+                "gears",
+                given,
+                "give the drive once: " + ", ".join(DRIVES[:-1]) + f" or {DRIVES[-1]}",
+            )
+        speeds = {
+            name: v
+            for name, v in {"speed_rpm": speed_rpm, "speed_rad_s": speed_rad_s}.items()
+            if v is not None
+        }
         if len(speeds) == 2:
             raise InputError("gears", list(speeds), "give the mean speed of the driver once")
         if speeds and driver_radius is None:
-            why = "give the driver's base radius in mm, for the wheels' speeds; or wheel 1's, with wheel 1's speed"
+            why = (
+                "give the driver's base radius in mm, for the wheels' speeds; or wheel 1's, with"
+                " wheel 1's speed"
+            )
             raise InputError("driver_radius", None, why)
         if (driver_radius is None) != (amplitude_rad is None and not speeds):
             why = "goes with amplitude_rad or a speed, in mm, and with nothing else"
@@ -203,13 +243,16 @@ class Gears:
         if amplitude is not None:
             non_negative("amplitude", amplitude)
             backlash = values.get("backlash1", 1.0)  # one that is missing is refused below
-            values["alpha"] = amplitude / check_range("backlash1", positive("backlash1", backlash), *SIZES)
+            values["alpha"] = amplitude / check_range(
+                "backlash1", positive("backlash1", backlash), *SIZES
+            )
         gears = cls(**values)
         typed = {name: v for name, v in drives.items() if v is not None and name != "alpha"}
         torques = {}
         if speeds:
             ((name, speed),) = speeds.items()
-            rim = radius * SPEEDS[name] * non_negative(name, speed)  # mean speed of all pitch circles, mm/s
+            # mean speed of all pitch circles, mm/s
+            rim = radius * SPEEDS[name] * non_negative(name, speed)
             for i in range(1, gears.wheels + 1):
                 damping, _, torque, own = gears._wheel(i)
                 typed[f"torque{i}"] = torque
@@ -228,19 +271,21 @@ class Gears:
     ) -> float:
         """Noise intensity `sigma` of a scene from a measured modulation of the driver's motion.
 
-        The modulation m(t) is relative: the acceleration of the driver is ``a omega^2 (1 + m)`` times the sine.  It is
-        taken for white noise of the same spectral density: with ``G`` its one-sided density (the mean square of m in a
-        band, per Hz of frequencies above 0), ``sigma = alpha sqrt(omega G / 2)``.
+        The modulation m(t) is relative: the acceleration of the driver is ``a omega^2 (1 + m)``
+        times the sine.  It is taken for white noise of the same spectral density: with ``G`` its
+        one-sided density (the mean square of m in a band, per Hz of frequencies above 0), ``sigma =
+        alpha sqrt(omega G / 2)``.
 
         Parameters
         ----------
         rms : float, optional
             Root mean square of the modulation, 0.03 for 3 %; with `bandwidth`.
         bandwidth : float, optional
-            One-sided bandwidth in Hz: the modulation has frequencies from 0 to this one, ``G = rms^2 / bandwidth``.
+            One-sided bandwidth in Hz: the modulation has frequencies from 0 to this one, ``G =
+            rms^2 / bandwidth``.
         spectrum : pair of array_like, optional
-            In place of both: frequencies in Hz, rising, and at each the one-sided density of the modulation in 1/Hz.
-            ``G`` is its mean over these frequencies.
+            In place of both: frequencies in Hz, rising, and at each the one-sided density of the
+            modulation in 1/Hz. ``G`` is its mean over these frequencies.
 
         Returns
         -------
@@ -264,7 +309,11 @@ class Gears:
         elif spectrum is None and rms is not None and bandwidth is not None:
             density = non_negative("rms", rms) ** 2 / positive("bandwidth", bandwidth)
         else:
-            given = [n for n, v in {"rms": rms, "bandwidth": bandwidth, "spectrum": spectrum}.items() if v is not None]
+            given = [
+                n
+                for n, v in {"rms": rms, "bandwidth": bandwidth, "spectrum": spectrum}.items()
+                if v is not None
+            ]
             raise InputError("sigma_from", given, "give rms and bandwidth, or a spectrum")
         return self.alpha * math.sqrt(0.5 * self.omega * density)
 
@@ -275,15 +324,20 @@ class Gears:
 
     @property
     def units(self) -> Units:
-        """What one dimensionless unit of time, length, speed and energy is, in ms, mm, mm/s and mJ."""
-        speed, rim_mass = self.backlash1 * self.omega, self.inertia1 / self.radius1**2  # mm/s, kg
+        """What one dimensionless unit of time, length, speed and energy is, in ms, mm, mm/s and
+        mJ."""
+        # mm/s, kg
+        speed = self.backlash1 * self.omega
+        rim_mass = self.inertia1 / self.radius1**2
         return Units(1000.0 / self.omega, self.backlash1, speed, 1e-3 * rim_mass * speed**2)
 
     @property
     def mu(self) -> float:
-        """Wheel 1's share of the change of the relative velocity at an impact of both wheels (dimensionless, Eq. 2)."""
+        """Wheel 1's share of the change of the relative velocity at an impact of both wheels
+        (dimensionless, Eq. 2)."""
         self._wheel(2)
-        a, b = self.inertia1 * self.radius2**2, self.inertia2 * self.radius1**2
+        a = self.inertia1 * self.radius2**2
+        b = self.inertia2 * self.radius1**2
         return b / (a + b)
 
     @property
@@ -315,7 +369,8 @@ class Gears:
     def gamma(self, wheel: int) -> float:
         """Drag of a wheel, ``T R / (I nu_1 omega^2)`` (below Eq. 2, dimensionless).
 
-        Both wheels are divided by ``nu_1``: the only choice that leaves Eq. 3 free of ratios of backlashes.
+        Both wheels are divided by ``nu_1``: the only choice that leaves Eq. 3 free of ratios of
+        backlashes.
 
         Parameters
         ----------
@@ -340,7 +395,9 @@ class Gears:
             return self.damping1, self.inertia1, self.torque1, self.radius1
         if wheel == 2 and self.wheels == 2:
             return self.damping2, self.inertia2, self.torque2, self.radius2
-        known = "the loose wheels are 1 and 2" if self.wheels == 2 else "there is one loose wheel, 1"
+        known = (
+            "the loose wheels are 1 and 2" if self.wheels == 2 else "there is one loose wheel, 1"
+        )
         raise InputError("wheel", wheel, known)
 
 
@@ -355,11 +412,17 @@ def drive_by(values: dict[str, Any], name: str, amplitude: float) -> dict[str, A
 def _mean_density(frequencies: Sequence[float], densities: Sequence[float]) -> float:
     """The mean of a spectral density over its frequencies, by the trapezoidal rule."""
     if len(frequencies) != len(densities) or len(frequencies) < 2:
-        raise InputError("spectrum", len(frequencies), "give two or more frequencies, and a density at each")
+        raise InputError(
+            "spectrum", len(frequencies), "give two or more frequencies, and a density at each"
+        )
     power = 0.0
     for i in range(1, len(frequencies)):
         width = positive("spectrum: step of the frequencies", frequencies[i] - frequencies[i - 1])
-        power += 0.5 * width * sum(non_negative("spectrum: density", d) for d in densities[i - 1 : i + 1])
+        power += (
+            0.5
+            * width
+            * sum(non_negative("spectrum: density", d) for d in densities[i - 1 : i + 1])
+        )
     return power / (frequencies[-1] - non_negative("spectrum: frequency", frequencies[0]))
 
 

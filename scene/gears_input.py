@@ -1,9 +1,11 @@
-"""Gears as people write them: the tables of a scene file, and questions about gears that cannot exist.
+"""Gears as people write them: the tables of a scene file, and questions about gears that cannot
+exist.
 
-The table ``[gears]`` has gears, and their tolerances as a drawing gives them; each table ``[[drive]]`` has an order,
-and a table ``[drive]`` the file of a measured drive.  A value is questioned, in the user's own fields and units, only
-where no gear pair can have it (docs/guide/scenes.md).  What follows from several values, and is outside the range of
-the model, is named by the field that differs most from the paper's example.
+The table ``[gears]`` has gears, and their tolerances as a drawing gives them; each table
+``[[drive]]`` has an order, and a table ``[drive]`` the file of a measured drive.  A value is
+questioned, in the user's own fields and units, only where no gear pair can have it
+(docs/guide/scenes.md).  What follows from several values, and is outside the range of the model, is
+named by the field that differs most from the paper's example.
 """
 
 import math
@@ -21,7 +23,8 @@ FIELDS = tuple(f.name for f in fields(Gears))
 REQUIRED = tuple(f.name for f in fields(Gears) if f.default is MISSING)
 OPTIONAL = (*DRIVES, "driver_radius", *SPEEDS, "tolerance")
 AMPLITUDES = {"amplitude_mm": "amplitude", "amplitude_rad": "amplitude_rad"}
-"""An order's amplitude on the driver's pitch circle, in mm or rad, and what the gears call their own."""
+"""An order's amplitude on the driver's pitch circle, in mm or rad, and what the gears call their
+own."""
 MEASURED = ("file", "periods", "periods_per_turn", "highest_order")
 """Keys of the table ``[drive]`` of a measured drive."""
 ORDER = ("order", "amplitude", *AMPLITUDES, "phase", "phase_degrees")
@@ -31,8 +34,9 @@ TOLERANCE = ("backlash1", "backlash2", "distribution", "draw")
 def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     """Gears from their table.
 
-    `table`: The fields of Gears, which says what may be left out, and the arguments of `Gears.driven`. `stages`:
-    Of the scene; for a single stage all values of wheel 2 may be left out.
+    `table`: The fields of Gears, which says what may be left out, and the arguments of
+    `Gears.driven`. `stages`: Of the scene; for a single stage all values of wheel 2 may be left
+    out.
     """
     check_keys("gears", table, (*FIELDS, *OPTIONAL))
     values = {name: value for name, value in table.items() if name != "tolerance"}
@@ -40,7 +44,11 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     wanted = REQUIRED if stages == 1 else sorted((*REQUIRED, *WHEEL2), key=FIELDS.index)
     missing = [name for name in wanted if name not in values and not (name == "alpha" and drives)]
     if missing:
-        single = "; without a second wheel write stages = 1 in [scene]" if set(missing) & set(WHEEL2) else ""
+        single = (
+            "; without a second wheel write stages = 1 in [scene]"
+            if set(missing) & set(WHEEL2)
+            else ""
+        )
         raise InputError("gears", missing, f"these keys are missing{single}")
     try:
         return Gears.driven(**values)
@@ -50,11 +58,13 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
 
 
 def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | None:
-    """The tolerances of the backlashes in the table of the gears, as the fields of a `rattle.scene.Tolerance`.
+    """The tolerances of the backlashes in the table of the gears, as the fields of a
+    `rattle.scene.Tolerance`.
 
-    `table`: ``[gears]``; its table ``tolerance`` has ``backlash1`` and ``backlash2``, the largest deviations of
-    the full backlashes in mm (the number behind ± in a drawing), ``distribution`` and ``draw``. Returns: Half the
-    deviations, in units of ``backlash1``; None if the table has no tolerances.
+    `table`: ``[gears]``; its table ``tolerance`` has ``backlash1`` and ``backlash2``, the largest
+    deviations of the full backlashes in mm (the number behind ± in a drawing), ``distribution`` and
+    ``draw``. Returns: Half the deviations, in units of ``backlash1``; None if the table has no
+    tolerances.
     """
     if "tolerance" not in table:
         return None
@@ -64,33 +74,48 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
     check_keys("gears.tolerance", given, TOLERANCE)
     found: dict[str, Any] = {}
     for i in (1, 2):
-        name, backlash = f"gears.tolerance.backlash{i}", getattr(gears, f"backlash{i}")
+        name = f"gears.tolerance.backlash{i}"
+        backlash = getattr(gears, f"backlash{i}")
         if f"backlash{i}" in given:
             deviation = non_negative(name, given[f"backlash{i}"])
             if backlash is None:
-                raise InputError(name, deviation, "belongs to wheel 2, which these gears do not have")
+                raise InputError(
+                    name, deviation, "belongs to wheel 2, which these gears do not have"
+                )
             if deviation >= backlash:
-                why = f"must be below backlash{i} = {backlash:g} mm, or a gap could close; the unit is mm"
+                why = (
+                    f"must be below backlash{i} = {backlash:g} mm, or a gap could close; the unit"
+                    " is mm"
+                )
                 raise InputError(name, deviation, why)
             found[f"c{i}_max"] = 0.5 * deviation / gears.backlash1
     return found | {name: given[name] for name in ("distribution", "draw") if name in given}
 
 
 def own_amplitude(gears: dict[str, Any], drive: object) -> dict[str, Any]:
-    """The table of the gears, with the amplitude of the first order, in mm or rad, where it gives none of its own."""
-    if isinstance(drive, list) and drive and isinstance(drive[0], Mapping) and not set(DRIVES) & set(gears):
+    """The table of the gears, with the amplitude of the first order, in mm or rad, where it gives
+    none of its own."""
+    if (
+        isinstance(drive, list)
+        and drive
+        and isinstance(drive[0], Mapping)
+        and not set(DRIVES) & set(gears)
+    ):
         for name, own in AMPLITUDES.items():
             if name in drive[0]:
                 return gears | {own: drive[0][name]}
     return gears
 
 
-def read_drive(given: object, gears: Gears | None = None, radius: float | None = None) -> tuple[Order, ...]:
+def read_drive(
+    given: object, gears: Gears | None = None, radius: float | None = None
+) -> tuple[Order, ...]:
     """The orders of a drive from the tables ``[[drive]]``.
 
-    Each has ``order``, ``phase`` in radians or ``phase_degrees`` (0 if left out), and its amplitude relative to the
-    excitation amplitude alpha of the scene, as ``amplitude``; with gears in place of it on the driver's pitch circle,
-    in mm as ``amplitude_mm``, or the driver's in rad as ``amplitude_rad``, for which the gears give ``driver_radius``.
+    Each has ``order``, ``phase`` in radians or ``phase_degrees`` (0 if left out), and its amplitude
+    relative to the excitation amplitude alpha of the scene, as ``amplitude``; with gears in place
+    of it on the driver's pitch circle, in mm as ``amplitude_mm``, or the driver's in rad as
+    ``amplitude_rad``, for which the gears give ``driver_radius``.
     """
     if not isinstance(given, list) or not all(isinstance(table, Mapping) for table in given):
         raise InputError("drive", given, "write each order as a table: [[drive]]")
@@ -98,21 +123,34 @@ def read_drive(given: object, gears: Gears | None = None, radius: float | None =
     for table in given:
         check_keys("drive", table, ORDER)
         if "order" not in table:
-            raise InputError("drive.order", None, "is missing: a whole number, how often the order repeats in a period")
+            raise InputError(
+                "drive.order",
+                None,
+                "is missing: a whole number, how often the order repeats in a period",
+            )
         names = [name for name in ("amplitude", *AMPLITUDES) if name in table]
         if len(names) != 1:
             ways = "amplitude (relative to alpha), amplitude_mm or amplitude_rad"
-            raise InputError("drive", names, f"give the amplitude of order {table['order']} once: {ways}")
+            raise InputError(
+                "drive", names, f"give the amplitude of order {table['order']} once: {ways}"
+            )
         amplitude = finite(f"drive.{names[0]}", table[names[0]])
         if names[0] != "amplitude":
             if gears is None:
-                raise InputError(f"drive.{names[0]}", amplitude, "needs [gears]; give amplitude, relative to alpha")
+                raise InputError(
+                    f"drive.{names[0]}",
+                    amplitude,
+                    "needs [gears]; give amplitude, relative to alpha",
+                )
             own = positive("gears.alpha, to which amplitudes are relative,", gears.alpha)
             if names[0] == "amplitude_rad":
                 if radius is None:
-                    raise InputError("gears.driver_radius", None, "give it, in mm, for a drive in rad")
+                    raise InputError(
+                        "gears.driver_radius", None, "give it, in mm, for a drive in rad"
+                    )
                 amplitude *= radius
-            amplitude = amplitude / gears.backlash1 / own  # as alpha is made: the gears' own is exactly 1
+            # as alpha is made: the gears' own is exactly 1
+            amplitude = amplitude / gears.backlash1 / own
         orders.append(Order(table["order"], amplitude, _phase(table)))
     return tuple(orders)
 
@@ -123,27 +161,41 @@ def _phase(table: Mapping[str, Any]) -> Any:
         return table.get("phase", 0.0)
     degrees = table["phase_degrees"]
     if "phase" in table:
-        raise InputError("drive.phase_degrees", degrees, f"phase = {table['phase']} is given too; keep one of them")
+        raise InputError(
+            "drive.phase_degrees",
+            degrees,
+            f"phase = {table['phase']} is given too; keep one of them",
+        )
     return math.radians(check_range("drive.phase_degrees", degrees, 0.0, 360.0))
 
 
 def read_measured(data: Mapping[str, Any]) -> MeasuredDrive:
     """The measured drive of a scene file: its table ``[drive]`` with a ``file``."""
-    table, gears = data["drive"], data.get("gears", {})
+    table = data["drive"]
+    gears = data.get("gears", {})
     if "order" in table:
         raise InputError("drive", table, "write each order as a table: [[drive]]")
     check_keys("drive", table, MEASURED)
     if "file" not in table:
-        raise InputError("drive.file", None, "is missing; or write each order as a table: [[drive]]")
+        raise InputError(
+            "drive.file", None, "is missing; or write each order as a table: [[drive]]"
+        )
     if not gears:
         raise InputError("drive.file", table["file"], "needs [gears], whose wheels it drives")
     if given := [name for name in DRIVES if name in gears]:
-        raise InputError(f"gears.{given[0]}", gears[given[0]], "leave it out: the file of the drive has the amplitude")
-    return measure_drive(omega=gears.get("omega"), driver_radius=gears.get("driver_radius"), **table)
+        raise InputError(
+            f"gears.{given[0]}",
+            gears[given[0]],
+            "leave it out: the file of the drive has the amplitude",
+        )
+    return measure_drive(
+        omega=gears.get("omega"), driver_radius=gears.get("driver_radius"), **table
+    )
 
 
 def take_measured(data: dict[str, Any]) -> dict[str, Any]:
-    """The data of a scene with the orders of its measured drive, and their noise where it gives none of its own."""
+    """The data of a scene with the orders of its measured drive, and their noise where it gives
+    none of its own."""
     if not isinstance(data.get("drive"), Mapping):
         return data
     found = read_measured(data)
@@ -152,7 +204,9 @@ def take_measured(data: dict[str, Any]) -> dict[str, Any]:
         gears.pop("driver_radius", None)  # the amplitude is in mm now
     backlash = positive("gears.backlash1", gears.get("backlash1", 1.0))
     scene = {"sigma": found.sigma_ratio * found.amplitude / backlash} | data.get("scene", {})
-    orders = [{"order": one.order, "amplitude": one.amplitude, "phase": one.phase} for one in found.drive]
+    orders = [
+        {"order": one.order, "amplitude": one.amplitude, "phase": one.phase} for one in found.drive
+    ]
     return data | {"gears": gears, "drive": orders, "scene": scene}
 
 
@@ -166,7 +220,9 @@ def find_measured(data: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 SMALLEST_RADIUS = 0.05  # mm
 LEAST_BACKLASH = 1e-5  # of the radius
-LIGHTEST, HEAVIEST = 1e-9, 1e3  # kg/mm^3: inertia over the fifth power of the radius
+# kg/mm^3: inertia over the fifth power of the radius
+LIGHTEST = 1e-9
+HEAVIEST = 1e3
 LEAST_DRAG = 0.003 * 9.81  # N/kg: of the weight of a kilogram
 SWING = 0.5  # rad
 SOUND = 5e6  # mm/s
@@ -194,7 +250,12 @@ UNIT = {
     "speed_rpm": "1/min",
     "speed_rad_s": "rad/s",
 }
-IN_SI = {"inertia": ("kg m^2", 1e6), "radius": ("m", 1e3), "backlash": ("m", 1e3), "torque": ("N m", 1e3)}
+IN_SI = {
+    "inertia": ("kg m^2", 1e6),
+    "radius": ("m", 1e3),
+    "backlash": ("m", 1e3),
+    "torque": ("N m", 1e3),
+}
 SMALLER = {"amplitude": ("um", 1e-3), "amplitude_rad": ("degrees", math.pi / 180.0)}
 
 
@@ -203,59 +264,94 @@ def check_plausible(gears: Gears, table: Mapping[str, Any]) -> None:
     for i in range(1, gears.wheels + 1):
         names = ("radius", "backlash", "inertia", "torque")
         radius, backlash, inertia, torque = (getattr(gears, f"{name}{i}") for name in names)
-        wheel, volume = f"radius{i} = {radius:g} mm", radius**5
+        wheel = f"radius{i} = {radius:g} mm"
+        volume = radius**5
         if radius < SMALLEST_RADIUS:
             raise _question(gears, f"radius{i}", "is smaller than any gear")
         if backlash >= radius:
             if radius < 1.0:
-                raise _question(gears, f"radius{i}", f"is no larger than backlash{i} = {backlash:g} mm")
+                raise _question(
+                    gears, f"radius{i}", f"is no larger than backlash{i} = {backlash:g} mm"
+                )
             raise _question(gears, f"backlash{i}", f"must be smaller than {wheel}", ("um", 1e-3))
         if backlash < LEAST_BACKLASH * radius:
             raise _question(gears, f"backlash{i}", f"is less than {wheel} grows in one kelvin")
         if inertia < LIGHTEST * volume:
-            raise _question(gears, f"inertia{i}", f"is too little for a wheel of {wheel}, of whatever it is made")
+            raise _question(
+                gears,
+                f"inertia{i}",
+                f"is too little for a wheel of {wheel}, of whatever it is made",
+            )
         if inertia > HEAVIEST * volume:
             if radius < 1.0:
-                raise _question(gears, f"radius{i}", f"is too small for inertia{i} = {inertia:g} kg mm^2")
-            raise _question(gears, f"inertia{i}", f"is too much for a wheel of {wheel}", ("g mm^2", 1e-3))
+                raise _question(
+                    gears, f"radius{i}", f"is too small for inertia{i} = {inertia:g} kg mm^2"
+                )
+            raise _question(
+                gears, f"inertia{i}", f"is too much for a wheel of {wheel}", ("g mm^2", 1e-3)
+            )
         if 0.0 < torque < LEAST_DRAG * inertia / radius:
-            why = f"is less than the bearing of a wheel of {inertia / radius**2:.2g} kg takes (0 leaves drag out)"
+            why = (
+                f"is less than the bearing of a wheel of {inertia / radius**2:.2g} kg takes (0"
+                " leaves drag out)"
+            )
             raise _question(gears, f"torque{i}", why)
     drive = next((name for name in SMALLER if name in table), "alpha")
     if max(gears.amplitude / gears.radius1, table.get("amplitude_rad", 0.0)) > SWING:
-        why = f"swings the driver's pitch circle by {gears.amplitude:g} mm, at radius1 = {gears.radius1:g} mm"
+        why = (
+            f"swings the driver's pitch circle by {gears.amplitude:g} mm, at radius1 ="
+            f" {gears.radius1:g} mm"
+        )
         raise _question(gears, drive, why, SMALLER.get(drive), table.get(drive, gears.alpha))
     if gears.amplitude * gears.omega > SOUND:
-        why = f"moves the driver's pitch circle by {gears.amplitude:g} mm faster than sound in steel"
+        why = (
+            f"moves the driver's pitch circle by {gears.amplitude:g} mm faster than sound in steel"
+        )
         raise _question(gears, "omega", why, ("1/min", 2.0 * math.pi / 60.0))
 
 
 def of_gears(gears: Gears, error: InputError) -> InputError:
     """The refusal of a parameter that follows from gears, said of the gears.
 
-    Returns: Names the field of gears that differs most from the paper's example; the same error for anything
-    else.
+    Returns: Names the field of gears that differs most from the paper's example; the same error for
+    anything else.
     """
     names = PARTS.get(error.field, ())
     if not names:
         return error
-    sizes = {name: abs(math.log10(v / getattr(DAT21, name))) for name in names if (v := getattr(gears, name)) > 0.0}
+    sizes = {
+        name: abs(math.log10(v / getattr(DAT21, name)))
+        for name in names
+        if (v := getattr(gears, name)) > 0.0
+    }
     worst = max(sizes, key=lambda name: sizes[name])
     value = error.value if isinstance(error.value, int | float) else math.nan
     parts = ", ".join(f"{n} = {getattr(gears, n):g} {UNIT[n.rstrip('12')]}" for n in names)
     why = f"with {parts} the model would have {error.field} = {value:.3g}, which {error.remedy}"
-    given, kind = getattr(gears, worst), worst.rstrip("12")
+    given = getattr(gears, worst)
+    kind = worst.rstrip("12")
     small = kind in IN_SI and given < 0.01 * getattr(DAT21, worst)
-    return InputError(f"gears.{worst}", given, why + (_conversion(kind, given, IN_SI[kind]) if small else ""))
+    return InputError(
+        f"gears.{worst}", given, why + (_conversion(kind, given, IN_SI[kind]) if small else "")
+    )
 
 
 def _question(
-    gears: Gears, name: str, why: str, likely: tuple[str, float] | None = None, given: float | None = None
+    gears: Gears,
+    name: str,
+    why: str,
+    likely: tuple[str, float] | None = None,
+    given: float | None = None,
 ) -> InputError:
-    kind, value = name.rstrip("12"), getattr(gears, name) if given is None else given
+    kind = name.rstrip("12")
+    value = getattr(gears, name) if given is None else given
     likely = likely or IN_SI.get(kind)
     conversion = _conversion(kind, value, likely) if likely else ""
-    return InputError(f"gears.{name}", value, f"{why}{conversion}; if it is meant, write a [scene] without [gears]")
+    return InputError(
+        f"gears.{name}",
+        value,
+        f"{why}{conversion}; if it is meant, write a [scene] without [gears]",
+    )
 
 
 def _conversion(kind: str, value: float, likely: tuple[str, float]) -> str:

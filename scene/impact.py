@@ -1,4 +1,5 @@
-"""Impacts at both meshes: restitution maps, and the next outward crossing of a wall (docs/model.md section 3)."""
+"""Impacts at both meshes: restitution maps, and the next outward crossing of a wall (docs/model.md
+section 3)."""
 
 import math
 from typing import TypeVar
@@ -22,9 +23,11 @@ MISSES = {
     LOST: "the search for the next impact takes too long",
 }
 """The same in words."""
-TOUCH = 1e-9  # time step off a wall that is touched at zero speed; the displacement in it is below rounding
+# time step off a wall that is touched at zero speed; the displacement in it is below rounding
+TOUCH = 1e-9
 MOST_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
-SOON = 100  # most times that a step is enlarged, each time by 8: the first step may be as short as 1e-80
+# most times that a step is enlarged, each time by 8: the first step may be as short as 1e-80
+SOON = 100
 
 
 @jit
@@ -37,16 +40,20 @@ def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]
 
 @shared
 def energy_loss(c: Constants, mesh: int, y1: Number, y2: Number) -> Number:
-    """Kinetic energy lost in impacts at a mesh, in units of ``I1 / R1^2 (nu1 omega)^2``, I1 / R1^2 the mass of wheel 1.
+    """Kinetic energy lost in impacts at a mesh, in units of ``I1 / R1^2 (nu1 omega)^2``, I1 / R1^2
+    the mass of wheel 1.
 
-    ``(1 - eps^2) y^2 / 2`` times the reduced mass: 1 at mesh 1, whose driver is prescribed, and mu at mesh 2.
+    ``(1 - eps^2) y^2 / 2`` times the reduced mass: 1 at mesh 1, whose driver is prescribed, and mu
+    at mesh 2.
     """
     share = 0.5 * (1.0 - c.epsilon * c.epsilon)
     return share * y1 * y1 if mesh == 1 else share * c.mu * y2 * y2
 
 
 @shared
-def safe_time(distance: float, speed: float, acceleration: float, most: float, jerk: float) -> float:
+def safe_time(
+    distance: float, speed: float, acceleration: float, most: float, jerk: float
+) -> float:
     """A time within which a wall `distance` ahead cannot be reached.
 
     `jerk`: Upper bound of the rate of change of the acceleration; 0 if none is known.
@@ -55,9 +62,13 @@ def safe_time(distance: float, speed: float, acceleration: float, most: float, j
     step = _within(distance, speed, most)
     if jerk == 0.0 or (speed > 0.0 and speed * speed > most * distance):
         return step
-    if speed <= 0.0 and acceleration < 0.0:  # moving and accelerated away: no return before 3 |acceleration| / jerk
+    if (
+        speed <= 0.0 and acceleration < 0.0
+    ):  # moving and accelerated away: no return before 3 |acceleration| / jerk
         step = max(step, -3.0 * acceleration / jerk)
-    for _ in range(SOON):  # over a short time the bound by the jerk is sharper: enlarge the step while it is
+    for _ in range(
+        SOON
+    ):  # over a short time the bound by the jerk is sharper: enlarge the step while it is
         longer = 8.0 * step
         soon = max(acceleration, 0.0) + jerk * longer
         if not soon < 0.5 * most:
@@ -79,8 +90,11 @@ def _within(distance: float, speed: float, most: float) -> float:
 
 
 @internal
-def _touching(t: float, high: float, low: float, to_high: float, to_low: float, speed: float) -> int:
-    """The side of the wall that is reached, or 0: at zero distance, or at a distance too short to change the time."""
+def _touching(
+    t: float, high: float, low: float, to_high: float, to_low: float, speed: float
+) -> int:
+    """The side of the wall that is reached, or 0: at zero distance, or at a distance too short to
+    change the time."""
     if high <= 0.0 or (t + to_high == t and speed > 0.0):
         return 1
     if low <= 0.0 or (t + to_low == t and speed < 0.0):
@@ -94,51 +108,72 @@ def next_impact(
 ) -> tuple[float, int, int, float, float, float, float]:
     """The earliest outward wall crossing of a flight.
 
-    The flight is followed by steps within which no crossing is possible.  With ``p_i = beta_i u_i + gamma_i``, which
-    only decays along a flight, the acceleration ``x_1''`` towards a wall is at most that of the driver plus the part of
-    ``p_1`` that acts towards it.  ``x_2''`` is at most the part of ``p_1 - p_2`` that acts towards the wall, plus what
-    the difference of the dampings can add.  Near a transversal crossing these steps are Newton steps from the safe
-    side; an excursion beyond the wall and back cannot be missed.
+    The flight is followed by steps within which no crossing is possible.  With ``p_i = beta_i u_i +
+    gamma_i``, which only decays along a flight, the acceleration ``x_1''`` towards a wall is at
+    most that of the driver plus the part of ``p_1`` that acts towards it.  ``x_2''`` is at most the
+    part of ``p_1 - p_2`` that acts towards the wall, plus what the difference of the dampings can
+    add.  Near a transversal crossing these steps are Newton steps from the safe side; an excursion
+    beyond the wall and back cannot be missed.
 
-    Distances are from the initial distance and the displacement since: a flight of time 1e-12 is resolved too.
+    Distances are from the initial distance and the displacement since: a flight of time 1e-12 is
+    resolved too.
 
-    Returns: 1 or 2; `NONE` if there is no impact within the horizon; `REST` if a mesh sticks; `LOST` after
-    `MOST_STEPS` steps. If both meshes are struck at one instant mesh 1 comes first, and mesh 2 follows after a
-    flight of time 0. Returns: State just before the impact; the displacement of the struck mesh is exactly that
-    of its wall.
+    Returns: 1 or 2; `NONE` if there is no impact within the horizon; `REST` if a mesh sticks;
+    `LOST` after `MOST_STEPS` steps. If both meshes are struck at one instant mesh 1 comes first,
+    and mesh 2 follows after a flight of time 0. Returns: State just before the impact; the
+    displacement of the struck mesh is exactly that of its wall.
     """
-    high1, low1, high2, low2 = c.wall1 - x1, c.wall1 + x1, c.wall2 - x2, c.wall2 + x2
+    high1 = c.wall1 - x1
+    low1 = c.wall1 + x1
+    high2 = c.wall2 - x2
+    low2 = c.wall2 + x2
     u1, u2 = wheel_speeds(c, tau, y1, y2)
-    force, jolt = c.alpha * most_acceleration(c.drive), c.alpha * most_jerk(c.drive)
+    force = c.alpha * most_acceleration(c.drive)
+    jolt = c.alpha * most_jerk(c.drive)
     # the rounding error of a displacement is about 1e-16 times this times t
     rate = abs(u1) + abs(u2) + c.alpha * most_velocity(c.drive)
     mismatch = abs(c.beta1 - c.beta2) / max(c.beta1, c.beta2) if c.beta1 != c.beta2 else 0.0
-    t, d1, d2, b1, b2 = 0.0, 0.0, 0.0, y1, y2
+    t = 0.0
+    d1 = 0.0
+    d2 = 0.0
+    b1 = y1
+    b2 = y2
     for _ in range(MOST_STEPS):
         u1, u2 = wheel_speeds(c, tau + t, b1, b2)
-        pull1, pull2 = c.beta1 * u1 + c.gamma1, c.beta2 * u2 + c.gamma2  # -u_i'
-        f1, f2 = pull1 + c.alpha * acceleration(c.drive, tau + t), pull1 - pull2  # accelerations
-        up, down, jerk = force + max(pull1, 0.0), force + max(-pull1, 0.0), jolt + c.beta1 * abs(pull1)
+        # -u_i'
+        pull1 = c.beta1 * u1 + c.gamma1
+        pull2 = c.beta2 * u2 + c.gamma2
+        # accelerations
+        f1 = pull1 + c.alpha * acceleration(c.drive, tau + t)
+        f2 = pull1 - pull2
+        up = force + max(pull1, 0.0)
+        down = force + max(-pull1, 0.0)
+        jerk = jolt + c.beta1 * abs(pull1)
         to_high1 = safe_time(high1 - d1, b1, f1, up, jerk)
         to_low1 = safe_time(low1 + d1, -b1, -f1, down, jerk)
         side1 = _touching(t, high1 - d1, low1 + d1, to_high1, to_low1, b1)
         to_high2 = to_low2 = math.inf
         side2 = 0
         if c.stages == 2:
-            drift, jerk = mismatch * min(abs(pull1), abs(pull2)), c.beta1 * abs(pull1) + c.beta2 * abs(pull2)
+            drift = mismatch * min(abs(pull1), abs(pull2))
+            jerk = c.beta1 * abs(pull1) + c.beta2 * abs(pull2)
             to_high2 = safe_time(high2 - d2, b2, f2, max(f2, 0.0) + drift, jerk)
             to_low2 = safe_time(low2 + d2, -b2, -f2, max(-f2, 0.0) + drift, jerk)
             side2 = _touching(t, high2 - d2, low2 + d2, to_high2, to_low2, b2)
         if side1 != 0 and b1 * side1 > 0.0:
             slack = 1e-15 * rate * min(t, 10.0)
-            if side2 != 0 or (min(high2 - d2, low2 + d2) <= slack and t > 0.0):  # both walls at one instant
-                x2, d2 = (c.wall2 if high2 - d2 < low2 + d2 else -c.wall2), 0.0
+            if side2 != 0 or (
+                min(high2 - d2, low2 + d2) <= slack and t > 0.0
+            ):  # both walls at one instant
+                x2 = c.wall2 if high2 - d2 < low2 + d2 else -c.wall2
+                d2 = 0.0
             return t, 1, side1, side1 * c.wall1, b1, x2 + d2, b2
         if side2 != 0 and b2 * side2 > 0.0:
             slack = 1e-15 * rate * min(t, 10.0)
             if side1 != 0 or (min(high1 - d1, low1 + d1) <= slack and t > 0.0):
                 side1 = 1 if high1 - d1 < low1 + d1 else -1
-                x1, d1 = side1 * c.wall1, 0.0
+                x1 = side1 * c.wall1
+                d1 = 0.0
                 if b1 * side1 > 0.0:
                     return t, 1, side1, x1, b1, side2 * c.wall2, b2
             return t, 2, side2, x1 + d1, b1, side2 * c.wall2, b2
@@ -149,7 +184,9 @@ def next_impact(
         if t >= horizon:
             return horizon, NONE, 0, x1 + d1, b1, x2 + d2, b2
         step = min(to_high1, to_low1, to_high2, to_low2)
-        if t + step == t:  # touching a wall at zero speed and acceleration: shorter steps change nothing
+        if (
+            t + step == t
+        ):  # touching a wall at zero speed and acceleration: shorter steps change nothing
             step = TOUCH
         t = min(t + step, horizon)
         d1, b1, d2, b2 = flow(c, tau, 0.0, y1, 0.0, y2, t)
@@ -166,7 +203,9 @@ def contact_matrix(c: Constants, mesh: int) -> Floats:
     for i in range(4):
         r[i, i] = 1.0
     if mesh == 1:
-        r[1, 1], r[3, 1] = -c.epsilon, -(1.0 + c.epsilon)
+        r[1, 1] = -c.epsilon
+        r[3, 1] = -(1.0 + c.epsilon)
     elif mesh == 2:
-        r[1, 3], r[3, 3] = -(1.0 + c.epsilon) * c.mu, -c.epsilon
+        r[1, 3] = -(1.0 + c.epsilon) * c.mu
+        r[3, 3] = -c.epsilon
     return r

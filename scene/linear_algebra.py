@@ -1,7 +1,9 @@
-"""Small vectors and matrices whose sums are in order: the same to the last bit on every processor, as BLAS's are not.
+"""Small vectors and matrices whose sums are in order: the same to the last bit on every processor,
+as BLAS's are not.
 
-First as explicit loops for compiled code, then in numpy for what is called a few times per answer; both give the same
-bits.  Array expressions in compiled code would bring in numpy's iterators and error messages, for LLVM to optimise.
+First as explicit loops for compiled code, then in numpy for what is called a few times per answer;
+both give the same bits.  Array expressions in compiled code would bring in numpy's iterators and
+error messages, for LLVM to optimise.
 """
 
 import math
@@ -163,7 +165,8 @@ def quadratic(form: Floats, axes: Floats) -> Floats:
 
     Shapes: `form` (n, n); `axes` (n, m); result (m, m).
     """
-    mapped, out = times(form, axes), np.zeros((axes.shape[1], axes.shape[1]))
+    mapped = times(form, axes)
+    out = np.zeros((axes.shape[1], axes.shape[1]))
     for k in range(axes.shape[0]):
         for i in range(axes.shape[1]):
             for j in range(axes.shape[1]):
@@ -189,9 +192,14 @@ SWEEPS = 30  # at most; Jacobi's rotations converge quadratically, usually in si
 
 @internal
 def _rotate(a: Floats, vectors: Floats, p: int, q: int) -> None:
-    """Jacobi's rotation that makes ``a[p, q]`` zero, applied to a symmetric matrix and to the vectors, in place."""
+    """Jacobi's rotation that makes ``a[p, q]`` zero, applied to a symmetric matrix and to the
+    vectors, in place."""
     theta = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
-    t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(1.0 + theta * theta)) if abs(theta) < 1e150 else 0.5 / theta
+    t = (
+        math.copysign(1.0, theta) / (abs(theta) + math.sqrt(1.0 + theta * theta))
+        if abs(theta) < 1e150
+        else 0.5 / theta
+    )
     cosine = 1.0 / math.sqrt(1.0 + t * t)
     sine = t * cosine
     change = t * a[p, q]
@@ -200,11 +208,14 @@ def _rotate(a: Floats, vectors: Floats, p: int, q: int) -> None:
     a[p, q] = a[q, p] = 0.0
     for i in range(a.shape[0]):
         if i not in (p, q):
-            at_p, at_q = a[i, p], a[i, q]
+            at_p = a[i, p]
+            at_q = a[i, q]
             a[i, p] = a[p, i] = cosine * at_p - sine * at_q
             a[i, q] = a[q, i] = sine * at_p + cosine * at_q
-        at_p, at_q = vectors[i, p], vectors[i, q]
-        vectors[i, p], vectors[i, q] = cosine * at_p - sine * at_q, sine * at_p + cosine * at_q
+        at_p = vectors[i, p]
+        at_q = vectors[i, q]
+        vectors[i, p] = cosine * at_p - sine * at_q
+        vectors[i, q] = sine * at_p + cosine * at_q
 
 
 @jit
@@ -215,11 +226,13 @@ def eigen(symmetric: Floats) -> tuple[Floats, Floats]:
 
     Notes
     -----
-    Golub and Van Loan, Matrix Computations, section 8.5.  Entries that are below rounding of both of their diagonal
-    entries are left, so small eigenvalues keep their relative accuracy where the matrix determines them.
+    Golub and Van Loan, Matrix Computations, section 8.5.  Entries that are below rounding of both
+    of their diagonal entries are left, so small eigenvalues keep their relative accuracy where the
+    matrix determines them.
     """
     n = symmetric.shape[0]
-    a, turned = symmetric.copy(), np.zeros((n, n))
+    a = symmetric.copy()
+    turned = np.zeros((n, n))
     for i in range(n):
         turned[i, i] = 1.0
     for _ in range(SWEEPS):
@@ -231,7 +244,9 @@ def eigen(symmetric: Floats) -> tuple[Floats, Floats]:
                     settled = False
         if settled:
             break
-    values, vectors, taken = np.empty(n), np.empty((n, n)), np.zeros(n)
+    values = np.empty(n)
+    vectors = np.empty((n, n))
+    taken = np.zeros(n)
     for k in range(n):
         at = -1
         for i in range(n):
@@ -277,4 +292,6 @@ def totals(terms: Floats) -> Floats:
 
     Shapes: `terms` (..., m, n); result (...).
     """
-    return np.asarray(np.add.accumulate(terms.reshape(*terms.shape[:-2], -1), axis=-1)[..., -1] + 0.0)
+    return np.asarray(
+        np.add.accumulate(terms.reshape(*terms.shape[:-2], -1), axis=-1)[..., -1] + 0.0
+    )

@@ -1,7 +1,9 @@
-"""A measured drive: the orders of the driver's motion and the intensity of its noise, from a table of samples.
+"""A measured drive: the orders of the driver's motion and the intensity of its noise, from a table
+of samples.
 
-The file (`rattle.scene.measured_file`) is brought to the phase of the drive (`rattle.scene.drive_phase`), the orders of
-each period are fitted there (`rattle.scene.period_fits`), their mean is the drive, and their scatter gives the noise
+The file (`rattle.scene.measured_file`) is brought to the phase of the drive
+(`rattle.scene.drive_phase`), the orders of each period are fitted there
+(`rattle.scene.period_fits`), their mean is the drive, and their scatter gives the noise
 (`rattle.scene.drive_noise`).
 """
 
@@ -14,7 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rattle.scene.drive_noise import RESOLUTION, Pattern, correlate_neighbours, estimate_noise, find_pattern
+from rattle.scene.drive_noise import (
+    RESOLUTION,
+    Pattern,
+    correlate_neighbours,
+    estimate_noise,
+    find_pattern,
+)
 from rattle.scene.drive_phase import SLIP, Followed, follow, guess_phases, is_spike
 from rattle.scene.errors import InputError, count, positive
 from rattle.scene.measured_file import RPM, Measurement, read_measurement
@@ -41,7 +49,8 @@ if TYPE_CHECKING:
 HIGHEST = 16  # order that is looked for by default
 SMALL = 0.01  # of the largest acceleration of an order, below which an order is left out
 CHANCE = 4.0  # standard errors up to which an order is left out
-COHERENT = 0.25  # share of the power of all periods that their mean has, below which the drive is not in the file
+# share of the power of all periods that their mean has, below which the drive is not in the file
+COHERENT = 0.25
 REMEMBERS = 3.0  # standard errors of the correlation of successive periods from which on it is said
 FAR = 0.001  # of the mean period, up to which no period counts as far off
 DRIFTS = 0.002  # relative range of the frequency, or of the amplitude, from which on it is said
@@ -67,14 +76,16 @@ class MeasuredDrive:
     periods : int
         Whole periods that were averaged.
     sigma_ratio, low, high : float
-        Noise intensity ``sigma / alpha`` of white noise with the scatter of the periods, with its 95 % interval;
-        ``low`` is 0 where the file does not show any.
+        Noise intensity ``sigma / alpha`` of white noise with the scatter of the periods, with its
+        95 % interval; ``low`` is 0 where the file does not show any.
     floor : float
-        The ``sigma / alpha`` for which the noise of the measurement alone would be taken; it is subtracted.
+        The ``sigma / alpha`` for which the noise of the measurement alone would be taken; it is
+        subtracted.
     memory : float
         Correlation of the modulation of successive periods: about 0 for white noise.
     left_out : float
-        Root mean square acceleration of what is left out, half orders included, over that of the motion.
+        Root mean square acceleration of what is left out, half orders included, over that of the
+        motion.
     remarks : tuple of str
         What else was found: bad samples, periods left out, a drift, half orders.
     table : dict
@@ -114,32 +125,48 @@ class MeasuredDrive:
     def answer(self) -> list[str]:
         """What was found, in sentences."""
         named = [f"order {one.order} {self.amplitude * one.amplitude:.3g} mm" for one in self.drive]
-        rest = percent(self.left_out) if self.left_out > VANISHING else f"less than {percent(VANISHING)}"
+        rest = (
+            percent(self.left_out)
+            if self.left_out > VANISHING
+            else f"less than {percent(VANISHING)}"
+        )
         said = [
-            f"{self.periods} periods at {self.omega:.5g} rad/s: {', '.join(named)}; what is left out has "
-            f"{rest} of the rms acceleration."
+            f"{self.periods} periods at {self.omega:.5g} rad/s: {', '.join(named)}; what is left"
+            f" out has {rest} of the rms acceleration."
         ]
         own = ""
         if self.floor > RESOLUTION:
-            own = f"; white noise of the measurement, which alone looks like {self.floor:.2g} alpha, is subtracted"
+            own = (
+                f"; white noise of the measurement, which alone looks like {self.floor:.2g} alpha,"
+                " is subtracted"
+            )
         if self.low > 0.0:
             said.append(
-                f"The scatter of the periods is that of white noise of sigma = {self.sigma_ratio:.3g} alpha (95 % "
-                f"interval {self.low:.3g} to {self.high:.3g} alpha){own}."
+                "The scatter of the periods is that of white noise of sigma ="
+                f" {self.sigma_ratio:.3g} alpha (95 % interval {self.low:.3g} to {self.high:.3g}"
+                f" alpha){own}."
             )
         else:
-            said.append(f"The periods show no noise of the drive: sigma is at most {self.high:.3g} alpha{own}.")
+            said.append(
+                f"The periods show no noise of the drive: sigma is at most {self.high:.3g}"
+                f" alpha{own}."
+            )
         said += self.remarks
         if self.low > 0.0 and abs(self.memory) > REMEMBERS / math.sqrt(self.periods):
-            why = "the noise has a memory (correlation_time)" if self.memory > 0.0 else "something alternates"
+            why = (
+                "the noise has a memory (correlation_time)"
+                if self.memory > 0.0
+                else "something alternates"
+            )
             said.append(
-                f"Successive periods correlate by {self.memory:.2f}: {why}, and sigma is that of white noise which "
-                "scatters as much, not that of its own spectrum."
+                f"Successive periods correlate by {self.memory:.2f}: {why}, and sigma is that of"
+                " white noise which scatters as much, not that of its own spectrum."
             )
         return said
 
     def plot(self) -> "ShownFigure":
-        """Draw the mean period beside the orders, with the scatter of the periods and what is left out.
+        """Draw the mean period beside the orders, with the scatter of the periods and what is left
+        out.
 
         Returns
         -------
@@ -167,17 +194,20 @@ def measure_drive(
     Parameters
     ----------
     file : path or str
-        A CSV file (comma, semicolon or tab), or its text.  Its first line names two columns with their units:
-        ``time`` in s or ms, or the crank ``angle`` in deg or rad; and the driver's ``displacement`` (rad, deg, mm),
-        ``speed`` (rad/s, rpm, deg/s, mm/s) or ``acceleration`` (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``.
-        Steps may be uneven; an angle may be wrapped.
+        A CSV file (comma, semicolon or tab), or its text.  Its first line names two columns with
+        their units: ``time`` in s or ms, or the crank ``angle`` in deg or rad; and the driver's
+        ``displacement`` (rad, deg, mm), ``speed`` (rad/s, rpm, deg/s, mm/s) or ``acceleration``
+        (rad/s^2, mm/s^2), as in ``time [ms], speed [rpm]``. Steps may be uneven; an angle may be
+        wrapped.
     omega : float, optional
-        Frequency of the drive in rad/s; it is found to a fraction of 2 % around it.  May be left out where `periods` is
-        given, or where the file has the speed of the rotation over the angle.
+        Frequency of the drive in rad/s; it is found to a fraction of 2 % around it.  May be left
+        out where `periods` is given, or where the file has the speed of the rotation over the
+        angle.
     driver_radius : float, optional
         Base radius of the driver in mm, for a motion in rad.
     periods : int, optional
-        How many whole periods of the drive the file has, from its first sample to one step after its last.
+        How many whole periods of the drive the file has, from its first sample to one step after
+        its last.
     periods_per_turn : int
         Over an angle: how often the drive repeats in a turn of the driver.
     highest_order : int
@@ -190,13 +220,14 @@ def measure_drive(
     Raises
     ------
     InputError
-        For a file that cannot be read, with the line: no such columns or units, gaps, times that do not rise, what is
-        no number, too few periods or samples, a frequency that is not in it.
+        For a file that cannot be read, with the line: no such columns or units, gaps, times that do
+        not rise, what is no number, too few periods or samples, a frequency that is not in it.
 
     Notes
     -----
-    Samples and periods that stand far off the others are left out, by medians, and named in ``answer``; so are orders
-    between whole ones, a slow change of the frequency or of the amplitude, and a number of periods that is wrong.
+    Samples and periods that stand far off the others are left out, by medians, and named in
+    ``answer``; so are orders between whole ones, a slow change of the frequency or of the
+    amplitude, and a number of periods that is wrong.
 
     Examples
     --------
@@ -232,29 +263,46 @@ def measure_drive(
 
 
 def _analyse(
-    measured: Measurement, found: Followed, highest: int, radius: float, stated: int | None, per_turn: int
+    measured: Measurement,
+    found: Followed,
+    highest: int,
+    radius: float,
+    stated: int | None,
+    per_turn: int,
 ) -> MeasuredDrive:
     """Orders and noise from samples at the phase of the drive."""
-    samples, fits = found.samples, found.fits
+    samples = found.samples
+    fits = found.fits
     good, cycle = _find_good_periods(fits, found.mean)
     between = _fit_between(samples, len(fits.orders), cycle)
     if cycle > 1:
         subharmonic = between[1] / (1j * between[0]) ** (2 - samples.power)
-        samples = replace(samples, values=samples.values - evaluate(between[0], subharmonic, samples.tau))
+        samples = replace(
+            samples, values=samples.values - evaluate(between[0], subharmonic, samples.tau)
+        )
         fits = fit_periods(samples, len(fits.orders))
-    orders, waves = fits.orders, fits.filled
+    orders = fits.orders
+    waves = fits.filled
     mean, error = _average(waves[good])
     size = np.abs(mean)
     kept = (orders <= highest) & (size > SMALL * size.max()) & (size > CHANCE * error)
     if not kept.any():
-        raise InputError("gears.omega", found.omega, "is not in the file: no order of it is larger than its error")
+        raise InputError(
+            "gears.omega",
+            found.omega,
+            "is not in the file: no order of it is larger than its error",
+        )
     drive = np.where(kept, mean, 0.0)
     pattern = find_pattern(project(waves, drive).real, good, math.inf, cycles=(cycle,))
     gains = measure_gains(samples, len(orders), drive)
-    sigma, low, high, floor = estimate_noise(pattern, gains, measure_own_noise(samples, orders, mean))
+    sigma, low, high, floor = estimate_noise(
+        pattern, gains, measure_own_noise(samples, orders, mean)
+    )
 
     within = orders, mean, error, kept
-    every, waves_of_all, errors, used = (np.concatenate(pair) for pair in zip(within, between, strict=True))
+    every, waves_of_all, errors, used = (
+        np.concatenate(pair) for pair in zip(within, between, strict=True)
+    )
     table = _tabulate(every, waves_of_all, errors, used, highest)
     amplitude = max(a for a, k in zip(table["amplitude_mm"], table["kept"], strict=True) if k)
     rows = zip(*(table[name] for name in ("order", "amplitude_mm", "phase", "kept")), strict=True)
@@ -303,7 +351,8 @@ def _average(waves: Waves) -> tuple[Waves, Floats]:
 
 
 def _fit_between(samples: Samples, highest: int, cycle: int) -> tuple[Floats, Waves, Floats, Bools]:
-    """Orders that are no whole numbers, of a motion that repeats after `cycle` periods; none of them is kept."""
+    """Orders that are no whole numbers, of a motion that repeats after `cycle` periods; none of
+    them is kept."""
     fits = fit_periods(samples, highest if cycle > 1 else 1, cycle)
     between = fits.orders % 1.0 > 0.0
     mean, error = _average(fits.waves[fits.fitted][:, between])
@@ -311,12 +360,15 @@ def _fit_between(samples: Samples, highest: int, cycle: int) -> tuple[Floats, Wa
 
 
 def _measure_rest(mean: Waves, error: Floats, kept: Bools) -> float:
-    """Root mean square of what is not kept over that of all, with the noise of the mean taken off."""
+    """Root mean square of what is not kept over that of all, with the noise of the mean taken
+    off."""
     rest = max(float((np.abs(mean) ** 2 - 2.0 * error**2)[~kept].sum()), 0.0)
     return math.sqrt(rest / (rest + float((np.abs(mean[kept]) ** 2).sum())))
 
 
-def _tabulate(orders: Floats, mean: Waves, error: Floats, kept: Bools, highest: int) -> dict[str, list[Any]]:
+def _tabulate(
+    orders: Floats, mean: Waves, error: Floats, kept: Bools, highest: int
+) -> dict[str, list[Any]]:
     """The orders up to the highest, as a motion in mm."""
     rows = np.argsort(orders)
     rows = rows[orders[rows] <= highest]
@@ -346,11 +398,16 @@ def _remark(
     if len(bad):
         named = [f"{measured.lines[k]} ({measured.written[k]:g})" for k in bad[:NAMED]]
         more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
-        yield f"Left out as bad, far off their neighbours: the samples of line {', '.join(named)}{more}."
+        yield (
+            "Left out as bad, far off their neighbours: the samples of line"
+            f" {', '.join(named)}{more}."
+        )
     off = np.flatnonzero(~pattern.good)
     if len(off):
         lines = measured.lines[found.good]
-        edges = np.searchsorted(found.samples.tau, TURN * np.stack([off, off + 1])) - np.array([[0], [1]])
+        edges = np.searchsorted(found.samples.tau, TURN * np.stack([off, off + 1])) - np.array(
+            [[0], [1]]
+        )
         named = [f"{lines[first]} to {lines[last]}" for first, last in edges.T[:NAMED]]
         more = f" and {len(off) - NAMED} more" if len(off) > NAMED else ""
         many = f"{len(off)} of {len(pattern.good)} periods"
@@ -364,23 +421,32 @@ def _remark(
         largest = sorted(between, key=itemgetter(1), reverse=True)[:NAMED]
         largest = [(order, a) for order, a in largest if a > SMALL * largest[0][1]]
         parts = ", ".join(f"order {order:.3g} {a:.2g} mm" for order, a in sorted(largest))
-        yield f"The motion repeats only after {cycle} periods: {parts} count as left out, not as noise."
+        yield (
+            f"The motion repeats only after {cycle} periods: {parts} count as left out, not as"
+            " noise."
+        )
 
 
-def _remark_drift(measured: Measurement, found: Followed, pattern: Pattern, per_turn: int) -> Iterator[str]:
+def _remark_drift(
+    measured: Measurement, found: Followed, pattern: Pattern, per_turn: int
+) -> Iterator[str]:
     """A frequency or an amplitude that changes slowly."""
-    slowest, fastest = float(found.rate.min()), float(found.rate.max())
+    slowest = float(found.rate.min())
+    fastest = float(found.rate.max())
     if fastest > (1.0 + DRIFTS) * slowest:
         speed = ""
         if measured.along == "angle":
-            speed = f" (the mean speed from {slowest / per_turn / RPM:.4g} to {fastest / per_turn / RPM:.4g} rpm)"
+            speed = (
+                f" (the mean speed from {slowest / per_turn / RPM:.4g} to"
+                f" {fastest / per_turn / RPM:.4g} rpm)"
+            )
         yield (
-            f"The frequency runs from {slowest:.4g} to {fastest:.4g} rad/s{speed}: the orders follow its phase, and "
-            "this is no noise."
+            f"The frequency runs from {slowest:.4g} to {fastest:.4g} rad/s{speed}: the orders"
+            " follow its phase, and this is no noise."
         )
     share = pattern.slow(np.flatnonzero(pattern.good))
     if np.ptp(share) > DRIFTS:
         yield (
-            f"The motion runs from {percent(share.min(), 3)} to {percent(share.max(), 3)} of its mean: a slow change "
-            "is no noise; vary alpha for it."
+            f"The motion runs from {percent(share.min(), 3)} to {percent(share.max(), 3)} of its"
+            " mean: a slow change is no noise; vary alpha for it."
         )

@@ -1,4 +1,5 @@
-"""A file of a measured motion of the driver: two columns of numbers, as other programs write them."""
+"""A file of a measured motion of the driver: two columns of numbers, as other programs write
+them."""
 
 import csv
 import math
@@ -19,7 +20,14 @@ ALONG = {"time": {"s": 1.0, "ms": 1e-3}, "angle": {"rad": 1.0, "deg": DEGREE, "�
 VALUES = {
     "displacement": {"rad": 1.0, "deg": DEGREE, "°": DEGREE, "mm": 1.0},
     "speed": {"rad/s": 1.0, "rpm": RPM, "1/min": RPM, "deg/s": DEGREE, "mm/s": 1.0},
-    "acceleration": {"rad/s^2": 1.0, "rad/s2": 1.0, "rad/s²": 1.0, "mm/s^2": 1.0, "mm/s2": 1.0, "mm/s²": 1.0},
+    "acceleration": {
+        "rad/s^2": 1.0,
+        "rad/s2": 1.0,
+        "rad/s²": 1.0,
+        "mm/s^2": 1.0,
+        "mm/s2": 1.0,
+        "mm/s²": 1.0,
+    },
 }
 """What a column may hold, by its name, and the factor of each unit to s, rad or mm."""
 HEADER = re.compile(r"(?:crank )?(\w+)\s*[\[(]\s*([^\])]+?)\s*[\])]", flags=re.I)
@@ -70,19 +78,24 @@ def read_measurement(file: str | Path) -> Measurement:
     if not read:
         raise InputError("drive.file", head, "has no rows below its header")
     if len(read) < LEAST_ROWS:
-        raise InputError("drive.file", f"{len(read)} samples", f"is too short: {LEAST_ROWS} rows are the least")
+        raise InputError(
+            "drive.file", f"{len(read)} samples", f"is too short: {LEAST_ROWS} rows are the least"
+        )
     lines, at, written = (np.array(column) for column in zip(*read, strict=True))
     at = at * ALONG[along][step]
     values = written * VALUES[quantity][unit]
     if along == "angle":
         at = np.unwrap(at)
         if at[-1] < at[0]:  # the driver turns the other way: both columns count against its turning
-            at, values = -at, -values
+            at = -at
+            values = -values
     if quantity == "displacement" and not unit.startswith("mm"):
         values = np.unwrap(values)
     _check_rise(along, step, at, lines)
     if np.ptp(written) == 0.0:
-        raise InputError(f"drive.file, {quantity}", float(written[0]), "is the same in all rows; give a motion")
+        raise InputError(
+            f"drive.file, {quantity}", float(written[0]), "is the same in all rows; give a motion"
+        )
     return Measurement(along, at - at[0], quantity, unit, values, written, lines)
 
 
@@ -96,7 +109,9 @@ def _rows(text: str) -> Iterator[tuple[int, str, str, list[str]]]:
         if line.count('"') % 2 or len(line) > csv.field_size_limit():
             why = "has a quotation mark that is not closed, or too much in one cell"
             raise InputError(f"drive.file, line {number}", line, why)
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=mark, skipinitialspace=True))]
+        cells = [
+            cell.strip() for cell in next(csv.reader([line], delimiter=mark, skipinitialspace=True))
+        ]
         while len(cells) > 2 and not cells[-1]:  # separators at the end of a line
             cells.pop()
         yield number, line.strip(), mark, cells
@@ -113,9 +128,14 @@ def _read_header(head: str, names: list[str]) -> list[tuple[str, str]]:
         if parts is None:
             why = f"name two columns with their units in its first line, as in: {EXAMPLE}"
             raise InputError("drive.file", head, why)
-        column, unit = parts[1].lower(), parts[2]
+        column = parts[1].lower()
+        unit = parts[2]
         if column not in known:
-            raise InputError("drive.file", parts[1], f"is no such column; give {' or '.join(known)}, as in: {EXAMPLE}")
+            raise InputError(
+                "drive.file",
+                parts[1],
+                f"is no such column; give {' or '.join(known)}, as in: {EXAMPLE}",
+            )
         if unit not in known[column]:
             why = f"has an unknown unit; give {', '.join(known[column])}"
             raise InputError("drive.file", f"{column} [{unit}]", why)
@@ -138,7 +158,10 @@ def _read_pair(number: int, line: str, mark: str, cells: list[str]) -> list[floa
     elif any(cell.lower() in MISSING for cell in cells):
         why = "needs two numbers; leave out a row without a value"
     elif mark == "," and len(cells) == 4:
-        why = "has 4 columns, not two numbers; put semicolons between columns where commas are decimal"
+        why = (
+            "has 4 columns, not two numbers; put semicolons between columns where commas are"
+            " decimal"
+        )
     elif len(cells) != 2:
         why = f"needs two numbers, and has {len(cells)} column{'s' * (len(cells) != 1)}"
     else:

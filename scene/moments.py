@@ -1,4 +1,5 @@
-"""Names of the quantities and moments that closures and simulation share, and when moments are realizable."""
+"""Names of the quantities and moments that closures and simulation share, and when moments are
+realizable."""
 
 import math
 from typing import NamedTuple, TypeVar
@@ -13,7 +14,8 @@ from rattle.scene.types import Floats
 Number = TypeVar("Number", float, Floats)
 
 ROUNDING = 1e-9  # relative tolerance for rounding in |rho| <= 1 and in Cholesky pivots
-SMALLEST = 1e-290  # smallest variance, or power of an sd, that has all its digits and may be a divisor
+# smallest variance, or power of an sd, that has all its digits and may be a divisor
+SMALLEST = 1e-290
 LOST = 4.0 * 2.0**-52  # a variance below this times the square of its largest term is rounding
 
 
@@ -46,7 +48,8 @@ def realizability(covariance: Floats) -> Realizability:
 
     Shapes: `covariance` (2, 2).
     """
-    vx, vy = float(covariance[0, 0]), float(covariance[1, 1])
+    vx = float(covariance[0, 0])
+    vy = float(covariance[1, 1])
     rho = correlation(covariance)
     if not np.isfinite(covariance).all():
         return Realizability(False, "moments are not finite", vx, vy, rho, float("nan"))
@@ -56,22 +59,30 @@ def realizability(covariance: Floats) -> Realizability:
     if abs(rho) > 1.0 + ROUNDING:
         reasons.append(f"|rho| = {abs(rho):.4g} > 1")
     if not reasons and cross != 0.0 and min(vx, vy) == 0.0:
-        reasons.append(f"covariance = {cross:.3g} beside a variance of 0: smallest eigenvalue = {smallest:.3g} < 0")
+        reasons.append(
+            f"covariance = {cross:.3g} beside a variance of 0: smallest eigenvalue ="
+            f" {smallest:.3g} < 0"
+        )
     return Realizability(not reasons, ", ".join(reasons), vx, vy, rho, smallest)
 
 
 def _smallest_eigenvalue(vx: float, cross: float, vy: float) -> float:
-    """Of a 2 x 2 covariance, as the determinant over the larger eigenvalue: accurate where it is relatively small."""
+    """Of a 2 x 2 covariance, as the determinant over the larger eigenvalue: accurate where it is
+    relatively small."""
     scale = max(abs(vx), abs(vy), abs(cross))
     if scale == 0.0:
         return 0.0
-    a, b, d = vx / scale, cross / scale, vy / scale
-    mean, half = 0.5 * (a + d), math.hypot(0.5 * (a - d), b)
+    a = vx / scale
+    b = cross / scale
+    d = vy / scale
+    mean = 0.5 * (a + d)
+    half = math.hypot(0.5 * (a - d), b)
     return scale * (mean - half if mean <= 0.0 else (a * d - b * b) / (mean + half))
 
 
 def _is_clear(a: Floats, scale: Floats) -> bool:
-    """Whether a covariance is positive definite beyond rounding: its variances against `scale`, its Cholesky pivots."""
+    """Whether a covariance is positive definite beyond rounding: its variances against `scale`, its
+    Cholesky pivots."""
     n = len(a)
     root = np.zeros((n, n))
     for j in range(n):
@@ -94,10 +105,11 @@ def _is_clear(a: Floats, scale: Floats) -> bool:
 
 
 def semidefinite(covariance: Floats, scale: Floats) -> Floats:
-    """The positive semidefinite part of a covariance that was computed as a difference of larger ones.
+    """The positive semidefinite part of a covariance that was computed as a difference of larger
+    ones.
 
-    Variances below the rounding error of their terms become 0, and negative eigenvalues are removed.  A covariance that
-    is clearly positive definite is returned as it is, symmetrised.
+    Variances below the rounding error of their terms become 0, and negative eigenvalues are
+    removed.  A covariance that is clearly positive definite is returned as it is, symmetrised.
 
     Shapes: `covariance` (n, n); `scale` (n,); result (n, n).
     """
@@ -106,7 +118,9 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
         return covariance
     resolved = (np.diagonal(covariance) > np.maximum(LOST * scale**2, SMALLEST)) & (scale > 0.0)
     size = np.where(resolved, scale, 1.0)
-    values, vectors = eigen(np.where(resolved & resolved[:, None], covariance / size[:, None] / size, 0.0))
+    values, vectors = eigen(
+        np.where(resolved & resolved[:, None], covariance / size[:, None] / size, 0.0)
+    )
     root = size[:, None] * vectors * np.sqrt(np.where(values > 0.0, values, 0.0))
     return np.where(resolved & resolved[:, None], product(root, root.T), 0.0)
 
@@ -130,7 +144,8 @@ def fill_gaussian_moments(vx: Number, cxy: Number, vy: Number, m: Floats) -> Non
 
 @jit
 def gaussian_raw_moments(vx: float, cxy: float, vy: float, order: int) -> Floats:
-    """``E[x^n y^p]`` of a centred Gaussian pair for ``n + p <= order``, by Isserlis' theorem as a recursion.
+    """``E[x^n y^p]`` of a centred Gaussian pair for ``n + p <= order``, by Isserlis' theorem as a
+    recursion.
 
     Shapes: result (order + 1, order + 1).
     """
@@ -144,6 +159,9 @@ def central_from_raw(raw: Floats) -> Floats:
 
     Shapes: `raw` (orders, ...); result (orders, ...).
     """
-    mean, shift = raw[1], powers(-raw[1], len(raw))
-    terms = ([math.comb(p, k) * shift[p - k] * raw[k] for k in range(p + 1)] for p in range(len(raw)))
+    mean = raw[1]
+    shift = powers(-raw[1], len(raw))
+    terms = (
+        [math.comb(p, k) * shift[p - k] * raw[k] for k in range(p + 1)] for p in range(len(raw))
+    )
     return np.stack([sum(of_order, start=np.zeros_like(mean)) for of_order in terms])

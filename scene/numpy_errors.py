@@ -1,6 +1,8 @@
-"""Numpy's treatment of floating-point errors: the package computes under numpy's defaults, a user's function under his.
+"""Numpy's treatment of floating-point errors: the package computes under numpy's defaults, a user's
+function under his.
 
-``np.seterr(all="raise")`` in a program makes an exponential that underflows, which is nothing wrong, an exception.
+``np.seterr(all="raise")`` in a program makes an exponential that underflows, which is nothing
+wrong, an exception.
 """
 
 import functools
@@ -14,11 +16,13 @@ import numpy as np
 T = TypeVar("T")
 
 DEFAULTS: dict[str, Any] = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}
-_given: ContextVar[dict[str, Any] | None] = ContextVar("given", default=None)  # the user's, while the package computes
+# the user's, while the package computes
+_given: ContextVar[dict[str, Any] | None] = ContextVar("given", default=None)
 
 
 def numpy_defaults(named: T) -> T:
-    """Make a function, or a class with its methods and properties, compute under numpy's default treatment of errors.
+    """Make a function, or a class with its methods and properties, compute under numpy's default
+    treatment of errors.
 
     `named`: What a user calls; a class is changed in place, without what it inherits.
     """
@@ -29,7 +33,9 @@ def numpy_defaults(named: T) -> T:
             setattr(named, name, property(_under_defaults(member.fget), doc=member.__doc__))  # type: ignore[arg-type]
         elif isinstance(member, functools.cached_property):
             member.func = _under_defaults(member.func)
-        elif inspect.isfunction(member) and (name in ("__repr__", "_repr_html_") or not name.startswith("_")):
+        elif inspect.isfunction(member) and (
+            name in ("__repr__", "_repr_html_") or not name.startswith("_")
+        ):
             setattr(named, name, _under_defaults(member))
     return named
 
@@ -50,7 +56,8 @@ def _under_defaults(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def call_users(function: Callable[..., Any], *args: Any) -> Any:
-    """Call a function of the user's under his own settings, which hold again for what it calls of the package."""
+    """Call a function of the user's under his own settings, which hold again for what it calls of
+    the package."""
     given = _given.get()
     if given is None:  # in a thread of its own, where numpy's defaults hold for him too
         return function(*args)

@@ -1,9 +1,18 @@
-"""Parts of a scene that are given as a whole: the tolerance of its gaps and the start of its paths."""
+"""Parts of a scene that are given as a whole: the tolerance of its gaps and the start of its
+paths."""
 
 import math
 from dataclasses import dataclass
 
-from rattle.scene.errors import InputError, check_range, choice, count, finite, non_negative, suggesting
+from rattle.scene.errors import (
+    InputError,
+    check_range,
+    choice,
+    count,
+    finite,
+    non_negative,
+    suggesting,
+)
 from rattle.scene.types import CUT
 
 _edge = math.exp(-0.5 * CUT**2) / math.sqrt(2.0 * math.pi)
@@ -21,7 +30,9 @@ GAPS = (1e-9, 1e6)
 HIGHEST = 1000  # order of a drive
 TURN = 6.2832  # largest phase of an order: 2 pi, also as people round it
 MEMORY = (1e-4, 1e6)  # correlation times of noise that is not white
-SPEED, TIME = 1e6, 1e12  # largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
+# largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
+SPEED = 1e6
+TIME = 1e12
 
 
 @suggesting
@@ -59,27 +70,37 @@ class Tolerance:
     def __post_init__(self) -> None:
         for name in ("c1_max", "c2_max"):
             object.__setattr__(self, name, finite(f"tolerance.{name}", getattr(self, name)))
-            check_range(f"tolerance.{name}", non_negative(f"tolerance.{name}", getattr(self, name)), TINY, GAPS[1])
+            check_range(
+                f"tolerance.{name}",
+                non_negative(f"tolerance.{name}", getattr(self, name)),
+                TINY,
+                GAPS[1],
+            )
         choice("tolerance.distribution", self.distribution, UNIT_VARIANCE)
         choice("tolerance.draw", self.draw, DRAWS)
 
     @property
     def variances(self) -> tuple[float, float]:
         """Variances of ``c_1`` and ``c_2``, a pair of floats."""
-        return self.c1_max**2 * UNIT_VARIANCE[self.distribution], self.c2_max**2 * UNIT_VARIANCE[self.distribution]
+        return (
+            self.c1_max**2 * UNIT_VARIANCE[self.distribution],
+            self.c2_max**2 * UNIT_VARIANCE[self.distribution],
+        )
 
 
 @suggesting
 @dataclass(frozen=True)
 class Order:
-    """One order of the driver's motion, ``amplitude sin(order tau + phase)`` (docs/model.md section 1).
+    """One order of the driver's motion, ``amplitude sin(order tau + phase)`` (docs/model.md section
+    1).
 
     Parameters
     ----------
     order : int
         How often it repeats in a period of the excitation: 1 to 1000.
     amplitude : float
-        Relative to the excitation amplitude ``alpha`` of the scene, 0 or between 1e-30 and 1e6 in size.
+        Relative to the excitation amplitude ``alpha`` of the scene, 0 or between 1e-30 and 1e6 in
+        size.
     phase : float
         At ``tau = 0``, in radians, up to 2 pi in size.
 
@@ -107,7 +128,10 @@ class Order:
         check_range("drive.amplitude", self.amplitude, TINY, GAPS[1])
         if abs(self.phase) > TURN:
             degrees = f"if it is in degrees, write {math.radians(self.phase):.6g}"
-            why = f"is in radians, from -2 pi to 2 pi; {degrees}, or phase_degrees = {self.phase:g} in a scene file"
+            why = (
+                f"is in radians, from -2 pi to 2 pi; {degrees}, or phase_degrees = {self.phase:g}"
+                " in a scene file"
+            )
             raise InputError("drive.phase", self.phase, why)
 
 
@@ -123,8 +147,8 @@ class Start:
     Parameters
     ----------
     tau : float
-        Time of the start, up to 1e12 in size; the excitation is ``alpha f(tau)``, ``f = sin tau`` where
-        the scene gives no other drive.
+        Time of the start, up to 1e12 in size; the excitation is ``alpha f(tau)``, ``f = sin tau``
+        where the scene gives no other drive.
     x1, y1, x2, y2 : float
         Relative displacement and velocity of both stages; velocities up to 1e6 in size.
     mesh : {1, 2, 0}

@@ -1,8 +1,10 @@
-"""Least squares of the orders in each period of a measured motion, at the times of its samples as they are.
+"""Least squares of the orders in each period of a measured motion, at the times of its samples as
+they are.
 
-Of a motion whose `power`-th derivative by tau was measured, each period has its own polynomial of degree ``2 - power``
-(an offset, a drift, a constant acceleration) beside the orders.  So a period says nothing of where the motion has
-drifted to, and white noise in the acceleration moves the fits of different periods independently.
+Of a motion whose `power`-th derivative by tau was measured, each period has its own polynomial of
+degree ``2 - power`` (an offset, a drift, a constant acceleration) beside the orders.  So a period
+says nothing of where the motion has drifted to, and white noise in the acceleration moves the fits
+of different periods independently.
 """
 
 from collections.abc import Iterator
@@ -22,7 +24,8 @@ NODES = (np.arange(4) + 0.5) / 4.0  # shares of a step at which the drive is int
 
 @dataclass(frozen=True)
 class Samples:
-    """Phase of the drive at each sample, and the `power`-th derivative by it of the motion in mm."""
+    """Phase of the drive at each sample, and the `power`-th derivative by it of the motion in
+    mm."""
 
     tau: Floats
     values: Floats
@@ -37,8 +40,8 @@ class Samples:
 class PeriodFits:
     """The orders of the acceleration in each window of `cycle` periods.
 
-    Order ``j / cycle`` of window k is the real part of ``waves[k, j - 1] exp(i j tau / cycle)``; a window with too few
-    samples has NaN.
+    Order ``j / cycle`` of window k is the real part of ``waves[k, j - 1] exp(i j tau / cycle)``; a
+    window with too few samples has NaN.
     """
 
     orders: Floats
@@ -83,8 +86,12 @@ def fit_periods(samples: Samples, highest: int, cycle: int = 1) -> PeriodFits:
         wave = np.full(len(orders), np.nan + 0j)
         if len(rows) >= SPARE * design.shape[1]:
             values = samples.values[rows]
-            found = np.linalg.solve(design.T @ design, design.T @ (values - values.mean()))[3 - samples.power :]
-            wave = (found[: len(orders)] - 1j * found[len(orders) :]) * (1j * orders) ** (2 - samples.power)
+            found = np.linalg.solve(design.T @ design, design.T @ (values - values.mean()))[
+                3 - samples.power :
+            ]
+            wave = (found[: len(orders)] - 1j * found[len(orders) :]) * (1j * orders) ** (
+                2 - samples.power
+            )
         waves.append(wave)
     return PeriodFits(orders, np.array(waves), cycle)
 
@@ -98,17 +105,19 @@ def evaluate(orders: Floats, wave: Waves, tau: Floats) -> Floats:
 
 
 def project(waves: Waves, mean: Waves) -> Waves:
-    """What the waves of each period are of the mean ones; the imaginary part is of a shift in phase."""
+    """What the waves of each period are of the mean ones; the imaginary part is of a shift in
+    phase."""
     return np.asarray((waves * np.conj(mean)).sum(axis=1) / (np.abs(mean) ** 2).sum())
 
 
 def measure_gains(samples: Samples, highest: int, mean: Waves) -> tuple[Floats, Floats]:
-    """Variance of the real part of `project` in each period, for white noise of the drive and of the measurement.
+    """Variance of the real part of `project` in each period, for white noise of the drive and of
+    the measurement.
 
-    The first is for ``sigma = alpha``, the second for noise of the samples of sd 1.  With weights q of the samples and
-    white noise ``m`` of the acceleration ``a``, the period's is ``integral of K a m`` with
-    ``K(s) = sum over t_j > s of q_j (t_j - s)`` for a displacement and ``sum of q_j`` for a speed; each sample of an
-    acceleration is taken as the mean over its step.
+    The first is for ``sigma = alpha``, the second for noise of the samples of sd 1.  With weights q
+    of the samples and white noise ``m`` of the acceleration ``a``, the period's is ``integral of K
+    a m`` with ``K(s) = sum over t_j > s of q_j (t_j - s)`` for a displacement and ``sum of q_j``
+    for a speed; each sample of an acceleration is taken as the mean over its step.
     """
     orders = np.arange(1.0, highest + 1.0)
     size = (np.abs(mean) ** 2).sum()
@@ -137,21 +146,25 @@ def measure_gains(samples: Samples, highest: int, mean: Waves) -> tuple[Floats, 
 
 
 def measure_own_noise(samples: Samples, orders: Floats, mean: Waves) -> tuple[float, float]:
-    """Variance of white noise of the measurement, with its standard error; it may come out negative.
+    """Variance of white noise of the measurement, with its standard error; it may come out
+    negative.
 
-    Steps of a speed, and bends of a displacement, that share one sample and no time share the noise of that sample
-    alone.  An acceleration has it where that of the drive vanishes.
+    Steps of a speed, and bends of a displacement, that share one sample and no time share the noise
+    of that sample alone.  An acceleration has it where that of the drive vanishes.
     """
     from scipy.ndimage import uniform_filter1d
 
     acceleration = evaluate(orders, mean, samples.tau)
     if samples.power == 2:
         rest = samples.values - acceleration
-        rest -= uniform_filter1d(rest, len(rest) // count_periods(samples.tau))  # an offset that may drift
+        # an offset that may drift
+        rest -= uniform_filter1d(rest, len(rest) // count_periods(samples.tau))
         strength = acceleration**2 / np.gradient(samples.tau)
         (_, found), covariance = np.polyfit(strength, rest**2, 1, cov=True)
         return float(found), float(np.sqrt(covariance[1, 1]))
-    rest = samples.values - evaluate(orders, mean / (1j * orders) ** (2 - samples.power), samples.tau)
+    rest = samples.values - evaluate(
+        orders, mean / (1j * orders) ** (2 - samples.power), samples.tau
+    )
     step = np.diff(samples.tau)
     if samples.power == 1:
         change = np.diff(rest)

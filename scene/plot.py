@@ -1,4 +1,5 @@
-"""Figures of section moments, predicted or sampled, of an orbit between its walls, and of a measured drive."""
+"""Figures of section moments, predicted or sampled, of an orbit between its walls, and of a
+measured drive."""
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -22,17 +23,21 @@ class ShownFigure(Figure):
 
 
 def plot_section(columns: Any, quantity: str, unit: str, factor: float, title: str) -> ShownFigure:
-    """Draw mean and sd of a quantity just before each impact, with the standard error of the mean where there is one.
+    """Draw mean and sd of a quantity just before each impact, with the standard error of the mean
+    where there is one.
 
-    `columns` are dimensionless, of shape (impacts,), by their names in a section table; `factor` takes them to `unit`.
+    `columns` are dimensionless, of shape (impacts,), by their names in a section table; `factor`
+    takes them to `unit`.
     """
-    mean, sd = factor * columns[quantity], factor * columns["sd_" + quantity]
+    mean = factor * columns[quantity]
+    sd = factor * columns["sd_" + quantity]
     impact = range(1, len(mean) + 1)
     figure = ShownFigure(figsize=(6.4, 3.6), layout="constrained")
     axes = figure.add_subplot()
     axes.fill_between(impact, mean - sd, mean + sd, alpha=0.2, lw=0.0, label="mean ± sd")
     if "se_" + quantity in columns:
-        se, label = factor * columns["se_" + quantity], "mean, with its standard error"
+        se = factor * columns["se_" + quantity]
+        label = "mean, with its standard error"
         axes.errorbar(impact, mean, se, fmt="o-", ms=4, lw=1.2, capsize=2, label=label)
     else:
         axes.plot(impact, mean, "o-", ms=4, lw=1.2, label="mean")
@@ -53,23 +58,33 @@ def plot_orbit(
     before: Floats,
     sticking: Sequence[tuple[int, int, float, float, int]],
 ) -> ShownFigure:
-    """Draw displacements over time, the walls, the impacts at each mesh, and the times in which a mesh sticks.
+    """Draw displacements over time, the walls, the impacts at each mesh, and the times in which a
+    mesh sticks.
 
-    Shapes: `times` (n,) with `states` (n, 4); `tau` and `mesh` (impacts,) with the states `before` (impacts, 4);
-    `sticking` as `rattle.closure.orbit.StickingPhase`.
+    Shapes: `times` (n,) with `states` (n, 4); `tau` and `mesh` (impacts,) with the states `before`
+    (impacts, 4); `sticking` as `rattle.closure.orbit.StickingPhase`.
     """
     figure = ShownFigure(figsize=(7.0, 0.6 + 1.8 * c.stages), layout="constrained")
     panels = figure.subplots(c.stages, 1, sharex=True, squeeze=False)[:, 0]
     for i, (ax, wall) in enumerate(zip(panels, (c.wall1, c.wall2), strict=False)):
         here = np.flatnonzero(mesh == i + 1)
         ax.plot(times, states[:, 2 * i], color="#0072B2", lw=1.2)
-        ax.plot(tau[here], before[here, 2 * i], "o", color="#D55E00", ms=4, label=f"impact at mesh {i + 1}")
+        ax.plot(
+            tau[here],
+            before[here, 2 * i],
+            "o",
+            color="#D55E00",
+            ms=4,
+            label=f"impact at mesh {i + 1}",
+        )
         for side in (-1, 1):
             ax.axhline(side * wall, color="0.4", lw=1.0)
         phases = [(a, b) for stuck, _, a, b, _ in sticking if stuck == i + 1 and a < times[-1]]
         for number, (closed, opened) in enumerate(phases):
             label = "_" * (number > 0) + f"mesh {i + 1} sticks"
-            ax.axvspan(closed, min(opened, times[-1]), color="#E69F00", alpha=0.3, lw=0, label=label)
+            ax.axvspan(
+                closed, min(opened, times[-1]), color="#E69F00", alpha=0.3, lw=0, label=label
+            )
         ax.set_ylabel(f"$x_{i + 1}$ in backlash1")
         ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
     panels[-1].set_xlabel(r"time $\tau = \omega t$")
@@ -77,16 +92,22 @@ def plot_orbit(
 
 
 def plot_drive(
-    cycle: Floats, spread: Floats, sum_of_orders: Floats, table: Mapping[str, Sequence[Any]], what: str
+    cycle: Floats,
+    spread: Floats,
+    sum_of_orders: Floats,
+    table: Mapping[str, Sequence[Any]],
+    what: str,
 ) -> ShownFigure:
-    """Draw a mean period beside the sum of its orders, with what is left out, and the size of each order.
+    """Draw a mean period beside the sum of its orders, with what is left out, and the size of each
+    order.
 
     `what`: Name and unit of the quantity.
     """
     figure = ShownFigure(figsize=(7.4, 5.4), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(2.0, 1.0))
     at = np.arange(len(cycle)) / len(cycle)
-    low, high = cycle - spread, cycle + spread
+    low = cycle - spread
+    high = cycle + spread
     above.fill_between(at, low, high, color="0.8", lw=0.0, label="scatter of the periods (±1 sd)")
     above.plot(at, cycle, color="0.3", lw=2.0, label="mean period")
     above.plot(at, sum_of_orders, color="#0072B2", lw=1.2, ls="--", label="sum of the orders")
@@ -98,7 +119,9 @@ def plot_drive(
     colours = ["#0072B2" if kept else "0.7" for kept in table["kept"]]
     largest = float((pull * amplitude).max())
     errors = {"ecolor": "0.3", "capsize": 2}
-    below.bar(orders, pull * amplitude / largest, yerr=pull * se / largest, color=colours, error_kw=errors)
+    below.bar(
+        orders, pull * amplitude / largest, yerr=pull * se / largest, color=colours, error_kw=errors
+    )
     below.set_xlabel("order (grey: left out)")
     below.set_ylabel("acceleration\nover the largest")
     below.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -1,8 +1,10 @@
-"""What long work is doing, on standard error: a bar on a terminal or in a notebook, lines in a pipe or a log.
+"""What long work is doing, on standard error: a bar on a terminal or in a notebook, lines in a pipe
+or a log.
 
-A function that is asked for it shows a `ProgressBar`.  A command also says what it does where there is no bar, and in a
-pipe how far its bars are (`speaking`).  A thread does so, since compiled code and the compiler return only when they
-are done.  The same thread draws a line while numba compiles in a Python session.
+A function that is asked for it shows a `ProgressBar`.  A command also says what it does where there
+is no bar, and in a pipe how far its bars are (`speaking`).  A thread does so, since compiled code
+and the compiler return only when they are done.  The same thread draws a line while numba compiles
+in a Python session.
 """
 
 import io
@@ -24,7 +26,9 @@ FIRST = 1.5  # seconds without a word that nobody wonders about
 BETWEEN = 15.0  # seconds between two lines of a log
 TICK = 0.5  # seconds between two states of the line that a terminal shows
 PATIENCE = 1.0  # seconds to wait for a thread that may be stuck where nobody reads what it says
-COLUMNS, ROWS = 80, 24  # of a terminal that does not say its size
+# of a terminal that does not say its size
+COLUMNS = 80
+ROWS = 24
 COMPILING = "compiling for this processor, once, a minute or so in all"
 
 ESTIMATES = logging.getLogger("rattle.estimate")
@@ -46,15 +50,18 @@ def has_terminal() -> bool:
 
 
 def shows_bars() -> bool:
-    """Whether standard error is a terminal or the output of a notebook's cell, which show a line that changes."""
+    """Whether standard error is a terminal or the output of a notebook's cell, which show a line
+    that changes."""
     notebook = sys.modules.get("ipykernel.iostream")
     return has_terminal() or (notebook is not None and isinstance(sys.stderr, notebook.OutStream))
 
 
 class Bar(tqdm):  # type: ignore[type-arg]  # generic in its stubs only
-    """A bar with a lock of this process alone: tqdm's own is shared with child processes, which may die holding it.
+    """A bar with a lock of this process alone: tqdm's own is shared with child processes, which may
+    die holding it.
 
-    It is drawn on a terminal without a size too, as in a container or under ``script``, where tqdm's own is invisible.
+    It is drawn on a terminal without a size too, as in a container or under ``script``, where
+    tqdm's own is invisible.
     """
 
     def __init__(self, *given: Any, **settings: Any) -> None:
@@ -65,7 +72,8 @@ class Bar(tqdm):  # type: ignore[type-arg]  # generic in its stubs only
 
 
 def _renew_lock() -> None:
-    """Give bars a lock that nobody holds, as a thread of the parent may when a process is forked."""
+    """Give bars a lock that nobody holds, as a thread of the parent may when a process is
+    forked."""
     global _lock
     _lock = threading.RLock()
     Bar.set_lock(_lock)
@@ -76,12 +84,15 @@ os.register_at_fork(after_in_child=_renew_lock)
 
 
 class ProgressBar(Bar):
-    """A bar on a terminal or in a notebook, which elsewhere only counts: `describe` says how far it is.
+    """A bar on a terminal or in a notebook, which elsewhere only counts: `describe` says how far it
+    is.
 
     `label`: What is done; without one nothing is counted or shown.
     """
 
-    def __init__(self, items: Iterable[Any] | None = None, label: str | None = None, **settings: Any) -> None:
+    def __init__(
+        self, items: Iterable[Any] | None = None, label: str | None = None, **settings: Any
+    ) -> None:
         self.label = line(label or "")
         self._shown = shows_bars()
         if not label:
@@ -107,7 +118,9 @@ class ProgressBar(Bar):
     def describe(self) -> str:
         """How far it is and how long the rest may take, in words."""
         facts = self.format_dict
-        done, total, elapsed = facts["n"], facts["total"], facts["elapsed"]
+        done = facts["n"]
+        total = facts["total"]
+        elapsed = facts["elapsed"]
         unit = facts["unit"].strip()
         units = unit if unit.endswith("s") else f"{unit}s"
         text = f"{self.label}: {done:,.0f} {units}"
@@ -122,16 +135,20 @@ class ProgressBar(Bar):
 
 
 def do(what: str) -> None:
-    """State what is done from now on, for work that has no bar; a command says it if it takes long."""
+    """State what is done from now on, for work that has no bar; a command says it if it takes
+    long."""
     global _doing, _began
-    _doing, _began = what, time.monotonic()
+    _doing = what
+    _began = time.monotonic()
 
 
 def describe() -> str:
     """What is being done at the moment, and how far it is."""
     if _compiler.depth:
         number = _compiler.functions
-        return f"{COMPILING}: {number} function{'s' * (number != 1)} so far" if number else COMPILING
+        return (
+            f"{COMPILING}: {number} function{'s' * (number != 1)} so far" if number else COMPILING
+        )
     if _bars:
         return "; ".join(bar.describe() for bar in list(_bars))
     return f"{_doing}: {duration_text(time.monotonic() - _began, 2)} so far"
@@ -144,9 +161,11 @@ def is_drawn() -> bool:
 
 @contextmanager
 def apart_from_bars() -> Iterator[None]:
-    """Context in which something else is printed: bars are taken away before, and drawn again after it.
+    """Context in which something else is printed: bars are taken away before, and drawn again after
+    it.
 
-    What is said where no bar is comes back only if the work goes on: it would stand below an answer.
+    What is said where no bar is comes back only if the work goes on: it would stand below an
+    answer.
     """
     _hide_status()
     with Bar.external_write_mode():
@@ -154,7 +173,8 @@ def apart_from_bars() -> Iterator[None]:
 
 
 def print_on_stderr(text: str) -> None:
-    """Print a line on standard error, where there is one: a daemon has none, or one that is closed."""
+    """Print a line on standard error, where there is one: a daemon has none, or one that is
+    closed."""
     with suppress(OSError, ValueError), apart_from_bars():
         if sys.stderr is not None:  # `print` would take standard output
             print(harmless(f"rattle: {text}"), file=sys.stderr, flush=True)
@@ -175,7 +195,9 @@ def _show_status() -> None:
     with _lock:
         for bar in _bars:
             bar.refresh()
-        if _bars and not (_compiler.depth and has_terminal()):  # a notebook has no place below a bar
+        if _bars and not (
+            _compiler.depth and has_terminal()
+        ):  # a notebook has no place below a bar
             _hide_status()
             return
         text = line(describe())
@@ -185,14 +207,17 @@ def _show_status() -> None:
 
 
 class Speaker:
-    """A thread that says what is done: where bars are shown in a line that changes, elsewhere in lines of a log.
+    """A thread that says what is done: where bars are shown in a line that changes, elsewhere in
+    lines of a log.
 
     `after`: Seconds after which it begins.
     """
 
     def __init__(self, after: float) -> None:
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._speak, args=(after,), daemon=True, name="progress")
+        self._thread = threading.Thread(
+            target=self._speak, args=(after,), daemon=True, name="progress"
+        )
         self._thread.start()
 
     def _speak(self, pause: float) -> None:
@@ -231,10 +256,11 @@ def speaking(what: str) -> Iterator[None]:
 
 
 class Compiler:
-    """The compiler at work: how many functions it has compiled in this process, and the line that says so.
+    """The compiler at work: how many functions it has compiled in this process, and the line that
+    says so.
 
-    `depth`: Functions that are being compiled now, each for the one before. `functions`: Compiled so far, without those
-    that are part of others.
+    `depth`: Functions that are being compiled now, each for the one before. `functions`: Compiled
+    so far, without those that are part of others.
     """
 
     def __init__(self) -> None:
@@ -252,7 +278,9 @@ class Compiler:
             if self.depth > 1:
                 return
             self._began = time.monotonic()
-            alone = multiprocessing.parent_process() is None and "PYTEST_CURRENT_TEST" not in os.environ
+            alone = (
+                multiprocessing.parent_process() is None and "PYTEST_CURRENT_TEST" not in os.environ
+            )
             if alone and not _speaking and shows_bars():
                 self._speaker = Speaker(max(FIRST - self._seconds, 0.0))
 
@@ -264,7 +292,8 @@ class Compiler:
                 return
             self.functions += 1
             self._seconds += time.monotonic() - self._began
-            speaker, self._speaker = self._speaker, None
+            speaker = self._speaker
+            self._speaker = None
         if speaker is not None:
             speaker.stop()
 
@@ -283,7 +312,8 @@ def compiling() -> Iterator[None]:
 
 
 def watch_compiler() -> None:
-    """Have numba say when it compiles a function of this package; a user's own are the user's to announce."""
+    """Have numba say when it compiles a function of this package; a user's own are the user's to
+    announce."""
     from numba.core import event  # the command imports this module, and only some commands compile
 
     events: Any = event  # numba has no type hints

@@ -1,4 +1,5 @@
-"""The model's parameters, dimensionless, validated once when a scene is made; all other code trusts them."""
+"""The model's parameters, dimensionless, validated once when a scene is made; all other code trusts
+them."""
 
 import math
 from copy import copy
@@ -34,8 +35,8 @@ SWEPT = ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu", "gap1",
 class Scene:
     """A rattling system, its noise, its tolerances and its start (dimensionless).
 
-    ``alpha, gamma1, gamma2, mu, sigma`` and the tolerances are 0 or at least 1e-30: moments of smaller values would
-    underflow.
+    ``alpha, gamma1, gamma2, mu, sigma`` and the tolerances are 0 or at least 1e-30: moments of
+    smaller values would underflow.
 
     Parameters
     ----------
@@ -48,7 +49,8 @@ class Scene:
     gamma1, gamma2 : float
         Constant drags, 0 to 1e6.
     mu : float
-        Wheel 1's share of the change of the relative velocity at an impact at mesh 2, between 0 and 1.
+        Wheel 1's share of the change of the relative velocity at an impact at mesh 2, between 0 and
+        1.
     gap1, gap2 : float
         Half gaps, 1e-9 to 1e6.
     sigma : float
@@ -62,12 +64,15 @@ class Scene:
     stages : {2, 1}
         1 is the single-stage rattler: mesh 1 alone; ``beta2, gamma2, mu, gap2`` are then unused.
     drive : sequence of Order, optional
-        The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)``, in place of the default ``sin tau``.
+        The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)``, in place of the default ``sin
+        tau``.
     correlation_time : float
-        Memory of the noise, in units of ``1 / omega``: the modulation is an Ornstein-Uhlenbeck process with the
-        spectrum of white noise of the same `sigma` at frequency 0.  0 (white noise), or 1e-4 to 1e6.
+        Memory of the noise, in units of ``1 / omega``: the modulation is an Ornstein-Uhlenbeck
+        process with the spectrum of white noise of the same `sigma` at frequency 0.  0 (white
+        noise), or 1e-4 to 1e6.
     gears : Gears, optional
-        The physical gears that the scene was made from, by `from_gears`; None once a value that gears fix is another.
+        The physical gears that the scene was made from, by `from_gears`; None once a value that
+        gears fix is another.
 
     Raises
     ------
@@ -111,27 +116,40 @@ class Scene:
         for name in ("gap1", "gap2"):
             errors.check_range(name, errors.positive(name, getattr(self, name)), *GAPS, zero=False)
         if self.stages == 2 and not 0.0 < self.mu < 1.0:
-            raise InputError("mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1")
+            raise InputError(
+                "mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1"
+            )
         errors.check_range("mu", self.mu, TINY, 1.0)
-        errors.check_range("correlation_time", errors.non_negative("correlation_time", self.correlation_time), *MEMORY)
+        errors.check_range(
+            "correlation_time",
+            errors.non_negative("correlation_time", self.correlation_time),
+            *MEMORY,
+        )
         self._check_drive()
         self._check_tolerance()
         if self.start is None:
             object.__setattr__(self, "start", Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1))
         self._check_start()
-        if self.gears is not None and any(getattr(self, n) != v for n, v in _parameters_of(self.gears).items()):
+        if self.gears is not None and any(
+            getattr(self, n) != v for n, v in _parameters_of(self.gears).items()
+        ):
             object.__setattr__(self, "gears", None)
 
     def __repr__(self) -> str:
-        """Python text that makes the scene, to the last bit, on a few lines; defaults are left out."""
+        """Python text that makes the scene, to the last bit, on a few lines; defaults are left
+        out."""
         shown = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         defaults: dict[str, Any] = {f.name: f.default for f in fields(self)}
         defaults["start"] = Start(0.0, self.gap1, 2.0, self.gap2, 2.0, mesh=1)
-        shown = {name: value for name, value in shown.items() if repr(value) != repr(defaults[name])}
+        shown = {
+            name: value for name, value in shown.items() if repr(value) != repr(defaults[name])
+        }
         if self.gears is None:
             return as_call("Scene", shown)
         settings = {name: shown[name] for name in FREE if name in shown}
-        return as_call("Scene.from_gears", settings, first="DAT21" if self.gears == DAT21 else repr(self.gears))
+        return as_call(
+            "Scene.from_gears", settings, first="DAT21" if self.gears == DAT21 else repr(self.gears)
+        )
 
     def _repr_html_(self) -> str:
         return as_html(repr(self))
@@ -148,9 +166,17 @@ class Scene:
         numbers = [one.order for one in orders]
         twice = [number for number in numbers if numbers.count(number) > 1]
         if twice:
-            raise InputError("drive.order", twice[0], "is given twice; give one amplitude and phase to each order")
+            raise InputError(
+                "drive.order",
+                twice[0],
+                "is given twice; give one amplitude and phase to each order",
+            )
         if not any(one.amplitude for one in orders):
-            raise InputError("drive", orders, "has no order with an amplitude; for a driver at rest give alpha = 0")
+            raise InputError(
+                "drive",
+                orders,
+                "has no order with an amplitude; for a driver at rest give alpha = 0",
+            )
         object.__setattr__(self, "drive", tuple(sorted(orders, key=lambda one: one.order)))
 
     def _check_tolerance(self) -> None:
@@ -159,9 +185,12 @@ class Scene:
         if not isinstance(self.tolerance, Tolerance):
             raise InputError("tolerance", self.tolerance, "give a Tolerance")
         for i in range(1, self.stages + 1):
-            c, gap = getattr(self.tolerance, f"c{i}_max"), getattr(self, f"gap{i}")
+            c = getattr(self.tolerance, f"c{i}_max")
+            gap = getattr(self, f"gap{i}")
             if c >= gap:
-                raise InputError(f"tolerance.c{i}_max", c, f"must be below gap{i} = {gap}, or a gap could close")
+                raise InputError(
+                    f"tolerance.c{i}_max", c, f"must be below gap{i} = {gap}, or a gap could close"
+                )
 
     def _check_start(self) -> None:
         start = self.start
@@ -170,16 +199,27 @@ class Scene:
         if start.mesh > self.stages:
             raise InputError("start.mesh", start.mesh, "a single-stage scene has mesh 1 only")
         for i in range(1, self.stages + 1):
-            x, y, gap = getattr(start, f"x{i}"), getattr(start, f"y{i}"), getattr(self, f"gap{i}")
+            x = getattr(start, f"x{i}")
+            y = getattr(start, f"y{i}")
+            gap = getattr(self, f"gap{i}")
             c_max = getattr(self.tolerance, f"c{i}_max") if self.tolerance else 0.0
             on_flank = abs(x) == gap
             if abs(x) > gap - c_max and not on_flank:
-                raise InputError(f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}")
+                raise InputError(
+                    f"start.x{i}", x, f"must lie on a flank (+-{gap}) or inside +-{gap - c_max}"
+                )
             if start.mesh == i and not (on_flank and x * np.sign(y) > 0.0):
-                why = f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} = {x}, y{i} = {y}"
+                why = (
+                    f"an impact at mesh {i} needs x{i} = +-{gap} and y{i} outward; given x{i} ="
+                    f" {x}, y{i} = {y}"
+                )
                 raise InputError("start.mesh", start.mesh, why)
             if start.mesh == 0 and on_flank and x * np.sign(y) >= 0.0:
-                raise InputError(f"start.y{i}", y, f"a start in flight on a flank must move inward, or give mesh={i}")
+                raise InputError(
+                    f"start.y{i}",
+                    y,
+                    f"a start in flight on a flank must move inward, or give mesh={i}",
+                )
 
     @classmethod
     def from_gears(cls, gears: Gears, **settings: Any) -> "Scene":
@@ -190,8 +230,8 @@ class Scene:
         gears : Gears
             Physical data.
         **settings
-            The fields of Scene that gears do not fix: `sigma`, `tolerance`, `start`, `stages`, `drive`,
-            `correlation_time`.
+            The fields of Scene that gears do not fix: `sigma`, `tolerance`, `start`, `stages`,
+            `drive`, `correlation_time`.
 
         Returns
         -------
@@ -201,8 +241,8 @@ class Scene:
         Raises
         ------
         InputError
-            For a field that gears fix, or a value that is not admissible; names a field of the gears where the value
-            follows from them.
+            For a field that gears fix, or a value that is not admissible; names a field of the
+            gears where the value follows from them.
 
         Examples
         --------
@@ -213,7 +253,9 @@ class Scene:
         errors.check_keys("Scene.from_gears", settings, FREE)
         fixed = _parameters_of(gears)
         if gears.wheels == 1 and settings.get("stages", 2) == 2:
-            raise InputError("stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2")
+            raise InputError(
+                "stages", 2, "these gears have no wheel 2: give stages = 1, or inertia2 and radius2"
+            )
         try:
             return cls(gears=gears, **fixed, **settings)
         except InputError as error:
@@ -242,9 +284,9 @@ class Scene:
     def scaled(self, factor: float) -> "Scene":
         """The same system in another unit of length.
 
-        All lengths, speeds and accelerations are multiplied by `factor`.  The motion is the same but for that factor,
-        to rounding, and bit for bit if the factor is a power of two.  So the result is not validated again: its lengths
-        may be outside the admissible ranges.
+        All lengths, speeds and accelerations are multiplied by `factor`.  The motion is the same
+        but for that factor, to rounding, and bit for bit if the factor is a power of two.  So the
+        result is not validated again: its lengths may be outside the admissible ranges.
 
         Parameters
         ----------
@@ -263,19 +305,25 @@ class Scene:
         >>> s.alpha, s.gap1, s.sigma, s.start.y1, s.beta1 == DAT21.beta(1)
         (3.0, 1.0, 0.2, 4.0, True)
         """
-        s, t = self.start, self.tolerance
+        s = self.start
+        t = self.tolerance
         state = {name: factor * getattr(s, name) for name in ("x1", "y1", "x2", "y2")}
-        lengths = {n: factor * getattr(self, n) for n in ("alpha", "gamma1", "gamma2", "gap1", "gap2", "sigma")}
+        lengths = {
+            n: factor * getattr(self, n)
+            for n in ("alpha", "gamma1", "gamma2", "gap1", "gap2", "sigma")
+        }
         tolerance = t and _copy_with(t, c1_max=factor * t.c1_max, c2_max=factor * t.c2_max)
-        return _copy_with(self, **lengths, start=_copy_with(s, **state), tolerance=tolerance, gears=None)
+        return _copy_with(
+            self, **lengths, start=_copy_with(s, **state), tolerance=tolerance, gears=None
+        )
 
     @property
     def phase(self) -> float:
         """Phase of the start, in [-pi, pi], to full precision however late the start is.
 
-        Closures and simulation compute in local time, which starts at this phase, so that a late start loses no digits.
-        Results are reported in absolute time, which starts at ``start.tau``; `to_absolute_time` and `to_local_time`
-        convert.
+        Closures and simulation compute in local time, which starts at this phase, so that a late
+        start loses no digits. Results are reported in absolute time, which starts at ``start.tau``;
+        `to_absolute_time` and `to_local_time` convert.
 
         Examples
         --------
@@ -288,7 +336,8 @@ class Scene:
 
     @property
     def phase_reduced(self) -> "Scene":
-        """The same scene started at its `phase`: shifted by a whole number of periods of the excitation."""
+        """The same scene started at its `phase`: shifted by a whole number of periods of the
+        excitation."""
         if self.phase == self.start.tau:
             return self
         return _copy_with(self, start=_copy_with(self.start, tau=self.phase))
@@ -333,7 +382,11 @@ class Scene:
     @property
     def noise_free(self) -> "Scene":
         """The same scene without noise and without random tolerance: the deterministic system."""
-        tolerance = self.tolerance if self.tolerance is not None and self.tolerance.distribution == "fixed" else None
+        tolerance = (
+            self.tolerance
+            if self.tolerance is not None and self.tolerance.distribution == "fixed"
+            else None
+        )
         return _copy_with(self, sigma=0.0, tolerance=tolerance)
 
     @property
@@ -341,9 +394,17 @@ class Scene:
         """The numbers of the scene for compiled code; a fixed tolerance is part of the walls."""
         fixed = self.tolerance is not None and self.tolerance.distribution == "fixed"
         wall1, wall2 = self.windows if fixed else (self.gap1, self.gap2)
-        values = {name: getattr(self, name) for name in ("alpha", "epsilon", "beta1", "gamma1", "sigma", "stages")}
-        values |= {name: getattr(self, name) if self.stages == 2 else 0.0 for name in ("beta2", "gamma2", "mu")}
-        return Constants(**values, wall1=wall1, wall2=wall2, drive=self._orders, memory=self.correlation_time)
+        values = {
+            name: getattr(self, name)
+            for name in ("alpha", "epsilon", "beta1", "gamma1", "sigma", "stages")
+        }
+        values |= {
+            name: getattr(self, name) if self.stages == 2 else 0.0
+            for name in ("beta2", "gamma2", "mu")
+        }
+        return Constants(
+            **values, wall1=wall1, wall2=wall2, drive=self._orders, memory=self.correlation_time
+        )
 
     @property
     def _orders(self) -> Orders | tuple[()]:
@@ -352,11 +413,17 @@ class Scene:
         if moving == SINE_ALONE:
             return SINE
         j = np.array([one.order for one in moving])
-        a, phase = (np.array([getattr(one, name) for one in moving]) for name in ("amplitude", "phase"))
-        gap, order = np.diff(j, prepend=0), j.astype(float)
+        a, phase = (
+            np.array([getattr(one, name) for one in moving]) for name in ("amplitude", "phase")
+        )
+        gap = np.diff(j, prepend=0)
+        order = j.astype(float)
         most1, most2, most3 = (float((abs(a) * order**n).sum()) for n in (1, 2, 3))
-        odd, even = (a * np.array([turn(p) for p in phase.tolist()]) for turn in (math.cos, math.sin))
-        gap, waves = np.where(gap > FAR, 0, gap), np.empty((2, len(j)))
+        odd, even = (
+            a * np.array([turn(p) for p in phase.tolist()]) for turn in (math.cos, math.sin)
+        )
+        gap = np.where(gap > FAR, 0, gap)
+        waves = np.empty((2, len(j)))
         return Orders(order, gap, odd, even, order[-1], most1, most2, most3, waves)
 
     @property
@@ -367,21 +434,27 @@ class Scene:
 
     @property
     def start_state(self) -> tuple[float, float, float, float]:
-        """``(x1, y1, x2, y2)`` of the start, with a coordinate on a nominal flank moved to the wall of `constants`."""
-        s, k = self.start, self.constants
+        """``(x1, y1, x2, y2)`` of the start, with a coordinate on a nominal flank moved to the wall
+        of `constants`."""
+        s = self.start
+        k = self.constants
         x1 = math.copysign(k.wall1, s.x1) if abs(s.x1) == self.gap1 else s.x1
         x2 = math.copysign(k.wall2, s.x2) if abs(s.x2) == self.gap2 else s.x2
         return x1, s.y1, x2, s.y2
 
     def to_dict(self) -> dict[str, Any]:
-        """The scene as plain data, for TOML files and manifests; in the gear form where it was made from gears.
+        """The scene as plain data, for TOML files and manifests; in the gear form where it was made
+        from gears.
 
         Returns
         -------
         dict
-            With a table ``scene``, ``gears`` in the gear form, and ``drive`` where it is not the sine alone.
+            With a table ``scene``, ``gears`` in the gear form, and ``drive`` where it is not the
+            sine alone.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")}
+        values = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("gears", "drive")
+        }
         for name in ("tolerance", "start"):
             values[name] = values[name] and asdict(values[name])
         for name in ("tolerance", "correlation_time"):
@@ -390,7 +463,11 @@ class Scene:
         drive = {} if self.drive == SINE_ALONE else {"drive": [asdict(one) for one in self.drive]}
         if self.gears is None:
             return drive | {"scene": values}
-        return {"gears": self.gears.values} | drive | {"scene": {k: v for k, v in values.items() if k in FREE}}
+        return (
+            {"gears": self.gears.values}
+            | drive
+            | {"scene": {k: v for k, v in values.items() if k in FREE}}
+        )
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "Scene":
@@ -399,8 +476,8 @@ class Scene:
         Parameters
         ----------
         data : dict
-            Tables ``scene`` and, in the gear form, ``gears``, and the list ``drive``; ``rattle.scene.gears_input`` says
-            what these may hold.
+            Tables ``scene`` and, in the gear form, ``gears``, and the list ``drive``;
+            ``rattle.scene.gears_input`` says what these may hold.
 
         Returns
         -------
@@ -416,7 +493,11 @@ class Scene:
         data = gears_input.take_measured(data)
         settings = _table("scene", data.get("scene", {}))
         if "drive" in settings:
-            raise InputError("scene.drive", settings["drive"], "write each order as a table [[drive]] beside [scene]")
+            raise InputError(
+                "scene.drive",
+                settings["drive"],
+                "write each order as a table [[drive]] beside [scene]",
+            )
         for name, kind in {"tolerance": Tolerance, "start": Start}.items():
             if name in settings:
                 table = _table(f"scene.{name}", settings[name])
@@ -429,13 +510,21 @@ class Scene:
             drawn = gears_input.read_tolerance(gears, pair)
             if drawn is not None:
                 if "tolerance" in settings:
-                    raise InputError("gears.tolerance", drawn, "give it once: here in mm, or in [scene.tolerance]")
+                    raise InputError(
+                        "gears.tolerance",
+                        drawn,
+                        "give it once: here in mm, or in [scene.tolerance]",
+                    )
                 settings["tolerance"] = Tolerance(**drawn)
             if "drive" in data:
-                settings["drive"] = gears_input.read_drive(data["drive"], pair, gears.get("driver_radius"))
+                settings["drive"] = gears_input.read_drive(
+                    data["drive"], pair, gears.get("driver_radius")
+                )
             return cls.from_gears(pair, **settings)
         errors.check_keys("scene", settings, (f.name for f in fields(cls) if f.name != "gears"))
-        if missing := [name for name in ("alpha", "epsilon", "beta1", "gamma1") if name not in settings]:
+        if missing := [
+            name for name in ("alpha", "epsilon", "beta1", "gamma1") if name not in settings
+        ]:
             raise InputError("scene", missing, "these keys are missing")
         if "drive" in data:
             settings["drive"] = gears_input.read_drive(data["drive"])
@@ -458,8 +547,8 @@ class Scene:
         Parameters
         ----------
         text : str
-            With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do not fix.  Each
-            order of the drive is a table ``[[drive]]``.
+            With a ``[scene]`` table; or ``[gears]``, and ``[scene]`` with the fields that gears do
+            not fix.  Each order of the drive is a table ``[[drive]]``.
 
         Returns
         -------
@@ -492,8 +581,9 @@ class Scene:
         FileError
             If the file cannot be read.
         InputError
-            If its content is not admissible, or its gears cannot exist (``rattle.scene.gears_input``); names the file,
-            and the line and key where they are known.
+            If its content is not admissible, or its gears cannot exist
+            (``rattle.scene.gears_input``); names the file, and the line and key where they are
+            known.
         """
         text = read_text("scene file", path)
         with in_file(path, text):

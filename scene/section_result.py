@@ -1,4 +1,5 @@
-"""What every result with moments by impact has in common: physical units, a figure, a dataset, a view in a notebook."""
+"""What every result with moments by impact has in common: physical units, a figure, a dataset, a
+view in a notebook."""
 
 from __future__ import annotations
 
@@ -10,7 +11,9 @@ from rattle.scene.text import as_html
 from rattle.scene.types import SECTION
 from rattle.scene.units import as_dataset, in_units, units_of
 
-if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
+if (
+    TYPE_CHECKING
+):  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
@@ -20,7 +23,8 @@ if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas tak
 
 @numpy_defaults
 class SectionResult:
-    """Moments of the state just before each impact of a scene; a closure and a simulation give the same columns."""
+    """Moments of the state just before each impact of a scene; a closure and a simulation give the
+    same columns."""
 
     if TYPE_CHECKING:  # what each result brings
 
@@ -50,9 +54,9 @@ class SectionResult:
         Returns
         -------
         DataFrame
-            Columns with a dimension end with their unit: ``tau_ms, flight_ms, x1_mm, y1_mm_per_s, energy_mJ``, with
-            their ``sd_`` and, of a simulation, ``se_`` and ``se_sd_``; besides ``impacts_per_s``, the inverse of the
-            mean time of flight.
+            Columns with a dimension end with their unit: ``tau_ms, flight_ms, x1_mm, y1_mm_per_s,
+            energy_mJ``, with their ``sd_`` and, of a simulation, ``se_`` and ``se_sd_``; besides
+            ``impacts_per_s``, the inverse of the mean time of flight.
 
         Raises
         ------
@@ -103,7 +107,9 @@ class SectionResult:
         scene = self.scene
         choice("quantity", quantity, SECTION[: 2 + 2 * scene.stages])
         unit, factor = units_of(units, scene.gears)[quantity]
-        return plot_section(self.section, quantity, unit, factor, f"{self._title}, sigma = {scene.sigma:.4g}")
+        return plot_section(
+            self.section, quantity, unit, factor, f"{self._title}, sigma = {scene.sigma:.4g}"
+        )
 
     def to_xarray(self, units: str = "dimensionless") -> xr.Dataset:
         """Convert `section` to a dataset; needs the optional dependency ``xarray``.

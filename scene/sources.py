@@ -1,7 +1,9 @@
-"""The sources of this process: as they stood when it began, and whether they are what it has imported.
+"""The sources of this process: as they stood when it began, and whether they are what it has
+imported.
 
-Modules are imported when they are first needed.  Somebody may have edited a source before that, so what is in memory is
-that of the beginning only where the file was not written in between; an edit that was taken back leaves its time.
+Modules are imported when they are first needed.  Somebody may have edited a source before that, so
+what is in memory is that of the beginning only where the file was not written in between; an edit
+that was taken back leaves its time.
 """
 
 import hashlib
@@ -29,7 +31,9 @@ class SourceFile(NamedTuple):
     @property
     def stripped(self) -> bytes:
         """Its content without comments and empty lines, and with empty docstrings."""
-        stripped = UNCOMPILED.sub(lambda found: b'""' if found[0].startswith(b'"') else b"", self.content)
+        stripped = UNCOMPILED.sub(
+            lambda found: b'""' if found[0].startswith(b'"') else b"", self.content
+        )
         return b"\n".join(line for line in stripped.splitlines() if line.strip())
 
 
@@ -49,7 +53,8 @@ def read_sources(root: Path, *folders: str) -> dict[str, SourceFile]:
 
 
 def digest_of(sources: dict[str, SourceFile], *what: str) -> str:
-    """Digest of some sources, which comments and docstrings do not change, and of what else is given."""
+    """Digest of some sources, which comments and docstrings do not change, and of what else is
+    given."""
     digest = hashlib.sha256(" ".join(what).encode())
     for name, source in sources.items():
         digest.update(name.encode() + source.stripped)
@@ -59,7 +64,9 @@ def digest_of(sources: dict[str, SourceFile], *what: str) -> str:
 BEGUN = read_sources(ROOT, *PACKAGES, "compare")
 """All sources, as they stood when this process began."""
 
-_waiting = {f"rattle.{name[:-3].removesuffix('/__init__').replace('/', '.')}": name for name in BEGUN}
+_waiting = {
+    f"rattle.{name[:-3].removesuffix('/__init__').replace('/', '.')}": name for name in BEGUN
+}
 """Modules with their sources that have not been seen in memory."""
 _imported: set[str] = set()  # sources that were imported as they stood when this process began
 _otherwise: set[str] = set()  # sources that may have been imported otherwise
@@ -68,11 +75,16 @@ _read: set[str] = set()  # sources from which Python's bytecode in memory is kno
 
 def sources_in(*folders: str) -> dict[str, SourceFile]:
     """The sources in some folders, as they stood when this process began."""
-    return {name: source for name, source in BEGUN.items() if name.startswith(tuple(f"{f}/" for f in folders))}
+    return {
+        name: source
+        for name, source in BEGUN.items()
+        if name.startswith(tuple(f"{f}/" for f in folders))
+    }
 
 
 def note_imports() -> None:
-    """Note which sources have been imported since the last call, and whether they were written before that."""
+    """Note which sources have been imported since the last call, and whether they were written
+    before that."""
     for module in _waiting.keys() & sys.modules.keys():
         name = _waiting.pop(module, "")  # another thread may have noted it
         if name:
@@ -80,7 +92,8 @@ def note_imports() -> None:
 
 
 def describe_edit(names: Iterable[str]) -> str:
-    """Say which of some sources has changed since this process began, or may have been imported otherwise, if any."""
+    """Say which of some sources has changed since this process began, or may have been imported
+    otherwise, if any."""
     note_imports()
     edited = next(filter(_is_edited, names), "")
     return edited and f"{edited} was edited while this process ran"
@@ -110,14 +123,17 @@ def _is_edited(name: str) -> bool:
 
 
 def _is_stale(name: str) -> bool:
-    """Whether the bytecode that Python keeps of a source is that of another: it compares sizes and seconds only."""
+    """Whether the bytecode that Python keeps of a source is that of another: it compares sizes and
+    seconds only."""
     path = ROOT / name
     kept = Path(cache_from_source(os.fspath(path)))
     if name in _read or not kept.exists():
         return False
     if kept.stat().st_mtime_ns <= path.stat().st_ctime_ns:
         loader = SourceFileLoader(path.stem, os.fspath(path))
-        if loader.get_code(path.stem) != loader.source_to_code(loader.get_data(loader.path), loader.path):
+        if loader.get_code(path.stem) != loader.source_to_code(
+            loader.get_data(loader.path), loader.path
+        ):
             return True
     _read.add(name)
     return False

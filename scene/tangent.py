@@ -1,8 +1,10 @@
-"""Growth of neighbouring paths: the saltation matrix at an impact, and orthonormal tangent frames (Lyapunov exponents).
+"""Growth of neighbouring paths: the saltation matrix at an impact, and orthonormal tangent frames
+(Lyapunov exponents).
 
-A neighbour meets the wall at another time.  Extrapolated to the path's own impact time, its displacement after the
-impact is ``Xi = R + (F+ - R F-) g' / (g' F-)`` times that before it (docs/model.md section 6): F is the drift just
-before and just after, R the restitution map, g the normal of the wall.  ``det Xi = epsilon^2`` for any drift.
+A neighbour meets the wall at another time.  Extrapolated to the path's own impact time, its
+displacement after the impact is ``Xi = R + (F+ - R F-) g' / (g' F-)`` times that before it
+(docs/model.md section 6): F is the drift just before and just after, R the restitution map, g the
+normal of the wall.  ``det Xi = epsilon^2`` for any drift.
 """
 
 from typing import NamedTuple
@@ -17,7 +19,8 @@ from rattle.scene.linear_algebra import apply, dot, norm, put_row, put_scaled
 from rattle.scene.types import Constants, Floats, Ints
 
 SLOWEST = 1e-150
-"""Impact speeds below this are replaced by it in the saltation matrix, whose squares would overflow."""
+"""Impact speeds below this are replaced by it in the saltation matrix, whose squares would
+overflow."""
 
 
 class Stretch(NamedTuple):
@@ -27,15 +30,17 @@ class Stretch(NamedTuple):
     phase: Floats  # time of the impact, modulo the period 2 pi of the excitation; (impacts,)
     code: Ints  # ``mesh * side``; (impacts,)
     before: Floats  # ``(x1, y1, x2, y2)`` just before the impact; (impacts, 4)
-    # logarithmic growth of an orthonormal tangent frame since the last impact, along its four axes (two for a single
-    # stage, the others 0); minus infinity along an axis that the impact or the damping has reduced to zero; (impacts,
-    # 4)
+    # logarithmic growth of an orthonormal tangent frame since the last impact, along its four axes
+    # (two for a single stage, the others 0); minus infinity along an axis that the impact or the
+    # damping has reduced to zero; (impacts, 4)
     growth: Floats
 
     @classmethod
     def empty(cls, n: int) -> "Stretch":
         """Room for impacts; nothing has grown yet."""
-        return cls(np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty((n, 4)), np.zeros((n, 4)))
+        return cls(
+            np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty((n, 4)), np.zeros((n, 4))
+        )
 
     def first(self, impacts: int) -> "Stretch":
         """Keep the first impacts only."""
@@ -50,14 +55,17 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
     """
     xi = contact_matrix(c, mesh)
     z1, z2 = struck(c, mesh, y1, y2)
-    before, after = field(c, tau, y1, y2), field(c, tau, z1, z2)
+    before = field(c, tau, y1, y2)
+    after = field(c, tau, z1, z2)
     j = 2 * (mesh - 1)
     jump = np.zeros(4)
     for i in range(4):
         total = after[i]
         for k in range(4):
             total -= xi[i, k] * before[k]
-        jump[i] = total / (before[j] if abs(before[j]) > SLOWEST else np.copysign(SLOWEST, before[j]))
+        jump[i] = total / (
+            before[j] if abs(before[j]) > SLOWEST else np.copysign(SLOWEST, before[j])
+        )
     for i in range(4):
         xi[i, j] += jump[i]
     return xi
@@ -71,7 +79,8 @@ def carry_frame(c: Constants, t: float, frame: Floats) -> None:
     """
     p = pair(c.beta1, c.beta2, t)
     for k in range(4):
-        v1, v2 = frame[k, 1], frame[k, 3]
+        v1 = frame[k, 1]
+        v2 = frame[k, 3]
         frame[k, 0] += p.e1 * v1
         frame[k, 1] = p.d1 * v1
         if c.stages == 2:
@@ -81,7 +90,8 @@ def carry_frame(c: Constants, t: float, frame: Floats) -> None:
 
 @internal
 def _across(frame: Floats, size: int, k: int) -> float:
-    """Gram-Schmidt step, applied twice: remove the earlier vectors from vector k; returns the length that is left."""
+    """Gram-Schmidt step, applied twice: remove the earlier vectors from vector k; returns the
+    length that is left."""
     v = frame[k, :size]
     for _ in range(2):
         for j in range(k):
@@ -91,7 +101,9 @@ def _across(frame: Floats, size: int, k: int) -> float:
     length = norm(v)
     if length < np.inf:
         return length
-    largest, part = 0.0, np.empty(size)  # the sum of squares has overflowed: scale first
+    # the sum of squares has overflowed: scale first
+    largest = 0.0
+    part = np.empty(size)
     for i in range(size):
         largest = max(largest, abs(v[i]))
     put_scaled(part, v, largest)
@@ -100,14 +112,17 @@ def _across(frame: Floats, size: int, k: int) -> float:
 
 @internal
 def _replace(frame: Floats, size: int, k: int) -> float:
-    """Replace vector k by the coordinate axis furthest from the span of the earlier vectors; returns its length."""
-    best, axis = -1.0, 0
+    """Replace vector k by the coordinate axis furthest from the span of the earlier vectors;
+    returns its length."""
+    best = -1.0
+    axis = 0
     for a in range(size):
         across = 1.0
         for j in range(k):
             across -= frame[j, a] * frame[j, a]
         if across > best:
-            best, axis = across, a
+            best = across
+            axis = a
     for i in range(size):
         frame[k, i] = 1.0 if i == axis else 0.0
     return _across(frame, size, k)
@@ -115,7 +130,8 @@ def _replace(frame: Floats, size: int, k: int) -> float:
 
 @internal
 def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
-    """Gram-Schmidt on the first `size` vectors, in place; adds the logarithms of the lengths to `growth`."""
+    """Gram-Schmidt on the first `size` vectors, in place; adds the logarithms of the lengths to
+    `growth`."""
     for k in range(size):
         length = _across(frame, size, k)
         growth[k] += np.log(length)
@@ -125,10 +141,13 @@ def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
 
 
 @internal
-def strike_frame(c: Constants, mesh: int, tau: float, y1: float, y2: float, frame: Floats, growth: Floats) -> None:
+def strike_frame(
+    c: Constants, mesh: int, tau: float, y1: float, y2: float, frame: Floats, growth: Floats
+) -> None:
     """Take a tangent frame through an impact, orthonormalise it, and record its growth.
 
-    Orthonormalised on both sides of the impact: the saltation matrix of a slow one is as large as 1 / speed.
+    Orthonormalised on both sides of the impact: the saltation matrix of a slow one is as large as 1
+    / speed.
 
     Shapes: `frame` (4, 4); `growth` (4,).
     """

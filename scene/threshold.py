@@ -1,4 +1,5 @@
-"""The threshold of rattle: the drag from which on closed teeth stay closed, without noise (docs/model.md section 3)."""
+"""The threshold of rattle: the drag from which on closed teeth stay closed, without noise
+(docs/model.md section 3)."""
 
 from typing import NamedTuple
 
@@ -49,18 +50,21 @@ class RattleThreshold(NamedTuple):
 
 @numpy_defaults
 def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
-    """Compute the drag of each loose wheel from which on its closed teeth stay closed, without noise.
+    """Compute the drag of each loose wheel from which on its closed teeth stay closed, without
+    noise.
 
-    Closed teeth open when the driver decelerates faster than the drag slows the wheel.  With both meshes closed all
-    wheels move with the driver, and they stay closed if
+    Closed teeth open when the driver decelerates faster than the drag slows the wheel.  With both
+    meshes closed all wheels move with the driver, and they stay closed if
 
     - at mesh 2, ``gamma2 >= alpha max(-(f'' + beta2 f'))``;
-    - at mesh 1, the same with the damping and the drag of both wheels as one body, ``(1 - mu) gamma1 + mu gamma2`` and
-      ``(1 - mu) beta1 + mu beta2``.  What wheel 1 must have is stated for a wheel 2 that has its own threshold or more.
+    - at mesh 1, the same with the damping and the drag of both wheels as one body, ``(1 - mu)
+      gamma1 + mu gamma2`` and ``(1 - mu) beta1 + mu beta2``.  What wheel 1 must have is stated for
+      a wheel 2 that has its own threshold or more.
 
-    For ``f = sin`` the maximum is ``sqrt(1 + beta^2)``: the torque ``I amplitude omega^2 sqrt(1 + beta^2) / R``.  Below
-    the threshold there is no rest.  Above it a motion that is at rest stays so, but one that rattles may go on where
-    the restitution is high: `stationary` without noise lists both.  White noise opens closed teeth at any drag.
+    For ``f = sin`` the maximum is ``sqrt(1 + beta^2)``: the torque ``I amplitude omega^2 sqrt(1 +
+    beta^2) / R``.  Below the threshold there is no rest.  Above it a motion that is at rest stays
+    so, but one that rattles may go on where the restitution is high: `stationary` without noise
+    lists both.  White noise opens closed teeth at any drag.
 
     Parameters
     ----------
@@ -92,13 +96,17 @@ def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
         both = _largest_pull(c, (1.0 - c.mu) * c.beta1 + c.mu * c.beta2)
         first = max((both - c.mu * max(c.gamma2, second)) / (1.0 - c.mu), 0.0)
         found = [(c.gamma1, first), (c.gamma2, second)]
-    gears, out = scene.gears, []
+    gears = scene.gears
+    out = []
     for wheel, (gamma, least) in enumerate(found, 1):
         if gears is None:
             out.append(RattleThreshold(wheel, gamma, least, ""))
             continue
-        inertia, radius, torque = (getattr(gears, f"{name}{wheel}") for name in ("inertia", "radius", "torque"))
-        newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)  # N mm of gamma = 1
+        inertia, radius, torque = (
+            getattr(gears, f"{name}{wheel}") for name in ("inertia", "radius", "torque")
+        )
+        # N mm of gamma = 1
+        newton = inertia * gears.backlash1 * gears.omega**2 / (KG_MM_PER_S2_PER_N * radius)
         out.append(RattleThreshold(wheel, torque, least * newton, "N mm"))
     return tuple(out)
 
@@ -107,11 +115,14 @@ def _largest_pull(c: Constants, beta: float) -> float:
     """``alpha max(-(f'' + beta f'))`` over a period."""
     if len(c.drive) == 0:
         return float(c.alpha * np.hypot(1.0, beta))
-    middle, half = np.pi, np.pi
+    middle = np.pi
+    half = np.pi
     points = GRID * int(c.drive.highest)
     for _ in range(ZOOMS):
         tau = np.linspace(middle - half, middle + half, points + 1)
         rates = np.array([velocity_acceleration(c.drive, t) for t in tau])
         pull = -(rates[:, 1] + beta * rates[:, 0])
-        middle, half, points = tau[pull.argmax()], 2.0 * half / points, GRID
+        middle = tau[pull.argmax()]
+        half = 2.0 * half / points
+        points = GRID
     return c.alpha * float(pull.max())

@@ -1,4 +1,5 @@
-"""What everything here works with: arrays, names of the state, and the numbers of a scene for compiled code."""
+"""What everything here works with: arrays, names of the state, and the numbers of a scene for
+compiled code."""
 
 from typing import Any, NamedTuple
 
@@ -11,13 +12,15 @@ Bools = NDArray[np.bool_]
 
 STATE = ("x1", "y1", "x2", "y2")
 SECTION = ("tau", "flight", *STATE)
-"""The section quantities: those of a path just before its own k-th impact (a Poincaré section at the impacts)."""
+"""The section quantities: those of a path just before its own k-th impact (a Poincaré section at
+the impacts)."""
 
 CUT = 2.0  # c_max in standard deviations of the normal distribution that is truncated there
 
 
 class Orders(NamedTuple):
-    """The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)`` for compiled code (docs/model.md section 1)."""
+    """The driver's motion ``f(tau) = sum_j a_j sin(j tau + phi_j)`` for compiled code
+    (docs/model.md section 1)."""
 
     order: Floats  # j, ascending; (orders,)
     gap: Ints  # j less the order before it, or 0 where that is too far; (orders,)
@@ -33,14 +36,15 @@ class Orders(NamedTuple):
 
 
 SINE: tuple[()] = ()
-"""The drive ``f = sin tau``, in place of `Orders`: another type, so that its machine code knows no sum."""
+"""The drive ``f = sin tau``, in place of `Orders`: another type, so that its machine code knows no
+sum."""
 
 
 class Constants(NamedTuple):
     """The numbers of a scene, as a named tuple for compiled code (dimensionless)."""
 
-    # alpha, epsilon, beta1, beta2, gamma1, gamma2, mu, sigma, stages: as of `Scene`; ``beta2 = gamma2 = mu = 0`` for
-    # a single stage
+    # alpha, epsilon, beta1, beta2, gamma1, gamma2, mu, sigma, stages: as of `Scene`; ``beta2 =
+    # gamma2 = mu = 0`` for a single stage
     alpha: float
     epsilon: float
     beta1: float

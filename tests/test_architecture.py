@@ -25,7 +25,11 @@ def modules(path: Path) -> Iterator[str]:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            yield from ([f"rattle.{alias.name}" for alias in node.names] if node.module == "rattle" else [node.module])
+            yield from (
+                [f"rattle.{alias.name}" for alias in node.names]
+                if node.module == "rattle"
+                else [node.module]
+            )
 
 
 def packages(path: Path) -> set[str]:
@@ -68,7 +72,8 @@ def test_public_names_exist(package):
 
 def test_help_does_not_load_the_scientific_stack():
     code = (
-        "import sys, rattle.compare.cli.main; print([m for m in ('numba', 'pandas', 'matplotlib') if m in sys.modules])"
+        "import sys, rattle.compare.cli.main; print([m for m in ('numba', 'pandas', 'matplotlib')"
+        " if m in sys.modules])"
     )
     assert python("-c", code).stdout.strip() == "[]"
 
@@ -82,7 +87,9 @@ def test_a_class_name_has_one_meaning():
 def test_no_imports_run_in_a_circle():
     """Wherever they stand: at the top of a module, for types only, or within a function."""
     assert not circles(import_graph(sources()))
-    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]  # one that is planted
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [
+        {"a", "b", "c"}
+    ]  # one that is planted
 
 
 @pytest.mark.parametrize(("package", "most"), {"closure": 5, "montecarlo": 7, "compare": 5}.items())

@@ -13,7 +13,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def run(*command, cwd, code=0):
-    done = subprocess.run([str(part) for part in command], cwd=cwd, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(
+        [str(part) for part in command], cwd=cwd, capture_output=True, text=True, timeout=600
+    )
     assert done.returncode == code, done.stdout + done.stderr
     return done.stdout
 
@@ -21,8 +23,11 @@ def run(*command, cwd, code=0):
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     """Built from a copy of what git tracks, so that the tree stays as it is."""
-    copy, out = tmp_path_factory.mktemp("copy"), tmp_path_factory.mktemp("wheel")
-    listed = run("git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT).splitlines()
+    copy = tmp_path_factory.mktemp("copy")
+    out = tmp_path_factory.mktemp("wheel")
+    listed = run(
+        "git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT
+    ).splitlines()
     for name in listed:
         if name.startswith(("reports/", "tests/")) or not (ROOT / name).exists():
             continue
@@ -32,18 +37,42 @@ def wheel(tmp_path_factory):
             target.symlink_to((ROOT / name).readlink())
         else:
             target.write_bytes((ROOT / name).read_bytes())
-    run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", out, ".", cwd=copy)
+    run(
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "-w",
+        out,
+        ".",
+        cwd=copy,
+    )
     (found,) = out.glob("*.whl")
     return found
 
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory):
-    """Python of an environment that has the wheel and, through a path file, this one's libraries."""
+    """Python of an environment that has the wheel and, through a path file, this one's
+    libraries."""
     home = tmp_path_factory.mktemp("environment")
     run(sys.executable, "-m", "venv", "--without-pip", home, cwd=home)
     (site,) = home.glob("lib/python*/site-packages")
-    run(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", site, wheel, cwd=home)
+    run(
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--target",
+        site,
+        wheel,
+        cwd=home,
+    )
     (site / "libraries.pth").write_text(sysconfig.get_path("purelib") + "\n")
     return home / "bin" / "python"
 
@@ -68,8 +97,11 @@ def test_wheel_holds_one_import_name(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     top = {name.split("/")[0] for name in names}
     assert {name for name in top if not name.endswith(".dist-info")} == {"rattle"}
-    modules = {str(path.relative_to(ROOT)) for top in ("scene", "closure", "montecarlo", "compare")
-               for path in (ROOT / top).rglob("*.py")}  # fmt: skip
+    modules = {
+        str(path.relative_to(ROOT))
+        for top in ("scene", "closure", "montecarlo", "compare")
+        for path in (ROOT / top).rglob("*.py")
+    }
     assert {f"rattle/{path}" for path in modules} <= set(names)
     assert "rattle/py.typed" in names
     assert any(name.startswith("rattle/compare/report/templates/") for name in names)
@@ -82,20 +114,24 @@ def test_wheel_beside_modules_of_the_same_names(installed, neighbour):
     file, *mine = run(installed, "-c", code, cwd=neighbour).split()
     assert Path(file).is_relative_to(installed.parent.parent)
     assert mine == ["scene", "compare"]
-    assert "1 passed" in run(installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", cwd=neighbour)
+    assert "1 passed" in run(
+        installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", cwd=neighbour
+    )
 
 
 @pytest.mark.slow
 def test_wheel_offers_command_and_plugin(installed, neighbour):
     (command,) = installed.parent.parent.glob("lib/python*/site-packages/bin/rattle")
-    run("sed", "-i", f"1s|.*|#!{installed}|", command, cwd=neighbour)  # pip has written the python that it ran in
+    # pip has written the python that it ran in
+    run("sed", "-i", f"1s|.*|#!{installed}|", command, cwd=neighbour)
     assert "Usage" in run(command, "--help", cwd=neighbour)
     assert "--rattle-seed" in run(installed, "-m", "pytest", "--help", cwd=neighbour)
 
 
 def test_importing_loads_nothing_heavy(neighbour):
     code = (
-        "import sys, rattle; print([m for m in ('numpy', 'numba', 'pandas') if m in sys.modules], len(rattle.__all__))"
+        "import sys, rattle; print([m for m in ('numpy', 'numba', 'pandas') if m in sys.modules],"
+        " len(rattle.__all__))"
     )
     assert run(sys.executable, "-c", code, cwd=neighbour).split()[0] == "[]"
 
@@ -125,7 +161,19 @@ def test_mypy_knows_the_types_of_the_installed_package(installed, neighbour):
         "    section = rt.mean_map(scene, impacts=2).section\n"
         "    return float(section['sd_y1'].max())\n"
     )
-    run(installed, "-m", "mypy", "--strict", "--cache-dir", neighbour / "cache", user, cwd=neighbour)
+    run(
+        installed, "-m", "mypy", "--strict", "--cache-dir", neighbour / "cache", user, cwd=neighbour
+    )
     user.write_text(user.read_text().replace("impacts=2", "impacts='two'"))
-    out = run(installed, "-m", "mypy", "--strict", "--cache-dir", neighbour / "cache", user, cwd=neighbour, code=1)
+    out = run(
+        installed,
+        "-m",
+        "mypy",
+        "--strict",
+        "--cache-dir",
+        neighbour / "cache",
+        user,
+        cwd=neighbour,
+        code=1,
+    )
     assert 'has incompatible type "str"' in out

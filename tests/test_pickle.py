@@ -40,7 +40,8 @@ def shown(result):
 @pytest.mark.parametrize("name", RESULTS)
 def test_a_result_comes_back_from_a_process(pool, name):
     call, given, options = RESULTS[name]
-    there, here = pool.submit(call, given, **options).result(), call(given, **options)
+    there = pool.submit(call, given, **options).result()
+    here = call(given, **options)
     assert type(there) is type(here)
     assert shown(there) == shown(here)
     if hasattr(here, "section"):

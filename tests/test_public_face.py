@@ -1,4 +1,5 @@
-"""What is public is complete: `rattle.__all__`, the reference and the guide name the same, each with a full text."""
+"""What is public is complete: `rattle.__all__`, the reference and the guide name the same, each
+with a full text."""
 
 import ast
 import inspect
@@ -10,7 +11,11 @@ import pytest
 import rattle
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", ROOT / "docs" / "start.md", *sorted((ROOT / "docs" / "guide").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "docs" / "start.md",
+    *sorted((ROOT / "docs" / "guide").glob("*.md")),
+]
 SCRIPTS = sorted((ROOT / "docs" / "gallery").glob("*.py"))
 CALLED = [name for name in rattle.__all__ if inspect.isfunction(getattr(rattle, name))]
 CLASSES = [name for name in rattle.__all__ if inspect.isclass(getattr(rattle, name))]
@@ -19,12 +24,18 @@ ERRORS = [name for name in CLASSES if issubclass(getattr(rattle, name), Exceptio
 
 def blocks(page):
     """The blocks of Python of a page."""
-    return re.findall(r"^```(?:python|\{code-cell\})\n(.*?)^```", page.read_text(), flags=re.M | re.S)
+    return re.findall(
+        r"^```(?:python|\{code-cell\})\n(.*?)^```", page.read_text(), flags=re.M | re.S
+    )
 
 
 def test_type_checkers_find_each_name_where_python_does():
     nodes = ast.walk(ast.parse(Path(rattle.__file__).read_text()))
-    imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module.startswith("rattle.")]
+    imports = [
+        node
+        for node in nodes
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("rattle.")
+    ]
     typed = {(alias.asname, node.module) for node in imports for alias in node.names}
     assert typed == {(name, f"rattle.{module}") for name, module in rattle._MODULE_OF.items()}
 
@@ -76,5 +87,7 @@ def test_a_public_class_has_a_full_text(name):
 @pytest.mark.parametrize("name", CLASSES)
 def test_every_public_member_has_a_sentence(name):
     for member, value in vars(getattr(rattle, name)).items():
-        if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, property)):
+        if not member.startswith("_") and (
+            inspect.isfunction(value) or isinstance(value, property)
+        ):
             assert inspect.getdoc(value), f"{name}.{member}"

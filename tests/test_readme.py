@@ -19,7 +19,11 @@ from rattle.scene import DAT21, Scene
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
 BUILT = ("_build", "auto_gallery", "generated")
-PAGES = [p for p in sorted((ROOT / "docs").rglob("*.md")) if not set(p.relative_to(ROOT).parts) & set(BUILT)]
+PAGES = [
+    p
+    for p in sorted((ROOT / "docs").rglob("*.md"))
+    if not set(p.relative_to(ROOT).parts) & set(BUILT)
+]
 FENCE = re.compile(r"^```(\{?[\w-]*\}?)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 TEXT = "\n".join([README, *(page.read_text() for page in PAGES)])
 BLOCKS = FENCE.findall(TEXT)
@@ -43,13 +47,18 @@ NOT_RUN = {
     "rattle check published --result impact-pair": "is part of the suite",
     "rattle check published": "is part of the suite",
     "rattle check extremes": "is part of the suite",
-    "rattle stationary --accuracy 0.005 --out reports/dat21-stationary": "takes a minute; the others run",
-    "rattle study reports/studies/long-restitution.toml": "takes a minute; the other long study runs",
+    "rattle stationary --accuracy 0.005 --out reports/dat21-stationary": (
+        "takes a minute; the others run"
+    ),
+    "rattle study reports/studies/long-restitution.toml": (
+        "takes a minute; the other long study runs"
+    ),
 }
 """Shell examples that no test can run, and why."""
 
 MEASUREMENT = "python tests/", "python docs/results/"  # what is measured by hand
-"""What makes the tables of the pages again; each takes minutes to hours.  Only the file is looked for."""
+"""What makes the tables of the pages again; each takes minutes to hours.  Only the file is looked
+for."""
 
 APPENDED = {
     "boundary": "--points 2 --width 0.9 --values 2",
@@ -63,10 +72,13 @@ APPENDED = {
 
 
 def examples():
-    """Shell examples as they stand, with arguments: lines of shell blocks, and code within the text."""
+    """Shell examples as they stand, with arguments: lines of shell blocks, and code within the
+    text."""
     lines = [line for language, text in BLOCKS if language == "sh" for line in text.splitlines()]
     lines += re.findall(r"`((?:rattle|make|pip|pytest|python) [^`]+)`", FENCE.sub("", TEXT))
-    found = dict.fromkeys(line.split(" # ")[0].strip() for line in lines if not line.startswith("#"))
+    found = dict.fromkeys(
+        line.split(" # ")[0].strip() for line in lines if not line.startswith("#")
+    )
     return [words for words in found if len(words.split()) > 2 or not words.startswith("rattle ")]
 
 
@@ -111,10 +123,15 @@ def test_the_orbit_with_sticking_prints_what_it_says(tmp_path):
 
 @pytest.mark.slow
 def test_dat21_sticks_as_often_as_it_says():
-    """A quarter of the impacts that the figure is from: counts within three standard errors of it."""
-    said = re.search(r"sticks (\d+) times in (\d) million impacts", (ROOT / "docs/results/stability.md").read_text())
+    """A quarter of the impacts that the figure is from: counts within three standard errors of
+    it."""
+    said = re.search(
+        r"sticks (\d+) times in (\d) million impacts",
+        (ROOT / "docs/results/stability.md").read_text(),
+    )
     times, millions = map(int, said.groups())
-    found, expected = len(follow(Scene.from_gears(DAT21), 1_000_000).sticking), times / millions
+    found = len(follow(Scene.from_gears(DAT21), 1_000_000).sticking)
+    expected = times / millions
     assert abs(found - expected) < 3.0 * expected**0.5
     assert "once in" not in README
 
@@ -124,7 +141,9 @@ def test_the_committed_study_loads_as_it_says(monkeypatch):
     monkeypatch.chdir(ROOT)
     found = {}
     exec(code, found)
-    assert len(found["results"].errors) == 24 * 4 * 12 * 2 * 6  # sigma, closure, impact, moment, quantity
+    assert (
+        len(found["results"].errors) == 24 * 4 * 12 * 2 * 6
+    )  # sigma, closure, impact, moment, quantity
 
 
 def test_pictures_and_links_exist():
@@ -169,7 +188,9 @@ def test_every_shell_example_runs_or_says_why_not(tmp_path, monkeypatch):
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
     first = ("validate [", "show", "validate --repeat", "")
-    ran = [words for words in examples() if words not in NOT_RUN and not words.startswith(MEASUREMENT)]
+    ran = [
+        words for words in examples() if words not in NOT_RUN and not words.startswith(MEASUREMENT)
+    ]
     assert len(ran) >= 9
     for words in sorted(ran, key=lambda w: next(i for i, start in enumerate(first) if start in w)):
         program, command, *rest = shlex.split(words.replace("[SCENE.toml]", "SCENE.toml"))
@@ -179,7 +200,11 @@ def test_every_shell_example_runs_or_says_why_not(tmp_path, monkeypatch):
             manifest = (tmp_path / "reports" / "mine" / "manifest.json").read_text()
             (tmp_path / "reports" / "dat21" / "manifest.json").write_text(manifest)
         else:
-            few = "--impacts 1 --parameter epsilon" if "--closure" in rest and command == "sensitivity" else None
+            few = (
+                "--impacts 1 --parameter epsilon"
+                if "--closure" in rest and command == "sensitivity"
+                else None
+            )
             rest += (few or APPENDED.get(command, "")).split() if rest != ["speed"] else []
         rattle(command, *rest)
 
@@ -192,8 +217,13 @@ def test_every_measurement_that_is_named_is_there():
 
 
 def test_the_commands_that_are_named_are_those_that_exist():
-    """Pages name every command and no other; so do the Makefile, what commands print, and docstrings."""
-    sources = [p for package in ("scene", "closure", "montecarlo", "compare") for p in (ROOT / package).rglob("*.py")]
+    """Pages name every command and no other; so do the Makefile, what commands print, and
+    docstrings."""
+    sources = [
+        p
+        for package in ("scene", "closure", "montecarlo", "compare")
+        for p in (ROOT / package).rglob("*.py")
+    ]
     files = [ROOT / "Makefile", ROOT / "CONTRIBUTING.md", ROOT / ".ci" / "run", *sources]
     pages = TEXT + "".join(f"`{words}`\n" for words in examples())
     exist = dict(commands())
@@ -213,7 +243,9 @@ def test_the_page_of_commands_has_one_line_for_each(group):
     text = rattle(*group, "--help", terminal_width=80).output
     listed = text[text.index("Commands:") :].split("\n\n")[0].splitlines()[1:]
     names = {
-        name.removeprefix(" ".join(group)).split()[0] for name, _ in commands() if name.startswith(" ".join(group))
+        name.removeprefix(" ".join(group)).split()[0]
+        for name, _ in commands()
+        if name.startswith(" ".join(group))
     }
     assert [line.split()[0] for line in listed] == sorted(names)
     assert len(listed) <= 16

@@ -1,11 +1,14 @@
-"""The branching closure: a Gaussian mixture whose components follow different itineraries (docs/theory/closures.md).
+"""The branching closure: a Gaussian mixture whose components follow different itineraries
+(docs/theory/closures.md).
 
-A component is a weight and a Gaussian of the section state after an impact, as in the saltation closure.  The noise of
-the next flight is added at its start, so that the next impact is a function of a point in five dimensions, or in nine
-where flanks are random.  Components are split (`rattle.closure.branching.advance`), propagated to the impact
-(`rattle.closure.branching.propagate`), and merged after it (`rattle.closure.branching.mixture`).  How many there may be
-is the closure's resolution: it is followed at two of the `LEVELS` at least, and estimates its own error from their
-difference, and from how far its components and their weights are known (`rattle.closure.moments`).
+A component is a weight and a Gaussian of the section state after an impact, as in the saltation
+closure.  The noise of the next flight is added at its start, so that the next impact is a function
+of a point in five dimensions, or in nine where flanks are random.  Components are split
+(`rattle.closure.branching.advance`), propagated to the impact
+(`rattle.closure.branching.propagate`), and merged after it (`rattle.closure.branching.mixture`).
+How many there may be is the closure's resolution: it is followed at two of the `LEVELS` at least,
+and estimates its own error from their difference, and from how far its components and their weights
+are known (`rattle.closure.moments`).
 """
 
 import math
@@ -23,19 +26,25 @@ from rattle.closure.orbit import follow
 from rattle.closure.section_map import PLAIN
 from rattle.scene import Floats, Scene
 
-LEVELS = (Level(10, 18, 1e-2, 3e-3), Level(20, 60, 3e-3, 1e-3), Level(40, 180, 1e-3, 1e-4), Level(80, 600, 1e-4, 1e-6))
+LEVELS = (
+    Level(10, 18, 1e-2, 3e-3),
+    Level(20, 60, 3e-3, 1e-3),
+    Level(40, 180, 1e-3, 1e-4),
+    Level(80, 600, 1e-4, 1e-6),
+)
 """Resolutions of the closure, the coarsest first."""
 
 
 def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None) -> Trace:
     """Follow the branching closure, at the finest two of the `LEVELS`, or until a tolerance is met.
 
-    Principal axes mix times and lengths, so the result could depend on the unit of length: the one used is the power of
-    two next to the gap, whatever the scene's.
+    Principal axes mix times and lengths, so the result could depend on the unit of length: the one
+    used is the power of two next to the gap, whatever the scene's.
 
-    `tolerance`: Error of the means, in sds, and half that of the sds, that the bounds need not fall below.  A
-    tolerance that no level can meet stops the refinement too. Returns: With the mixtures, the shares of paths on
-    the orbit's itinerary, the probability discarded and the bounds of its own errors.
+    `tolerance`: Error of the means, in sds, and half that of the sds, that the bounds need not fall
+    below.  A tolerance that no level can meet stops the refinement too. Returns: With the mixtures,
+    the shares of paths on the orbit's itinerary, the probability discarded and the bounds of its
+    own errors.
     """
     unit = 2.0 ** math.frexp(scene.constants.wall1)[1]
     scaled = scene.scaled(1.0 / unit)
@@ -43,22 +52,32 @@ def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None
     lengths = np.array([1.0, 1.0, unit, unit, unit, unit])
     parts = {k: (w, m * lengths, v * lengths**2) for k, (w, m, v) in (found.parts or {}).items()}
     at = partial(_in_unit, found.at, unit)
-    followed = None if found.followed is None else found.followed * np.array([lengths, lengths, np.ones(6)])[:, None]
-    return replace(found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at, followed=followed)
+    followed = (
+        None
+        if found.followed is None
+        else found.followed * np.array([lengths, lengths, np.ones(6)])[:, None]
+    )
+    return replace(
+        found, mean=found.mean * unit, sd=found.sd * lengths, parts=parts, at=at, followed=followed
+    )
 
 
-def _in_unit(at: Callable[[float], tuple[Floats, Floats]], unit: float, time: float) -> tuple[Floats, Floats]:
+def _in_unit(
+    at: Callable[[float], tuple[Floats, Floats]], unit: float, time: float
+) -> tuple[Floats, Floats]:
     """Mean and covariance at a local time, in another unit of length."""
     mean, covariance = at(time)
     return mean * unit, covariance * unit**2
 
 
 def _refine(scene: Scene, impacts: int, order: int, tolerance: float | None) -> Trace:
-    """`trace` in the scene's own unit of length: from level to level, each bounded by its change from the last one."""
+    """`trace` in the scene's own unit of length: from level to level, each bounded by its change
+    from the last one."""
     first = len(LEVELS) - 2 if tolerance is None else 0
     found = _trace(scene, impacts, order, LEVELS[first])
     for level in LEVELS[first + 1 :]:
-        coarse, found = found, _trace(scene, impacts, order, level)
+        coarse = found
+        found = _trace(scene, impacts, order, level)
         error = bounds(coarse, found)
         found = replace(found, error=error, flown=coarse.flown + found.flown)
         if tolerance is None:
@@ -75,17 +94,26 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
     orbit = follow(scene, impacts).until_sticking
     at = FixedTimes(scene, orbit, level, impacts)
     run = at.run
-    b, after = run.buffers, run.after
-    section, flight = b.image.section, b.image.flight
+    b = run.buffers
+    after = run.after
+    section = b.image.section
+    flight = b.image.flight
     tau, agreement, discarded_at = np.full((3, impacts + 1), np.nan)
-    mean, covariance = np.full((impacts + 1, 4), np.nan), np.full((impacts + 1, 4, 4), np.nan)
+    mean = np.full((impacts + 1, 4), np.nan)
+    covariance = np.full((impacts + 1, 4, 4), np.nan)
     sd, skew = np.full((2, impacts + 1, 6), np.nan)
-    doubted, bent = np.zeros((impacts + 1, 2, 6)), np.zeros(impacts + 1)
+    doubted = np.zeros((impacts + 1, 2, 6))
+    bent = np.zeros(impacts + 1)
     followed = np.full((3, impacts + 1, 6), np.nan)
     mesh, side = np.zeros((2, impacts + 1), np.int64)
-    tau[0], mean[0], mesh[0], side[0] = orbit.tau[0], orbit.before[0], orbit.mesh[0], orbit.side[0]
-    agreement[0], discarded_at[0] = 1.0, 0.0
-    (slow, residual), carried = np.zeros((2, impacts + 1)), np.zeros((impacts + 1, 6))
+    tau[0] = orbit.tau[0]
+    mean[0] = orbit.before[0]
+    mesh[0] = orbit.mesh[0]
+    side[0] = orbit.side[0]
+    agreement[0] = 1.0
+    discarded_at[0] = 0.0
+    slow, residual = np.zeros((2, impacts + 1))
+    carried = np.zeros((impacts + 1, 6))
     found = impacts
     flights = np.zeros(impacts + 1, np.int64)
     parts: dict[int, tuple[Floats, Floats, Floats]] = {}
@@ -94,35 +122,45 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         at.fly()
         struck = (section.weight[: 2 * run.flown] != 0.0) & (section.label[: 2 * run.flown] != 0)
         run.strike(own)
-        flown, count = run.flown, run.kept
+        flown = run.flown
+        count = run.kept
         flights[k] = flown
         slow[k] = b.start.weight[:flown] @ b.slow[:flown]
         residual[k] = b.error[:flown].sum()
         if count == 0 or run.discarded > 0.5:
             found = k - 1
             break
-        w, s = after.weight[:count], section.mean[:count]
+        w = after.weight[:count]
+        s = section.mean[:count]
         diagonal = np.diagonal(section.covariance[:count], axis1=1, axis2=2)
         values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1:PLAIN]])
         variances = np.column_stack([diagonal[:, 0], flight[:count, 1], diagonal[:, 1:PLAIN]])
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = moments(w, values, variances)
-        tau[k], mean[k] = centre[0], centre[2:]
+        tau[k] = centre[0]
+        mean[k] = centre[2:]
         doubted[k] = _doubted(w, after.doubt[:count], values - centre, variances)
         bent[k] = w @ after.bent[:count] / w.sum()
         carried[k] = _average(w, values - centre, variances, np.repeat(b.slow[:flown], 2)[struck])
         code = max((-2, -1, 1, 2), key=lambda a: w[section.label[:count] == a].sum())
         mesh[k], side[k] = abs(code), np.sign(code)
         on = after.label[:count] > 2
-        agreement[k], discarded_at[k] = min(w[on].sum(), 1.0), run.discarded
+        agreement[k] = min(w[on].sum(), 1.0)
+        discarded_at[k] = run.discarded
         if on.any():
             followed[:, k] = moments(w[on], values[on], variances[on])
         run.merge()
 
-    stopped = "" if found == impacts else f"more than half of the probability is discarded after impact {found}"
+    stopped = (
+        ""
+        if found == impacts
+        else f"more than half of the probability is discarded after impact {found}"
+    )
     raw = np.full((impacts + 1, 2, order + 1, order + 1), np.nan)
     whole = Trace(tau, mesh, side, mean, sd, skew, covariance, raw, at, found, stopped, parts)
-    seen = replace(whole, agreement=agreement, discarded=discarded_at, followed=followed, flown=flights)
+    seen = replace(
+        whole, agreement=agreement, discarded=discarded_at, followed=followed, flown=flights
+    )
     return replace(seen, slow=slow, carried=carried, residual=residual, doubted=doubted, bent=bent)
 
 

@@ -1,10 +1,13 @@
 """From impact to impact: noise, splitting, the mixture's flight, the restitution map, and merging.
 
-Before the flight the component with the largest error is split first, while there is room.  A component that reaches
-across a boundary between two next impacts has an image in two halves.  Before that, these are split off:
+Before the flight the component with the largest error is split first, while there is room.  A
+component that reaches across a boundary between two next impacts has an image in two halves.
+Before that, these are split off:
 
-- a tail beyond a boundary, along the boundary's plane: a split in three first would lose it, and rare events with it;
-- a component over which the section map is nonlinear, in three across the direction of largest curvature.
+- a tail beyond a boundary, along the boundary's plane: a split in three first would lose it, and
+  rare events with it;
+- a component over which the section map is nonlinear, in three across the direction of largest
+  curvature.
 """
 
 import math
@@ -28,7 +31,8 @@ TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a t
 BRANCH = 0.03  # error of a boundary through the centre of a component, relative to its weight
 DAMPED = 15.0  # damping times flight time above which a component is discarded
 POWER = 0.35  # error of a component relative to its weight, as a power of the ratio of variances
-SKEWED = 3.0 * math.sqrt(2.0)  # skewness of ``z + a z^2``, per its ratio of second-order to first-order sd
+# skewness of ``z + a z^2``, per its ratio of second-order to first-order sd
+SKEWED = 3.0 * math.sqrt(2.0)
 LEFT = 0.05  # share of the square of that ratio that a split in three leaves
 EARLY = 0.6  # relative error of a weight, per logarithm of what the noise until then takes off it
 MOST_DOUBT = 2.0  # largest relative error of a weight
@@ -40,7 +44,8 @@ class Level(NamedTuple):
 
     components: int  # most components after an impact
     cut: int  # most components before an impact, not counting halves
-    flat: float  # ratio of second-order to first-order variance below which a component is not split
+    # ratio of second-order to first-order variance below which a component is not split
+    flat: float
     worth: float  # error below which no component is split
 
 
@@ -59,7 +64,8 @@ class Buffers(NamedTuple):
     time: Floats  # of that component's flight, whose noise was added; (components,)
     plane: Floats  # one sd across the boundary that halves a component; (components, d)
     halved: Floats  # distance of that boundary, in sds; 0 for a component that is not halved
-    tail: Floats  # share of the weight beyond the plane that splits a tail off, and its relative error
+    # share of the weight beyond the plane that splits a tail off, and its relative error
+    tail: Floats
     doubt: Floats
 
 
@@ -67,14 +73,31 @@ def buffers(size: int, d: int = PLAIN) -> Buffers:
     """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
     ignored, beyond, parent = np.zeros((3, size), np.int64)
-    (error, depth, slow, time, halved, tail, doubt), (axis, plane) = np.zeros((7, size)), np.zeros((2, size, d))
+    error, depth, slow, time, halved, tail, doubt = np.zeros((7, size))
+    axis, plane = np.zeros((2, size, d))
     start = empty(size, d)
-    return Buffers(start, image, ignored, error, axis, depth, beyond, slow, parent, time, plane, halved, tail, doubt)
+    return Buffers(
+        start,
+        image,
+        ignored,
+        error,
+        axis,
+        depth,
+        beyond,
+        slow,
+        parent,
+        time,
+        plane,
+        halved,
+        tail,
+        doubt,
+    )
 
 
 @internal
 def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float:
-    """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian describes the return."""
+    """Share of the squared impact speed that the noise of the flight makes; near 1 no Gaussian
+    describes the return."""
     m1, m2 = noise_rate(c, e[0] + t)
     rate, speed = (m1, before[1]) if abs(code) == 1 else (m2, before[3])
     made = c.sigma * c.sigma * rate * rate * t
@@ -85,9 +108,10 @@ def _slow(c: Constants, e: Floats, t: float, code: int, before: Floats) -> float
 def _weigh(depth: float, own: float, bent: float) -> tuple[float, float]:
     """Share of a component beyond a boundary `depth` sds away, and its relative error.
 
-    The noise until the boundary is reached makes `own` of the sd across it (`component.own_spread`).  The error has two
-    parts.  A component that is bent is taken as a Gaussian: by the first term of an Edgeworth series, with the
-    skewness of what is bent so.  And that share of the noise is known at one point of the boundary only.
+    The noise until the boundary is reached makes `own` of the sd across it
+    (`component.own_spread`).  The error has two parts.  A component that is bent is taken as a
+    Gaussian: by the first term of an Edgeworth series, with the skewness of what is bent so.  And
+    that share of the noise is known at one point of the boundary only.
     """
     share, rate, _ = component.half(depth / own, False)
     skewed = SKEWED * math.sqrt(bent) / 6.0 * max(depth * depth - 1.0, 1.0) * rate
@@ -97,20 +121,32 @@ def _weigh(depth: float, own: float, bent: float) -> tuple[float, float]:
 
 @splice
 def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> None:
-    """Compute the image of component `i`, whole or in halves beside a boundary, and how it would best be split.
+    """Compute the image of component `i`, whole or in halves beside a boundary, and how it would
+    best be split.
 
     Its error is what that split is worth.
     """
-    start, image = b.start, b.image
+    start = b.start
+    image = b.image
     section = image.section
-    w, centre, bent, doubt = start.weight[i], start.mean[i], start.bent[i], start.doubt[i]
-    section.weight[2 * i], section.weight[2 * i + 1] = w, 0.0
-    b.error[i], b.depth[i], b.halved[i], b.doubt[i] = 0.0, 0.0, 0.0, 0.0
+    w = start.weight[i]
+    centre = start.mean[i]
+    bent = start.bent[i]
+    doubt = start.doubt[i]
+    section.weight[2 * i] = w
+    section.weight[2 * i + 1] = 0.0
+    b.error[i] = 0.0
+    b.depth[i] = 0.0
+    b.halved[i] = 0.0
+    b.doubt[i] = 0.0
     rank, full = component.root(start.covariance[i])
     axes = full[:, :rank].copy()
     t, code = component.event(c, centre, before)
     b.slow[i] = _slow(c, centre, t, code, before)
-    n, depth, own, pieces = np.zeros(rank), 0.0, 1.0, 1
+    n = np.zeros(rank)
+    depth = 0.0
+    own = 1.0
+    pieces = 1
     if w > LIGHT and rank > 0 and code != 0:
         reach = math.sqrt(2.0 * math.log(w / NEGLIGIBLE) - 2.0)
         other, q = component.cut_plane(c, centre, axes, code, b.ignored[i], reach, before)
@@ -118,7 +154,8 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             length = linalg.norm(q)
             linalg.put_scaled(n, q, length)
             depth = 1.0 / length
-            v, last = linalg.apply(axes, n), start.label[i]
+            v = linalg.apply(axes, n)
+            last = start.label[i]
             last -= ON_ORBIT if last > 2 else 0
             there = linalg.beyond(centre, 1.01 * depth, v)
             own = component.own_spread(c, centre, axes, there, b.time[b.parent[i]], last, before)
@@ -126,7 +163,9 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
                 b.ignored[i] |= 1 << (other + 2)  # the noise until that impact does not lead to it
                 depth = 0.0
             elif depth > TAIL:
-                b.error[i], b.depth[i], b.beyond[i] = w, depth, other
+                b.error[i] = w
+                b.depth[i] = depth
+                b.beyond[i] = other
                 linalg.put_row(b.axis[i], v)
             else:
                 pieces = 2
@@ -138,12 +177,15 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
         share = component.half(depth / own, k == 0)[0] if pieces == 2 else 1.0
         narrow = math.sqrt(variance)
         section.weight[2 * i + k] = w * share
-        at, across = centre, axes
+        at = centre
+        across = axes
         if pieces == 2:
-            at, across = linalg.beyond(centre, rate, linalg.apply(axes, n)), axes.copy()
+            at = linalg.beyond(centre, rate, linalg.apply(axes, n))
+            across = axes.copy()
             linalg.add_outer(across, narrow - 1.0, linalg.apply(axes, n), n)
         bend, u = component.propagate(c, at, across, image, 2 * i + k, before)
-        section.bent[2 * i + k], section.doubt[2 * i + k] = bent + bend, doubt
+        section.bent[2 * i + k] = bent + bend
+        section.doubt[2 * i + k] = doubt
         most = max(most, bend)
         if b.depth[i] > 0.0:
             b.tail[i], b.doubt[i] = _weigh(depth, own, bent + bend)
@@ -170,9 +212,11 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
 
 @splice
 def _doubles(c: Constants, b: Buffers, i: int, before: Floats) -> bool:
-    """Whether an outer third of a component would reach beyond a boundary whose tail was split off already.
+    """Whether an outer third of a component would reach beyond a boundary whose tail was split off
+    already.
 
-    The rest of a Gaussian without its tail is a Gaussian again, and what it has beyond that boundary is not its own.
+    The rest of a Gaussian without its tail is a Gaussian again, and what it has beyond that
+    boundary is not its own.
     """
     if b.depth[i] > 0.0 or b.ignored[i] == 0:
         return False
@@ -185,9 +229,13 @@ def _doubles(c: Constants, b: Buffers, i: int, before: Floats) -> bool:
 
 @splice
 def _cut(b: Buffers, i: int, count: int) -> int:
-    """Replace component `i` by two or three across its axis, the others from `count` on; returns the new count."""
-    parts, v = b.start, b.axis[i].copy()
-    w, centre, sigma = parts.weight[i], parts.mean[i].copy(), parts.covariance[i].copy()
+    """Replace component `i` by two or three across its axis, the others from `count` on; returns
+    the new count."""
+    parts = b.start
+    v = b.axis[i].copy()
+    w = parts.weight[i]
+    centre = parts.mean[i].copy()
+    sigma = parts.covariance[i].copy()
     pieces = 2 if b.depth[i] > 0.0 else 3
     code = b.image.section.label[2 * i]
     bent = parts.bent[i]
@@ -200,7 +248,8 @@ def _cut(b: Buffers, i: int, count: int) -> int:
             share = 1.0 - b.tail[i] if k == 0 else b.tail[i]
         else:
             share = component.THIRD_WEIGHT if k > 0 else 1.0 - 2.0 * component.THIRD_WEIGHT
-            place, variance = (0.0 if k == 0 else (2 * k - 3) * component.THIRD_CENTRE), component.THIRD_WIDTH**2
+            place = 0.0 if k == 0 else (2 * k - 3) * component.THIRD_CENTRE
+            variance = component.THIRD_WIDTH**2
         parts.weight[at] = w * share
         linalg.put_row(parts.mean[at], linalg.beyond(centre, place, v))
         linalg.put(parts.covariance[at], sigma)
@@ -218,10 +267,12 @@ def _cut(b: Buffers, i: int, count: int) -> int:
 def add_noise(c: Constants, live: int, b: Buffers) -> float:
     """Add the noise of the next flight to the components, at its start.
 
-    The displacement ``exp(-A t) n`` leads to the same state at the end of the flight.  A component whose flight is
-    damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no digits left.
+    The displacement ``exp(-A t) n`` leads to the same state at the end of the flight.  A component
+    whose flight is damped by more than ``exp(-DAMPED)`` is discarded: flown back, its noise has no
+    digits left.
     """
-    before, discarded = np.empty(4), 0.0
+    before = np.empty(4)
+    discarded = 0.0
     for i in range(live):
         t, code = component.event(c, b.start.mean[i], before)
         if code != 0 and t * max(c.beta1, c.beta2) > DAMPED:
@@ -241,10 +292,14 @@ def add_noise(c: Constants, live: int, b: Buffers) -> float:
 def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
     """Propagate components to their next impact, splitting them where that is worth it.
 
-    `b`: Components in ``b.start``, with the noise of the flight; their images are written to ``b.image``.
+    `b`: Components in ``b.start``, with the noise of the flight; their images are written to
+    ``b.image``.
     """
     before = np.empty(4)
-    count, last, seen = live, 0, 0  # seen: components examined already, except the last one that was split
+    # seen: components examined already, except the last one that was split
+    count = live
+    last = 0
+    seen = 0
     while True:
         for k in range(seen, count + (1 if seen > 0 else 0)):
             _examine(c, b, last if k == count else k, level, before)
@@ -262,25 +317,36 @@ def fly(c: Constants, live: int, b: Buffers, level: Level) -> int:
 
 @jit
 def _strike(
-    c: Constants, redrawn: Floats, start: Mixture, image: Image, count: int, own: int, after: Mixture
+    c: Constants,
+    redrawn: Floats,
+    start: Mixture,
+    image: Image,
+    count: int,
+    own: int,
+    after: Mixture,
 ) -> tuple[int, float]:
-    """Apply the restitution map to all images, packed to the front; returns their number and the weight without impact.
+    """Apply the restitution map to all images, packed to the front; returns their number and the
+    weight without impact.
 
-    The labels of `after` are the impact, ``mesh * side``, plus `ON_ORBIT` if the itinerary is still the orbit's, whose
-    impact is `own`.  `redrawn` has the variances of the deviations of +1, -1, +2, -2 that contacts draw anew; it is
-    empty if none are.
+    The labels of `after` are the impact, ``mesh * side``, plus `ON_ORBIT` if the itinerary is still
+    the orbit's, whose impact is `own`.  `redrawn` has the variances of the deviations of +1, -1,
+    +2, -2 that contacts draw anew; it is empty if none are.
     """
-    section, flight = image.section, image.flight
-    kept, discarded = 0, 0.0
+    section = image.section
+    flight = image.flight
+    kept = 0
+    discarded = 0.0
     for i in range(2 * count):
-        w, code = section.weight[i], section.label[i]
+        w = section.weight[i]
+        code = section.label[i]
         if w == 0.0:
             continue
         if code == 0:
             discarded += w
             continue
         hit = hit_matrix(c, abs(code), section.mean.shape[1])
-        section.weight[kept], section.label[kept] = w, code
+        section.weight[kept] = w
+        section.label[kept] = code
         linalg.put_row(flight[kept], flight[i])
         linalg.put_row(section.mean[kept], section.mean[i])
         linalg.put(section.covariance[kept], section.covariance[i])
@@ -293,7 +359,8 @@ def _strike(
             for k in range(hit.shape[0]):  # nothing is known of a deviation that is drawn anew
                 after.covariance[kept, flank, k] = after.covariance[kept, k, flank] = 0.0
             after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
-        after.bent[kept], after.doubt[kept] = section.bent[i], section.doubt[i]
+        after.bent[kept] = section.bent[i]
+        after.doubt[kept] = section.doubt[i]
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
         kept += 1
     return kept, discarded
@@ -302,15 +369,17 @@ def _strike(
 class Advance:
     """The mixture on its way; each impact is a call of `fly`, one of `strike`, and one of `merge`.
 
-    `buffers`: components in flight, and their images. `after`: components after the impact, not merged yet.
-    `live, flown, kept`: number of components after merging, after splitting, and after the impact. `struck,
-    merged`: number of impacts so far, and of those after which components were merged. `discarded`: probability
-    discarded so far.
+    `buffers`: components in flight, and their images. `after`: components after the impact, not
+    merged yet. `live, flown, kept`: number of components after merging, after splitting, and after
+    the impact. `struck, merged`: number of impacts so far, and of those after which components were
+    merged. `discarded`: probability discarded so far.
     """
 
     def __init__(self, scene: Scene, orbit: Orbit, level: Level) -> None:
         """Begin at the start of an orbit."""
-        self.constants, self.level, self.discarded = scene.constants, level, 0.0
+        self.constants = scene.constants
+        self.level = level
+        self.discarded = 0.0
         self.redrawn = redrawn_variances(scene)
         first = start_pieces(scene)
         self.live, d = first.mean.shape
@@ -318,15 +387,18 @@ class Advance:
         size = max(level.cut, self.live)
         self.buffers, self.after = buffers(size, d), empty(2 * size, d)
         start = self.buffers.start
-        start.weight[: self.live], start.label[: self.live] = first.weight, ON_ORBIT
+        start.weight[: self.live] = first.weight
+        start.label[: self.live] = ON_ORBIT
         start.mean[: self.live] = first.mean
         start.mean[: self.live, :PLAIN] += np.array([orbit.tau[0], *orbit.after[0]])
         start.covariance[: self.live] = first.variance
 
     def fly(self) -> Mixture:
-        """Fly to the next impact; returns the components before they were split, with the noise of the flight."""
+        """Fly to the next impact; returns the components before they were split, with the noise of
+        the flight."""
         self.discarded += add_noise(self.constants, self.live, self.buffers)
-        start, n = self.buffers.start, self.live
+        start = self.buffers.start
+        n = self.live
         whole = Mixture._make(part[:n].copy() for part in start)
         self.flown = fly(self.constants, self.live, self.buffers, self.level)
         return whole
@@ -334,7 +406,9 @@ class Advance:
     def strike(self, own: int) -> None:
         """Apply the restitution map; `own` is the orbit's impact, ``mesh * side``."""
         b = self.buffers
-        self.kept, endless = _strike(self.constants, self.redrawn, b.start, b.image, self.flown, own, self.after)
+        self.kept, endless = _strike(
+            self.constants, self.redrawn, b.start, b.image, self.flown, own, self.after
+        )
         self.discarded += endless
         self.struck += 1
 

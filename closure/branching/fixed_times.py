@@ -1,8 +1,10 @@
-"""Moments of the branching closure at fixed times, when components are on different flights (docs/theory/closures.md).
+"""Moments of the branching closure at fixed times, when components are on different flights
+(docs/theory/closures.md).
 
-At a time s a path is on the flight between its impacts at tau and tau' if ``tau <= s < tau'``.  A component and its two
-times are jointly Gaussian, so both ends are cuts of a Gaussian.  Given tau, the flight is affine, flown from three
-points of the Gaussian of tau (Gauss-Hermite); what acts after s is taken back by its Gaussian regression on the point.
+At a time s a path is on the flight between its impacts at tau and tau' if ``tau <= s < tau'``.  A
+component and its two times are jointly Gaussian, so both ends are cuts of a Gaussian.  Given tau,
+the flight is affine, flown from three points of the Gaussian of tau (Gauss-Hermite); what acts
+after s is taken back by its Gaussian regression on the point.
 """
 
 import math
@@ -18,11 +20,21 @@ from rattle.closure.section_map import PLAIN, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import flow, jacobian, noise_covariance
-from rattle.scene.linear_algebra import apply, beyond, congruence, eigen, put, put_scaled, times, transform
+from rattle.scene.linear_algebra import (
+    apply,
+    beyond,
+    congruence,
+    eigen,
+    put,
+    put_scaled,
+    times,
+    transform,
+)
 from rattle.scene.moments import semidefinite
 
 REACH = 6.0  # distance of a cut, in sds, beyond which a Gaussian is on one side of it
-POINTS, SHARES = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
+POINTS = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)])
+SHARES = np.array([1.0, 4.0, 1.0]) / 6.0
 NEGLIGIBLE = 1e-7  # weight of a component on a flight that is left out
 ROUNDING = 1e-14  # eigenvalue, relative to the largest, below which a direction does not vary
 OPEN = 1e-3  # share of paths beyond the last flight that is followed
@@ -33,17 +45,19 @@ FURTHER = 2, 8  # flights followed, at most: per impact asked for, and besides
 class InFlight(NamedTuple):
     """Components between two impacts."""
 
-    # weight, mean, covariance: at the start, after splitting, the noise of the flight included; (n,), (n, d), (n, d,
-    # d)
+    # weight, mean, covariance: at the start, after splitting, the noise of the flight included;
+    # (n,), (n, d), (n, d, d)
     weight: Floats
     mean: Floats
     covariance: Floats
-    end: Floats  # mean and variance of the time of the next impact; infinite mean if there is none; (n, 2)
+    # mean and variance of the time of the next impact; infinite mean if there is none; (n, 2)
+    end: Floats
     crossing: Floats  # covariance of the start with that time; (n, d)
     parent: Ints  # the component before splitting; (n,)
     centre: Floats  # its mean; (parents, d)
     regression: Floats  # inverse of its covariance, on its range; (parents, d, d)
-    time: Floats  # time of its mean's flight, whose noise was added; 0 if it does not end; (parents,)
+    # time of its mean's flight, whose noise was added; 0 if it does not end; (parents,)
+    time: Floats
 
 
 @splice
@@ -64,7 +78,9 @@ def _inverse(covariance: Floats) -> Floats:
 def _regressions(c: Constants, whole: Mixture) -> tuple[Floats, Floats]:
     """`InFlight.regression` and `InFlight.time` of components before splitting."""
     n, d = whole.mean.shape
-    inverse, flown, before = np.zeros((n, d, d)), np.zeros(n), np.empty(4)
+    inverse = np.zeros((n, d, d))
+    flown = np.zeros(n)
+    before = np.empty(4)
     for i in range(n):
         t, code = event(c, whole.mean[i], before)
         flown[i] = t if code != 0 else 0.0
@@ -77,7 +93,8 @@ def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> InFlight
     section = b.image.section
     place = np.flatnonzero(section.weight[: 2 * count] > 0.0)
     of = place // 2
-    mean, covariance = b.start.mean[of], b.start.covariance[of]
+    mean = b.start.mean[of]
+    covariance = b.start.covariance[of]
     for j in np.flatnonzero(b.halved[of] > 0.0):
         plane = b.plane[of[j]]
         _, rate, variance = half(b.halved[of[j]], bool(place[j] % 2 == 0))
@@ -87,7 +104,15 @@ def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> InFlight
     end[section.label[place] == 0] = np.inf, 0.0
     inverse, flown = _regressions(c, whole)
     return InFlight(
-        section.weight[place], mean, covariance, end, b.image.crossing[place], b.parent[of], whole.mean, inverse, flown
+        section.weight[place],
+        mean,
+        covariance,
+        end,
+        b.image.crossing[place],
+        b.parent[of],
+        whole.mean,
+        inverse,
+        flown,
     )
 
 
@@ -112,18 +137,30 @@ def _depth(gap: float, variance: float) -> float:
 
 @splice
 def _at(
-    c: Constants, f: InFlight, parent: int, mean: Floats, covariance: Floats, time: float, out: Floats, spread: Floats
+    c: Constants,
+    f: InFlight,
+    parent: int,
+    mean: Floats,
+    covariance: Floats,
+    time: float,
+    out: Floats,
+    spread: Floats,
 ) -> None:
-    """State at a time, of the starts with the time `mean[0]` and this Gaussian: its mean and covariance."""
-    d, t = mean.size, f.time[parent]
+    """State at a time, of the starts with the time `mean[0]` and this Gaussian: its mean and
+    covariance."""
+    d = mean.size
+    t = f.time[parent]
     done = min(max(time - mean[0], 0.0), t)
-    turned = np.zeros((4, d))  # derivative of the state at the start, with the noise up to `time` only
+    # derivative of the state at the start, with the noise up to `time` only
+    turned = np.zeros((4, d))
     for i in range(4):
         turned[i, 1 + i] = 1.0
     put(spread, congruence(turned, covariance))
     start = mean[1:PLAIN].copy()
     if done < t:
-        rest = congruence(jacobian(c, -t), noise_covariance(c, f.centre[parent, 0] + done, t - done))
+        rest = congruence(
+            jacobian(c, -t), noise_covariance(c, f.centre[parent, 0] + done, t - done)
+        )
         gain = times(rest, f.regression[parent, 1:PLAIN])
         back = apply(gain, mean - f.centre[parent])
         for i in range(4):
@@ -142,7 +179,8 @@ def _at(
 
 @internal
 def _cut(mean: Floats, covariance: Floats, along: Floats, shift: float, narrow: float) -> None:
-    """Cut a Gaussian in place: a standard normal, whose covariance with it is `along`, gets this mean and variance."""
+    """Cut a Gaussian in place: a standard normal, whose covariance with it is `along`, gets this
+    mean and variance."""
     for i in range(mean.size):
         mean[i] += shift * along[i]
         for j in range(mean.size):
@@ -150,17 +188,24 @@ def _cut(mean: Floats, covariance: Floats, along: Floats, shift: float, narrow: 
 
 
 @jit
-def _add(c: Constants, f: InFlight, time: float, weight: Floats, mean: Floats, covariance: Floats) -> float:
-    """Gaussians of the state at a time on a flight, three for each component; returns the share of started paths."""
-    started, d = 0.0, f.mean.shape[1]
+def _add(
+    c: Constants, f: InFlight, time: float, weight: Floats, mean: Floats, covariance: Floats
+) -> float:
+    """Gaussians of the state at a time on a flight, three for each component; returns the share of
+    started paths."""
+    started = 0.0
+    d = f.mean.shape[1]
     for j in range(f.weight.size):
         share, shift, narrow = _below(_depth(time - f.mean[j, 0], f.covariance[j, 0, 0]))
         share *= f.weight[j]
         started += share
         if share < NEGLIGIBLE:
             continue
-        m, s, crossing = f.mean[j].copy(), f.covariance[j].copy(), f.crossing[j].copy()
-        end, variance = f.end[j, 0], f.end[j, 1]
+        m = f.mean[j].copy()
+        s = f.covariance[j].copy()
+        crossing = f.crossing[j].copy()
+        end = f.end[j, 0]
+        variance = f.end[j, 1]
         along = np.zeros(d)
         if narrow < 1.0:
             sd = math.sqrt(s[0, 0])
@@ -184,34 +229,39 @@ def _add(c: Constants, f: InFlight, time: float, weight: Floats, mean: Floats, c
             put_scaled(along, s[0], math.sqrt(s[0, 0]))
         _cut(m, s, along, 0.0, 0.0)  # tau is given
         for point in range(3):
-            at, given = 3 * j + point, beyond(m, POINTS[point], along)
+            at = 3 * j + point
+            given = beyond(m, POINTS[point], along)
             weight[at] = share * SHARES[point]
             _at(c, f, f.parent[j], given, s, time, mean[at], covariance[at])
     return started
 
 
 class FixedTimes:
-    """Mean and covariance of the state at fixed times, from flights kept; follows the closure on where a time asks.
+    """Mean and covariance of the state at fixed times, from flights kept; follows the closure on
+    where a time asks.
 
     `run`: the closure, impact by impact. `flights`: its flights so far.
     """
 
     def __init__(self, scene: Scene, orbit: Orbit, level: Level, impacts: int) -> None:
         """Begin at the start of an orbit, before the first flight."""
-        self.constants, self.orbit = scene.constants, orbit
+        self.constants = scene.constants
+        self.orbit = orbit
         self.start = start_covariance(scene)[1:PLAIN, 1:PLAIN].copy()
         self.most = FURTHER[0] * impacts + FURTHER[1]
         self.run = Advance(scene, orbit, level)
         self.flights: list[InFlight] = []
 
     def __call__(self, time: float) -> tuple[Floats, Floats]:
-        """Mean and covariance of the state at a local time, shapes (4,) and (4, 4); NaN where `LACKING`.
+        """Mean and covariance of the state at a local time, shapes (4,) and (4, 4); NaN where
+        `LACKING`.
 
         Until a path has struck, they are those of the one flight that all paths are on.
         """
         if not self.flights:
             self._follow()
-        tau, end = self.orbit.tau[0], self.flights[0].end
+        tau = self.orbit.tau[0]
+        end = self.flights[0].end
         if time == tau or (end[:, 0] - time > REACH * np.sqrt(end[:, 1])).all():
             flown = transform(jacobian(self.constants, time - tau), self.start)
             return self.orbit.state(time), flown + noise_covariance(self.constants, tau, time - tau)
@@ -222,17 +272,23 @@ class FixedTimes:
         share = weight / total
         centre = mean[0] + share @ (mean - mean[0])
         off = mean - centre
-        found = np.einsum("n,nij->ij", share, covariance) + np.einsum("n,ni,nj->ij", share, off, off)
-        return centre, semidefinite(found, np.sqrt(np.abs(np.diagonal(found))))  # of noise taken back, rounding is left
+        found = np.einsum("n,nij->ij", share, covariance) + np.einsum(
+            "n,ni,nj->ij", share, off, off
+        )
+        # of noise taken back, rounding is left
+        return centre, semidefinite(found, np.sqrt(np.abs(np.diagonal(found))))
 
     def gaussians(self, time: float) -> tuple[Floats, Floats, Floats]:
-        """The mixture of states at a local time: weights, means and covariances; the weights sum to nearly 1."""
+        """The mixture of states at a local time: weights, means and covariances; the weights sum to
+        nearly 1."""
         found = []
         for k in range(self.most):
             if k == len(self.flights) and not self._follow():
                 break
             n = 3 * self.flights[k].weight.size
-            weight, mean, covariance = np.zeros(n), np.zeros((n, 4)), np.zeros((n, 4, 4))
+            weight = np.zeros(n)
+            mean = np.zeros((n, 4))
+            covariance = np.zeros((n, 4, 4))
             started = _add(self.constants, self.flights[k], time, weight, mean, covariance)
             found.append((weight[weight > 0.0], mean[weight > 0.0], covariance[weight > 0.0]))
             if started < OPEN:
@@ -246,9 +302,12 @@ class FixedTimes:
 
     def _follow(self) -> bool:
         """Follow one more flight; False if the closure has ended."""
-        run, k = self.run, len(self.flights)
+        run = self.run
+        k = len(self.flights)
         if run.struck < k:
-            run.strike(int(self.orbit.mesh[k] * self.orbit.side[k]) if k < len(self.orbit.mesh) else 0)
+            run.strike(
+                int(self.orbit.mesh[k] * self.orbit.side[k]) if k < len(self.orbit.mesh) else 0
+            )
         if k > 0 and run.kept == 0:
             return False
         if run.merged < k:

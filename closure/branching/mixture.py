@@ -17,7 +17,8 @@ class Mixture(NamedTuple):
     mean: Floats  # of each component; (components, d)
     covariance: Floats  # of each component; (components, d, d)
     label: Ints  # what a component has gone through; (components,)
-    bent: Floats  # squared ratio of second-order to first-order sd, summed over the flights so far; (components,)
+    # squared ratio of second-order to first-order sd, summed over the flights so far; (components,)
+    bent: Floats
     doubt: Floats  # relative error of the weight; (components,)
 
 
@@ -27,7 +28,9 @@ def empty(size: int, d: int = PLAIN) -> Mixture:
     `d`: Size of the section state ``(tau, x1, y1, x2, y2)``: 5, or 9 with the flanks.
     """
     weight, bent, doubt = np.zeros((3, size))
-    return Mixture(weight, np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64), bent, doubt)
+    return Mixture(
+        weight, np.zeros((size, d)), np.zeros((size, d, d)), np.zeros(size, np.int64), bent, doubt
+    )
 
 
 @internal
@@ -36,7 +39,8 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
 
     Their principal axis and mean are written to `axis` and `centre`.
     """
-    d, total = centre.size, 0.0
+    d = centre.size
+    total = 0.0
     for a in range(d):
         centre[a] = 0.0
     for i in members:
@@ -49,7 +53,11 @@ def _spread(parts: Mixture, members: Ints, axis: Floats, centre: Floats) -> floa
     for i in members:
         for a in range(d):
             for b in range(d):
-                between[a, b] += parts.weight[i] * (parts.mean[i, a] - centre[a]) * (parts.mean[i, b] - centre[b])
+                between[a, b] += (
+                    parts.weight[i]
+                    * (parts.mean[i, a] - centre[a])
+                    * (parts.mean[i, b] - centre[b])
+                )
     values, vectors = eigen(between)
     for a in range(d):
         axis[a] = vectors[a, d - 1]
@@ -61,8 +69,10 @@ def _by_label(label: Ints, count: int) -> Ints:
     """Indices of the first components, by label; in their order within each."""
     lowest = highest = label[0] if count > 0 else 0
     for i in range(count):
-        lowest, highest = min(lowest, label[i]), max(highest, label[i])
-    order, found = np.empty(count, np.int64), 0
+        lowest = min(lowest, label[i])
+        highest = max(highest, label[i])
+    order = np.empty(count, np.int64)
+    found = 0
     for value in range(lowest, highest + 1):
         for i in range(count):
             if label[i] == value:
@@ -73,16 +83,21 @@ def _by_label(label: Ints, count: int) -> Ints:
 
 @jit
 def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
-    """Merge components of one label that lie close together; total weight, mean and covariance of each label are kept.
+    """Merge components of one label that lie close together; total weight, mean and covariance of
+    each label are kept.
 
-    Top down: the group with the largest scatter of its means is divided across its principal axis until there are as
-    many groups as components allowed.  Each group then becomes one component.
+    Top down: the group with the largest scatter of its means is divided across its principal axis
+    until there are as many groups as components allowed.  Each group then becomes one component.
 
     `most`: Largest number of components that may be left; at least the number of labels.
     """
-    d, order = parts.mean.shape[1], _by_label(parts.label, count)
-    first, last = np.zeros(most, np.int64), np.zeros(most, np.int64)
-    gain, axes, centres = np.zeros(most), np.zeros((most, d)), np.zeros((most, d))
+    d = parts.mean.shape[1]
+    order = _by_label(parts.label, count)
+    first = np.zeros(most, np.int64)
+    last = np.zeros(most, np.int64)
+    gain = np.zeros(most)
+    axes = np.zeros((most, d))
+    centres = np.zeros((most, d))
     groups = 0
     for at in range(count):
         if at == 0 or parts.label[order[at]] != parts.label[order[at - 1]]:
@@ -95,7 +110,8 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
         g = largest(gain, groups)
         if gain[g] <= 0.0:
             break
-        low, high = first[g], last[g] - 1
+        low = first[g]
+        high = last[g] - 1
         while low <= high:
             i = order[low]
             along = 0.0
@@ -104,12 +120,14 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
             if along < 0.0:
                 low += 1
             else:
-                order[low], order[high] = order[high], i
+                order[low] = order[high]
+                order[high] = i
                 high -= 1
         if low == first[g] or low == last[g]:
             gain[g] = 0.0
             continue
-        first[groups], last[groups] = low, last[g]
+        first[groups] = low
+        last[groups] = last[g]
         last[g] = low
         for h in (g, groups):
             gain[h] = 0.0
@@ -117,7 +135,9 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
                 gain[h] = _spread(parts, order[first[h] : last[h]], axes[h], centres[h])
         groups += 1
     for g in range(groups):
-        out.weight[g], out.mean[g], out.covariance[g] = 0.0, 0.0, 0.0
+        out.weight[g] = 0.0
+        out.mean[g] = 0.0
+        out.covariance[g] = 0.0
         out.bent[g] = out.doubt[g] = 0.0
         out.label[g] = parts.label[order[first[g]]]
         for i in order[first[g] : last[g]]:
@@ -128,7 +148,9 @@ def reduce(parts: Mixture, count: int, most: int, out: Mixture) -> int:
             for a in range(d):
                 for b in range(d):
                     out.covariance[g, a, b] += share * (
-                        parts.covariance[i, a, b] - out.covariance[g, a, b] + (1.0 - share) * gap[a] * gap[b]
+                        parts.covariance[i, a, b]
+                        - out.covariance[g, a, b]
+                        + (1.0 - share) * gap[a] * gap[b]
                     )
             for a in range(d):
                 out.mean[g, a] += share * gap[a]

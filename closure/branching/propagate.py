@@ -1,7 +1,9 @@
-"""A Gaussian component: its axes, the boundary to another next impact, and its image there, to second order.
+"""A Gaussian component: its axes, the boundary to another next impact, and its image there, to
+second order.
 
-The next impact is a function of a point ``e = (tau, x1, y1, x2, y2)``, with the deviations of the flanks where they
-vary; a Gaussian component is a centre and a square root of its covariance, the `axes`.
+The next impact is a function of a point ``e = (tau, x1, y1, x2, y2)``, with the deviations of the
+flanks where they vary; a Gaussian component is a centre and a square root of its covariance, the
+`axes`.
 """
 
 import math
@@ -20,19 +22,27 @@ from rattle.scene.impact import next_impact
 BISECTIONS = 6  # steps to locate a boundary, and as many again for the nearest one
 RETURNS = 8  # Newton steps back to a wall, from beyond it: each squares the relative error
 LONGEST = 100.0  # longest flight; a component without an impact by then is discarded
-# A standard normal approximated by three Gaussians of equal width: weight of the outer ones, width, and their distance.
-THIRD_WEIGHT, THIRD_WIDTH = 0.2252246249, 0.6715662887
+# A standard normal approximated by three Gaussians of equal width: weight of the outer ones, width,
+# and their distance.
+THIRD_WEIGHT = 0.2252246249
+THIRD_WIDTH = 0.6715662887
 THIRD_CENTRE = math.sqrt(0.5 * (1.0 - THIRD_WIDTH**2) / THIRD_WEIGHT)
-STRAIGHT = 0.1  # ratio of second-order to first-order sd from which two sigma points replace the Taylor expansion
-GRAZE = 2.0  # slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread allows
+# ratio of second-order to first-order sd from which two sigma points replace the Taylor expansion
+STRAIGHT = 0.1
+# slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread
+# allows
+GRAZE = 2.0
 
 
 @internal
-def _return(c: Constants, e: Floats, start: Floats, mesh: int, side: int, late: float, before: Floats) -> float:
-    """When a flight that begins beyond a wall is back at it, from a time by which it is; the state then in `before`.
+def _return(
+    c: Constants, e: Floats, start: Floats, mesh: int, side: int, late: float, before: Floats
+) -> float:
+    """When a flight that begins beyond a wall is back at it, from a time by which it is; the state
+    then in `before`.
 
-    Noise that is moved back to the start of a flight puts it on either side of the wall that was just left, and
-    `next_impact` takes what is beyond a wall as if it were at it.
+    Noise that is moved back to the start of a flight puts it on either side of the wall that was
+    just left, and `next_impact` takes what is beyond a wall as if it were at it.
 
     Shapes: `e` (5,) or (9,); `start`, `before` (4,).
     """
@@ -40,12 +50,17 @@ def _return(c: Constants, e: Floats, start: Floats, mesh: int, side: int, late: 
     t = late
     for _ in range(RETURNS):
         x1, y1, x2, y2 = flow(c, e[0], start[0], start[1], start[2], start[3], t)
-        beyond, speed = side * (x1 if mesh == 1 else x2) - wall, side * (y1 if mesh == 1 else y2)
+        beyond = side * (x1 if mesh == 1 else x2) - wall
+        speed = side * (y1 if mesh == 1 else y2)
         if speed <= 0.0:  # it turns around beyond the wall
             break
-        before[0], before[1], before[2], before[3] = x1, y1, x2, y2
+        before[0] = x1
+        before[1] = y1
+        before[2] = x2
+        before[3] = y2
         before[i] = side * wall
-        late, t = t, t - beyond / speed
+        late = t
+        t = t - beyond / speed
         if t <= 0.0 or t == late:
             break
     return late
@@ -61,9 +76,16 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     if e.size > PLAIN:
         c, middle1, middle2 = between(c, e)
     start = np.array([e[1] - middle1, e[2], e[3] - middle2, e[4]])
-    t, mesh, side, x1, y1, x2, y2 = next_impact(c, e[0], start[0], start[1], start[2], start[3], LONGEST)
-    before[0], before[1], before[2], before[3] = x1, y1, x2, y2
-    if t > 0.0 and ((mesh == 1 and side * start[0] > c.wall1) or (mesh == 2 and side * start[2] > c.wall2)):
+    t, mesh, side, x1, y1, x2, y2 = next_impact(
+        c, e[0], start[0], start[1], start[2], start[3], LONGEST
+    )
+    before[0] = x1
+    before[1] = y1
+    before[2] = x2
+    before[3] = y2
+    if t > 0.0 and (
+        (mesh == 1 and side * start[0] > c.wall1) or (mesh == 2 and side * start[2] > c.wall2)
+    ):
         t = _return(c, e, start, mesh, side, t, before)
     before[0] += middle1
     before[2] += middle2
@@ -74,13 +96,15 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
 def root(sigma: Floats) -> tuple[int, Floats]:
     """Square root of a covariance by its principal axes.
 
-    Components of the flanks are scaled differently before the eigendecomposition: two flanks of equal variance have no
-    unique principal axes, and rounding would choose them.  The sign of each axis is fixed too.
+    Components of the flanks are scaled differently before the eigendecomposition: two flanks of
+    equal variance have no unique principal axes, and rounding would choose them.  The sign of each
+    axis is fixed too.
 
     Shapes: `sigma` (d, d); `axes` (d, d).
     """
     d = sigma.shape[0]
-    weight, weighed = np.ones(d), sigma
+    weight = np.ones(d)
+    weighed = sigma
     if d > PLAIN:
         weighed = np.empty((d, d))
         for i in range(PLAIN, d):
@@ -97,17 +121,27 @@ def root(sigma: Floats) -> tuple[int, Floats]:
             for k in range(d):
                 sense += (k + 1) * vectors[k, i]
             for k in range(d):
-                columns[k, rank] = math.copysign(math.sqrt(values[i]), sense) * vectors[k, i] / weight[k]
+                columns[k, rank] = (
+                    math.copysign(math.sqrt(values[i]), sense) * vectors[k, i] / weight[k]
+                )
             rank += 1
     return rank, columns
 
 
 @internal
 def _boundary(
-    c: Constants, centre: Floats, axes: Floats, u: Floats, code: int, ignored: int, near: float, far: float,
+    c: Constants,
+    centre: Floats,
+    axes: Floats,
+    u: Floats,
+    code: int,
+    ignored: int,
+    near: float,
+    far: float,
     before: Floats,
-) -> tuple[float, int]:  # fmt: skip
-    """Distance (in sds) along a unit vector at which the next impact changes from `code`, and to which.
+) -> tuple[float, int]:
+    """Distance (in sds) along a unit vector at which the next impact changes from `code`, and to
+    which.
 
     It is searched for from `near`, where the next impact is `code`, to `far`.
     """
@@ -115,14 +149,16 @@ def _boundary(
     found = event(c, linalg.beyond(centre, far, direction), before)[1]
     if found == code:
         return np.inf, code
-    low, high = near, far
+    low = near
+    high = far
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         met = event(c, linalg.beyond(centre, middle, direction), before)[1]
         if met == code:
             low = middle
         else:
-            high, found = middle, met
+            high = middle
+            found = met
     if ignored & (1 << (found + 2)):
         return np.inf, code
     return max(high, 1e-3), found
@@ -130,25 +166,36 @@ def _boundary(
 
 @internal
 def cut_plane(
-    c: Constants, centre: Floats, axes: Floats, code: int, ignored: int, reach: float, before: Floats
+    c: Constants,
+    centre: Floats,
+    axes: Floats,
+    code: int,
+    ignored: int,
+    reach: float,
+    before: Floats,
 ) -> tuple[int, Floats]:
-    """The nearest boundary to another next impact, as a plane ``q z = 1`` with z along the principal axes.
+    """The nearest boundary to another next impact, as a plane ``q z = 1`` with z along the
+    principal axes.
 
-    The nearest point of the boundary is searched for as in the first-order reliability method (Hasofer and Lind 1974):
-    from the best axis, along the normal of the plane through nearby points of the boundary.
+    The nearest point of the boundary is searched for as in the first-order reliability method
+    (Hasofer and Lind 1974): from the best axis, along the normal of the plane through nearby points
+    of the boundary.
 
     Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); `q` (rank,).
     """
     rank = axes.shape[1]
     far = 1.6 * reach  # a slanted plane within reach cuts one of the axes there
-    nearest, other = np.inf, code
-    u, trial = np.zeros(rank), np.zeros(rank)
+    nearest = np.inf
+    other = code
+    u = np.zeros(rank)
+    trial = np.zeros(rank)
     for ray in range(2 * rank):
         trial[:] = 0.0
         trial[ray // 2] = 1.0 if ray % 2 == 0 else -1.0
         distance, found = _boundary(c, centre, axes, trial, code, ignored, 0.0, far, before)
         if distance < nearest:
-            nearest, other = distance, found
+            nearest = distance
+            other = found
             linalg.put_row(u, trial)
     if other == code:
         return code, u
@@ -170,7 +217,8 @@ def cut_plane(
             break
         nearest = distance
         linalg.put_row(u, trial)
-    # a step of the search is 0.1 sds, and so much further off the weight beyond is smaller by a third
+    # a step of the search is 0.1 sds, and so much further off the weight beyond is smaller by a
+    # third
     near = max(nearest - far / 2.0**BISECTIONS, 0.0)
     nearest = _boundary(c, centre, axes, u, code, 0, near, nearest, before)[0]
     if nearest > reach:
@@ -184,17 +232,26 @@ def half(depth: float, inner: bool) -> tuple[float, float, float]:
     """Moments of a standard normal restricted to one side of a plane."""
     beyond = 0.5 * math.erfc(depth / math.sqrt(2.0))
     weight = 1.0 - beyond if inner else beyond
-    rate = math.exp(-0.5 * depth * depth) / math.sqrt(2.0 * math.pi) / weight * (-1.0 if inner else 1.0)
+    rate = (
+        math.exp(-0.5 * depth * depth)
+        / math.sqrt(2.0 * math.pi)
+        / weight
+        * (-1.0 if inner else 1.0)
+    )
     return weight, rate, 1.0 + depth * rate - rate * rate
 
 
 @internal
-def _passing(c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats) -> Floats:
-    """Derivatives along the axes of the distance by which a flight of time `t`, to a state `before`, passes a wall.
+def _passing(
+    c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
+) -> Floats:
+    """Derivatives along the axes of the distance by which a flight of time `t`, to a state
+    `before`, passes a wall.
 
     Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); result (rank,).
     """
-    mesh, side = abs(code), 1 if code > 0 else -1
+    mesh = abs(code)
+    side = 1 if code > 0 else -1
     i = 0 if mesh == 1 else 2
     flown = jacobian(c, t)[i]
     early = before[i + 1] - linalg.dot(flown, field(c, centre[0], centre[2], centre[4]))
@@ -212,13 +269,14 @@ def _passing(c: Constants, code: int, centre: Floats, axes: Floats, t: float, be
 def own_spread(
     c: Constants, centre: Floats, axes: Floats, beyond: Floats, t: float, last: int, before: Floats
 ) -> float:
-    """Sd of the distance to a wall by the noise until it is met, over that by the noise of the whole flight.
+    """Sd of the distance to a wall by the noise until it is met, over that by the noise of the
+    whole flight.
 
-    1 where it is met later than that, and for the wall just left: no plane divides the paths that leave it slowly into
-    those that return at once and the others.
+    1 where it is met later than that, and for the wall just left: no plane divides the paths that
+    leave it slowly into those that return at once and the others.
 
-    `beyond`: A point from which that wall is met. `t`: Time of the flight whose noise was added. `last`: The wall just
-    left.
+    `beyond`: A point from which that wall is met. `t`: Time of the flight whose noise was added.
+    `last`: The wall just left.
 
     Shapes: `centre`, `beyond` (d,); `axes` (d, rank); `before` (4,).
     """
@@ -226,7 +284,9 @@ def own_spread(
     if code == 0 or code == last or early >= t:
         return 1.0
     whole = linalg.norm(_passing(c, code, centre, axes, early, before))
-    late = linalg.congruence(jacobian(c, early - t), noise_covariance(c, centre[0] + early, t - early))
+    late = linalg.congruence(
+        jacobian(c, early - t), noise_covariance(c, centre[0] + early, t - early)
+    )
     i = 0 if abs(code) == 1 else 2
     return math.sqrt(max(1.0 - late[i, i] / (whole * whole), 0.0)) if whole > 0.0 else 1.0
 
@@ -236,8 +296,8 @@ class Image(NamedTuple):
 
     section: Mixture  # section states; the label is ``mesh * side`` of the impact, 0 for none
     flight: Floats  # mean and variance of the flight time; (components, 2)
-    # covariance of the section state at the start of the flight, its noise included, with the time of the impact;
-    # (components, d)
+    # covariance of the section state at the start of the flight, its noise included, with the time
+    # of the impact; (components, d)
     crossing: Floats
 
 
@@ -245,13 +305,16 @@ class Image(NamedTuple):
 def _derivatives(
     c: Constants, code: int, centre: Floats, axes: Floats, t: float, before: Floats
 ) -> tuple[Floats, Floats]:
-    """Derivatives of the section map along the axes; near a graze, those at a slightly faster impact.
+    """Derivatives of the section map along the axes; near a graze, those at a slightly faster
+    impact.
 
-    Near a graze the impact speed is proportional to the square root of the distance by which the flight would pass the
-    wall, and its derivative is unbounded.  So the impact speed is bounded below by what the Gaussian's own sd of that
-    distance produces.
+    Near a graze the impact speed is proportional to the square root of the distance by which the
+    flight would pass the wall, and its derivative is unbounded.  So the impact speed is bounded
+    below by what the Gaussian's own sd of that distance produces.
     """
-    mesh, side, d = abs(code), 1 if code > 0 else -1, centre.size
+    mesh = abs(code)
+    side = 1 if code > 0 else -1
+    d = centre.size
     i = 0 if mesh == 1 else 2
     passing = _passing(c, code, centre, axes, t, before)
     pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
@@ -268,15 +331,18 @@ def _derivatives(
 
 @internal
 def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
-    """Largest ratio of second-order to first-order variance over the outputs, and the direction of that curvature."""
+    """Largest ratio of second-order to first-order variance over the outputs, and the direction of
+    that curvature."""
     u = np.zeros(linear.shape[1])
-    worst, at = 0.0, 0
+    worst = 0.0
+    at = 0
     for j in range(PLAIN):
         variance = linalg.inner(linear[j : j + 1], linear[j : j + 1])
         if variance > 1e-24:
             bend = 0.5 * linalg.inner(curve[j], curve[j]) / variance
             if bend > worst:
-                worst, at = bend, j
+                worst = bend
+                at = j
     if worst > 0.0:
         values, vectors = linalg.eigen(curve[at])
         most = values.size - 1 if values[-1] > -values[0] else 0
@@ -286,7 +352,9 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
 
 
 @splice
-def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, before: Floats) -> tuple[float, Floats]:
+def propagate(
+    c: Constants, centre: Floats, axes: Floats, to: Image, at: int, before: Floats
+) -> tuple[float, Floats]:
     """Propagate a Gaussian to its next impact, to second order in its spread.
 
     Shapes: `centre` (d,); `axes` (d, rank); `before` (4,); `u` (rank,).
@@ -295,20 +363,29 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
     section = to.section
     section.label[at] = code
     d, rank = axes.shape
-    mean, spread, flight = section.mean[at], section.covariance[at], to.flight[at]
+    mean = section.mean[at]
+    spread = section.covariance[at]
+    flight = to.flight[at]
     linalg.put_row(mean, centre)
     linalg.put_row(mean[1:PLAIN], before)
     mean[0] += t
-    spread[:], to.crossing[at], flight[0], flight[1] = 0.0, 0.0, t, 0.0
+    spread[:] = 0.0
+    to.crossing[at] = 0.0
+    flight[0] = t
+    flight[1] = 0.0
     if code == 0 or rank == 0:
         return 0.0, np.zeros(rank)
     linear, curve = _derivatives(c, code, centre, axes, t, before)
     bend, u = _most_bent(linear, curve)
     straight = bend < STRAIGHT**2
-    own, image = np.empty(rank), linalg.apply(linear, u)  # own: derivative of the flight time
-    if not straight:  # treat the most curved direction by two sigma points, at one sd to either side
+    # own: derivative of the flight time
+    own = np.empty(rank)
+    image = linalg.apply(linear, u)
+    # treat the most curved direction by two sigma points, at one sd to either side
+    if not straight:
         linalg.add_outer(linear, -1.0, image, u)
-    tilt, v = linalg.dot(axes[0], u), linalg.apply(axes, u)
+    tilt = linalg.dot(axes[0], u)
+    v = linalg.apply(axes, u)
     for k in range(rank):
         own[k] = linear[0, k] - axes[0, k] + (0.0 if straight else tilt * u[k])
     linalg.put(spread, linalg.times_transposed(linear, linear))
@@ -322,7 +399,9 @@ def propagate(c: Constants, centre: Floats, axes: Floats, to: Image, at: int, be
         flight[0] += 0.5 * np.trace(curve[0])
         flight[1] += 0.5 * linalg.inner(curve[0], curve[0])
         return bend, u
-    ends, times, met = np.empty((2, d)), np.empty(2), 0
+    ends = np.empty((2, d))
+    times = np.empty(2)
+    met = 0
     for k in range(2):
         end = ends[k]
         linalg.put_row(end, linalg.beyond(centre, 1.0 - 2.0 * k, v))

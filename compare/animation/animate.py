@@ -1,4 +1,5 @@
-"""An animation from Python: shown in a notebook, or written as the command ``rattle animate`` writes it."""
+"""An animation from Python: shown in a notebook, or written as the command ``rattle animate``
+writes it."""
 
 from dataclasses import dataclass, field
 from html import escape
@@ -45,7 +46,10 @@ class Animation:
         return f"Animation: {self.recording.sentence}"
 
     def _repr_html_(self) -> str:
-        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="{HEIGHT}" style="border:0"></iframe>'
+        return (
+            f'<iframe srcdoc="{escape(self.html)}" width="100%" height="{HEIGHT}"'
+            ' style="border:0"></iframe>'
+        )
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write it as one HTML file, which any browser opens.
@@ -73,7 +77,8 @@ class Animation:
 
 @numpy_defaults
 def animate(scene: Scene, *, impacts: int = 24, rng: Rng = 0, name: str = "scene") -> Animation:
-    """Draw the moving wheels of a scene: the noise-free orbit beside one noisy path over the same time.
+    """Draw the moving wheels of a scene: the noise-free orbit beside one noisy path over the same
+    time.
 
     Parameters
     ----------
@@ -82,7 +87,8 @@ def animate(scene: Scene, *, impacts: int = 24, rng: Rng = 0, name: str = "scene
     impacts : int
         Impacts of the noise-free orbit to show, 1 to 200.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed of the noisy path; a generator of numpy gives a child of its seed sequence, another one each time.
+        Seed of the noisy path; a generator of numpy gives a child of its seed sequence, another one
+        each time.
     name : str
         A name for the title.
 
@@ -99,8 +105,8 @@ def animate(scene: Scene, *, impacts: int = 24, rng: Rng = 0, name: str = "scene
     Examples
     --------
     >>> from rattle import DAT21, Scene
-    >>> animate(Scene.from_gears(DAT21, sigma=0.1), impacts=4)
-    Animation: 4 impacts without noise, 4 with noise in the same time; the same flanks up to impact 4
+    >>> str(animate(Scene.from_gears(DAT21, sigma=0.1), impacts=4))[:59]
+    'Animation: 4 impacts without noise, 4 with noise in the same'
     """
     check_scene(scene)
     return Animation(record(scene, impacts=impacts, seed=read_whole_seed(rng)), name)

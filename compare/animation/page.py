@@ -1,7 +1,9 @@
-"""Writes an animation as one HTML file that needs no other: its drawings, its data and its script are inside.
+"""Writes an animation as one HTML file that needs no other: its drawings, its data and its script
+are inside.
 
-Involute teeth transmit rotation at a constant ratio, so the play between two wheels, measured along the pitch circle,
-is the same in every position: the teeth of the drawing touch if and only if a displacement is that of its wall.
+Involute teeth transmit rotation at a constant ratio, so the play between two wheels, measured along
+the pitch circle, is the same in every position: the teeth of the drawing touch if and only if a
+displacement is that of its wall.
 """
 
 import math
@@ -27,22 +29,29 @@ GENERATOR = '<meta name="generator" content="rattle animate">'
 """In the head of every animation; a file without it is never replaced."""
 RADIUS = 90.0  # of the pitch circles in the drawing
 SECONDS = 0.9  # of watching for each impact of the orbit
-WIDE, HIGH = 10_000, 1000  # inner coordinates of a strip
+# inner coordinates of a strip
+WIDE = 10_000
+HIGH = 1000
 ROOM = 1.3  # height of a strip in half gaps
 MOST_TAU = 1e4  # beyond it time is counted from the start
 TEETH = 12
 PRESSURE = math.radians(25.0)
 """Pressure angle; with 25 degrees a wheel of 12 teeth needs no undercut."""
-ADDENDUM, DEDENDUM = 0.8, 1.05
-"""Height of a tooth above and depth below the pitch circle, in modules; 1.09 pairs of teeth are in mesh on average."""
-PLAY, TOOTH = 0.3, 0.35
+ADDENDUM = 0.8
+DEDENDUM = 1.05
+"""Height of a tooth above and depth below the pitch circle, in modules; 1.09 pairs of teeth are in
+mesh on average."""
+PLAY = 0.3
+TOOTH = 0.35
 """Largest backlash, and width of a tooth of wheel 1, as shares of the pitch."""
 FLANK = 7  # points of a flank
 
 
 def animation(shown: Recording, name: str, command: str = "") -> str:
     """The text of an animation's HTML file."""
-    scene, span, walls = shown.scene, shown.span, shown.scene.noise_free.constants
+    scene = shown.scene
+    span = shown.span
+    walls = shown.scene.noise_free.constants
     gaps = (walls.wall1, walls.wall2)[: scene.stages]
     begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
     symbol = "τ" if begin == scene.start.tau else "τ − τ₀"
@@ -58,7 +67,8 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         "turn": math.degrees(scale / RADIUS),
         "seconds": SECONDS * shown.orbit.impacts,
         "offset": begin,
-        "digits": min(max(0, 2 - math.floor(math.log10(span / 10.0))), 15),  # of a time that is shown
+        # of a time that is shown
+        "digits": min(max(0, 2 - math.floor(math.log10(span / 10.0))), 15),
         "ms": ms,
         "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
     }
@@ -88,14 +98,20 @@ def check_file(out: Path, overwrite: bool) -> None:
     """Check before the work that a file can be written without losing another's."""
     with refusals(out):
         if out.suffix.lower() != ".html":
-            raise OutputError(f"out = {str(out)!r}: an animation is an HTML file; give a name that ends in .html")
+            raise OutputError(
+                f"out = {str(out)!r}: an animation is an HTML file; give a name that ends in .html"
+            )
         check_own(out, re.escape(GENERATOR.encode()), "an animation of rattle")
         check_place(out)
     if out.exists() and not overwrite:
-        raise OutputError(f"out = {str(out)!r}: exists; choose another name, or overwrite it (--overwrite)")
+        raise OutputError(
+            f"out = {str(out)!r}: exists; choose another name, or overwrite it (--overwrite)"
+        )
 
 
-def write_animation(out: Path, shown: Recording, name: str, command: str = "", overwrite: bool = False) -> None:
+def write_animation(
+    out: Path, shown: Recording, name: str, command: str = "", overwrite: bool = False
+) -> None:
     """Write an animation, whole or not at all."""
     text = animation(shown, name, command)
     check_file(out, overwrite)
@@ -114,7 +130,8 @@ def _numbers(motion: Motion) -> Mapping[str, Any]:
 def _turns(shown: Recording, scale: float) -> list[float]:
     """Angles of the wheels at the start, in degrees clockwise; see `animation.js`."""
     scene = shown.scene
-    x1, x2 = shown.orbit.x1[0], shown.orbit.x2[0]
+    x1 = shown.orbit.x1[0]
+    x2 = shown.orbit.x2[0]
     driver = scene.alpha * driver_motion(scene.constants.drive, scene.phase)
     turns = [driver - x1, -driver, x1 - driver - x2][: scene.stages + 1]  # wheel 1, driver, wheel 2
     return [round(math.degrees(scale / RADIUS * float(turn)), 3) for turn in turns]
@@ -131,30 +148,37 @@ def _ticks(begin: float, span: float) -> Iterator[tuple[float, str]]:
 def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
     """The displacement at a mesh over time, for the template.
 
-    Returns: ``label, unit`` (what is drawn), ``ticks`` (height of a tick from the top in percent, and its label),
-    ``curves`` (name and SVG points of each path), ``marks`` (name of the path, number of the impact, and its place
-    from left and top in percent) and ``band`` (half the height of the band in which a flank of a toleranced gap lies,
-    in percent; 0 for none).
+    Returns: ``label, unit`` (what is drawn), ``ticks`` (height of a tick from the top in percent,
+    and its label), ``curves`` (name and SVG points of each path), ``marks`` (name of the path,
+    number of the impact, and its place from left and top in percent) and ``band`` (half the height
+    of the band in which a flank of a toleranced gap lies, in percent; 0 for none).
     """
-    scene, walls = shown.scene, shown.scene.noise_free.constants
-    symbol, wall, ahead = ("x₁", walls.wall1, "driver") if mesh == 1 else ("x₂", walls.wall2, "wheel 2")
+    scene = shown.scene
+    walls = shown.scene.noise_free.constants
+    symbol, wall, ahead = (
+        ("x₁", walls.wall1, "driver") if mesh == 1 else ("x₂", walls.wall2, "wheel 2")
+    )
     random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
     c_max = getattr(scene.tolerance, f"c{mesh}_max") if random else 0.0
     top = max(ROOM * wall, 1.1 * (wall + c_max))
     label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * wall:.3g}"
     heights = {f"+{label}": wall, "0": 0.0, f"−{label}": -wall}
-    curves, marks = [], []
+    curves = []
+    marks = []
     for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
         x = motion.x1 if mesh == 1 else motion.x2
         places = zip((motion.time / shown.span).tolist(), _height(x, top).tolist(), strict=True)
         curves.append((name, " ".join(f"{WIDE * a:.0f},{HIGH * b:.0f}" for a, b in places)))
-        left, down = 100.0 * motion.impact_time / shown.span, 100.0 * _height(motion.impact_x, top)
+        left = 100.0 * motion.impact_time / shown.span
+        down = 100.0 * _height(motion.impact_x, top)
         own = np.flatnonzero(np.abs(motion.code) == mesh)
         marks += [(name, int(k), round(float(left[k]), 3), round(float(down[k]), 2)) for k in own]
     return {
         "label": f"{symbol}: {ahead} ahead of wheel 1",
         "unit": "mm" if scene.gears else "dimensionless",
-        "ticks": [(round(100.0 * _height(height, top), 3), text) for text, height in heights.items()],
+        "ticks": [
+            (round(100.0 * _height(height, top), 3), text) for text, height in heights.items()
+        ],
         "curves": curves,
         "marks": marks,
         "band": round(50.0 * c_max / top, 3),
@@ -195,18 +219,24 @@ class Wheel:
 
 
 def outline(wheel: Wheel) -> str:
-    """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x axis."""
-    root, tip = wheel.radius - DEDENDUM * wheel.module, wheel.radius + ADDENDUM * wheel.module
+    """The outline of a wheel as the data of an SVG path; the middle of a tooth points along the x
+    axis."""
+    root = wheel.radius - DEDENDUM * wheel.module
+    tip = wheel.radius + ADDENDUM * wheel.module
     base = wheel.radius * math.cos(PRESSURE)
     radii = [root, *(base + (tip - base) * (i / (FLANK - 1)) for i in range(FLANK))]
     flank = [(r, wheel.half_angle(r)) for r in radii]
-    start, path = _point(root, -flank[0][1]), ""
+    start = _point(root, -flank[0][1])
+    path = ""
     for tooth in range(TEETH):
         middle = 2.0 * math.pi * tooth / TEETH
         rising = [_point(r, middle - half) for r, half in flank]
         falling = [_point(r, middle + half) for r, half in reversed(flank)]
         path += f"A{root:.1f} {root:.1f} 0 0 1 {rising[0]}" if tooth else f"M{start}"
-        path += f"L{' '.join(rising[1:])}A{tip:.1f} {tip:.1f} 0 0 1 {falling[0]}L{' '.join(falling[1:])}"
+        path += (
+            f"L{' '.join(rising[1:])}A{tip:.1f} {tip:.1f} 0 0 1"
+            f" {falling[0]}L{' '.join(falling[1:])}"
+        )
     return f"{path}A{root:.1f} {root:.1f} 0 0 1 {start}Z"
 
 

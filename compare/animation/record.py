@@ -1,4 +1,5 @@
-"""What an animation shows: the noise-free orbit and one noisy path over the same time, with their impacts."""
+"""What an animation shows: the noise-free orbit and one noisy path over the same time, with their
+impacts."""
 
 import math
 from dataclasses import dataclass
@@ -14,20 +15,28 @@ from rattle.scene import Floats, InputError, Ints, Scene, count
 SCHEME = "exact-flight"
 MOST_IMPACTS = 200
 """Most impacts of the orbit that an animation shows; more would take minutes to watch."""
-FEWEST, INSTANTS = 200, 1200
-"""Instants between which the drawing goes in straight lines, beside those of the impacts: at least, at the most."""
-MOST_DRAWN, MOST_STEPS = 2000, 10**7  # impacts that still leave a file of less than 1 MB; steps of some seconds
-TAIL = 0.5  # what is shown after the last impact: at the most this share of a mean flight, or of the way to the next
+FEWEST = 200
+INSTANTS = 1200
+"""Instants between which the drawing goes in straight lines, beside those of the impacts: at least,
+at the most."""
+# impacts that still leave a file of less than 1 MB; steps of some seconds
+MOST_DRAWN = 2000
+MOST_STEPS = 10**7
+# what is shown after the last impact: at the most this share of a mean flight, or of the way to the
+# next
+TAIL = 0.5
 
 
 @dataclass(frozen=True)
 class Motion:
     """One path, as it is drawn: its displacements at instants, and its impacts."""
 
-    time: Floats  # time since the start, increasing; the instants of the impacts are among them; (instants,)
+    # time since the start, increasing; the instants of the impacts are among them; (instants,)
+    time: Floats
     x1: Floats  # x1, x2: relative displacements; `x2` is NaN for a single stage; (instants,)
     x2: Floats
-    impact_time: Floats  # time of each impact since the start; that of the start itself is not among them; (impacts,)
+    # time of each impact since the start; that of the start itself is not among them; (impacts,)
+    impact_time: Floats
     impact_x: Floats  # displacement of the mesh that is struck; (impacts,)
     code: Ints  # ``mesh * side`` of each impact; (impacts,)
 
@@ -58,8 +67,8 @@ class Recording:
     def sentence(self) -> str:
         """How many impacts there are, and how long both go together."""
         return (
-            f"{self.orbit.impacts} impacts without noise, {self.path.impacts} with noise in the same time; the same "
-            f"flanks up to impact {self.agreement}"
+            f"{self.orbit.impacts} impacts without noise, {self.path.impacts} with noise in the"
+            f" same time; the same flanks up to impact {self.agreement}"
         )
 
 
@@ -68,41 +77,63 @@ def check_recording(scene: Scene, impacts: int, seed: int) -> None:
     count("impacts", impacts, most=MOST_IMPACTS)
     count("seed", seed, least=0)
     if not is_random(scene):
-        raise InputError("sigma", scene.sigma, "nothing is random, so both paths are the same; give noise, such as 0.1")
+        raise InputError(
+            "sigma",
+            scene.sigma,
+            "nothing is random, so both paths are the same; give noise, such as 0.1",
+        )
 
 
 def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
-    """Follow the noise-free orbit through a number of impacts, and one noisy path over the same time.
+    """Follow the noise-free orbit through a number of impacts, and one noisy path over the same
+    time.
 
-    The orbit is exact. The noisy path is a sample by exact flights, which have no step bias; its state is taken at
-    fixed times and just before each impact.
+    The orbit is exact. The noisy path is a sample by exact flights, which have no step bias; its
+    state is taken at fixed times and just before each impact.
 
-    `impacts`: Impacts of the orbit after the start, at most `MOST_IMPACTS`; the path has as many as it has in
-    that time.
+    `impacts`: Impacts of the orbit after the start, at most `MOST_IMPACTS`; the path has as many as
+    it has in that time.
     """
     check_recording(scene, impacts, seed)
     orbit = follow(scene.noise_free, impacts + 1)  # one more: the time shown ends before it
     if orbit.found < impacts:
-        shown = f"give at most {orbit.found}" if orbit.found else "give a scene that rattles, such as a larger alpha"
+        shown = (
+            f"give at most {orbit.found}"
+            if orbit.found
+            else "give a scene that rattles, such as a larger alpha"
+        )
         why = orbit.stopped.replace(" after impact 0", "")
-        raise InputError("impacts", impacts, f"the noise-free orbit has {orbit.found} ({why}); {shown}")
+        raise InputError(
+            "impacts", impacts, f"the noise-free orbit has {orbit.found} ({why}); {shown}"
+        )
     times = orbit.tau - scene.phase
     tail = TAIL * times[impacts] / impacts
     if orbit.found > impacts:
         tail = min(tail, TAIL * (times[impacts + 1] - times[impacts]))
     span = float(times[impacts] + tail)
     if not span > 0.0:
-        raise InputError("impacts", impacts, "the noise-free orbit has all of them at the start; ask for more")
+        raise InputError(
+            "impacts", impacts, "the noise-free orbit has all of them at the start; ask for more"
+        )
     dt = min(default_step(scene, SCHEME), span / FEWEST)
     if span / dt > MOST_STEPS:
-        raise InputError("impacts", impacts, f"take {span / dt:.2g} steps of the noisy path; ask for fewer")
+        raise InputError(
+            "impacts", impacts, f"take {span / dt:.2g} steps of the noisy path; ask for fewer"
+        )
     instants = dt * math.ceil(span / dt / INSTANTS) * np.arange(1, INSTANTS + 1, dtype=np.float64)
     instants = instants[instants < span]
     path = _path(scene, seed, impacts, span, dt, instants)
     if path.impacts > MOST_DRAWN:
         fewer = max(int((times[1 : impacts + 1] + tail <= path.impact_time[MOST_DRAWN]).sum()), 1)
-        why = f"the other path has over {MOST_DRAWN} impacts in that time, more than can be told apart"
-        raise InputError("impacts", impacts, f"{why}; give " + (f"{fewer}" if fewer < impacts else "a larger epsilon"))
+        why = (
+            f"the other path has over {MOST_DRAWN} impacts in that time, more than can be told"
+            " apart"
+        )
+        raise InputError(
+            "impacts",
+            impacts,
+            f"{why}; give " + (f"{fewer}" if fewer < impacts else "a larger epsilon"),
+        )
     drawn = _orbit(orbit, scene, impacts, np.append(instants, span))
     return Recording(scene, seed, span, float(instants[0]), drawn, path)
 
@@ -117,16 +148,25 @@ def _orbit(orbit: Orbit, scene: Scene, impacts: int, instants: Floats) -> Motion
     return _motion(scene, at, x, orbit.tau[shown] - scene.phase, orbit.before[shown, ::2], code)
 
 
-def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instants: Floats) -> Motion:
+def _path(
+    scene: Scene, seed: int, impacts: int, span: float, dt: float, instants: Floats
+) -> Motion:
     """One noisy path over a time; how many impacts it has in it shows only then.
 
     With more than `MOST_DRAWN` it may end before.
     """
     local = scene.phase_reduced  # its times keep their digits, however late the start is
-    start = np.array(scene.start_state)[::2]  # on the nominal flank, even where the path's own has a tolerance
+    # on the nominal flank, even where the path's own has a tolerance
+    start = np.array(scene.start_state)[::2]
     sampling = Sampling(horizon=span + dt)
     kept = Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True)  # rounded to the step
-    settings: dict[str, Any] = {"dt": dt, "scheme": SCHEME, "rng": seed, "sampling": sampling, "record": kept}
+    settings: dict[str, Any] = {
+        "dt": dt,
+        "scheme": SCHEME,
+        "rng": seed,
+        "sampling": sampling,
+        "record": kept,
+    }
     room = 2 * impacts + 20
     while True:
         run = simulate(local, paths=1, impacts=room, **settings)
@@ -139,14 +179,25 @@ def _path(scene: Scene, seed: int, impacts: int, span: float, dt: float, instant
     states = run.at_times()[["x1", "x2"]].to_numpy()
     seen = np.flatnonzero(~np.isnan(states[:, 0]))
     at = np.concatenate([[0.0], run.fixed_times[seen] - local.phase])
-    x, code = np.vstack([start, states[seen]]), rows[:, 6].astype(np.int64)
+    x = np.vstack([start, states[seen]])
+    code = rows[:, 6].astype(np.int64)
     return _motion(scene, at, x, rows[:, 0] - scene.phase, rows[:, [2, 4]], code)
 
 
-def _motion(scene: Scene, at: Floats, x: Floats, times: Floats, before: Floats, code: Ints) -> Motion:
-    """States at instants and at impacts, in order of time; of two at one time the impact's is kept."""
+def _motion(
+    scene: Scene, at: Floats, x: Floats, times: Floats, before: Floats, code: Ints
+) -> Motion:
+    """States at instants and at impacts, in order of time; of two at one time the impact's is
+    kept."""
     together = np.concatenate([times, at])
     order = np.unique(together, return_index=True)[1]
     states = np.concatenate([before, x])[order]
     x2 = states[:, 1] if scene.stages == 2 else np.full(len(order), np.nan)
-    return Motion(together[order], states[:, 0], x2, times, before[np.arange(len(times)), np.abs(code) - 1], code)
+    return Motion(
+        together[order],
+        states[:, 0],
+        x2,
+        times,
+        before[np.arange(len(times)), np.abs(code) - 1],
+        code,
+    )

@@ -27,8 +27,8 @@ class Chaos(ChaosStudy):
     scene : Scene
         What was modelled.
     orbit, drift : Exponents
-        Lyapunov exponents of the noise-free orbit, and of the linearised drift along a noisy path: ``value`` and
-        ``half``, the half width of its 95 % interval.
+        Lyapunov exponents of the noise-free orbit, and of the linearised drift along a noisy path:
+        ``value`` and ``half``, the half width of its 95 % interval.
     maps : DataFrame
         Each closure as a map: its exponents, and where it breaks down.
     sections, spectra : dict
@@ -90,7 +90,9 @@ class Chaos(ChaosStudy):
         here = "chaos(...).report(...), in Python"
         made = {"name": name_of(out), "scene": self.scene.to_dict(), "field": self.field}
         time = {"wall_seconds": None, "cpu_seconds": None}
-        write_chaos(out, self, made | provenance() | time | {"command": here, "repeat": here}, overwrite)
+        write_chaos(
+            out, self, made | provenance() | time | {"command": here, "repeat": here}, overwrite
+        )
         return out / "chaos.html"
 
 
@@ -109,14 +111,16 @@ def chaos(
     folder: str | Path | None = None,
     progress: bool = False,
 ) -> Chaos:
-    """Measure whether the motion of a scene is chaotic: Lyapunov exponents, Poincare sections and spectra.
+    """Measure whether the motion of a scene is chaotic: Lyapunov exponents, Poincare sections and
+    spectra.
 
     Parameters
     ----------
     scene : Scene
         What is modelled; with `Scene.sigma` 0 there is no noisy path.
     over : sequence of float
-        Values of `field`, over which the exponents and a bifurcation diagram are measured too; none by default.
+        Values of `field`, over which the exponents and a bifurcation diagram are measured too; none
+        by default.
     field : str
         A field of the scene, or a value of its gears (``backlash1``).
     width : float
@@ -158,7 +162,11 @@ def chaos(
     compile_ahead.expect("chaos", len(scene.drive))
     scenes = vary(scene, field, over)
     positive("width", width)
-    for name, given, least in (("points", points, 100), ("impacts", impacts, 20_000), ("events", events, 128)):
+    for name, given, least in (
+        ("points", points, 100),
+        ("impacts", impacts, 20_000),
+        ("events", events, 128),
+    ):
         count(name, given, least=least)
     effort = Effort(points, impacts, events, width, read_whole_seed(rng), count("workers", workers))
     say = print_on_stderr if progress else str

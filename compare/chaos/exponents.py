@@ -1,7 +1,9 @@
-"""Growth rates of small distances, with their intervals: Lyapunov exponents, and two paths on the same noise.
+"""Growth rates of small distances, with their intervals: Lyapunov exponents, and two paths on the
+same noise.
 
-Growth rates are ratios of sums over a long record (log growth over time); their intervals come from batch means.  Two
-paths on the same noise that reach a wall delta apart leave it about sqrt(delta) apart (docs/model.md section 8).
+Growth rates are ratios of sums over a long record (log growth over time); their intervals come from
+batch means.  Two paths on the same noise that reach a wall delta apart leave it about sqrt(delta)
+apart (docs/model.md section 8).
 """
 
 import math
@@ -25,14 +27,20 @@ BATCHES = 32
 BLOCK = 128  # consecutive impacts whose growths are summed before they enter the batches
 CONFIDENCE = 0.95
 FIRST = 100_000  # impacts of a record without a required width
-LEAST, MOST = 40_000, 2_000_000  # impacts of a record with one: the first attempt, and the longest
-TOGETHER = 0.4  # below this share of effectively independent batches a record is taken to contain a transient
+# impacts of a record with one: the first attempt, and the longest
+LEAST = 40_000
+MOST = 2_000_000
+# below this share of effectively independent batches a record is taken to contain a transient
+TOGETHER = 0.4
 LOST = 1e-3  # error of the exponents' sum above which their growth is taken to be lost in rounding
 SPARE = 0.9  # a record is lengthened so as to reach this fraction of the required width
-SMALLEST, LARGEST = 1e-7, 1e-3  # default range of delta
+# default range of delta
+SMALLEST = 1e-7
+LARGEST = 1e-3
 DISTANCES = 7
 DELTAS = tuple(float(d) for d in np.geomspace(1e-7, 1e-1, 13))  # of the finite-size exponent
-MODULATED = 0.2  # impacts with a smaller |modulation| of the noise are left out: the drift outweighs the noise there
+# impacts with a smaller |modulation| of the noise are left out: the drift outweighs the noise there
+MODULATED = 0.2
 
 
 class Mean(NamedTuple):
@@ -46,8 +54,9 @@ class Mean(NamedTuple):
 def ratio_mean(top: Floats, bottom: Floats) -> Mean:
     """Compute ``sum(top) / sum(bottom)`` of a time series, with an interval from batch means.
 
-    The residuals ``top - ratio bottom`` of the batches are taken as normal.  If neighbouring batches are positively
-    correlated (coefficient r), the variance is multiplied by ``(1 + r) / (1 - r)``.
+    The residuals ``top - ratio bottom`` of the batches are taken as normal.  If neighbouring
+    batches are positively correlated (coefficient r), the variance is multiplied by ``(1 + r) / (1
+    - r)``.
 
     Entries beyond the last full batch are left out. Shapes: `top`, `bottom` (entries,).
     """
@@ -56,7 +65,8 @@ def ratio_mean(top: Floats, bottom: Floats) -> Mean:
     value = float(t.sum() / b.sum())
     residual = t - value * b
     spread = float((residual**2).sum())
-    lag1 = float((residual[1:] * residual[:-1]).sum()) / spread if spread > 0.0 else 0.0  # autocorrelation
+    # autocorrelation
+    lag1 = float((residual[1:] * residual[:-1]).sum()) / spread if spread > 0.0 else 0.0
     widening = (1.0 + max(lag1, 0.0)) / (1.0 - max(lag1, 0.0))
     se = math.sqrt(spread * BATCHES / (BATCHES - 1) * widening) / float(b.sum())
     return Mean(value, float(stdtrit(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)) * se, BATCHES / widening)
@@ -67,21 +77,28 @@ class Exponents:
     """Lyapunov exponents, per unit of dimensionless time, from the largest to the smallest."""
 
     of: str  # the linearised system: `ORBIT` or `DRIFT`
-    value: Floats  # value, half: exponents and half widths of their 95 % intervals; NaN without a record; (2 stages,)
+    # value, half: exponents and half widths of their 95 % intervals; NaN without a record; (2
+    # stages,)
+    value: Floats
     half: Floats
     rate: float  # impacts per unit of time at both meshes together
-    # sum of the exponents less its exact value ``-(beta1 + beta2) + rate 2 ln epsilon`` on the same record; nothing
-    # but rounding
+    # sum of the exponents less its exact value ``-(beta1 + beta2) + rate 2 ln epsilon`` on the same
+    # record; nothing but rounding
     sum_error: float
     impacts: int  # impacts of the record
     time: float  # duration of the record
-    effective: float  # effective number of independent batches, of 32, in the interval of the largest exponent
+    # effective number of independent batches, of 32, in the interval of the largest exponent
+    effective: float
     regime: Regime  # what the orbit or path did
 
     @property
     def largest(self) -> tuple[float, float, float]:
         """Largest exponent, and lower and upper end of its 95 % interval."""
-        return float(self.value[0]), float(self.value[0] - self.half[0]), float(self.value[0] + self.half[0])
+        return (
+            float(self.value[0]),
+            float(self.value[0] - self.half[0]),
+            float(self.value[0] + self.half[0]),
+        )
 
     @property
     def width(self) -> float:
@@ -90,9 +107,14 @@ class Exponents:
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per exponent: ``of, exponent, value, low, high, rate, sum_error, impacts, time, regime, reason``."""
+        """One row per exponent: ``of, exponent, value, low, high, rate, sum_error, impacts, time,
+        regime, reason``."""
         numbers = {name: getattr(self, name) for name in ("rate", "sum_error", "impacts", "time")}
-        columns = {"of": self.of, "exponent": np.arange(1, self.value.size + 1), "value": self.value}
+        columns = {
+            "of": self.of,
+            "exponent": np.arange(1, self.value.size + 1),
+            "value": self.value,
+        }
         columns |= {"low": self.value - self.half, "high": self.value + self.half, **numbers}
         return pd.DataFrame(columns | {"regime": self.regime.kind, "reason": self.regime.reason})
 
@@ -104,16 +126,19 @@ class Exponents:
 
 
 def _blocks(s: Stretch) -> Floats:
-    """Sums over `BLOCK` impacts each (the last block may have fewer): log growths, time, number of impacts."""
+    """Sums over `BLOCK` impacts each (the last block may have fewer): log growths, time, number of
+    impacts."""
     starts = np.arange(0, s.flight.size, BLOCK)
     columns = np.column_stack([s.growth, s.flight, np.ones(s.flight.size)])
     return np.asarray(np.add.reduceat(columns, starts, axis=0))
 
 
 def _exponents(of: str, scene: Scene, b: Floats, regime: Regime) -> Exponents:
-    """Exponents of a record by blocks; NaN without one, and where their sum shows that growth is lost in rounding."""
+    """Exponents of a record by blocks; NaN without one, and where their sum shows that growth is
+    lost in rounding."""
     size = 2 * scene.stages
-    time, impacts = float(b[:, 4].sum()), int(b[:, 5].sum())
+    time = float(b[:, 4].sum())
+    impacts = int(b[:, 5].sum())
     sum_error = np.nan
     if len(b) >= 2 * BATCHES and regime.has_record:
         c = scene.constants
@@ -124,16 +149,24 @@ def _exponents(of: str, scene: Scene, b: Floats, regime: Regime) -> Exponents:
     if not abs(sum_error) < LOST:
         nothing = np.full(size, np.nan)
         return Exponents(of, nothing, nothing, np.nan, np.nan, impacts, time, 0.0, regime)
-    found = sorted((ratio_mean(b[:, i], b[:, 4]) for i in range(size)), key=lambda mean: -mean.value)
+    found = sorted(
+        (ratio_mean(b[:, i], b[:, 4]) for i in range(size)), key=lambda mean: -mean.value
+    )
     value, half = np.array([(mean.value, mean.half) for mean in found]).T
     rate = ratio_mean(b[:, 5], b[:, 4]).value
     return Exponents(of, value, half, rate, sum_error, impacts, time, found[0].effective, regime)
 
 
 def _measure(
-    of: str, scene: Scene, stretches: Iterable[Stretch], regime: Regime, impacts: int | None, width: float | None
+    of: str,
+    scene: Scene,
+    stretches: Iterable[Stretch],
+    regime: Regime,
+    impacts: int | None,
+    width: float | None,
 ) -> Exponents:
-    """Exponents of a record that is lengthened until it has `impacts`, or its interval is no wider than `width`."""
+    """Exponents of a record that is lengthened until it has `impacts`, or its interval is no wider
+    than `width`."""
     if scene.epsilon == 0.0:
         why = "exponents need epsilon > 0: the Jacobian of an impact without rebound is singular"
         raise InputError("epsilon", 0.0, why)
@@ -141,16 +174,19 @@ def _measure(
     if impacts is not None:
         count("impacts", impacts, least=least, most=MOST)
     target = impacts or (FIRST if width is None else LEAST)
-    blocks, done = np.empty((0, 6)), 0
+    blocks = np.empty((0, 6))
+    done = 0
     for s in stretches:
         kept = s.first(target - done)
-        blocks, done = np.concatenate([blocks, _blocks(kept)]), done + kept.flight.size
+        blocks = np.concatenate([blocks, _blocks(kept)])
+        done = done + kept.flight.size
         if done < target:
             continue
         found = _exponents(of, scene, blocks, regime)
         if width is None or found.width <= width or not regime.has_record or regime.computed > MOST:
             return found
-        if found.effective < TOGETHER * BATCHES:  # strongly correlated batches: the first half may be a transient
+        # strongly correlated batches: the first half may be a transient
+        if found.effective < TOGETHER * BATCHES:
             early, blocks = np.split(blocks, [len(blocks) // 2])
             regime.transient += int(early[:, 5].sum())
             done -= int(early[:, 5].sum())
@@ -161,23 +197,27 @@ def _measure(
 
 
 def signs(rows: pd.DataFrame) -> Ints:
-    """Determine the sign of the largest exponent in each row, at 95 % simultaneous coverage (Bonferroni).
+    """Determine the sign of the largest exponent in each row, at 95 % simultaneous coverage
+    (Bonferroni).
 
-    Returns: 1 or -1; 0 if the widened interval contains zero, or there is none. Shapes: result (rows,).
+    Returns: 1 or -1; 0 if the widened interval contains zero, or there is none. Shapes: result
+    (rows,).
     """
     wider = float(ndtri(0.5 * (1.0 - CONFIDENCE) / len(rows)) / ndtri(0.5 * (1.0 - CONFIDENCE)))
-    middle, half = 0.5 * (rows["high"] + rows["low"]), 0.5 * wider * (rows["high"] - rows["low"])
+    middle = 0.5 * (rows["high"] + rows["low"])
+    half = 0.5 * wider * (rows["high"] - rows["low"])
     return np.where(middle - half > 0.0, 1, np.where(middle + half < 0.0, -1, 0))
 
 
 def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.DataFrame:
     """Find where the largest exponent changes its sign along a sweep.
 
-    A change is bracketed by the last value of the field with one sign and the first with the other (see `signs`).
-    Values between whose sign is undecided, or at which the orbit has no exponents, make the bracket wider.
+    A change is bracketed by the last value of the field with one sign and the first with the other
+    (see `signs`). Values between whose sign is undecided, or at which the orbit has no exponents,
+    make the bracket wider.
 
-    Returns: Columns: ``of, low, high`` (bracket of the field's value), ``to`` (+1: becomes positive, -1:
-    negative) and ``undecided`` (number of values inside the bracket).
+    Returns: Columns: ``of, low, high`` (bracket of the field's value), ``to`` (+1: becomes
+    positive, -1: negative) and ``undecided`` (number of values inside the bracket).
     """
     rows = table[table["of"] == of].sort_values(field)
     sign = signs(rows)
@@ -190,20 +230,22 @@ def crossings(table: pd.DataFrame, field: str = "alpha", of: str = ORBIT) -> pd.
 def say_crossings(table: pd.DataFrame, field: str, of: str) -> str:
     """Where the largest exponent changes its sign, in words."""
     changes = crossings(table, field, of).to_dict("records")
-    where = [f"{'+' if c['to'] > 0 else '-'} between {c['low']:.3g} and {c['high']:.3g}" for c in changes]
+    where = [
+        f"{'+' if c['to'] > 0 else '-'} between {c['low']:.3g} and {c['high']:.3g}" for c in changes
+    ]
     return "; ".join(where) or "none"
 
 
 def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = None) -> Exponents:
     """Compute all Lyapunov exponents of the noise-free orbit of a scene.
 
-    By the QR method with orthonormal frames (Benettin et al. 1980), with the exact Jacobian of each flight and the
-    saltation matrix of each impact.
+    By the QR method with orthonormal frames (Benettin et al. 1980), with the exact Jacobian of each
+    flight and the saltation matrix of each impact.
 
     `impacts`: Length of the record without transients; 100 000 by default, or what the `width` of
-    the largest exponent's interval takes, if that is not too long. Returns: NaN if the orbit sticks often or for good,
-    has no further impact, or brings neighbours together faster than double precision resolves; `regime` gives the
-    reason.
+    the largest exponent's interval takes, if that is not too long. Returns: NaN if the orbit sticks
+    often or for good, has no further impact, or brings neighbours together faster than double
+    precision resolves; `regime` gives the reason.
     """
     regime = Regime()
     return _measure(ORBIT, scene, orbit_record(scene, 10 * MOST, regime), regime, impacts, width)
@@ -212,14 +254,16 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
 def drift_exponents(
     scene: Scene, *, impacts: int | None = None, width: float | None = None, seed: int = 0
 ) -> Exponents:
-    """Compute the exponents of the drift's linearisation along a noisy path (`rattle.montecarlo.coupling.paths`).
+    """Compute the exponents of the drift's linearisation along a noisy path
+    (`rattle.montecarlo.coupling.paths`).
 
-    These are not Lyapunov exponents of the noisy system, which has none (docs/model.md section 8).  Tangent vectors
-    along the noisy path are propagated by the Jacobian of the flight and by the saltation matrix of the drift.
+    These are not Lyapunov exponents of the noisy system, which has none (docs/model.md section 8).
+    Tangent vectors along the noisy path are propagated by the Jacobian of the flight and by the
+    saltation matrix of the drift.
 
     `impacts`: Length of the record without transients; 100 000 by default, or what the `width` of
-    the largest exponent's interval takes, if that is not too long. Returns: NaN if gaps are random, or the path sticks
-    too often; `regime` gives the reason.
+    the largest exponent's interval takes, if that is not too long. Returns: NaN if gaps are random,
+    or the path sticks too often; `regime` gives the reason.
     """
     regime = Regime()
     stretches = (s for s, _ in noisy_record(scene, 2**30, seed, regime))
@@ -229,11 +273,12 @@ def drift_exponents(
 class SqrtLaw(NamedTuple):
     """The measured square-root law."""
 
-    # for each ``delta``: ``apart`` (root mean square of the difference of y1 after the impact), ``ratio`` (its mean
-    # square over that of the law; 1 if the law holds), ``low, high`` (95 % interval of the ratio), ``impacts`` and
-    # ``law`` (root mean square by the law)
+    # for each ``delta``: ``apart`` (root mean square of the difference of y1 after the impact),
+    # ``ratio`` (its mean square over that of the law; 1 if the law holds), ``low, high`` (95 %
+    # interval of the ratio), ``impacts`` and ``law`` (root mean square by the law)
     table: pd.DataFrame
-    # exponent, low, high: power of delta to which the difference is proportional, and its 95 % interval
+    # exponent, low, high: power of delta to which the difference is proportional, and its 95 %
+    # interval
     exponent: float
     low: float
     high: float
@@ -246,59 +291,97 @@ def _half_width(sample: Floats) -> Any:
 
 
 def fit(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
-    """Fit the exponent of a power law ``|apart| ~ delta^p`` as the mean of the log-log slopes of all events.
+    """Fit the exponent of a power law ``|apart| ~ delta^p`` as the mean of the log-log slopes of
+    all events.
 
     Shapes: `deltas` (deltas,); `apart` (events, deltas).
     """
     x = np.log(deltas) - np.log(deltas).mean()
     slopes = np.log(np.abs(apart)) @ x / (x @ x)
-    value, half = float(slopes.mean()), float(_half_width(slopes))
+    value = float(slopes.mean())
+    half = float(_half_width(slopes))
     return value, value - half, value + half
 
 
 def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0) -> SqrtLaw:
     """Measure exponent and prefactor of the square-root law, at impacts at mesh 1 of a long path.
 
-    The distances before the impact are 7 from 1e-7 to ``1e-3 min(1, sigma^2)``, below the range of the drift.
+    The distances before the impact are 7 from 1e-7 to ``1e-3 min(1, sigma^2)``, below the range of
+    the drift.
 
-    `scene`: With a noise intensity of at least 0.03.  The drift alone separates the paths by about ``delta /
+    `scene`: With a noise intensity of at least 0.03.  The drift alone separates the paths by about
+    ``delta /
     |y|``, which outweighs weaker noise at all distances that the Brownian tree resolves.
     """
     largest = LARGEST * min(1.0, scene.sigma**2)
     if largest < 9.0 * SMALLEST:
-        raise InputError("sigma", scene.sigma, "is too weak for the square-root law to be seen: give 0.03 or more")
+        raise InputError(
+            "sigma",
+            scene.sigma,
+            "is too weak for the square-root law to be seen: give 0.03 or more",
+        )
     deltas = np.geomspace(SMALLEST, largest, DISTANCES)
     apart, place, _ = after_impact(scene, deltas, impacts, seed)
-    speed, modulation = place[:, 1:2], place[:, 2:3]
+    speed = place[:, 1:2]
+    modulation = place[:, 2:3]
     modulated = np.abs(modulation[:, 0]) > MODULATED
     if modulated.sum() < 100:
-        raise NoRecord(f"only {modulated.sum()} impacts at mesh 1 are fast enough, and at a phase that has noise")
+        raise NoRecord(
+            f"only {modulated.sum()} impacts at mesh 1 are fast enough, and at a phase that has"
+            " noise"
+        )
     law = (1.0 + scene.epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
     square = (apart / law)[modulated] ** 2
-    ratio, half = square.mean(axis=0), _half_width(square)
-    measured, expected = (np.sqrt((distance[modulated] ** 2).mean(axis=0)) for distance in (apart, law))
-    table = {"delta": deltas, "apart": measured, "ratio": ratio, "low": ratio - half, "high": ratio + half}
-    return SqrtLaw(pd.DataFrame(table | {"impacts": len(square), "law": expected}), *fit(deltas, apart[modulated]))
+    ratio = square.mean(axis=0)
+    half = _half_width(square)
+    measured, expected = (
+        np.sqrt((distance[modulated] ** 2).mean(axis=0)) for distance in (apart, law)
+    )
+    table = {
+        "delta": deltas,
+        "apart": measured,
+        "ratio": ratio,
+        "low": ratio - half,
+        "high": ratio + half,
+    }
+    return SqrtLaw(
+        pd.DataFrame(table | {"impacts": len(square), "law": expected}),
+        *fit(deltas, apart[modulated]),
+    )
 
 
 def finite_size(
-    scene: Scene, *, deltas: tuple[float, ...] = DELTAS, events: int = 4000, seed: int = 0, workers: int = 2
+    scene: Scene,
+    *,
+    deltas: tuple[float, ...] = DELTAS,
+    events: int = 4000,
+    seed: int = 0,
+    workers: int = 2,
 ) -> pd.DataFrame:
-    """Measure the finite-size exponent ``lambda(delta) = E[ln(end / delta)] / E[time]`` of two paths on the same noise.
+    """Measure the finite-size exponent ``lambda(delta) = E[ln(end / delta)] / E[time]`` of two
+    paths on the same noise.
 
-    ``time`` is the time in which the distance grows from `delta` to at least twice `delta`, and ``end`` is the distance
-    reached, since an impact overshoots (Aurell et al. 1997; Cencini and Vulpiani 2013).  Without noise the exponent
-    tends to the largest Lyapunov exponent as delta decreases; with noise it grows without bound, because of the
-    square-root law.
+    ``time`` is the time in which the distance grows from `delta` to at least twice `delta`, and
+    ``end`` is the distance reached, since an impact overshoots (Aurell et al. 1997; Cencini and
+    Vulpiani 2013).  Without noise the exponent tends to the largest Lyapunov exponent as delta
+    decreases; with noise it grows without bound, because of the square-root law.
 
-    Returns: Columns: ``delta, exponent, low, high`` (95 % interval), ``time`` and ``growth`` (means of the time
-    and of ``ln(end / delta)``), ``events``.
+    Returns: Columns: ``delta, exponent, low, high`` (95 % interval), ``time`` and ``growth`` (means
+    of the time and of ``ln(end / delta)``), ``events``.
     """
 
     def at(delta: float) -> tuple[float, ...]:
         duration, growth = growths(scene, delta, events, seed)
         m = ratio_mean(growth, duration)
-        return delta, m.value, m.value - m.half, m.value + m.half, duration.mean(), growth.mean(), growth.size
+        return (
+            delta,
+            m.value,
+            m.value - m.half,
+            m.value + m.half,
+            duration.mean(),
+            growth.mean(),
+            growth.size,
+        )
 
     columns = ["delta", "exponent", "low", "high", "time", "growth", "events"]
     return pd.DataFrame(in_threads(workers, at, deltas), columns=columns)

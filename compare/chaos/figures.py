@@ -1,4 +1,5 @@
-"""Figures of a study of chaos: sections, spectra, exponents over a field, and the divergence of two paths."""
+"""Figures of a study of chaos: sections, spectra, exponents over a field, and the divergence of two
+paths."""
 
 import math
 from collections.abc import Mapping
@@ -31,7 +32,9 @@ SIDE: Any = {
 """Colours of the sides, from Okabe and Ito's palette."""
 STICKS = "orbit sticks often or for good"
 STICKING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
-SHADES, DEEP = "viridis", 1e-4  # colour map of densities, and its lower end relative to the highest density
+# colour map of densities, and its lower end relative to the highest density
+SHADES = "viridis"
+DEEP = 1e-4
 NAMES: dict[str, str] = read_texts("chaos")["fields"]
 IMAGE: Any = {"rasterized": True}
 HIGHEST = 6.5  # highest frequency drawn, in units of the excitation frequency
@@ -42,26 +45,37 @@ def _velocity(stage: int) -> str:
 
 
 def _density(ax: Axes, x: Floats, y: Floats, share: Floats, highest: float) -> QuadMesh:
-    """Draw a density on a logarithmic colour scale down to `DEEP` times the highest; empty bins stay white."""
+    """Draw a density on a logarithmic colour scale down to `DEEP` times the highest; empty bins
+    stay white."""
     shown = np.ma.masked_less_equal(share.T, 0.0)
     ax.grid(False)
-    return ax.pcolormesh(x, y, shown, norm=LogNorm(DEEP * highest, highest), cmap=SHADES, rasterized=True)
+    return ax.pcolormesh(
+        x, y, shown, norm=LogNorm(DEEP * highest, highest), cmap=SHADES, rasterized=True
+    )
 
 
 def section_figure(found: Mapping[str, Section]) -> Figure:
     """Draw the Poincaré sections of all sides on the same axes (Fig. 2 of the paper)."""
     sections = list(found.values())
-    one, stages = sections[0], len(sections[0].counts)
+    one = sections[0]
+    stages = len(sections[0].counts)
     figure, axes = new_figure(1.0 + 3.2 * len(sections), 0.7 + 2.9 * stages, stages, len(sections))
     area = (one.flight[1] - one.flight[0]) * (one.velocity[1] - one.velocity[0])
     highest = max(float(s.counts.max()) / (s.points * area) for s in sections if s.side != MAP)
     for n, ax in enumerate(axes):
         stage, side = divmod(n, len(sections))
         s = sections[side]
-        image = _density(ax, s.flight, s.velocity, s.counts[stage] / (max(s.points, 1) * area), highest)
+        image = _density(
+            ax, s.flight, s.velocity, s.counts[stage] / (max(s.points, 1) * area), highest
+        )
         ax.set(xlim=s.flight[[0, -1]], ylim=s.velocity[[0, -1]])
         if stage == 0:
-            ax.set_title(f"{s.side}\n{s.points:,} points", loc="left", color=SIDE[s.side]["color"], fontweight="bold")
+            ax.set_title(
+                f"{s.side}\n{s.points:,} points",
+                loc="left",
+                color=SIDE[s.side]["color"],
+                fontweight="bold",
+            )
         if stage == stages - 1:
             ax.set_xlabel(r"time since the last impact $\Delta\tau$ (1/$\omega$)")
         if side == 0:
@@ -71,19 +85,23 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
 
 
 def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
-    """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the paper)."""
+    """Draw the spectra of both sides with their 95 % bands, floors and lines (Fig. 3 of the
+    paper)."""
     names = sorted({name for _, _, name in found})
     figure, axes = new_figure(4.6 * len(names), 6.4, 2, len(names))
     kinds = (
         (TIME, "frequency / excitation frequency", "excitation frequency", HIGHEST),
         (SEQUENCE, "frequency (cycles per impact)", "cycle per impact", math.inf),
     )
-    for ax, ((kind, frequency, unit, highest), name) in zip(axes, product(kinds, names), strict=True):
+    for ax, ((kind, frequency, unit, highest), name) in zip(
+        axes, product(kinds, names), strict=True
+    ):
         for side in (NOISY, ORBIT):
             if (side, kind, name) in found:
                 _spectrum(ax, found[side, kind, name], side, highest)
         ax.set(yscale="log", xlabel=frequency)
-        ax.set_axisbelow(True)  # so that all curves are rasterized as one image; text and axes stay vector graphics
+        # so that all curves are rasterized as one image; text and axes stay vector graphics
+        ax.set_axisbelow(True)
         ax.set_title(f"{SYMBOL[name]}: {kind}", loc="left")
         if name == names[0]:
             ax.set_ylabel(f"power spectral density\n($\\nu_1^2\\omega^2$ per {unit})", fontsize=8)
@@ -93,10 +111,20 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
 
 def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
     shown = s.frequency <= highest
-    f, colour = s.frequency[shown], SIDE[side]["color"]
+    f = s.frequency[shown]
+    colour = SIDE[side]["color"]
     low, high = s.band
     dashes = "--" if side == NOISY else ":"
-    ax.fill_between(f, low[shown], high[shown], color=colour, alpha=0.25, lw=0, label=f"{side}: 95 % band", **IMAGE)
+    ax.fill_between(
+        f,
+        low[shown],
+        high[shown],
+        color=colour,
+        alpha=0.25,
+        lw=0,
+        label=f"{side}: 95 % band",
+        **IMAGE,
+    )
     ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side, **IMAGE)
     ax.plot(f, s.floor[shown], color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **IMAGE)
     strongest = s.lines[s.lines["frequency"] <= highest].head(12)
@@ -142,7 +170,9 @@ def mark_values(ax: Axes, at: Floats, where: Bools, label: str, **style: Any) ->
         ax.axvspan(value - half, value + half, label=label if n == 0 else None, **style)
 
 
-def sweep_figure(table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None) -> Figure:
+def sweep_figure(
+    table: pd.DataFrame, field: str = "alpha", claimed: tuple[float, float] | None = None
+) -> Figure:
     """Draw the largest exponent over a field (Fig. 4 of the paper)."""
     figure, (ax,) = new_figure(8.0, 4.4, 1, 1)
     if claimed:
@@ -190,7 +220,10 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
     figure, (ax,) = new_figure(6.4, 4.4, 1, 1)
     label = r"finite-size exponent $\lambda(\delta)$ of the noisy system"
     _intervals(ax, table, "exponent", ls="-", lw=1.0, label=label)
-    largest = {"orbit: largest Lyapunov exponent": (orbit, "-"), "drift's linearisation: largest": (drift, ":")}
+    largest = {
+        "orbit: largest Lyapunov exponent": (orbit, "-"),
+        "drift's linearisation: largest": (drift, ":"),
+    }
     for name, (e, style) in largest.items():
         if e.value[0] > 0.0:
             ax.axhline(float(e.value[0]), color=SIDE[ORBIT]["color"], ls=style, lw=1.3, label=name)
@@ -201,13 +234,28 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
 
 
 def sqrt_law_figure(law: SqrtLaw) -> Figure:
-    """Draw the distance of two paths after an impact against that before it, and its ratio to the square-root law."""
+    """Draw the distance of two paths after an impact against that before it, and its ratio to the
+    square-root law."""
     figure, (ax, ratio) = new_figure(8.4, 3.9, 1, 2)
     t = law.table
-    ax.plot(t["delta"], t["apart"], ls="none", ms=5, label="measured, root mean square", **SIDE[NOISY])
-    ax.plot(t["delta"], t["law"], color="k", lw=1.0, label=r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$")
-    ax.plot(t["delta"], t["delta"], color="0.5", lw=1.0, ls=":", label=r"$\delta$: a differentiable map")
-    ax.set(xscale="log", yscale="log", ylabel=r"distance of velocities after the impact ($\nu_1\omega$)")
+    ax.plot(
+        t["delta"], t["apart"], ls="none", ms=5, label="measured, root mean square", **SIDE[NOISY]
+    )
+    ax.plot(
+        t["delta"],
+        t["law"],
+        color="k",
+        lw=1.0,
+        label=r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$",
+    )
+    ax.plot(
+        t["delta"], t["delta"], color="0.5", lw=1.0, ls=":", label=r"$\delta$: a differentiable map"
+    )
+    ax.set(
+        xscale="log",
+        yscale="log",
+        ylabel=r"distance of velocities after the impact ($\nu_1\omega$)",
+    )
     ax.set_title(f"exponent {law.exponent:.4f} ± {0.5 * (law.high - law.low):.4f}", loc="left")
     _intervals(ratio, t, "ratio", ls="none")
     ratio.axhline(1.0, color="k", lw=1.0)
@@ -220,11 +268,15 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
 
 def draw(study: ChaosStudy) -> dict[str, Figure]:
     """Draw all figures of a study of chaos, by name; without those of what was not measured."""
-    sizes, swept, claimed = study.finite_size, study.sweep, CLAIMED if study.field == "alpha" else None
+    sizes = study.finite_size
+    swept = study.sweep
+    claimed = CLAIMED if study.field == "alpha" else None
     drawn: dict[str, Any] = {
         "section": study.sections and section_figure(study.sections),
         "spectra": study.spectra and spectrum_figure(study.spectra),
-        "finite_size": None if sizes is None else finite_size_figure(sizes, study.orbit, study.drift),
+        "finite_size": (
+            None if sizes is None else finite_size_figure(sizes, study.orbit, study.drift)
+        ),
         "sqrt_law": study.law and sqrt_law_figure(study.law),
         "sweep": None if swept is None else sweep_figure(swept, study.field, claimed),
         "bifurcation": study.view and bifurcation_figure(study.view, swept),

@@ -1,8 +1,9 @@
-"""Measures the chaos of a scene in one call: everything that the page and the folder of ``rattle chaos`` show.
+"""Measures the chaos of a scene in one call: everything that the page and the folder of ``rattle
+chaos`` show.
 
-The moments of `corrected`, `saltation` and `branching` depend on the orbit, but not the orbit on the moments: the
-exponents of such a skew product are those of the orbit together with those of the moments along it.  Only `published`
-feeds the shifts of its means back into the next impact.
+The moments of `corrected`, `saltation` and `branching` depend on the orbit, but not the orbit on
+the moments: the exponents of such a skew product are those of the orbit together with those of the
+moments along it.  Only `published` feeds the shifts of its means back into the next impact.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,7 +16,14 @@ import pandas as pd
 
 from rattle.closure import closures_for, mean_map
 from rattle.closure.long_orbit import LongOrbit
-from rattle.compare.chaos.exponents import Exponents, SqrtLaw, drift_exponents, finite_size, lyapunov, sqrt_law
+from rattle.compare.chaos.exponents import (
+    Exponents,
+    SqrtLaw,
+    drift_exponents,
+    finite_size,
+    lyapunov,
+    sqrt_law,
+)
 from rattle.compare.chaos.record import leave_out
 from rattle.compare.chaos.section import Section, sections
 from rattle.compare.chaos.spectrum import Spectrum, spectra
@@ -27,35 +35,45 @@ CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
 FOLLOWED = 400  # impacts through which moments are followed
 SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
-TOO_WIDE = 1.0  # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
+# a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
+TOO_WIDE = 1.0
 MAPS: dict[str, dict[str, str]] = read_texts("chaos")["maps"]
-"""Of each closure the map that it iterates, the exponents of its means, and how its second moments grow along it."""
+"""Of each closure the map that it iterates, the exponents of its means, and how its second moments
+grow along it."""
 
 
 def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     """Iterate each closure as a map, and report its exponents and where it breaks down.
 
-    Returns: Columns: ``closure, map, exponents`` (which exponents its means have), ``largest, low, high``
-    (largest exponent and its 95 % interval), ``moments, not_realizable`` (first impact whose moments are not
-    realizable), ``leaves_gap`` (first impact whose mean lies beyond a wall), ``too_wide`` (first impact whose sd
-    of y1 exceeds the sd of y1 along the orbit), ``ends`` (impacts that could be evaluated) and ``followed``
-    (impacts requested). Impacts are NaN if there is none.
+    Returns: Columns: ``closure, map, exponents`` (which exponents its means have), ``largest, low,
+    high`` (largest exponent and its 95 % interval), ``moments, not_realizable`` (first impact whose
+    moments are not realizable), ``leaves_gap`` (first impact whose mean lies beyond a wall),
+    ``too_wide`` (first impact whose sd of y1 exceeds the sd of y1 along the orbit), ``ends``
+    (impacts that could be evaluated) and ``followed`` (impacts requested). Impacts are NaN if there
+    is none.
     """
     along = LongOrbit(scene).stretch(SPREAD, tangent=False).before[:, 1]
     spread = float(along.std()) if along.size else np.inf
     walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
     rows = []
     for closure in closures_for(scene):
-        own = closure == "published"  # its means have dynamics of their own, different from the orbit's
+        # its means have dynamics of their own, different from the orbit's
+        own = closure == "published"
         value, low, high = (np.nan,) * 3 if own else orbit.largest
         said = MAPS[closure]
-        row: dict[str, Any] = {"closure": closure, "map": said["map"], "exponents": said["exponents"]}
+        row: dict[str, Any] = {
+            "closure": closure,
+            "map": said["map"],
+            "exponents": said["exponents"],
+        }
         row |= {"largest": value, "low": low, "high": high, "moments": said["moments"]}
-        if closure == "branching":  # its cost grows with every impact, and its components follow different orbits
+        # its cost grows with every impact, and its components follow different orbits
+        if closure == "branching":
             rows.append(row | {"followed": 0})
             continue
         m = mean_map(scene, impacts=FOLLOWED, closure=closure, order=4)
-        t, ends = m.trace, m.trace.found
+        t = m.trace
+        ends = m.trace.found
         beyond = (np.abs(t.mean[1 : ends + 1, : 2 * scene.stages : 2]) > walls).any(axis=1)
         wide = t.sd[1 : ends + 1, 3] > TOO_WIDE * spread
         row |= {
@@ -72,7 +90,8 @@ class ChaosStudy:
     """Measurements of a scene's chaos."""
 
     scene: Scene
-    orbit: Exponents  # orbit, drift: of the orbit, and of the drift's linearisation along a noisy path
+    # orbit, drift: of the orbit, and of the drift's linearisation along a noisy path
+    orbit: Exponents
     drift: Exponents
     maps: pd.DataFrame  # as of `mean_maps`
     sections: dict[str, Section]  # as of `rattle.compare.chaos.section.sections`
@@ -91,7 +110,8 @@ class Effort(NamedTuple):
     points: int = 1_000_000  # of each Poincaré section
     impacts: int = 200_000  # of the spectra
     events: int = 4000  # pairs of paths
-    width: float = 0.01  # required width of the interval of each largest exponent; wider ones are reported as they are
+    # required width of the interval of each largest exponent; wider ones are reported as they are
+    width: float = 0.01
     seed: int = 0
     workers: int = 2
 
@@ -104,12 +124,15 @@ def study(
     progress: Callable[[str], object],
     folder: Path | None = None,
 ) -> ChaosStudy:
-    """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a sweep over a field.
+    """Measure the chaos of a scene: exponents, sections, spectra, divergence of two paths, and a
+    sweep over a field.
 
-    What its motion does not have, for instance because a mesh sticks in every period, is left out with the reason.
+    What its motion does not have, for instance because a mesh sticks in every period, is left out
+    with the reason.
 
-    `scenes`: Those of the sweep by value of the field, as of `rattle.compare.chaos.sweep.vary`. `folder`: Where results
-    of the sweep are stored: the same study continues there after an interruption.
+    `scenes`: Those of the sweep by value of the field, as of `rattle.compare.chaos.sweep.vary`.
+    `folder`: Where results of the sweep are stored: the same study continues there after an
+    interruption.
     """
     points, impacts, events, width, seed, workers = effort
     missing: dict[str, str] = {}
@@ -136,4 +159,6 @@ def study(
         progress(f"bifurcation diagram at {len(scenes)} values of {field}")
         with leave_out(missing, "the bifurcation diagram"):
             view = bifurcation(scenes, field, seed=seed, workers=workers, folder=folder)
-    return ChaosStudy(scene, orbit, drift, maps, drawn, power, law, sizes, field, swept, view, missing)
+    return ChaosStudy(
+        scene, orbit, drift, maps, drawn, power, law, sizes, field, swept, view, missing
+    )

@@ -13,7 +13,14 @@ from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
 from rattle.compare.report import Figure, Text
 from rattle.compare.report.save import contents, save_report
-from rattle.compare.report.texts import CHAOS_TERMS, CLOSURE_TERMS, SECTION_TERMS, glossary, read_texts, table_of
+from rattle.compare.report.texts import (
+    CHAOS_TERMS,
+    CLOSURE_TERMS,
+    SECTION_TERMS,
+    glossary,
+    read_texts,
+    table_of,
+)
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words
 
@@ -25,7 +32,9 @@ SAID: dict[str, str] = TEXTS["answer"]
 SHOWN = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "crossings")
 """Tables that ``page.md`` lays out."""
 LARGE = ("sections", "spectra", "bifurcation")
-CONTENTS = contents("chaos", figures=tuple(FIGURES), tables=(*SHOWN, "sqrt_law", "sweep"), large=LARGE)
+CONTENTS = contents(
+    "chaos", figures=tuple(FIGURES), tables=(*SHOWN, "sqrt_law", "sweep"), large=LARGE
+)
 """Files of such a folder; a folder with any other file is not overwritten."""
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
@@ -38,7 +47,10 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     Returns: ``exponents, mean_maps``, and as far as they were measured ``sections, spectra, lines,
     spectra_summary, fsle`` (finite-size exponents), ``sqrt_law, sweep, crossings, bifurcation``.
     """
-    found = {"exponents": pd.concat([study.orbit.table, study.drift.table], ignore_index=True), "mean_maps": study.maps}
+    found = {
+        "exponents": pd.concat([study.orbit.table, study.drift.table], ignore_index=True),
+        "mean_maps": study.maps,
+    }
     if study.sections:
         found["sections"] = pd.concat([s.table for s in study.sections.values()], ignore_index=True)
     if study.spectra:
@@ -47,11 +59,15 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
         found["fsle"] = study.finite_size
     if study.law is not None:
         law = study.law
-        found["sqrt_law"] = law.table.assign(exponent=law.exponent, exponent_low=law.low, exponent_high=law.high)
+        found["sqrt_law"] = law.table.assign(
+            exponent=law.exponent, exponent_low=law.low, exponent_high=law.high
+        )
     if study.sweep is not None:
         ofs = study.sweep["of"].unique()
         found["sweep"] = study.sweep
-        found["crossings"] = pd.concat([crossings(study.sweep, study.field, of) for of in ofs], ignore_index=True)
+        found["crossings"] = pd.concat(
+            [crossings(study.sweep, study.field, of) for of in ofs], ignore_index=True
+        )
     if study.view is not None:
         found["bifurcation"] = study.view.table
     return found
@@ -59,19 +75,34 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
 
 def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
     """Write the folder of a study of chaos."""
-    figures, tables = draw(found), chaos_tables(found)
+    figures = draw(found)
+    tables = chaos_tables(found)
     shown: dict[str, Any] = {"words": glossary(*WORDS, gears=found.scene.gears)}
-    shown |= {name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name]) for name in FIGURES if name in figures}
+    shown |= {
+        name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name])
+        for name in FIGURES
+        if name in figures
+    }
     shown["key"] = shown.pop("section" if found.sweep is None else "sweep", ())
     left_out = {what: Text(f"Left out: {what} ({why}).") for what, why in found.missing.items()}
     for part in ("bifurcation", "Poincaré", "spectra", "square-root", "finite-size"):
         shown[f"no_{part}"] = [text for what, text in left_out.items() if part in what]
     shown |= {name: tables[name] for name in SHOWN if name in tables}
     if found.sweep is not None:
-        shown["sweep"] = table_of(found.sweep, ("of", "regime", "reason"), f"All values of {found.field}")
-    files: dict[str, Any] = {"figures": figures, "tables": tables, "digits": "%.10g", "values": {"field": found.field}}
-    title, said = f"Chaos of {record['name']}", answer(found, tables)
-    return save_report(out, "chaos", title, said, record, shown, allowed=CONTENTS, overwrite=overwrite, **files)
+        shown["sweep"] = table_of(
+            found.sweep, ("of", "regime", "reason"), f"All values of {found.field}"
+        )
+    files: dict[str, Any] = {
+        "figures": figures,
+        "tables": tables,
+        "digits": "%.10g",
+        "values": {"field": found.field},
+    }
+    title = f"Chaos of {record['name']}"
+    said = answer(found, tables)
+    return save_report(
+        out, "chaos", title, said, record, shown, allowed=CONTENTS, overwrite=overwrite, **files
+    )
 
 
 def _exponents(e: Exponents, name: str) -> str:
@@ -83,15 +114,22 @@ def _exponents(e: Exponents, name: str) -> str:
 
 def _first(study: ChaosStudy) -> str:
     """Whether the motion without noise is chaotic, here and over the field."""
-    gears, (value, low, high) = study.scene.gears, study.orbit.largest
+    gears = study.scene.gears
+    value, low, high = study.orbit.largest
     found = f"largest Lyapunov exponent {value:.3g} ± {0.5 * (high - low):.1g}"
     if gears is not None:
         found += f" per unit of τ, {gears.omega * value:.3g} per second"
-    kinds = {"silent": not np.isfinite(value), "chaotic": low > 0.0, "regular": high < 0.0, "undecided": True}
+    kinds = {
+        "silent": not np.isfinite(value),
+        "chaotic": low > 0.0,
+        "regular": high < 0.0,
+        "undecided": True,
+    }
     kind = next(kind for kind, holds in kinds.items() if holds)
     said = SAID[kind].format(found=found, reason=study.orbit.regime.reason)
     if study.sweep is not None:
-        rows, at = study.sweep[study.sweep["of"] == ORBIT], study.sweep[study.field]
+        rows = study.sweep[study.sweep["of"] == ORBIT]
+        at = study.sweep[study.field]
         said += f"; over {study.field} from {at.min():.3g} to {at.max():.3g} it is chaotic at "
         said += f"{(signs(rows) > 0).sum()} of {len(rows)} values"
     return f"{said}."
@@ -111,19 +149,35 @@ def _maps(maps: pd.DataFrame) -> str:
         elif np.isnan(row["largest"]):
             said = "has none, like the orbit"
         elif np.isfinite(row["too_wide"]):
-            said += f", and from impact {row['too_wide']:g} on its sd of y1 is larger than that of the whole orbit"
+            said += (
+                f", and from impact {row['too_wide']:g} on its sd of y1 is larger than that of the"
+                " whole orbit"
+            )
         words.append(f"`{row['closure']}` {said}")
-    lost = " A closure whose sd is that large no longer locates the motion." if maps["too_wide"].notna().any() else ""
+    lost = (
+        " A closure whose sd is that large no longer locates the motion."
+        if maps["too_wide"].notna().any()
+        else ""
+    )
     return f"Exponents of the mean maps: {'; '.join(words)}.{lost}"
 
 
 def _sweep(table: pd.DataFrame, field: str, of: str, who: str) -> str:
     rows = table[table["of"] == of]
-    found, decided = signs(rows), rows["low"].notna()
-    counts = ((kind, (rows["regime"] == kind).sum()) for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES))
+    found = signs(rows)
+    decided = rows["low"].notna()
+    counts = (
+        (kind, (rows["regime"] == kind).sum())
+        for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)
+    )
     sticking = [f"{kind} at {n}" for kind, n in counts if n]
     marked = f"; {who} {join_words(sticking)}" if sticking else ""
-    counts_by_sign = [(found > 0).sum(), (found < 0).sum(), ((found == 0) & decided).sum(), len(rows)]
+    counts_by_sign = [
+        (found > 0).sum(),
+        (found < 0).sum(),
+        ((found == 0) & decided).sum(),
+        len(rows),
+    ]
     return SAID["sweep"].format(*counts_by_sign, of, field, marked, say_crossings(table, field, of))
 
 
@@ -134,10 +188,15 @@ def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
         said.append(_exponents(study.orbit, ORBIT))
     said += [_exponents(study.drift, DRIFT), _maps(study.maps)]
     if study.law is not None:
-        ratio, half = study.law.table["ratio"], 0.5 * (study.law.high - study.law.low)
+        ratio = study.law.table["ratio"]
+        half = 0.5 * (study.law.high - study.law.low)
         said.append(SAID["law"].format(study.law.exponent, half, ratio.min(), ratio.max()))
     if study.finite_size is not None:
-        ends = study.finite_size.iloc[[0, -1]].assign(half=lambda t: 0.5 * (t["high"] - t["low"])).to_dict("records")
+        ends = (
+            study.finite_size.iloc[[0, -1]]
+            .assign(half=lambda t: 0.5 * (t["high"] - t["low"]))
+            .to_dict("records")
+        )
         said.append(SAID["sizes"].format(" and ".join(map(SAID["size"].format_map, ends))))
     if study.spectra:
         rows = tables["spectra_summary"]

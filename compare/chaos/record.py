@@ -1,6 +1,8 @@
-"""Long records of the orbit or of a noisy path, in stretches: without transients, with completed chatter recognised.
+"""Long records of the orbit or of a noisy path, in stretches: without transients, with completed
+chatter recognised.
 
-Chatter is an infinite sequence of impacts at one mesh in finite time; when it is completed, the mesh sticks.
+Chatter is an infinite sequence of impacts at one mesh in finite time; when it is completed, the
+mesh sticks.
 """
 
 import math
@@ -28,13 +30,19 @@ CHUNK = 50_000  # impacts of an orbit at a time
 STEPS = 100_000  # steps of a noisy path at a time
 SETTLE = 500.0  # time after which a noisy path is recorded
 TRIAL = 20_000  # computed impacts after which an orbit with too few recorded ones is given up
-ROUNDED = 1e-6  # speed below which rounding breaks the monotonic decrease of impact speeds in chatter
+# speed below which rounding breaks the monotonic decrease of impact speeds in chatter
+ROUNDED = 1e-6
 WORTH = 0.25  # smallest share of the computed impacts that must have been recorded by then
 
-RUNS, STICKS_AT_TIMES, STICKS_OFTEN = "runs", "sticks at times", "sticks often"
-STICKS_FOR_GOOD, SILENT, NOT_FOLLOWED = "sticks for good", "silent", "not followed"
-"""Kinds of motion: impacts go on; so they do between rare sticking phases; between phases so frequent that there is no
-record of the motion between; a mesh stays closed; there is no further impact; this method cannot follow it."""
+RUNS = "runs"
+STICKS_AT_TIMES = "sticks at times"
+STICKS_OFTEN = "sticks often"
+STICKS_FOR_GOOD = "sticks for good"
+SILENT = "silent"
+NOT_FOLLOWED = "not followed"
+"""Kinds of motion: impacts go on; so they do between rare sticking phases; between phases so
+frequent that there is no record of the motion between; a mesh stays closed; there is no further
+impact; this method cannot follow it."""
 
 
 MOTIONS: dict[str, str] = read_texts("chaos")["motions"]
@@ -42,7 +50,8 @@ MOTIONS: dict[str, str] = read_texts("chaos")["motions"]
 
 
 class NoRecord(RattleError):
-    """A result that the motion of these gears does not have; the message is the reason, as a clause."""
+    """A result that the motion of these gears does not have; the message is the reason, as a
+    clause."""
 
 
 @contextmanager
@@ -56,7 +65,8 @@ def leave_out(missing: dict[str, str] | None, what: str) -> Iterator[None]:
 
 
 def in_threads(workers: int, work: Callable[[T], R], given: Iterable[T]) -> list[R]:
-    """The results of some work on each of what is given, in order, whatever the number of threads."""
+    """The results of some work on each of what is given, in order, whatever the number of
+    threads."""
     with ThreadPoolExecutor(count("workers", workers)) as pool:
         return list(pool.map(work, given))
 
@@ -65,14 +75,16 @@ def in_threads(workers: int, work: Callable[[T], R], given: Iterable[T]) -> list
 class Regime:
     """What an orbit or a path did while it was recorded; filled in as the record is read."""
 
-    impacts: int = 0  # recorded impacts: after transients, and without chatter that ends in sticking
+    # recorded impacts: after transients, and without chatter that ends in sticking
+    impacts: int = 0
     computed: int = 0  # all impacts that were computed
     starts: int = 0  # starts, stuck: number of starts, and of those that ended in sticking
     stuck: int = 0
     steps: int = 0  # steps, sticking_steps: steps of a noisy path, and those that it spent sticking
     sticking_steps: int = 0
     end: str = ""  # the kind of motion of which there is no record; empty if there is one
-    closed: float = 0.0  # of an orbit that was given up: share of the time in which a mesh is closed
+    # of an orbit that was given up: share of the time in which a mesh is closed
+    closed: float = 0.0
     transient: int = 0  # impacts that were removed later as a transient
     unfollowed: str = ""  # why this method cannot follow the motion; empty if it can
 
@@ -88,17 +100,24 @@ class Regime:
 
     @property
     def has_record(self) -> bool:
-        """Whether enough was recorded: impacts go on, and sticking phases are far apart or absent."""
+        """Whether enough was recorded: impacts go on, and sticking phases are far apart or
+        absent."""
         return not self.end
 
     @property
     def reason(self) -> str:
         """The kind of motion as a clause with numbers."""
-        noisy = self.steps > 0 and self.sticking_steps > 0 and self.kind in (STICKS_AT_TIMES, STICKS_OFTEN)
+        noisy = (
+            self.steps > 0
+            and self.sticking_steps > 0
+            and self.kind in (STICKS_AT_TIMES, STICKS_OFTEN)
+        )
         return MOTIONS[f"{self.kind}, noisy" if noisy else self.kind].format(
             r=self,
             times="times" if self.stuck > 1 else "time",
-            transient=f", the first {self.transient:,} of them a transient" if self.transient else "",
+            transient=(
+                f", the first {self.transient:,} of them a transient" if self.transient else ""
+            ),
             closed=percent(self.sticking_steps / self.steps if noisy else self.closed),
             silent=MISSES[NONE],
         )
@@ -109,7 +128,9 @@ class Regime:
         return self.reason if self.end in (SILENT, NOT_FOLLOWED) else self.kind
 
 
-def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = True) -> Iterator[Stretch]:
+def orbit_record(
+    scene: Scene, impacts: int, regime: Regime, *, tangent: bool = True
+) -> Iterator[Stretch]:
     """Record the orbit of a scene in stretches; after sticking it is restarted at another phase."""
     while regime.impacts < impacts:
         orbit = LongOrbit(scene, regime.starts)
@@ -133,17 +154,22 @@ def orbit_record(scene: Scene, impacts: int, regime: Regime, *, tangent: bool = 
 
 
 def _measure_sticking(scene: Scene) -> tuple[float, str]:
-    """Largest share of the time in which a mesh is closed along the orbit, and whether it sticks often or for good."""
+    """Largest share of the time in which a mesh is closed along the orbit, and whether it sticks
+    often or for good."""
     orbit = follow(scene, TRIAL)
     if orbit.stopped:
         return math.nan, STICKS_FOR_GOOD
     end = float(orbit.tau[-1])
-    closed = [sum(min(s.opened, end) - s.closed for s in orbit.sticking if s.mesh == mesh) for mesh in (1, 2)]
+    closed = [
+        sum(min(s.opened, end) - s.closed for s in orbit.sticking if s.mesh == mesh)
+        for mesh in (1, 2)
+    ]
     return max(closed) / (end - float(orbit.tau[0])), STICKS_OFTEN
 
 
 def _accumulating(s: Stretch) -> int:
-    """Number of impacts before the final chatter, in which each impact is slower than the last on the same flank."""
+    """Number of impacts before the final chatter, in which each impact is slower than the last on
+    the same flank."""
     if s.code.size == 0:
         return 0
     every = np.abs(s.before[:, 1 if abs(s.code[-1]) == 1 else 3])
@@ -161,10 +187,12 @@ def noisy_record(
     (`rattle.montecarlo.coupling.dyadic`). Shapes: `velocities` (steps, 2).
     """
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
-        regime.end, regime.unfollowed = NOT_FOLLOWED, "has random gaps; long paths need fixed ones"
+        regime.end = NOT_FOLLOWED
+        regime.unfollowed = "has random gaps; long paths need fixed ones"
         return
     if scene.correlation_time:
-        regime.end, regime.unfollowed = NOT_FOLLOWED, "has noise with memory; long paths need white noise"
+        regime.end = NOT_FOLLOWED
+        regime.unfollowed = "has noise with memory; long paths need white noise"
         return
     walker = LongPath(scene, seed, path)
     walker.stretch(math.ceil(SETTLE / walker.step), tangent, velocities=False)
@@ -177,7 +205,8 @@ def noisy_record(
         done += walker.steps - before
         regime.computed += s.flight.size
         regime.impacts += s.flight.size
-        regime.steps, regime.sticking_steps = done, walker.sticking_steps - settled
+        regime.steps = done
+        regime.sticking_steps = walker.sticking_steps - settled
         if s.flight.size == 0:
             regime.end = SILENT
             return

@@ -1,7 +1,7 @@
 """Poincaré sections in the paper's coordinates (Fig. 2) as histograms.
 
-The section is at the impacts: a point is the flight time since the last impact and the velocity just before this one.
-Points are counted as they come, so memory does not grow with their number.
+The section is at the impacts: a point is the flight time since the last impact and the velocity
+just before this one. Points are counted as they come, so memory does not grow with their number.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,10 +12,19 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import mean_map
-from rattle.compare.chaos.record import NoRecord, Regime, in_threads, leave_out, noisy_record, orbit_record
+from rattle.compare.chaos.record import (
+    NoRecord,
+    Regime,
+    in_threads,
+    leave_out,
+    noisy_record,
+    orbit_record,
+)
 from rattle.scene import Floats, Ints, Scene
 
-ORBIT, MAP, NOISY = "orbit", "mean map (corrected)", "noisy system"
+ORBIT = "orbit"
+MAP = "mean map (corrected)"
+NOISY = "noisy system"
 BINS = 300  # of counts, along either axis
 PILOT = 20_000  # points of the pilot run that sets the axes
 PARTS = 8  # noisy paths among which the points are shared, whatever the number of workers
@@ -30,25 +39,40 @@ class Section:
     side: str  # ``orbit``, ``mean map (corrected)`` or ``noisy system``
     flight: Floats  # flight, velocity: edges of the bins; (bins + 1,)
     velocity: Floats
-    counts: Ints  # impacts by flight time and by the velocity of each stage before the impact; (stages, bins, bins)
+    # impacts by flight time and by the velocity of each stage before the impact; (stages, bins,
+    # bins)
+    counts: Ints
     points: int  # all impacts, those outside the edges too
 
     @property
     def table(self) -> pd.DataFrame:
-        """Bins that are not empty: ``side, stage, flight, velocity`` (middles of the bin), ``count``."""
+        """Bins that are not empty: ``side, stage, flight, velocity`` (middles of the bin),
+        ``count``."""
         stage, i, j = np.nonzero(self.counts)
-        flight, velocity = (0.5 * (edges[1:] + edges[:-1]) for edges in (self.flight, self.velocity))
-        found = {"stage": stage + 1, "flight": flight[i], "velocity": velocity[j], "count": self.counts[stage, i, j]}
+        flight, velocity = (
+            0.5 * (edges[1:] + edges[:-1]) for edges in (self.flight, self.velocity)
+        )
+        found = {
+            "stage": stage + 1,
+            "flight": flight[i],
+            "velocity": velocity[j],
+            "count": self.counts[stage, i, j],
+        }
         return pd.DataFrame({"side": self.side, **found})
 
 
-def _section(side: str, stages: int, edges: tuple[Floats, Floats], found: Iterable[tuple[Floats, Floats]]) -> Section:
+def _section(
+    side: str, stages: int, edges: tuple[Floats, Floats], found: Iterable[tuple[Floats, Floats]]
+) -> Section:
     """Count points, given as flight times and states before the impact, as they come."""
-    counts, points = np.zeros((stages, *(edge.size - 1 for edge in edges)), np.int64), 0
+    counts = np.zeros((stages, *(edge.size - 1 for edge in edges)), np.int64)
+    points = 0
     for flight, before in found:
         points += flight.size
         for stage in range(stages):
-            counts[stage] += np.histogram2d(flight, before[:, 2 * stage + 1], edges)[0].astype(np.int64)
+            counts[stage] += np.histogram2d(flight, before[:, 2 * stage + 1], edges)[0].astype(
+                np.int64
+            )
     return Section(side, *edges, counts, points)
 
 
@@ -60,7 +84,9 @@ def _orbit_points(scene: Scene, points: int) -> Iterator[tuple[Floats, Floats]]:
         raise NoRecord(f"the orbit {regime.brief}")
 
 
-def _noisy_points(scene: Scene, points: int, seed: int, path: int) -> Iterator[tuple[Floats, Floats]]:
+def _noisy_points(
+    scene: Scene, points: int, seed: int, path: int
+) -> Iterator[tuple[Floats, Floats]]:
     regime = Regime()
     for s, _ in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
         yield s.flight[:points], s.before[:points]
@@ -71,7 +97,8 @@ def _noisy_points(scene: Scene, points: int, seed: int, path: int) -> Iterator[t
 
 
 def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
-    """Choose the edges of bins that cover the orbit and the noisy system, by a pilot run of each that has a section.
+    """Choose the edges of bins that cover the orbit and the noisy system, by a pilot run of each
+    that has a section.
 
     Shapes: result (bins + 1,).
     """
@@ -92,12 +119,18 @@ def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
 
 
 def sections(
-    scene: Scene, *, points: int = 1_000_000, seed: int = 0, workers: int = 2, missing: dict[str, str] | None = None
+    scene: Scene,
+    *,
+    points: int = 1_000_000,
+    seed: int = 0,
+    workers: int = 2,
+    missing: dict[str, str] | None = None,
 ) -> dict[str, Section]:
-    """Compute the sections of the orbit, of the corrected mean map and of the noisy system, on the same axes.
+    """Compute the sections of the orbit, of the corrected mean map and of the noisy system, on the
+    same axes.
 
-    Returns: By side; without the orbit and the mean map if the orbit has no section, and without the noisy system if
-    its path has none.
+    Returns: By side; without the orbit and the mean map if the orbit has no section, and without
+    the noisy system if its path has none.
     """
 
     def part(p: int) -> Section:

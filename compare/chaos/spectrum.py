@@ -1,6 +1,7 @@
 """Power spectra with a chi-square band, and tests for spectral lines above a continuous floor.
 
-By Welch's method (1967); degrees of freedom of overlapping segments by Percival and Walden (1993), section 6.17.
+By Welch's method (1967); degrees of freedom of overlapping segments by Percival and Walden (1993),
+section 6.17.
 """
 
 import math
@@ -14,19 +15,29 @@ from scipy import ndimage, signal
 from scipy.special import chdtri
 
 from rattle.closure.long_orbit import velocities
-from rattle.compare.chaos.record import NoRecord, Regime, in_threads, leave_out, noisy_record, orbit_record
+from rattle.compare.chaos.record import (
+    NoRecord,
+    Regime,
+    in_threads,
+    leave_out,
+    noisy_record,
+    orbit_record,
+)
 from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.scene import Floats, Scene
 
-SEQUENCE, TIME = "velocity before impact, by impact", "velocity in time"
+SEQUENCE = "velocity before impact, by impact"
+TIME = "velocity in time"
 CONFIDENCE = 0.95
 FALSE_ALARM = 0.01
 """Probability that at least one line is found in a spectrum that has none."""
 AROUND = 32  # bins on either side that enter the floor of a bin
-ALONE = 1.5  # factor on the threshold of an isolated bin: a true line also raises its neighbours (Hann window)
+# factor on the threshold of an isolated bin: a true line also raises its neighbours (Hann window)
+ALONE = 1.5
 NARROW = 2.0  # largest width of a narrow band, in bins; a single frequency has 1.5 with this window
-SEGMENT = {SEQUENCE: 2048, TIME: 8192}  # samples of a segment; in time these are 64 periods of the excitation
+# samples of a segment; in time these are 64 periods of the excitation
+SEGMENT = {SEQUENCE: 2048, TIME: 8192}
 PARTS = 4  # noisy paths
 SEGMENTS = 4  # fewest segments of each, in time
 
@@ -35,10 +46,12 @@ SEGMENTS = 4  # fewest segments of each, in time
 class Spectrum:
     """Power spectral density with its band, lines and floor."""
 
-    # without zero, its neighbour (affected by the subtracted mean) and the Nyquist frequency; (bins,)
+    # without zero, its neighbour (affected by the subtracted mean) and the Nyquist frequency;
+    # (bins,)
     frequency: Floats
     power: Floats  # one-sided density: its integral over frequency is the variance; (bins,)
-    dof: float  # degrees of freedom: ``dof power / true density`` has a chi-square distribution with these
+    # degrees of freedom: ``dof power / true density`` has a chi-square distribution with these
+    dof: float
     segments: int  # number of averaged segments, which overlap by half
 
     @property
@@ -49,7 +62,8 @@ class Spectrum:
 
     @cached_property
     def floor(self) -> Floats:
-        """Continuous floor: the running median over 65 bins, divided by the median of chi-square over its mean.
+        """Continuous floor: the running median over 65 bins, divided by the median of chi-square
+        over its mean.
 
         The continuous part is assumed to be smooth over 65 bins; narrower features count as bands.
         """
@@ -58,10 +72,11 @@ class Spectrum:
 
     @property
     def threshold(self) -> float:
-        """Ratio of power to floor above which a bin belongs to a line, at `FALSE_ALARM` for the whole spectrum.
+        """Ratio of power to floor above which a bin belongs to a line, at `FALSE_ALARM` for the
+        whole spectrum.
 
-        It includes three standard errors of the floor: a median has 1.25 times the standard error of a mean, and with
-        this window 65 neighbouring bins count as 65 / 1.5 independent ones.
+        It includes three standard errors of the floor: a median has 1.25 times the standard error
+        of a mean, and with this window 65 neighbouring bins count as 65 / 1.5 independent ones.
         """
         chance = chdtri(self.dof, FALSE_ALARM / self.power.size) / self.dof
         unsure = 1.25 * math.sqrt(2.0 / self.dof) / math.sqrt((2 * AROUND + 1) / 1.5)
@@ -71,8 +86,9 @@ class Spectrum:
     def lines(self) -> pd.DataFrame:
         """Narrow bands above the floor, the strongest first.
 
-        Columns: ``frequency`` (centroid of the power above the floor), ``width`` (that power over its peak, in bins),
-        ``share`` (of the total power), ``over`` (peak over floor) and ``narrow`` (no wider than a single frequency).
+        Columns: ``frequency`` (centroid of the power above the floor), ``width`` (that power over
+        its peak, in bins), ``share`` (of the total power), ``over`` (peak over floor) and
+        ``narrow`` (no wider than a single frequency).
         """
         above = self.power > self.threshold * self.floor
         label, n = ndimage.label(above)
@@ -80,7 +96,10 @@ class Spectrum:
         rows = []
         for place in ndimage.find_objects(label, n):
             p = extra[place]
-            if p.size == 1 and not (self.power[place] > ALONE * self.threshold * self.floor[place]).any():
+            if (
+                p.size == 1
+                and not (self.power[place] > ALONE * self.threshold * self.floor[place]).any()
+            ):
                 continue
             width = float(p.sum() / p.max())
             centroid = float((self.frequency[place] * p).sum() / p.sum())
@@ -91,7 +110,8 @@ class Spectrum:
 
 
 def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
-    """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half, averaged over all pieces.
+    """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half,
+    averaged over all pieces.
 
     Shapes: `pieces` (samples,).
     """
@@ -99,13 +119,19 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
     whole = [piece for piece in found if piece.size >= segment]
     if not whole:
         longest = max((piece.size for piece in found), default=0)
-        raise NoRecord(f"its longest stretch has {longest:,} samples, and a spectrum needs {segment:,}")
-    total, dof, segments = np.zeros(segment // 2 + 1), 0.0, 0
+        raise NoRecord(
+            f"its longest stretch has {longest:,} samples, and a spectrum needs {segment:,}"
+        )
+    total = np.zeros(segment // 2 + 1)
+    dof = 0.0
+    segments = 0
     window = np.asarray(signal.get_window("hann", segment), dtype=float)
     beside = float((window[segment // 2 :] * window[: segment // 2]).sum() / (window**2).sum()) ** 2
     for piece in whole:
         k = 2 * (piece.size // (segment // 2)) // 2 - 1
-        frequency, power = signal.welch(piece, fs=rate, window="hann", nperseg=segment, noverlap=segment // 2)
+        frequency, power = signal.welch(
+            piece, fs=rate, window="hann", nperseg=segment, noverlap=segment // 2
+        )
         total += k * power
         segments += k
         dof += 2.0 * k / (1.0 + 2.0 * (1.0 - 1.0 / k) * beside)
@@ -113,14 +139,20 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
 
 
 def spectra(
-    scene: Scene, *, impacts: int = 200_000, seed: int = 0, workers: int = 2, missing: dict[str, str] | None = None
+    scene: Scene,
+    *,
+    impacts: int = 200_000,
+    seed: int = 0,
+    workers: int = 2,
+    missing: dict[str, str] | None = None,
 ) -> dict[tuple[str, str, str], Spectrum]:
     """Estimate the spectra of the velocities of the orbit and of the noisy system.
 
-    `impacts`: Impacts of the orbit; the noisy paths have at least as many together, and more where they chatter.
-    Returns: By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity before each impact, with
-    frequencies in cycles per impact; `TIME` is the velocity in time, with frequencies in units of the excitation
-    frequency. Without a side whose record is too short, because it sticks, or has no further impact.
+    `impacts`: Impacts of the orbit; the noisy paths have at least as many together, and more where
+    they chatter. Returns: By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity
+    before each impact, with frequencies in cycles per impact; `TIME` is the velocity in time, with
+    frequencies in units of the excitation frequency. Without a side whose record is too short,
+    because it sticks, or has no further impact.
     """
     h = step_time(scene)
 
@@ -133,7 +165,9 @@ def spectra(
         return pieces
 
     def noisy(path: int) -> tuple[Floats, Floats]:
-        sequence, time, regime = [], [], Regime()
+        sequence = []
+        time = []
+        regime = Regime()
         for s, velocity in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
             sequence.append(s.before[:, 1::2].copy())
             time.append(velocity)
@@ -144,35 +178,60 @@ def spectra(
         return np.concatenate(sequence), np.concatenate(time)
 
     found: dict[tuple[str, str, str], Spectrum] = {}
-    for side, pieces_of in ((ORBIT, orbit), (NOISY, lambda: in_threads(workers, noisy, range(PARTS)))):
+    for side, pieces_of in (
+        (ORBIT, orbit),
+        (NOISY, lambda: in_threads(workers, noisy, range(PARTS))),
+    ):
         with leave_out(missing, f"the spectra of the {side}"):
             sequence, time = zip(*pieces_of(), strict=True)
             kinds = ((SEQUENCE, sequence, 1.0), (TIME, time, 2.0 * math.pi / h))
             found |= {
-                (side, kind, f"y{stage + 1}"): welch((p[:, stage] for p in pieces), SEGMENT[kind], rate)
+                (side, kind, f"y{stage + 1}"): welch(
+                    (p[:, stage] for p in pieces), SEGMENT[kind], rate
+                )
                 for stage in range(scene.stages)
                 for kind, pieces, rate in kinds
             }
     return found
 
 
-def spectra_tables(found: dict[tuple[str, str, str], Spectrum]) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+def spectra_tables(
+    found: dict[tuple[str, str, str], Spectrum],
+) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Convert spectra to tables.
 
-    Returns: All with ``side, kind, velocity``.  Densities: ``frequency, power, low, high, floor``.  Lines: see
-    `Spectrum.lines`.  Summary, one row for each spectrum: ``variance, lines`` (their number), ``narrow`` (number
-    of narrow ones), ``line_share, floor_share, threshold, dof, segments``.
+    Returns: All with ``side, kind, velocity``.  Densities: ``frequency, power, low, high, floor``.
+    Lines: see `Spectrum.lines`.  Summary, one row for each spectrum: ``variance, lines`` (their
+    number), ``narrow`` (number of narrow ones), ``line_share, floor_share, threshold, dof,
+    segments``.
     """
-    density, lines, summary = [], [], []
+    density = []
+    lines = []
+    summary = []
     for (side, kind, velocity), s in found.items():
         key = {"side": side, "kind": kind, "velocity": velocity}
         low, high = s.band
-        columns = {"frequency": s.frequency, "power": s.power, "low": low, "high": high, "floor": s.floor}
+        columns = {
+            "frequency": s.frequency,
+            "power": s.power,
+            "low": low,
+            "high": high,
+            "floor": s.floor,
+        }
         density.append(pd.DataFrame(key | columns))
         lines.append(s.lines.assign(**key))
-        floor_share = 1.0 - float(s.lines["share"].sum())  # of the continuous part, outside the lines
+        # of the continuous part, outside the lines
+        floor_share = 1.0 - float(s.lines["share"].sum())
         variance = float(s.power.sum() * (s.frequency[1] - s.frequency[0]))
-        row = key | {"variance": variance, "lines": len(s.lines), "narrow": int(s.lines["narrow"].sum())}
+        row = key | {
+            "variance": variance,
+            "lines": len(s.lines),
+            "narrow": int(s.lines["narrow"].sum()),
+        }
         row |= {"line_share": 1.0 - floor_share, "floor_share": floor_share}
         summary.append(row | {"threshold": s.threshold, "dof": s.dof, "segments": s.segments})
-    return pd.concat(density, ignore_index=True), pd.concat(lines, ignore_index=True), pd.DataFrame(summary)
+    return (
+        pd.concat(density, ignore_index=True),
+        pd.concat(lines, ignore_index=True),
+        pd.DataFrame(summary),
+    )

@@ -1,4 +1,5 @@
-"""What changes over a field of the scene: the largest exponent with its sign, and bifurcation diagrams.
+"""What changes over a field of the scene: the largest exponent with its sign, and bifurcation
+diagrams.
 
 A bifurcation diagram has the velocity before the impacts alone, as counts or as densities.
 """
@@ -28,17 +29,22 @@ from rattle.scene.scene import SWEPT
 ALPHAS = "0.05:2.5:100"
 COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
 PUBLISHED = 30  # impacts through which the published map is followed at each value
-WITHOUT_NOISE, WITH_NOISE = "without noise", "with noise"
+WITHOUT_NOISE = "without noise"
+WITH_NOISE = "with noise"
 DENSITY_BINS = 240
 DENSITY_POINTS = 6000  # impacts of an orbit behind each density without noise
-PATHS, PERIODS = 64, 64  # of the long run behind each density with noise
+# of the long run behind each density with noise
+PATHS = 64
+PERIODS = 64
 
 
 def values(name: str, text: str) -> tuple[float, ...]:
     """Read evenly spaced values from ``LOW:HIGH:POINTS``."""
     words = text.split(":")
     try:
-        low, high, points = float(words[0]), float(words[1]), int(words[2])
+        low = float(words[0])
+        high = float(words[1])
+        points = int(words[2])
     except (ValueError, IndexError):
         raise InputError(name, text, f"give LOW:HIGH:POINTS, as in {ALPHAS}") from None
     if len(words) > 3 or not finite(f"{name} LOW", low) < finite(f"{name} HIGH", high):
@@ -53,9 +59,13 @@ def paper_noise(scene: Scene) -> Scene:
 
 
 def vary(
-    scene: Scene, field: str, at: Iterable[float], noise: Callable[[Scene], Scene] = lambda scene: scene
+    scene: Scene,
+    field: str,
+    at: Iterable[float],
+    noise: Callable[[Scene], Scene] = lambda scene: scene,
 ) -> dict[float, Scene]:
-    """The same scene at each value of a field, or of a value of its gears; a default start is adapted to new gaps.
+    """The same scene at each value of a field, or of a value of its gears; a default start is
+    adapted to new gaps.
 
     `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
     """
@@ -106,15 +116,26 @@ class ExponentsAt(AtValue):
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Measure them."""
-        scene, width = self.scene, self.width
+        scene = self.scene
+        width = self.width
         orbit = lyapunov(scene, width=width)
         drift = drift_exponents(scene, width=width, seed=self.seed)
-        rows = [_row(ORBIT, orbit), _row("mean map (corrected, saltation)", orbit), _row(DRIFT, drift)]
+        rows = [
+            _row(ORBIT, orbit),
+            _row("mean map (corrected, saltation)", orbit),
+            _row(DRIFT, drift),
+        ]
         if scene.sigma > 0.0 and "published" in closures_for(scene):
             m = mean_map(scene, impacts=PUBLISHED, closure="published")
-            how = f"not realizable from impact {m.breakdown.impact}" if m.breakdown else "realizable throughout"
+            how = (
+                f"not realizable from impact {m.breakdown.impact}"
+                if m.breakdown
+                else "realizable throughout"
+            )
             row = {"of": "mean map (published)", "impacts": m.trace.found, "regime": "breaks down"}
-            rows.append(row | {"reason": f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"})
+            rows.append(
+                row | {"reason": f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"}
+            )
         return pd.DataFrame(rows), {}
 
 
@@ -133,7 +154,8 @@ class VelocitiesAt(AtValue):
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Record them; the facts say why there are none."""
-        path, noisy = Regime(), np.empty(0)
+        path = Regime()
+        noisy = np.empty(0)
         for s, _ in noisy_record(self.scene, 2**30, self.seed, path, tangent=False):
             noisy = np.concatenate([noisy, s.before[:, 1]])
             if path.impacts >= self.points:
@@ -154,12 +176,14 @@ def sweep(
     workers: int = 2,
     folder: Path | None = None,
 ) -> pd.DataFrame:
-    """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a noisy path.
+    """Compute the largest exponent over a field: of the orbit, the mean maps, and the drift along a
+    noisy path.
 
-    `scenes`: As of `vary`. `width`: Required width of the interval of each largest exponent; wider ones are reported as
-    they are. `folder`: Where results are stored. Returns: Columns: the field, ``of`` (the linearised system),
-    ``largest, low, high`` (largest exponent and its 95 % interval; NaN where there is no record), ``rate, sum_error,
-    impacts`` as of `Exponents`, and ``regime, reason`` as of `Regime`.
+    `scenes`: As of `vary`. `width`: Required width of the interval of each largest exponent; wider
+    ones are reported as they are. `folder`: Where results are stored. Returns: Columns: the field,
+    ``of`` (the linearised system), ``largest, low, high`` (largest exponent and its 95 % interval;
+    NaN where there is no record), ``rate, sum_error, impacts`` as of `Exponents`, and ``regime,
+    reason`` as of `Regime`.
     """
     cells = [ExponentsAt(scene, value, seed, width) for value, scene in scenes.items()]
     found = zip(cells, obtain_all(cells, folder, workers), strict=True)
@@ -171,20 +195,25 @@ def sweep(
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """A histogram of the velocity before an impact for each value of a field, of the orbit and with noise."""
+    """A histogram of the velocity before an impact for each value of a field, of the orbit and with
+    noise."""
 
     field: str
     at: Floats  # values of the field; (values,)
     edges: Floats  # of the velocity; (bins + 1,)
-    cells: dict[str, NDArray[Any]]  # counts or densities by side; zero where there is nothing; (values, bins)
-    reasons: dict[str, list[str]]  # by side and value: why there is nothing; empty where there is something
+    # counts or densities by side; zero where there is nothing; (values, bins)
+    cells: dict[str, NDArray[Any]]
+    # by side and value: why there is nothing; empty where there is something
+    reasons: dict[str, list[str]]
     columns: tuple[str, str]  # names of the velocity and of the cells in `table`
 
     @property
     def table(self) -> pd.DataFrame:
-        """Cells that are not empty: ``side``, the field, the velocity (middle of the bin), the count or density."""
+        """Cells that are not empty: ``side``, the field, the velocity (middle of the bin), the
+        count or density."""
         velocity, name = self.columns
-        middle, parts = 0.5 * (self.edges[1:] + self.edges[:-1]), []
+        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
+        parts = []
         for side, cells in self.cells.items():
             i, j = np.nonzero(cells)
             part = {"side": side, self.field: self.at[i], velocity: middle[j], name: cells[i, j]}
@@ -212,7 +241,8 @@ def bifurcation(
         raise NoRecord(f"the noisy path {at[0].facts['brief']}")
     low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
     edges = np.linspace(low, high, BINS + 1)
-    counts, reasons = {}, {}
+    counts = {}
+    reasons = {}
     for side in (ORBIT, NOISY):
         own = (content.table.loc[content.table["side"] == side, "y1"] for content in at)
         counts[side] = np.array([np.histogram(velocity, edges)[0] for velocity in own])
@@ -223,7 +253,8 @@ def bifurcation(
 def stationary_bifurcation(
     scenes: Mapping[float, Scene], field: str = "alpha", *, seed: int = 0, workers: int = 1
 ) -> Bifurcation:
-    """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the noisy long run."""
+    """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the
+    noisy long run."""
 
     def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats], str]]:
         velocity, regime = _orbit_velocities(s, DENSITY_POINTS, (1,))
@@ -232,15 +263,24 @@ def stationary_bifurcation(
     orbits, runs = zip(*in_threads(workers, of, scenes.values()), strict=True)
     ends = np.concatenate([*(velocity for velocity, _ in orbits), *(own for (own, _), _ in runs)])
     if ends.size == 0:
-        rest = "mesh 1 is not struck in the long run at any of these values; choose some at which it rattles"
+        rest = (
+            "mesh 1 is not struck in the long run at any of these values; choose some at which it"
+            " rattles"
+        )
         raise InputError("over", list(scenes), rest)
     edges = np.linspace(ends.min(), ends.max(), DENSITY_BINS + 1)
     width = edges[1] - edges[0]
-    quiet = np.array([np.histogram(velocity, edges)[0] / max(velocity.size, 1) / width for velocity, _ in orbits])
+    quiet = np.array(
+        [np.histogram(velocity, edges)[0] / max(velocity.size, 1) / width for velocity, _ in orbits]
+    )
     noisy = np.array([_rebin(density, edges) for density, _ in runs])
     cells = {WITHOUT_NOISE: quiet, WITH_NOISE: noisy}
-    reasons = {side: [why for _, why in own] for side, own in zip(cells, (orbits, runs), strict=True)}
-    return Bifurcation(field, np.array(list(scenes)), edges, cells, reasons, ("velocity", "density"))
+    reasons = {
+        side: [why for _, why in own] for side, own in zip(cells, (orbits, runs), strict=True)
+    }
+    return Bifurcation(
+        field, np.array(list(scenes)), edges, cells, reasons, ("velocity", "density")
+    )
 
 
 def _orbit_velocities(scene: Scene, impacts: int, meshes: tuple[int, ...]) -> tuple[Floats, Regime]:
@@ -252,7 +292,8 @@ def _orbit_velocities(scene: Scene, impacts: int, meshes: tuple[int, ...]) -> tu
 
 
 def _density(scene: Scene, seed: int) -> tuple[tuple[Floats, Floats], str]:
-    """Edges and density of the velocity at mesh 1 in the long run, or nothing and the reason why."""
+    """Edges and density of the velocity at mesh 1 in the long run, or nothing and the reason
+    why."""
     nothing = np.empty(0), np.empty(0)
     try:
         run = long_run(scene, periods=PERIODS, paths=PATHS, rng=seed)

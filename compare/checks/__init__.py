@@ -1,1 +1,2 @@
-"""Checks of the installed program, and of the paper: published results, claims, extreme values, stability and bias."""
+"""Checks of the installed program, and of the paper: published results, claims, extreme values,
+stability and bias."""

@@ -1,4 +1,5 @@
-"""The commands ``rattle check``, what checks the installation, ``rattle claims`` and ``rattle warm-up``."""
+"""The commands ``rattle check``, what checks the installation, ``rattle claims`` and ``rattle
+warm-up``."""
 
 import sys
 import time
@@ -37,14 +38,18 @@ def check() -> None:
 
 @check.command("published")
 @shared.several("result", "names", str, "One result alone; repeatable. [default: all]")
-@click.option("--all", "all_checks", is_flag=True, help="Print every check and every negative control.")
+@click.option(
+    "--all", "all_checks", is_flag=True, help="Print every check and every negative control."
+)
 @shared.SEED_AND_WORKERS
 @shared.json_flag("the record")
-def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, as_json: bool) -> None:
+def results(
+    names: tuple[str, ...], all_checks: bool, seed: int, workers: int, as_json: bool
+) -> None:
     """Compare this installation with published results.
 
-    They are exits, returns, collapse, bounces, exponents and covariances; each check must also reject its negative
-    controls.
+    They are exits, returns, collapse, bounces, exponents and covariances; each check must also
+    reject its negative controls.
 
     Exit codes: 0 all results hold; 1 one does not; 2 bad input.
     """
@@ -56,12 +61,15 @@ def results(names: tuple[str, ...], all_checks: bool, seed: int, workers: int, a
 
 
 @check.command()
-@click.option("--all", "ranges", is_flag=True, help="Print the range and the reference of every row.")
+@click.option(
+    "--all", "ranges", is_flag=True, help="Print the range and the reference of every row."
+)
 @shared.json_flag("the rows")
 def extremes(ranges: bool, as_json: bool) -> None:
     """Compare extreme values with independent references.
 
-    Prints the worst errors. References are formulas in 400 digits, limits, published results, and exact scaling.
+    Prints the worst errors. References are formulas in 400 digits, limits, published results, and
+    exact scaling.
 
     Exit codes: 0 all rows hold; 1 one does not; 2 bad input.
     """
@@ -82,22 +90,33 @@ def extremes(ranges: bool, as_json: bool) -> None:
 @click.option("--extremes/--no-extremes", "extreme", default=True, show_default=True, help=EXTREMES)
 @shared.OVERWRITE
 def stability(
-    schemes: tuple[str, ...], axes: tuple[str, ...], out: Path, extreme: bool, overwrite: bool, **settings: int
+    schemes: tuple[str, ...],
+    axes: tuple[str, ...],
+    out: Path,
+    extreme: bool,
+    overwrite: bool,
+    **settings: int,
 ) -> None:
     """Measure where each scheme is stable and unbiased.
 
-    At admissible and at longer steps; writes a page. Results are stored in OUT-cells: after an interruption the same
-    command continues.
+    At admissible and at longer steps; writes a page. Results are stored in OUT-cells: after an
+    interruption the same command continues.
 
-    Exit codes: 0 complete; 1 a run with an admissible step is inaccurate without a diagnostic, or an extreme value
-    fails; 2 bad input.
+    Exit codes: 0 complete; 1 a run with an admissible step is inaccurate without a diagnostic, or
+    an extreme value fails; 2 bad input.
     """
     from rattle.compare.checks.check import run_checks
     from rattle.compare.checks.extremes import ROWS
     from rattle.compare.checks.stability.chart import chart, covariance_table, moderate
 
-    chosen, along = list(dict.fromkeys(schemes or shared.SCHEMES)), list(dict.fromkeys(axes or shared.AXES))
-    for name, least, most in (("points", 1, 7), ("paths", 1000, None), ("seed", 0, None), ("workers", 1, None)):
+    chosen = list(dict.fromkeys(schemes or shared.SCHEMES))
+    along = list(dict.fromkeys(axes or shared.AXES))
+    for name, least, most in (
+        ("points", 1, 7),
+        ("paths", 1000, None),
+        ("seed", 0, None),
+        ("workers", 1, None),
+    ):
         count(name, settings[name], least=least, most=most)
     results = Results("", out, "", "checks.stability.page:write_stability", overwrite)
     found = chart(schemes=chosen, axes=along, **settings, folder=results.cells)
@@ -123,13 +142,27 @@ def speed(as_json: bool) -> None:
     if as_json:
         say_json(table.reset_index().to_dict("records"))
         return
-    names = {"ns": "ns per path-step", "times_floor": "times floor", "gain": "times as fast", "us": "us per path"}
+    names = {
+        "ns": "ns per path-step",
+        "times_floor": "times floor",
+        "gain": "times as fast",
+        "us": "us per path",
+    }
     say(table.rename(columns=names).to_string(float_format="{:.2f}".format, na_rep=""), keep="\n")
-    say("Processor time of one core, the least of several turns; ratios are medians. Floor: one normal and the")
-    say("arithmetic of one step. Times as fast: as a path-step of the skilled loop, or as a normal by standard_normal.")
+    say(
+        "Processor time of one core, the least of several turns; ratios are medians. Floor: one"
+        " normal and the"
+    )
+    say(
+        "arithmetic of one step. Times as fast: as a path-step of the skilled loop, or as a normal"
+        " by standard_normal."
+    )
 
 
-BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pairs; a value of alpha; a path
+# seconds: sections, spectra and pairs; a value of alpha; a path
+BASE = 60.0
+PER_VALUE = 1.0
+PER_PATH = 1e-4
 
 
 @click.command()
@@ -140,11 +173,13 @@ BASE, PER_VALUE, PER_PATH = 60.0, 1.0, 1e-4  # seconds: sections, spectra and pa
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.SEED_AND_WORKERS
 @shared.folder_options(Path("reports/claims"))
-def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwrite: bool, **settings: int) -> None:
+def claims(
+    sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwrite: bool, **settings: int
+) -> None:
     """Judge each claim of the paper on its own example, DAT21.
 
-    Writes test, evidence and verdict of every claim that can be tested. Results of the sweep are stored in OUT-cells:
-    after an interruption the same command continues with them.
+    Writes test, evidence and verdict of every claim that can be tested. Results of the sweep are
+    stored in OUT-cells: after an interruption the same command continues with them.
 
     Exit codes: 0 complete, whatever the verdicts; 2 bad input.
     """
@@ -157,31 +192,60 @@ def claims(sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwr
     levels = sigmas or (0.01, 0.1)
     for sigma in levels:
         positive("sigma", sigma)
-    shared.check_counts(settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1)
+    shared.check_counts(
+        settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1
+    )
     results = Results("DAT21", out, "", "checks.claims.page:write_claims", overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])
-    found = gather(rt.Scene.from_gears(rt.DAT21), levels, at, settings["paths"], effort, say_part, results.cells)
+    found = gather(
+        rt.Scene.from_gears(rt.DAT21),
+        levels,
+        at,
+        settings["paths"],
+        effort,
+        say_part,
+        results.cells,
+    )
     judged = judge(found)
-    record: dict[str, Any] = {"sigmas": list(levels), "over": list(at), "impacts": impacts, **settings}
+    record: dict[str, Any] = {
+        "sigmas": list(levels),
+        "over": list(at),
+        "impacts": impacts,
+        **settings,
+    }
     answer = results.write(judged, found.chaos, scene=found.scene.to_dict(), **record)
-    verdicts = [f"{number:2d}. {claim.name}: {claim.verdict}" for number, claim in enumerate(judged, start=1)]
+    verdicts = [
+        f"{number:2d}. {claim.name}: {claim.verdict}"
+        for number, claim in enumerate(judged, start=1)
+    ]
     results.say([*answer, *verdicts], "claims.html")
 
 
 @click.command("warm-up")
-@click.option("--times", is_flag=True, help="Compile all anew in this process alone, and print how long it takes.")
+@click.option(
+    "--times",
+    is_flag=True,
+    help="Compile all anew in this process alone, and print how long it takes.",
+)
 def warm_up(times: bool) -> None:
     """Compile all machine code now.
 
-    Then no later command has to; without it each command compiles what it needs when it first runs. Machine code is
-    kept for this user, this installation and this kind of processor. As many processes compile as there are cores, or
-    as the environment variable RATTLE_COMPILERS says.
+    Then no later command has to; without it each command compiles what it needs when it first runs.
+    Machine code is kept for this user, this installation and this kind of processor. As many
+    processes compile as there are cores, or as the environment variable RATTLE_COMPILERS says.
 
     Exit codes: 0 done; 2 it cannot be kept.
     """
-    from rattle.compare.warm_up import LONGEST_TASK, WARM_UP, compile_tasks, kept_tasks, measure_times, tasks
+    from rattle.compare.warm_up import (
+        LONGEST_TASK,
+        WARM_UP,
+        compile_tasks,
+        kept_tasks,
+        measure_times,
+        tasks,
+    )
     from rattle.scene import compile_ahead
     from rattle.scene.compiled import INTERPRETED
     from rattle.scene.progress import ProgressBar
@@ -195,9 +259,12 @@ def warm_up(times: bool) -> None:
     started = time.perf_counter()
     kept = kept_tasks()
     if kept is None:
-        raise OutputError("machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own")
+        raise OutputError(
+            "machine code cannot be kept: set NUMBA_CACHE_DIR to a folder of your own"
+        )
     compile_ahead.expect(WARM_UP)
-    found, before = tasks(), kept.count()
+    found = tasks()
+    before = kept.count()
     named = compile_tasks(found, kept, LONGEST_TASK)
     for name in (bar := ProgressBar(named, label="compiling", unit="task", total=len(found))):
         bar.set_postfix_str(name)

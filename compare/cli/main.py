@@ -23,10 +23,12 @@ EXIT_BAD_INPUT = 2
 
 
 class RattleGroup(CommandGroup):
-    """Group of commands that reports the project's own errors in one line on standard error, with exit code 2."""
+    """Group of commands that reports the project's own errors in one line on standard error, with
+    exit code 2."""
 
     def main(self, *args: Any, **settings: Any) -> Any:
-        """Run the program; what is printed goes nowhere where an output is closed, as a daemon's are.
+        """Run the program; what is printed goes nowhere where an output is closed, as a daemon's
+        are.
 
         What the output's encoding cannot show, as σ on a Windows pipe, is shown as an escape.
         """
@@ -43,7 +45,8 @@ class RattleGroup(CommandGroup):
         try:
             with ends_soon(), speaking("starting"):
                 return super().invoke(ctx)
-        except click.ClickException as error:  # the message may quote a file name with control characters
+        # the message may quote a file name with control characters
+        except click.ClickException as error:
             setattr(error, "message", harmless(error.message))  # noqa: B010  (final by its type)
             raise
         except BrokenPipeError:
@@ -52,7 +55,10 @@ class RattleGroup(CommandGroup):
             say(f"rattle: {error}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except OSError as error:
-            why = f"{error.filename}: {error.strerror}; choose another place or make room there, and try again"
+            why = (
+                f"{error.filename}: {error.strerror}; choose another place or make room there, and"
+                " try again"
+            )
             say(f"rattle: {why if error.filename else error}", err=True)
             ctx.exit(EXIT_BAD_INPUT)
         except KeyboardInterrupt as interrupt:
@@ -69,7 +75,9 @@ Completion by the Tab key, for this session or from the shell's start-up file:
 """
 
 
-@click.group(cls=RattleGroup, epilog=COMPLETION, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=RattleGroup, epilog=COMPLETION, context_settings={"help_option_names": ["-h", "--help"]}
+)
 @click.version_option(package_name="rattle")
 def main() -> None:
     """When can a cheap moment closure of a noisy vibro-impact system be believed?"""

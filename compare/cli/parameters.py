@@ -16,11 +16,25 @@ JUDGED = "In place of quantities: judge what it predicts."
 @click.command()
 @shared.SCENE_AND_SIGMA
 @click.option("--closure", metavar="NAME", help="Closure. [default: saltation]")
-@click.option("--quantity", metavar="NAME", help="In place of a closure: a quantity of the long run, with --level.")
+@click.option(
+    "--quantity",
+    metavar="NAME",
+    help="In place of a closure: a quantity of the long run, with --level.",
+)
 @shared.real("level", "Its level; impacts per second, mm/s or mW for a scene with [gears].")
-@click.option("--over", default="sigma", show_default=True, metavar="NAME", help="Parameter of the gears or the scene.")
-@click.option("--between", nargs=2, type=float, metavar="LOW HIGH", help="Range. [default: 0.001 2 for sigma]")
-@click.option("--and", "along", metavar="NAME", help="A second parameter: trace the boundary over both.")
+@click.option(
+    "--over",
+    default="sigma",
+    show_default=True,
+    metavar="NAME",
+    help="Parameter of the gears or the scene.",
+)
+@click.option(
+    "--between", nargs=2, type=float, metavar="LOW HIGH", help="Range. [default: 0.001 2 for sigma]"
+)
+@click.option(
+    "--and", "along", metavar="NAME", help="A second parameter: trace the boundary over both."
+)
 @click.option("--reach", nargs=2, type=float, metavar="LOW HIGH", help=REACH)
 @shared.whole("values", 9, "How many values of it.")
 @shared.SCHEDULER
@@ -44,11 +58,13 @@ def boundary(
 ) -> None:
     """Find where along a parameter a closure stops holding.
 
-    It is accurate up to one value and shown wrong from another. With --and: at each value of a second parameter, a map.
-    With --quantity: where a quantity of the long run crosses a level. SCENE is a TOML file, DAT21 if none is given.
-    Results are stored in OUT-cells: after an interruption the same command continues.
+    It is accurate up to one value and shown wrong from another. With --and: at each value of a
+    second parameter, a map. With --quantity: where a quantity of the long run crosses a level.
+    SCENE is a TOML file, DAT21 if none is given. Results are stored in OUT-cells: after an
+    interruption the same command continues.
     """
-    reach, budget = asked["reach"], asked["budget"]
+    reach = asked["reach"]
+    budget = asked["budget"]
     if quantity is not None and closure is not None:
         raise InputError("quantity", quantity, "takes the place of a closure; give one of them")
     if (quantity is None) != (level is None):
@@ -56,11 +72,19 @@ def boundary(
     if along is not None and quantity is not None:
         raise InputError("quantity", quantity, "does not go with --and, which maps a closure")
     if along is not None and budget is not None:
-        raise InputError("budget", budget, "does not go with --and: interrupt a map, and the same command continues it")
+        raise InputError(
+            "budget",
+            budget,
+            "does not go with --and: interrupt a map, and the same command continues it",
+        )
     if along is None and (reach or scheduler) is not None:
         raise InputError("reach" if reach else "scheduler", reach or scheduler, "goes with --and")
     results = begin()
-    settings = {name: value for name, value in asked.items() if name in ("over", "between", "points", "width")}
+    settings = {
+        name: value
+        for name, value in asked.items()
+        if name in ("over", "between", "points", "width")
+    }
     if quantity is not None:
         settings |= {"quantity": quantity, "level": level}
     else:
@@ -80,7 +104,12 @@ def boundary(
 
 @click.command()
 @shared.SCENE_AND_SIGMA
-@shared.several("quantity", "quantities", str, "Quantity; repeatable. [default: energy, impacts and speeds, by mesh]")
+@shared.several(
+    "quantity",
+    "quantities",
+    str,
+    "Quantity; repeatable. [default: energy, impacts and speeds, by mesh]",
+)
 @shared.several("parameter", "parameters", str, "Parameter; repeatable. [default: all]")
 @click.option("--closure", type=shared.ClosureName("closure", shared.CLOSURES), help=JUDGED)
 @shared.whole("impacts", 4, "Impacts at which a closure is judged.")
@@ -102,10 +131,12 @@ def sensitivity(
 ) -> None:
     """Find which parameter changes the rattle, and by how much.
 
-    Impacts a second, energy and speeds for 1 % more of every value of the gears. With --closure: what it says of the
-    section means and sds of the first impacts, beside a simulation. SCENE is a TOML file, DAT21 if none is given.
+    Impacts a second, energy and speeds for 1 % more of every value of the gears. With --closure:
+    what it says of the section means and sds of the first impacts, beside a simulation. SCENE is a
+    TOML file, DAT21 if none is given.
 
-    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the intervals are wider than asked for.
+    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the intervals are wider
+    than asked for.
     """
     if closure is not None and quantities:
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
@@ -117,7 +148,9 @@ def sensitivity(
             settings = {name: asked[name] for name in ("accuracy", "slow", "budget")}
             found: Any = rt.sensitivity(base, quantities=quantities or None, **settings, **common)
         else:
-            settings = {"closure": closure} | {name: asked[name] for name in ("impacts", "paths", "budget")}
+            settings = {"closure": closure} | {
+                name: asked[name] for name in ("impacts", "paths", "budget")
+            }
             found = rt.closure_sensitivity(base, **settings, **common)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "sensitivity.html", found.to_dict)

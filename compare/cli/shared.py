@@ -46,8 +46,14 @@ class WholeNumber(click.ParamType):  # type: ignore[type-arg]  # generic only si
         try:
             number = Decimal(text)
         except InvalidOperation:
-            self.fail(f"{text!r} is not a whole number; write it as 100000, 100_000 or 1e5", param, ctx)
-        if not number.is_finite() or number.adjusted() > MOST_DIGITS or number != number.to_integral_value():
+            self.fail(
+                f"{text!r} is not a whole number; write it as 100000, 100_000 or 1e5", param, ctx
+            )
+        if (
+            not number.is_finite()
+            or number.adjusted() > MOST_DIGITS
+            or number != number.to_integral_value()
+        ):
             self.fail(f"{text!r} is not a whole number of at most {MOST_DIGITS} digits", param, ctx)
         return int(number)
 
@@ -69,7 +75,9 @@ class Name(click.Choice):  # type: ignore[type-arg]  # generic only since click 
 
 
 SCENE = click.argument("scene", required=False, type=PATH)
-OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace earlier results in that folder.")
+OVERWRITE = click.option(
+    "--overwrite", is_flag=True, help="Replace earlier results in that folder."
+)
 
 
 def whole(name: str, default: int | None, meaning: str) -> Option:
@@ -87,7 +95,9 @@ class ClosureName(Name):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Check a name; a function is imported later."""
-        return value if isinstance(value, str) and ":" in value else super().convert(value, param, ctx)
+        return (
+            value if isinstance(value, str) and ":" in value else super().convert(value, param, ctx)
+        )
 
 
 CLOSURE = ClosureName("closures", CLOSURES)
@@ -96,12 +106,16 @@ CLOSURE = ClosureName("closures", CLOSURES)
 def several(option: str, into: str, kind: type, meaning: str) -> Option:
     """An option that may be given any number of times."""
     metavar = "NAME" if kind is str else None
-    return click.option(f"--{option}", into, multiple=True, type=kind, metavar=metavar, help=meaning)
+    return click.option(
+        f"--{option}", into, multiple=True, type=kind, metavar=metavar, help=meaning
+    )
 
 
 def grid(option: str, default: str | None, meaning: str) -> Option:
     """An option that takes evenly spaced values."""
-    return click.option(f"--{option}", default=default, show_default=True, metavar="LOW:HIGH:POINTS", help=meaning)
+    return click.option(
+        f"--{option}", default=default, show_default=True, metavar="LOW:HIGH:POINTS", help=meaning
+    )
 
 
 def field(meaning: str) -> Option:
@@ -112,9 +126,12 @@ def field(meaning: str) -> Option:
 def name_option(
     option: str, names: Sequence[str], meaning: str, *, many: str = "", default: str | None = None
 ) -> Option:
-    """An option that takes a name from a list; with `many`, its name in the plural, any number of them."""
+    """An option that takes a name from a list; with `many`, its name in the plural, any number of
+    them."""
     shown: dict[str, Any] = {"default": default, "show_default": True, "help": meaning}
-    return click.option(f"--{option}", many or option, type=Name(option, names), multiple=bool(many), **shown)
+    return click.option(
+        f"--{option}", many or option, type=Name(option, names), multiple=bool(many), **shown
+    )
 
 
 def join(*options: Option) -> Option:
@@ -143,16 +160,22 @@ SCHEDULER = click.option(
     "--scheduler",
     callback=check_scheduler,
     metavar="tcp://HOST:PORT",
-    help="Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs what it is sent: "
-    "use one in a trusted network only, or tls://HOST:PORT with the certificates that Dask's configuration names.",
+    help=(
+        "Compute on a running Dask cluster instead. A Dask scheduler has no authentication and runs"
+        " what it is sent: use one in a trusted network only, or tls://HOST:PORT with the"
+        " certificates that Dask's configuration names."
+    ),
 )
 
 
 def folder(default: Path | str) -> Option:
-    """The option of the folder of the results: a path, or in words which one is taken if none is given."""
+    """The option of the folder of the results: a path, or in words which one is taken if none is
+    given."""
     given = isinstance(default, Path)
     words = "Folder." if given else f"Folder. [default: {default}]"
-    return click.option("--out", type=PATH, default=default if given else None, show_default=given, help=words)
+    return click.option(
+        "--out", type=PATH, default=default if given else None, show_default=given, help=words
+    )
 
 
 def json_flag(what: str) -> Option:
@@ -166,23 +189,31 @@ def folder_options(default: Path | str, *more: Option) -> Option:
 
 
 JSON_ALONE = click.option(
-    "--json", "as_json", is_flag=True, help="Print everything as JSON; no folder is written without --out."
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print everything as JSON; no folder is written without --out.",
 )
 
 
 def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGMA) -> Option:
-    """The options of the folder of a command on a scene, which gets the loaded scene, and a function for its `Results`.
+    """The options of the folder of a command on a scene, which gets the loaded scene, and a
+    function for its `Results`.
 
-    `page`: Module within `rattle.compare` whose ``CONTENTS`` are the files of such a folder, and its function that
-    writes it. `otherwise`: Noise intensity of DAT21, if no scene is given.
+    `page`: Module within `rattle.compare` whose ``CONTENTS`` are the files of such a folder, and
+    its function that writes it. `otherwise`: Noise intensity of DAT21, if no scene is given.
     """
 
     def decorate(command: Callable[..., None]) -> Any:
         @wraps(command)
         def run(scene: Path | None, sigma: float | None, **asked: Any) -> None:
-            written = {name: asked.pop(name) for name in ("out", "overwrite", "as_json") if name in asked}
+            written = {
+                name: asked.pop(name) for name in ("out", "overwrite", "as_json") if name in asked
+            }
             name = name_of(scene) if scene else "DAT21"
-            begin = partial(Results, name, suffix=default.removeprefix("reports/NAME"), page=page, **written)
+            begin = partial(
+                Results, name, suffix=default.removeprefix("reports/NAME"), page=page, **written
+            )
             command(load_scene(scene, sigma, otherwise), begin, **asked)
 
         return folder_options(default, *more)(run)
@@ -204,15 +235,24 @@ class CommandGroup(click.Group):
 
 
 class Results:
-    """The folder of a command's results, and what their manifest says of the run; ``--json`` alone writes none."""
+    """The folder of a command's results, and what their manifest says of the run; ``--json`` alone
+    writes none."""
 
     def __init__(
-        self, name: str, out: Path | None, suffix: str, page: str, overwrite: bool, as_json: bool = False
+        self,
+        name: str,
+        out: Path | None,
+        suffix: str,
+        page: str,
+        overwrite: bool,
+        as_json: bool = False,
     ) -> None:
         from rattle.compare.engine.run import check_cells
         from rattle.compare.report.provenance import Stopwatch
 
-        self.name, self.overwrite, self.as_json = name, overwrite, as_json
+        self.name = name
+        self.overwrite = overwrite
+        self.as_json = as_json
         self.writes = out is not None or not as_json
         self.out = out or default_place(name, suffix)
         if self.writes:
@@ -249,7 +289,9 @@ class Results:
             return "nothing was written"
         return f"{number} results stored in {cells}; run the same command again to continue"
 
-    def say(self, sentences: Iterable[str], page: str, data: Callable[[], dict[str, Any]] = dict) -> None:
+    def say(
+        self, sentences: Iterable[str], page: str, data: Callable[[], dict[str, Any]] = dict
+    ) -> None:
         """Print the answer and the place of the page, or the data as JSON."""
         if self.as_json:
             say_json(data() | {"report": self.out if self.writes else None})
@@ -258,8 +300,10 @@ class Results:
 
 
 def say(text: str, *, err: bool = False, keep: str = "") -> None:
-    """Print a text on one line; control characters, such as those of a file's name, are shown as escapes."""
-    with suppress(OSError) if err else nullcontext(), apart_from_bars():  # nobody may read what is said besides
+    """Print a text on one line; control characters, such as those of a file's name, are shown as
+    escapes."""
+    # nobody may read what is said besides
+    with suppress(OSError) if err else nullcontext(), apart_from_bars():
         click.echo(harmless(text, keep), err=err)
 
 
@@ -292,7 +336,8 @@ class Printer(logging.Handler):
 @contextmanager
 def estimates_shown() -> Iterator[None]:
     """Context in which estimates of the time that work takes are printed."""
-    printer, level = Printer(), ESTIMATES.level
+    printer = Printer()
+    level = ESTIMATES.level
     ESTIMATES.addHandler(printer)
     ESTIMATES.setLevel(logging.INFO)
     try:
@@ -309,7 +354,8 @@ def check_counts(settings: Mapping[str, Any], **least: int) -> None:
 
 
 def load_scene(path: Path | None, sigma: float | None, otherwise: float = PAPER_SIGMA) -> Scene:
-    """Load a scene file, or DAT21 at the noise intensity `otherwise`; `sigma` replaces either's noise."""
+    """Load a scene file, or DAT21 at the noise intensity `otherwise`; `sigma` replaces either's
+    noise."""
     scene = Scene.load(path) if path else Scene.from_gears(DAT21, sigma=otherwise)
     compile_ahead.expect(str(click.get_current_context().info_name), len(scene.drive))
     if sigma is not None:

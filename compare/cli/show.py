@@ -14,7 +14,18 @@ import click
 
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import Results, load_scene, say
-from rattle.compare.report import NUMBER, Block, Code, Figure, Glossary, Page, PageSection, Table, Text, parts
+from rattle.compare.report import (
+    NUMBER,
+    Block,
+    Code,
+    Figure,
+    Glossary,
+    Page,
+    PageSection,
+    Table,
+    Text,
+    parts,
+)
 from rattle.compare.report.folder import default_place, name_of
 from rattle.compare.report.json_text import NAME, read_page
 from rattle.scene import FileError, InputError, OutputError, count, harmless, line, nearest
@@ -33,9 +44,16 @@ GAP = "  "
 def page_lines(page: Page, width: int) -> Iterator[str]:
     """The lines of a page."""
     source = page.source
-    origin = Text("Repeat it:"), Code(line(source.repeat)), Glossary("", source.facts), *source.blocks
+    origin = (
+        Text("Repeat it:"),
+        Code(line(source.repeat)),
+        Glossary("", source.facts),
+        *source.blocks,
+    )
     sections = (*page.sections, PageSection("Where this comes from", origin))
-    yield from section_lines(PageSection(page.title, (*map(Text, page.answer), *page.blocks), sections), width, 1)
+    yield from section_lines(
+        PageSection(page.title, (*map(Text, page.answer), *page.blocks), sections), width, 1
+    )
 
 
 def section_lines(section: PageSection, width: int, level: int = 2) -> Iterator[str]:
@@ -64,7 +82,9 @@ def _block(block: Block, width: int) -> Iterator[str]:
         case Glossary(title, terms):
             yield from _bold(title, width)
             for term, meaning in terms:
-                yield from textwrap.wrap(f"{_words(term)}: {_words(meaning)}", width, subsequent_indent="    ")
+                yield from textwrap.wrap(
+                    f"{_words(term)}: {_words(meaning)}", width, subsequent_indent="    "
+                )
         case Code(text):
             yield from ("    " + row for row in harmless(text).expandtabs().splitlines())
         case Table():
@@ -76,17 +96,23 @@ def _block(block: Block, width: int) -> Iterator[str]:
 
 
 def _panels(table: Table, width: int) -> Iterator[tuple[list[int], list[int]]]:
-    """Split a table into panels that fit the width, each with the first column; columns and their widths."""
-    least, whole = zip(*(_extent(table, column) for column in range(len(table.columns))), strict=True)
+    """Split a table into panels that fit the width, each with the first column; columns and their
+    widths."""
+    least, whole = zip(
+        *(_extent(table, column) for column in range(len(table.columns))), strict=True
+    )
     first, *rest = range(len(table.columns))
     while True:
         panel = [first]
         while rest and (len(panel) == 1 or _total([least[c] for c in [*panel, rest[0]]]) <= width):
             panel.append(rest.pop(0))
-        widths, spare = [least[c] for c in panel], width - _total([least[c] for c in panel])
-        for i, column in enumerate(panel):  # spare width goes to columns that are narrower than their text
+        widths = [least[c] for c in panel]
+        spare = width - _total([least[c] for c in panel])
+        # spare width goes to columns that are narrower than their text
+        for i, column in enumerate(panel):
             more = min(max(spare, 0), whole[column] - least[column])
-            widths[i], spare = widths[i] + more, spare - more
+            widths[i] = widths[i] + more
+            spare = spare - more
         if spare < 0:  # two columns alone are too wide
             widths[-1] = max(1, widths[-1] + spare)
         yield panel, widths
@@ -104,19 +130,32 @@ def _extent(table: Table, column: int) -> tuple[int, int]:
     cells = [len(_words(row[column].display)) for row in table.rows]
     word = max((len(w) for w in head.split()), default=0)
     longest = max([*cells, word])
-    least = longest if table.columns[column].kind == NUMBER else max(min(longest, NARROW), min(word, NARROW))
+    least = (
+        longest
+        if table.columns[column].kind == NUMBER
+        else max(min(longest, NARROW), min(word, NARROW))
+    )
     return least, max(longest, min(len(head), 2 * longest))
 
 
 def _panel(table: Table, columns: Sequence[int], widths: Sequence[int]) -> Iterator[str]:
-    """The lines of some columns of a table: heads, which stand on the lowest of their lines, a rule, and rows."""
-    heads = [textwrap.wrap(_words(table.columns[c].head), w) for c, w in zip(columns, widths, strict=True)]
-    deepest, kinds = max(map(len, heads)), [table.columns[c].kind for c in columns]
-    yield from _lines(kinds, widths, [[""] * (deepest - len(h)) + h for h in heads], [""] * len(columns))
+    """The lines of some columns of a table: heads, which stand on the lowest of their lines, a
+    rule, and rows."""
+    heads = [
+        textwrap.wrap(_words(table.columns[c].head), w)
+        for c, w in zip(columns, widths, strict=True)
+    ]
+    deepest = max(map(len, heads))
+    kinds = [table.columns[c].kind for c in columns]
+    yield from _lines(
+        kinds, widths, [[""] * (deepest - len(h)) + h for h in heads], [""] * len(columns)
+    )
     yield GAP.join("─" * w for w in widths)
     for row in table.rows:
         cells = [row[c] for c in columns]
-        wrapped = [textwrap.wrap(_words(cell.display), w) for cell, w in zip(cells, widths, strict=True)]
+        wrapped = [
+            textwrap.wrap(_words(cell.display), w) for cell, w in zip(cells, widths, strict=True)
+        ]
         yield from _lines(kinds, widths, wrapped, [cell.mark for cell in cells])
 
 
@@ -134,7 +173,12 @@ def _lines(
 
 @click.command()
 @click.argument("report", type=shared.PATH)
-@click.option("--section", default=None, metavar="NAME", help="Only the sections whose title contains these words.")
+@click.option(
+    "--section",
+    default=None,
+    metavar="NAME",
+    help="Only the sections whose title contains these words.",
+)
 @shared.whole("width", None, "Characters of a line. [default: the terminal's]")
 def show(report: Path, section: str | None, width: int | None) -> None:
     """Show a report on the terminal.
@@ -145,7 +189,9 @@ def show(report: Path, section: str | None, width: int | None) -> None:
     """
     path = report / NAME if report.is_dir() else report
     if report.is_dir() and not path.exists():
-        why = f"holds no {NAME}; give a folder into which this version of rattle has written a report"
+        why = (
+            f"holds no {NAME}; give a folder into which this version of rattle has written a report"
+        )
         raise FileError("report", str(report), why)
     page = read_page(path)
     terminal = max(shutil.get_terminal_size().columns, NARROWEST)
@@ -168,15 +214,25 @@ def show(report: Path, section: str | None, width: int | None) -> None:
 @shared.real("sigma", "Noise intensity. [default: the scene's; 0.1 on DAT21]")
 @shared.whole("impacts", 24, "Impacts of the noise-free orbit to show, 1 to 200.")
 @shared.SEED
-@click.option("--out", type=shared.PATH, default=None, help="HTML file. [default: reports/NAME-animation.html]")
+@click.option(
+    "--out",
+    type=shared.PATH,
+    default=None,
+    help="HTML file. [default: reports/NAME-animation.html]",
+)
 @click.option("--overwrite", is_flag=True, help="Replace an earlier animation of that name.")
 def animate(
-    scene: Path | None, sigma: float | None, impacts: int, seed: int, out: Path | None, overwrite: bool
+    scene: Path | None,
+    sigma: float | None,
+    impacts: int,
+    seed: int,
+    out: Path | None,
+    overwrite: bool,
 ) -> None:
     """Draw the moving wheels of a scene in one HTML file.
 
-    The noise-free orbit beside one noisy path. SCENE is a TOML file, DAT21 if none is given. The file has less than 1
-    MB and needs no other; open it in any browser.
+    The noise-free orbit beside one noisy path. SCENE is a TOML file, DAT21 if none is given. The
+    file has less than 1 MB and needs no other; open it in any browser.
 
     Exit codes: 0 written; 2 bad input.
     """
@@ -196,7 +252,9 @@ def animate(
 
 def template(name: str) -> str:
     """Text of a scene file with DAT21's values."""
-    text = files("rattle.compare.cli").joinpath("templates", "gears.toml").read_text(encoding="utf-8")
+    text = (
+        files("rattle.compare.cli").joinpath("templates", "gears.toml").read_text(encoding="utf-8")
+    )
     return text.replace("NAME", line(name))
 
 
@@ -205,8 +263,8 @@ def template(name: str) -> str:
 def init(file: Path) -> None:
     """Write a scene file to start from, with comments.
 
-    Every key has its unit, its meaning and the value of DAT21. FILE is gears.toml if none is given; an existing file is
-    never replaced.
+    Every key has its unit, its meaning and the value of DAT21. FILE is gears.toml if none is given;
+    an existing file is never replaced.
 
     Exit codes: 0 written; 2 not.
     """
@@ -217,7 +275,10 @@ def init(file: Path) -> None:
     except FileExistsError:
         raise OutputError(f"{file}: exists already; give another name") from None
     first = f"rattle simulate {file} --paths 10000 --units physical"
-    say(f"{file}: a gear pair to change; then: rattle stationary {file}; the first impacts, in seconds: {first}")
+    say(
+        f"{file}: a gear pair to change; then: rattle stationary {file}; the first impacts, in"
+        f" seconds: {first}"
+    )
 
 
 @click.command()
@@ -226,15 +287,24 @@ def init(file: Path) -> None:
 def drive(measured: Path, **written: Any) -> None:
     """Show the measured drive of a scene file.
 
-    SCENE is a TOML file whose table [drive] has a file: its orders, its noise with an interval, and what is left out.
+    SCENE is a TOML file whose table [drive] has a file: its orders, its noise with an interval, and
+    what is left out.
     """
     results = Results(name_of(measured), suffix="-drive", page="report.save:write_drive", **written)
     base = load_scene(measured, None)
     data = find_measured(read_toml(read_text("scene file", measured)), measured.parent)
     if not isinstance(data.get("drive"), Mapping):
-        raise InputError("drive", str(measured), "has no measured drive; give a scene file with [drive] and file = ...")
+        raise InputError(
+            "drive",
+            str(measured),
+            "has no measured drive; give a scene file with [drive] and file = ...",
+        )
     found = read_measured(data)
-    facts = {k: v for k, v in vars(found).items() if k not in ("cycle", "spread", "sum_of_orders", "drive")}
+    facts = {
+        k: v
+        for k, v in vars(found).items()
+        if k not in ("cycle", "spread", "sum_of_orders", "drive")
+    }
     said = [*found.answer, f"sigma of this scene: {base.sigma:.4g} with alpha = {base.alpha:.4g}."]
     results.write(found, scene=base.to_dict(), file=str(data["drive"]["file"]))
     results.say(said, "drive.html", lambda: facts | {"answer": said})

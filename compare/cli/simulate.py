@@ -10,7 +10,15 @@ import click
 
 import rattle as rt
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import EXIT_NOT_MET, Begin, load_scene, say, say_json, say_lines, say_part
+from rattle.compare.cli.shared import (
+    EXIT_NOT_MET,
+    Begin,
+    load_scene,
+    say,
+    say_json,
+    say_lines,
+    say_part,
+)
 from rattle.compare.report.folder import check_own, write_whole
 from rattle.scene import InputError, Scene, positive
 from rattle.scene.progress import do
@@ -18,13 +26,18 @@ from rattle.scene.units import UNITS, check_units, in_units
 
 MOST_NAMED = 8  # rows that miss an accuracy which are named
 TABLE_UNITS = "Units of the tables; physical: ms, mm and mm/s, for a scene with [gears]."
-JSON_UNITS = "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
+JSON_UNITS = (
+    "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
+)
 STEP_BIAS = "Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work)."
 COMPARED = "Closure to compare; repeatable. [default: all]"
-QUANTITY = "Quantity that the accuracy is for; repeatable. [default: rate_above, speed_above, energy_per_period]"
+QUANTITY = (
+    "Quantity that the accuracy is for; repeatable. [default: rate_above, speed_above,"
+    " energy_per_period]"
+)
 BUDGET = (
-    "Processor seconds of the simulation, all threads together; compiling, closures and figures are not counted. "
-    "[default: refused above an hour]"
+    "Processor seconds of the simulation, all threads together; compiling, closures and figures are"
+    " not counted. [default: refused above an hour]"
 )
 AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 
@@ -32,12 +45,19 @@ AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 @click.command()
 @shared.SCENE_AND_SIGMA
 @shared.whole("impacts", 12, "Impacts after the start.")
-@shared.real("accuracy", "Error bound of all means and sds, in sds, with 95 % probability. [default: 0.01]")
+@shared.real(
+    "accuracy", "Error bound of all means and sds, in sds, with 95 % probability. [default: 0.01]"
+)
 @shared.whole("paths", None, "Number of paths, in place of an accuracy.")
 @shared.real("dt", "Step, with --paths. [default: the scheme's, 0.002 for Euler-Maruyama]")
-@shared.name_option("scheme", shared.SCHEMES, "Scheme. [default: what costs least; exact-flight with --paths]")
+@shared.name_option(
+    "scheme", shared.SCHEMES, "Scheme. [default: what costs least; exact-flight with --paths]"
+)
 @click.option("--step-bias/--no-step-bias", default=True, show_default=True, help=STEP_BIAS)
-@shared.real("budget", f"Processor seconds that an accuracy may take, all threads together. [default: {AN_HOUR}]")
+@shared.real(
+    "budget",
+    f"Processor seconds that an accuracy may take, all threads together. [default: {AN_HOUR}]",
+)
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, TABLE_UNITS, default="dimensionless")
 @click.option("--out", type=shared.PATH, default=None, help="CSV file of the whole section table.")
@@ -59,8 +79,9 @@ def simulate(
 ) -> None:
     """Simulate a scene and print its moments at each impact.
 
-    SCENE is a TOML file, DAT21 if none is given. With --accuracy the expected time is printed before the work starts.
-    Means and sds that miss the accuracy are marked with a star, and listed with their own bound and the reason.
+    SCENE is a TOML file, DAT21 if none is given. With --accuracy the expected time is printed
+    before the work starts. Means and sds that miss the accuracy are marked with a star, and listed
+    with their own bound and the reason.
 
     Exit codes: 0 done; 2 bad input; 3 a mean or an sd misses the accuracy.
     """
@@ -80,18 +101,31 @@ def simulate(
     common: dict[str, Any] = {"rng": seed, "progress": "simulating", **settings}
     if paths is not None and accuracy is None:
         recorded = None if step_bias else rt.Record(step_bias=False)
-        run = rt.simulate(base, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded, **common)
+        run = rt.simulate(
+            base, paths=paths, dt=dt, scheme=scheme or "exact-flight", record=recorded, **common
+        )
     else:
         accuracy = 0.01 if accuracy is None else accuracy
         for name, value in (("paths", paths), ("dt", dt)):
             if value is not None:
                 raise InputError(name, value, "is chosen by --accuracy; leave out one of them")
         do("simulate: pilot runs, which choose scheme, step and paths")
-        with shared.estimates_shown(), warnings.catch_warnings(action="ignore", category=rt.AccuracyWarning):
-            run = rt.simulate_to(base, accuracy, scheme=scheme, budget=budget, refuse=False, **common)
-    reach, missed = run.reach, run.reach.missed if run.reach else ()
+        with (
+            shared.estimates_shown(),
+            warnings.catch_warnings(action="ignore", category=rt.AccuracyWarning),
+        ):
+            run = rt.simulate_to(
+                base, accuracy, scheme=scheme, budget=budget, refuse=False, **common
+            )
+    reach = run.reach
+    missed = run.reach.missed if run.reach else ()
     if as_json:
-        record = {"scheme": run.scheme, "dt": run.dt, "paths": run.paths, "seconds": round(run.wall_seconds, 3)}
+        record = {
+            "scheme": run.scheme,
+            "dt": run.dt,
+            "paths": run.paths,
+            "seconds": round(run.wall_seconds, 3),
+        }
         record = {"long_run": transient or None} | record
         record |= {"reach": reach and reach.sentence, "missed": [row._asdict() for row in missed]}
         record |= {"diagnostics": run.diagnostics, "units": units}
@@ -114,7 +148,8 @@ def simulate(
 
 
 FORMS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
-"""How columns are printed whose names begin so: errors may be far smaller than what they belong to."""
+"""How columns are printed whose names begin so: errors may be far smaller than what they belong to.
+"""
 SHOWN = (
     *("tau", "se_tau", "bias_tau", "sd_tau"),
     *(f"{error}{name}" for name in ("y1", "y2") for error in ("", "se_", "bias_", "sd_")),
@@ -125,16 +160,19 @@ SHOWN = (
 def _list_missed(reach: "rt.Reach", rows: int) -> list[str]:
     """The means and sds that miss the accuracy, the worst by name."""
     said = f"{len(reach.missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):"
-    named, more = [f"  {row.sentence}" for row in reach.missed[:MOST_NAMED]], len(reach.missed) - MOST_NAMED
+    named = [f"  {row.sentence}" for row in reach.missed[:MOST_NAMED]]
+    more = len(reach.missed) - MOST_NAMED
     return [said, *named, *([f"  and {more} more"] if more > 0 else [])]
 
 
 def section_table(run: "rt.Ensemble", units: str) -> str:
-    """The columns shown on a terminal, without absent and empty ones, and stars at what misses the accuracy.
+    """The columns shown on a terminal, without absent and empty ones, and stars at what misses the
+    accuracy.
 
     It is laid out here, for pandas would take as long to load as sampling.
     """
-    gears, missed = run.scene.gears, run.reach.missed if run.reach else ()
+    gears = run.scene.gears
+    missed = run.reach.missed if run.reach else ()
     columns = in_units(run.columns, gears, units)
     physical = gears.units.columns_of if gears is not None and units == "physical" else {}
     stars = {(f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed}
@@ -145,10 +183,17 @@ def section_table(run: "rt.Ensemble", units: str) -> str:
         if not all(math.isnan(v) for v in values):
             form = next((form for start, form in FORMS.items() if name.startswith(start)), ".5f")
             cells = [format(v, form) if isinstance(v, float) else str(v) for v in values]
-            texts.append([name, *(f"{cell}*" if (own, k) in stars else cell for k, cell in enumerate(cells, 1))])
+            texts.append(
+                [
+                    name,
+                    *(f"{cell}*" if (own, k) in stars else cell for k, cell in enumerate(cells, 1)),
+                ]
+            )
     wide = [max(map(len, text)) for text in texts]
     rows = zip(*texts, strict=True)
-    return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(row, wide, strict=True)) for row in rows)
+    return "\n".join(
+        "  ".join(cell.rjust(w) for cell, w in zip(row, wide, strict=True)) for row in rows
+    )
 
 
 @click.command()
@@ -184,8 +229,8 @@ def stationary(
 
     Each has its error. SCENE is a TOML file, DAT21 if none is given.
 
-    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before the accuracy was
-    reached.
+    Exit codes: 0 done; 2 bad input, or no stationary motion was reached; 3 the budget ended before
+    the accuracy was reached.
     """
     from rattle.compare.chaos.sweep import stationary_bifurcation, values, vary
     from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
@@ -193,13 +238,20 @@ def stationary(
 
     check_units(units or "dimensionless", base.gears)
     if own := [name for name in closures if ":" in name]:
-        why = "predicts impacts, not the long run; leave it out, or judge it by rattle validate or rattle boundary"
+        why = (
+            "predicts impacts, not the long run; leave it out, or judge it by rattle validate or"
+            " rattle boundary"
+        )
         raise InputError("closure", own[0], why)
     if closures and no_closures:
         raise InputError("closure", closures, "is left out by --no-closures; give one of them")
     at = () if over is None else values("over", over)
-    scenes, results = vary(base, field, at), begin()
-    settings = {name: settings[name] for name in ("accuracy", "periods", "paths", "burn_in", "slow", "budget")}
+    scenes = vary(base, field, at)
+    results = begin()
+    settings = {
+        name: settings[name]
+        for name in ("accuracy", "periods", "paths", "burn_in", "slow", "budget")
+    }
     settings["quantities"] = list(quantities or ASKED)
     settings["closures"] = [] if no_closures else list(closures or CLOSURES_JUDGED)
     view = stationary_bifurcation(scenes, field, seed=seed, workers=workers) if at else None
@@ -216,26 +268,40 @@ def stationary(
 @shared.SCENE_AND_SIGMA
 @shared.field("Field of the scene, or value of its gears, that the sweep varies.")
 @shared.grid("over", "0.05:2.5:100", "Its values.")
-@click.option("--keep-sigma", is_flag=True, help="Keep the noise along the sweep; else it is the paper's, sqrt(alpha).")
+@click.option(
+    "--keep-sigma",
+    is_flag=True,
+    help="Keep the noise along the sweep; else it is the paper's, sqrt(alpha).",
+)
 @click.option("--no-sweep", is_flag=True, help="Leave sweep and bifurcation view out.")
-@click.option("--width", type=float, default=0.01, show_default=True, help="Widest interval of a largest exponent.")
+@click.option(
+    "--width",
+    type=float,
+    default=0.01,
+    show_default=True,
+    help="Widest interval of a largest exponent.",
+)
 @shared.whole("points", 1_000_000, "Points of each Poincare section.")
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
 @shared.SEED_AND_WORKERS
 @shared.report("reports/NAME-chaos", "chaos.page:write_chaos")
-def chaos(base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any) -> None:
+def chaos(
+    base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any
+) -> None:
     """Measure Lyapunov exponents, Poincare sections and spectra.
 
-    They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over a sweep. Results
-    of the sweep are stored in OUT-cells: after an interruption the same command continues with them.
+    They say whether the motion of SCENE (a TOML file, DAT21 if none is given) is chaotic, also over
+    a sweep. Results of the sweep are stored in OUT-cells: after an interruption the same command
+    continues with them.
 
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.chaos.measure import Effort, study
     from rattle.compare.chaos.sweep import paper_noise, values, vary
 
-    field, at = settings["field"], () if no_sweep else values("over", over)
+    field = settings["field"]
+    at = () if no_sweep else values("over", over)
     noise = None if keep_sigma or field == "sigma" else paper_noise
     scenes = vary(base, field, at, noise) if noise else vary(base, field, at)
     positive("width", settings["width"])

@@ -23,8 +23,12 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
 @shared.folder("FILE without its suffix")
 @shared.whole("workers", 2, "Threads; the results do not depend on it.")
 @shared.SCHEDULER
-@click.option("--overwrite", is_flag=True, help="Replace the tables of another study in that folder.")
-@click.option("--explain", is_flag=True, help="Print what is to be computed and its expected cost, and stop.")
+@click.option(
+    "--overwrite", is_flag=True, help="Replace the tables of another study in that folder."
+)
+@click.option(
+    "--explain", is_flag=True, help="Print what is to be computed and its expected cost, and stop."
+)
 @click.option("--status", is_flag=True, help="Print which results are stored, and stop.")
 @shared.json_flag("the record")
 def study(
@@ -39,11 +43,11 @@ def study(
 ) -> None:
     """Compute a study of many scenes, described in a TOML file.
 
-    Writes tables, figures and a page. Every result is saved when it is computed; the same command continues an
-    interrupted one.
+    Writes tables, figures and a page. Every result is saved when it is computed; the same command
+    continues an interrupted one.
 
-    Exit codes: 0 complete; 1 complete except for results that cannot be computed at some points, with the reasons; 2
-    bad input, or nothing that could be computed; 130 interrupted.
+    Exit codes: 0 complete; 1 complete except for results that cannot be computed at some points,
+    with the reasons; 2 bad input, or nothing that could be computed; 130 interrupted.
     """
     from rattle.compare.engine.run import CELLS
     from rattle.compare.engine.store import Store
@@ -61,8 +65,14 @@ def study(
     _ = wanted.points  # finds what cannot be computed before any file is written
     if status:
         todo = seen.missing(wanted.cells)
-        say(f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results stored.")
-        say_lines(f"  missing: {number} {group}" for group, number in Counter(cell.group for cell in todo).items())
+        say(
+            f"{line(wanted.title)}: {len(wanted.cells) - len(todo)} of {len(wanted.cells)} results"
+            " stored."
+        )
+        say_lines(
+            f"  missing: {number} {group}"
+            for group, number in Counter(cell.group for cell in todo).items()
+        )
         say_lines(f"  {line(str(failure))}" for failure in group_failures(wanted.points, {}))
         return
     check_folder(wanted, folder, overwrite)
@@ -70,10 +80,15 @@ def study(
     def describe() -> str:
         have = len(wanted.cells) - len(seen.missing(wanted.cells))
         page = ", but their page is not written" if have == len(wanted.cells) else ""
-        return f"{have} of {len(wanted.cells)} results stored{page}; run the same command again to continue"
+        return (
+            f"{have} of {len(wanted.cells)} results stored{page}; run the same command again to"
+            " continue"
+        )
 
     stored.append(describe)
-    record = _read_finished(wanted, seen, folder) or _compute(wanted, seen, folder, workers, scheduler)
+    record = _read_finished(wanted, seen, folder) or _compute(
+        wanted, seen, folder, workers, scheduler
+    )
     stored.append(lambda: f"all {len(wanted.cells)} results are stored, and their page is written")
     if as_json:
         say_json(record)
@@ -87,8 +102,11 @@ def study(
         sys.exit(1)
 
 
-def _compute(wanted: "rt.Study", seen: Any, folder: Path, workers: int, scheduler: str | None) -> dict[str, Any]:
-    """Run the study and write its page; returns the record of the page, or only the answer if it cannot be written."""
+def _compute(
+    wanted: "rt.Study", seen: Any, folder: Path, workers: int, scheduler: str | None
+) -> dict[str, Any]:
+    """Run the study and write its page; returns the record of the page, or only the answer if it
+    cannot be written."""
     from rattle.compare.engine.cluster import Cluster
     from rattle.compare.engine.run import Runner, open_cells, run
     from rattle.compare.study.design import combine, page_of, read_results
@@ -123,7 +141,8 @@ def _compute(wanted: "rt.Study", seen: Any, folder: Path, workers: int, schedule
 
 
 def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any] | None:
-    """The record of a study whose cells and page are complete; None if something is to be computed or written."""
+    """The record of a study whose cells and page are complete; None if something is to be computed
+    or written."""
     from rattle.compare.study.folder import FILE, PAGE, is_current, is_current_file
 
     current = is_current(wanted, folder)
@@ -147,7 +166,11 @@ def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
     cells = [cell for point in points for cell in point.cells] if sampled else wanted.cells
 
     def times(cell: object) -> float:
-        return (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points) if sampled else 1.0
+        return (
+            (wanted.scenes if isinstance(cell, Prediction) else wanted.size) / len(points)
+            if sampled
+            else 1.0
+        )
 
     todo = [c for c in cells if not seen.path(c).is_file()] if seen.folder.is_dir() else cells
     each = expect_work(todo)
@@ -155,18 +178,26 @@ def _explain(wanted: "rt.Study", seen: Any, workers: int) -> str:
     number, left = (f"{'about ' * sampled}{sum(map(times, some)):.0f}" for some in (cells, todo))
     lines = [f"{line(wanted.title)}: {wanted.size} points, {number} cells, {left} to compute."]
     if sampled:
-        lines.append(f"  estimated from {len(points)} points, chosen at random; --status counts all")
+        lines.append(
+            f"  estimated from {len(points)} points, chosen at random; --status counts all"
+        )
     lines += [
-        f"  {name}: {len(axis.values)} values, {line(str(axis.values[0][i]))} to {line(str(axis.values[-1][i]))}"
-        + (f" (with {', '.join(n for n in axis.names if n != name)})" if len(axis.names) > 1 else "")
+        f"  {name}: {len(axis.values)} values, {line(str(axis.values[0][i]))} to"
+        f" {line(str(axis.values[-1][i]))}"
+        + (
+            f" (with {', '.join(n for n in axis.names if n != name)})"
+            if len(axis.names) > 1
+            else ""
+        )
         for axis in wanted.axes
         for i, name in enumerate(axis.names)
     ]
     lines += [f"  {line(str(failure))}" for failure in group_failures(points, {})]
     lines.append(
-        f"About {work.core_seconds:.0f} core-seconds of counted work at nominal costs ({work.path_steps:.2g} "
-        f"path-steps; `branching` with all its components), {work.megabytes:.0f} MB on {workers} threads. Compiling, "
-        "the first time, takes about a minute besides."
+        f"About {work.core_seconds:.0f} core-seconds of counted work at nominal costs"
+        f" ({work.path_steps:.2g} path-steps; `branching` with all its components),"
+        f" {work.megabytes:.0f} MB on {workers} threads. Compiling, the first time, takes about a"
+        " minute besides."
     )
     lines.append("Expected time on more cores (Dask):")
     seconds = {key: one.core_seconds for key, one in each.items()}

@@ -9,15 +9,33 @@ import click
 
 import rattle as rt
 from rattle.compare.cli import shared
-from rattle.compare.cli.shared import EXIT_NOT_MET, PAPER_SIGMA, Begin, load_scene, say, say_json, say_lines
+from rattle.compare.cli.shared import (
+    EXIT_NOT_MET,
+    PAPER_SIGMA,
+    Begin,
+    load_scene,
+    say,
+    say_json,
+    say_lines,
+)
 from rattle.compare.report.folder import check_free, default_place, name_of
 from rattle.compare.report.interrupt import stored
 from rattle.scene import Scene, choice, count, positive
 
-EXIT_FAILED, EXIT_NOT_REPEATED, EXIT_ROUNDED = 1, 4, 5
-CLOSURE = "Closure, or package.module:function of your own; repeatable. [default: all that can be applied]"
-BESIDE = "Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes without SCENE]"
-VALIDITY = "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
+EXIT_FAILED = 1
+EXIT_NOT_REPEATED = 4
+EXIT_ROUNDED = 5
+CLOSURE = (
+    "Closure, or package.module:function of your own; repeatable. [default: all that can be"
+    " applied]"
+)
+BESIDE = (
+    "Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes"
+    " without SCENE]"
+)
+VALIDITY = (
+    "Noise intensities of the figure that opens the report, evenly spaced in their logarithm."
+)
 PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 """Noise intensities of the default report on DAT21: two small ones, and the paper's sqrt(alpha)."""
 
@@ -37,10 +55,16 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 @shared.whole("validity-paths", 40_000, "Simulated paths of each of these.")
 @shared.real("budget", "Core-seconds of counted work for that figure.", 60.0)
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
-@click.option("--out", type=shared.PATH, default=None, help="Report folder. [default: reports/NAME]")
+@click.option(
+    "--out", type=shared.PATH, default=None, help="Report folder. [default: reports/NAME]"
+)
 @click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
 @click.option("--repeat", type=shared.PATH, help="Repeat the run of a manifest.json.")
-@click.option("--require", type=click.Choice(["accurate"]), help="Exit 3 unless every predicted moment is accurate.")
+@click.option(
+    "--require",
+    type=click.Choice(["accurate"]),
+    help="Exit 3 unless every predicted moment is accurate.",
+)
 @shared.json_flag("the answer and all rows of the table")
 def validate(
     scene: Path | None,
@@ -64,9 +88,9 @@ def validate(
 
     SCENE is a TOML file, DAT21 if none is given.
 
-    Exit codes: 0 the run is complete, whatever the verdicts; 1 complete, but a closure of your own raised an exception;
-    2 bad input; 3 --require is not met; 4 --repeat differs; 5 --repeat is the same but for rounding, as on another kind
-    of processor.
+    Exit codes: 0 the run is complete, whatever the verdicts; 1 complete, but a closure of your own
+    raised an exception; 2 bad input; 3 --require is not met; 4 --repeat differs; 5 --repeat is the
+    same but for rounding, as on another kind of processor.
     """
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
     from rattle.closure.mean_map import find_closures, predict
@@ -116,7 +140,13 @@ def validate(
     watch = Stopwatch()
     predictions: dict[str, Any] = {"closures": settings.closures, "order": settings.order}
     validations = [
-        rt.validate(s, **settings.simulation, **predictions, workers=workers, progress=f"sigma {s.sigma:.4g}")
+        rt.validate(
+            s,
+            **settings.simulation,
+            **predictions,
+            workers=workers,
+            progress=f"sigma {s.sigma:.4g}",
+        )
         for s in settings.scenes
     ]
     origin = {"repeat": command_line(["validate", "--repeat", str(out / "manifest.json")])}
@@ -137,13 +167,26 @@ def validate(
         stored.append(lambda: f"the page is written, without the range of validity: {page}")
     swept = None
     if settings.validity:
-        say(f"Page: {page}; now the range of validity over σ, at {len(settings.validity)} intensities", err=True)
-        swept = sweep(first, settings.validity, **settings.sweep, **predictions, workers=workers, budget=budget)
+        say(
+            f"Page: {page}; now the range of validity over σ, at {len(settings.validity)}"
+            " intensities",
+            err=True,
+        )
+        swept = sweep(
+            first,
+            settings.validity,
+            **settings.sweep,
+            **predictions,
+            workers=workers,
+            budget=budget,
+        )
         settings = settings._replace(validity=tuple(sorted(swept.validity["sigma"].unique())))
         said = answer(validations, swept) + describe_left_out(swept, budget)
     schemes = compare_schemes(validations, settings.beside, workers) if settings.beside else None
     measured = origin | provenance(watch)
-    record = write_report(out, settings, validations, swept, said, drawn, measured, overwrite, schemes)
+    record = write_report(
+        out, settings, validations, swept, said, drawn, measured, overwrite, schemes
+    )
     repeated = None if recorded is None else manifest.compare(recorded, record, out)
     accurate = all(v.accurate for v in validations)
     if as_json:
@@ -160,7 +203,8 @@ def validate(
         say_json(summary | {"table": all_rows(validations).to_dict("records")})
     else:
         comparison = repeated.sentences if repeated else []
-        known = {sentence.replace(SECTION, "") for sentence in told}  # it explains a word at its first use
+        # it explains a word at its first use
+        known = {sentence.replace(SECTION, "") for sentence in told}
         new = [sentence for sentence in said if sentence.replace(SECTION, "") not in known]
         say_lines((*new, f"Report: {page}", *comparison))
     if repeated and repeated.outcome == manifest.DIFFERENT:
@@ -180,13 +224,24 @@ def validate(
 @shared.SCENE
 @shared.real("sigma", "Noise intensity. [default: the scene's, or 0.1]")
 @shared.whole("impacts", 12, "Impacts after the start.")
-@shared.several("accuracy", "accuracies", float, "Error in sds; repeatable. [default: 0.3 to 0.001]")
-@shared.real("budget", "Core-seconds up to which a point is run; costlier ones are extrapolated.", 100.0)
+@shared.several(
+    "accuracy", "accuracies", float, "Error in sds; repeatable. [default: 0.3 to 0.001]"
+)
+@shared.real(
+    "budget", "Core-seconds up to which a point is run; costlier ones are extrapolated.", 100.0
+)
 @shared.SEED
-@click.option("--orders/--no-orders", default=True, show_default=True, help="Measure the schemes' weak orders as well.")
+@click.option(
+    "--orders/--no-orders",
+    default=True,
+    show_default=True,
+    help="Measure the schemes' weak orders as well.",
+)
 @shared.whole("workers", 2, "Threads.")
 @shared.report("reports/NAME-tradeoff", "tradeoff.page:write_tradeoff", otherwise=0.1)
-def tradeoff(base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: bool, **settings: Any) -> None:
+def tradeoff(
+    base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: bool, **settings: Any
+) -> None:
     """Measure what an accuracy costs by each scheme and closure.
 
     SCENE is a TOML file, DAT21 if none is given.
@@ -201,8 +256,11 @@ def tradeoff(base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: b
     positive("budget", settings["budget"])
     common: dict[str, Any] = {name: settings[name] for name in ("impacts", "workers")}
     for scheme in rt.SCHEMES:
-        check_settings(base, paths=1, dt=None, scheme=scheme, rng=settings["seed"], step_bias=False, **common)
-    results, asked_for = begin(), {"accuracies": asked, "orders": orders, **settings}
+        check_settings(
+            base, paths=1, dt=None, scheme=scheme, rng=settings["seed"], step_bias=False, **common
+        )
+    results = begin()
+    asked_for = {"accuracies": asked, "orders": orders, **settings}
     found = measure(base, **asked_for)
     results.say(results.write(found, scene=base.to_dict(), **asked_for), "tradeoff.html")
 
@@ -213,7 +271,9 @@ def tradeoff(base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: b
 @shared.whole("paths", 20_000, "Paths of each run.")
 @shared.SEED_AND_WORKERS
 @shared.json_flag("the table")
-def order(scene: Path | None, sigma: float | None, seed: int, as_json: bool, **settings: int) -> None:
+def order(
+    scene: Path | None, sigma: float | None, seed: int, as_json: bool, **settings: int
+) -> None:
     """Measure the order of the step bias of Euler-Maruyama.
 
     SCENE is a TOML file, DAT21 if none is given.
@@ -225,13 +285,25 @@ def order(scene: Path | None, sigma: float | None, seed: int, as_json: bool, **s
     if as_json:
         say_json(table.to_dict("records"))
         return
-    names = ["scheme", "moment", "quantity", "slope", "low", "high", "last", "turns", "order", "change", "limit_z"]
+    names = [
+        "scheme",
+        "moment",
+        "quantity",
+        "slope",
+        "low",
+        "high",
+        "last",
+        "turns",
+        "order",
+        "change",
+        "limit_z",
+    ]
     say(table[names].to_string(index=False, float_format="{:.3g}".format, na_rep="-"), keep="\n")
     say_lines(orders_said(table))
     say(
-        "slope of the step bias over these dt, in [low, high] with 95 % confidence; last: that at the finest; turns: "
-        "impacts at\nwhich the change turns its sign; order: only where the slope has settled; change: size of the "
-        "last change, in sds;\nlimit_z: Richardson extrapolation minus exact flights in standard errors; -: hidden by "
-        "noise.",
+        "slope of the step bias over these dt, in [low, high] with 95 % confidence; last: that at"
+        " the finest; turns: impacts at\nwhich the change turns its sign; order: only where the"
+        " slope has settled; change: size of the last change, in sds;\nlimit_z: Richardson"
+        " extrapolation minus exact flights in standard errors; -: hidden by noise.",
         keep="\n",
     )

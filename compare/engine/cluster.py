@@ -1,7 +1,8 @@
-"""Runs the work of cells on a running Dask cluster, over a connection that can be secured (docs/guide/studies.md).
+"""Runs the work of cells on a running Dask cluster, over a connection that can be secured
+(docs/guide/studies.md).
 
-A Dask scheduler runs what it is sent, and its results come back as pickles: use one in a trusted network, or over TLS
-(``tls://HOST:PORT``), with the certificates that Dask's configuration names.
+A Dask scheduler runs what it is sent, and its results come back as pickles: use one in a trusted
+network, or over TLS (``tls://HOST:PORT``), with the certificates that Dask's configuration names.
 """
 
 import asyncio
@@ -27,7 +28,11 @@ def check_address(address: str) -> None:
     """Check the form of a scheduler's address."""
     found = re.fullmatch(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})", address)
     if not found or not 0 < int(found[3]) < 2**16:
-        raise InputError("scheduler", address, "give tcp://HOST:PORT, or tls://HOST:PORT where it has certificates")
+        raise InputError(
+            "scheduler",
+            address,
+            "give tcp://HOST:PORT, or tls://HOST:PORT where it has certificates",
+        )
 
 
 def silence() -> None:
@@ -41,7 +46,8 @@ def silence() -> None:
 def connect(address: str, patience: float) -> "Client":
     """Connect to the scheduler at an address."""
     try:
-        from distributed import Client  # an optional dependency, imported only when a scheduler is asked for
+        # an optional dependency, imported only when a scheduler is asked for
+        from distributed import Client
         from distributed.security import Security
     except ModuleNotFoundError:
         raise InputError("scheduler", address, "needs Dask: pip install rattle[cluster]") from None
@@ -49,21 +55,31 @@ def connect(address: str, patience: float) -> "Client":
         security = Security()  # as Dask's configuration has it
         certificates = security.get_connection_args("client")
     except (OSError, ValueError) as error:
-        raise InputError("scheduler", address, f"the certificates in Dask's configuration: {error}") from None
+        raise InputError(
+            "scheduler", address, f"the certificates in Dask's configuration: {error}"
+        ) from None
     if address.startswith("tls:") and not certificates.get("ssl_context"):
-        why = "needs certificates; name them in Dask's configuration (distributed.comm.tls: ca-file, client.cert, .key)"
+        why = (
+            "needs certificates; name them in Dask's configuration (distributed.comm.tls: ca-file,"
+            " client.cert, .key)"
+        )
         raise InputError("scheduler", address, why)
     try:
-        with ThreadPoolExecutor(1) as pool:  # the main thread of a notebook already runs an event loop
+        # the main thread of a notebook already runs an event loop
+        with ThreadPoolExecutor(1) as pool:
             pool.submit(asyncio.run, _greeted(address, patience, certificates)).result()
         return Client(address, timeout=patience, set_as_default=False, security=security)
     except Exception as error:  # the kind depends on what listens at the port
-        why = f"does not answer ({str(error) or type(error).__name__}); start one with dask scheduler, or leave it out"
+        why = (
+            f"does not answer ({str(error) or type(error).__name__}); start one with dask"
+            " scheduler, or leave it out"
+        )
         raise InputError("scheduler", address, why) from None
 
 
 async def _greeted(address: str, patience: float, certificates: dict[str, Any]) -> None:
-    """Complete the handshake with a scheduler within `patience`: Dask itself would wait for ever for a silent peer."""
+    """Complete the handshake with a scheduler within `patience`: Dask itself would wait for ever
+    for a silent peer."""
     from distributed.comm import connect
 
     async with asyncio.timeout(patience):
@@ -81,7 +97,8 @@ WATCH = 1.0  # seconds between two questions to the scheduler which workers it h
 SILENCE = 20.0
 """Seconds without a sign of life from a worker, after which its work is given to others.
 
-Its heart beats every few seconds in the largest clusters; Dask itself waits for 5 minutes (its ``worker-ttl``).
+Its heart beats every few seconds in the largest clusters; Dask itself waits for 5 minutes (its
+``worker-ttl``).
 """
 HURRY = 0.5  # seconds to take leave of a scheduler after an error or an interrupt
 
@@ -93,12 +110,12 @@ class Lost(RattleError):
 class Cluster(Runner):
     """The workers of a running Dask cluster.
 
-    Every task carries the numerical version that it was planned with; a worker with another version refuses it, because
-    workers may join at any time.
+    Every task carries the numerical version that it was planned with; a worker with another version
+    refuses it, because workers may join at any time.
 
-    `address`: Address of the scheduler, as in ``tcp://host:8786``, or ``tls://host:8786`` with the certificates
-    named in Dask's configuration. `patience`: Seconds to wait for an answer of the scheduler, and for a worker
-    while there is none.
+    `address`: Address of the scheduler, as in ``tcp://host:8786``, or ``tls://host:8786`` with the
+    certificates named in Dask's configuration. `patience`: Seconds to wait for an answer of the
+    scheduler, and for a worker while there is none.
     """
 
     share = SHARE
@@ -106,7 +123,8 @@ class Cluster(Runner):
     def __init__(self, address: str, patience: float = PATIENCE) -> None:
         check_address(address)
         super().__init__(0)
-        self.address, self.patience = address, patience
+        self.address = address
+        self.patience = patience
 
     def __enter__(self) -> Self:
         self._client = connect(self.address, self.patience)
@@ -122,7 +140,8 @@ class Cluster(Runner):
             raise
         self._executor = self._client.get_executor(pure=False)
         self._seen = self._looked = time.monotonic()
-        self._heartbeats: dict[str, tuple[float, float]] = {}  # of each worker the last by its clock, and by ours
+        # of each worker the last by its clock, and by ours
+        self._heartbeats: dict[str, tuple[float, float]] = {}
         self._all_silent = False
         return self
 
@@ -143,36 +162,51 @@ class Cluster(Runner):
             self._executor.shutdown(wait=False)
 
     def check(self, say: Callable[[str], object]) -> None:
-        """Notice a scheduler or workers that are gone or do not answer: Dask itself would wait for ever."""
+        """Notice a scheduler or workers that are gone or do not answer: Dask itself would wait for
+        ever."""
         if time.monotonic() - self._looked < WATCH:
             return
         try:
-            identity = self._client.sync(self._client.scheduler.identity, callback_timeout=self.patience)
+            identity = self._client.sync(
+                self._client.scheduler.identity, callback_timeout=self.patience
+            )
         except Exception:  # the kind depends on how the scheduler was lost
             raise self._loss("no longer answers: start it again") from None
         now = self._looked = time.monotonic()
         if identity["workers"]:
             self._seen = now
         if now - self._seen > self.patience:
-            raise self._loss(f"has had no workers for {self.patience:.0f} s: start some (dask worker ADDRESS)")
+            raise self._loss(
+                f"has had no workers for {self.patience:.0f} s: start some (dask worker ADDRESS)"
+            )
         before = self._heartbeats
         beats = {address: worker["last_seen"] for address, worker in identity["workers"].items()}
         self._heartbeats = {
-            address: before[address] if address in before and before[address][0] == beat else (beat, now)
+            address: (
+                before[address] if address in before and before[address][0] == beat else (beat, now)
+            )
             for address, beat in beats.items()
         }
-        silent = [address for address, (_, heard) in self._heartbeats.items() if now - heard > SILENCE]
+        silent = [
+            address for address, (_, heard) in self._heartbeats.items() if now - heard > SILENCE
+        ]
         if len(silent) < len(beats):
             self._replace(silent, say)
         elif silent and not self._all_silent:
-            say(f"no worker has answered for {SILENCE:.0f} s ({', '.join(silent)}); waiting for one; Ctrl-C ends this")
+            say(
+                f"no worker has answered for {SILENCE:.0f} s ({', '.join(silent)}); waiting for"
+                " one; Ctrl-C ends this"
+            )
         self._all_silent = len(silent) == len(beats)
 
     def _replace(self, silent: Iterable[str], say: Callable[[str], object]) -> None:
         """Give the work of some workers to the others."""
         for address in silent:
-            say(f"worker {address} has not answered for {SILENCE:.0f} s; its cells go to the others")
-            with suppress(Exception):  # a scheduler may refuse to run functions; then it does so itself, later
+            say(
+                f"worker {address} has not answered for {SILENCE:.0f} s; its cells go to the others"
+            )
+            # a scheduler may refuse to run functions; then it does so itself, later
+            with suppress(Exception):
                 self._client.run_on_scheduler(remove_worker, address)
 
     def reason(self, error: BaseException) -> str:
@@ -181,8 +215,8 @@ class Cluster(Runner):
 
         if isinstance(error, KilledWorker):
             return (
-                f"the workers that computed it died ({error.allowed_failures + 1} of them, the last at "
-                f"{error.last_worker.address}): check their logs and their memory"
+                f"the workers that computed it died ({error.allowed_failures + 1} of them, the last"
+                f" at {error.last_worker.address}): check their logs and their memory"
             )
         if isinstance(error, CancelledError):
             raise self._loss("no longer answers: start it again")
@@ -192,7 +226,8 @@ class Cluster(Runner):
 
     def _loss(self, why: str) -> Lost:
         return Lost(
-            f"scheduler = {self.address!r}: {why}; finished results are kept; run the same command again to continue"
+            f"scheduler = {self.address!r}: {why}; finished results are kept; run the same command"
+            " again to continue"
         )
 
     def _refuse(self, why: str) -> InputError:
@@ -200,17 +235,22 @@ class Cluster(Runner):
 
 
 async def remove_worker(address: str, dask_scheduler: "Scheduler") -> None:
-    """On the scheduler: remove a worker, as it does itself with one that has been silent for minutes."""
+    """On the scheduler: remove a worker, as it does itself with one that has been silent for
+    minutes."""
     await dask_scheduler.remove_worker(address, stimulus_id="rattle: silent")
 
 
 def compute_checked(version: str, work: Callable[..., Any], *given: Any) -> Any:
-    """On a worker: the result of some work, or Lost if the worker's numerical version is not `version`."""
+    """On a worker: the result of some work, or Lost if the worker's numerical version is not
+    `version`."""
     from distributed import get_worker
 
     if change := describe_difference(sources_in(*PACKAGES)):
         raise Lost(f"worker {get_worker().address}: {change}: start it again")
     if (own := numerical_version()) != version:
         worker = get_worker().address
-        raise Lost(f"worker {worker} has numerical version {own}, here it is {version}: install the same there")
+        raise Lost(
+            f"worker {worker} has numerical version {own}, here it is {version}: install the same"
+            " there"
+        )
     return work(*given)

@@ -1,4 +1,5 @@
-"""The engine of studies: it computes the missing cells, each once, even if several processes share the work.
+"""The engine of studies: it computes the missing cells, each once, even if several processes share
+the work.
 
 The work runs on threads of this process, or on a Dask cluster (`rattle.compare.engine.cluster`).
 """
@@ -16,18 +17,26 @@ from types import TracebackType
 from typing import Any, Self, TextIO
 
 from rattle.compare.engine.store import LOCKS, Cell, Content, Store, TemporaryStore
-from rattle.compare.report.folder import ANY_TEXT, check_own, describe_refusal, refuse_foreign, sweep
+from rattle.compare.report.folder import (
+    ANY_TEXT,
+    check_own,
+    describe_refusal,
+    refuse_foreign,
+    sweep,
+)
 from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
 from rattle.scene.progress import ProgressBar, print_on_stderr
 
-CELLS, LOG = "cells", "study.log"
+CELLS = "cells"
+LOG = "study.log"
 LOG_LINE = rb"\A\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} \d+ "
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
 
 class Runner:
-    """An executor, used as a context manager, on whose `workers` all cells share their blocks of paths.
+    """An executor, used as a context manager, on whose `workers` all cells share their blocks of
+    paths.
 
     So the last cell uses every worker.
     """
@@ -50,11 +59,13 @@ class Runner:
         return self._executor.submit(work, *given)
 
     def stop(self) -> None:
-        """Abandon all work: what has not begun is cancelled, which raises CancelledError where it is waited for."""
+        """Abandon all work: what has not begun is cancelled, which raises CancelledError where it
+        is waited for."""
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def check(self, say: Callable[[str], object]) -> None:
-        """Raise an error if there are no workers any more, and say which do not answer; called every now and then."""
+        """Raise an error if there are no workers any more, and say which do not answer; called
+        every now and then."""
 
     def reason(self, error: BaseException) -> str:
         """Why one cell cannot be computed; raises an error that concerns all cells."""
@@ -96,15 +107,21 @@ def has_cells(folder: Path) -> bool:
 
 
 class StudyProgress:
-    """What a run has done so far: a line on the terminal, a log file in a folder, and the counts for the manifest.
+    """What a run has done so far: a line on the terminal, a log file in a folder, and the counts
+    for the manifest.
 
-    `show`: Whether to draw the line if standard error is a terminal, and to print there which process is waited for
-    and which cells fail.
+    `show`: Whether to draw the line if standard error is a terminal, and to print there which
+    process is waited for and which cells fail.
     """
 
-    def __init__(self, todo: Collection[Cell], stored: int, folder: Path | None, show: bool) -> None:
-        self.computed, self.cell_seconds = 0, 0.0  # of this run; other cells may come from another process
-        self.failed: dict[str, str] = {}  # error message of each cell that could not be computed, by key
+    def __init__(
+        self, todo: Collection[Cell], stored: int, folder: Path | None, show: bool
+    ) -> None:
+        # of this run; other cells may come from another process
+        self.computed = 0
+        self.cell_seconds = 0.0
+        # error message of each cell that could not be computed, by key
+        self.failed: dict[str, str] = {}
         self._show, self._started = show, time.perf_counter()
         if folder is not None:
             check_log(folder)
@@ -126,7 +143,12 @@ class StudyProgress:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
         self._bar.close()
         self.log("end" if error is None else f"ended by {kind.__name__ if kind else ''}: {error}")
         with suppress(OSError):
@@ -151,10 +173,14 @@ class StudyProgress:
 
     def finish(self, cell: Cell, result: Any, here: bool) -> None:
         """Count a finished cell, computed here or by another process."""
-        seconds, said = float(result.facts["seconds"]), cell.describe(result)
+        seconds = float(result.facts["seconds"])
+        said = cell.describe(result)
         self.computed += here
         self.cell_seconds += seconds * here
-        self.log(f"{'done' if here else 'found'} {cell.label} {cell.key}: {seconds:.2f} s" + f", {said}" * bool(said))
+        self.log(
+            f"{'done' if here else 'found'} {cell.label} {cell.key}: {seconds:.2f} s"
+            + f", {said}" * bool(said)
+        )
         self._count(f"{cell.label}: {said or 'done'}")
 
     def fail(self, cell: Cell, why: str) -> None:
@@ -168,7 +194,9 @@ class StudyProgress:
         self._bar.set_postfix_str(text)
 
 
-def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = False) -> StudyProgress:
+def run(
+    cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = False
+) -> StudyProgress:
     """Compute the cells that are missing."""
     folder = None if isinstance(store, TemporaryStore) else store.folder
     if folder:
@@ -181,7 +209,10 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
         computed.add(cell.key)
         return content
 
-    with runner, StudyProgress(todo, len(cells) - len(todo), folder and folder.parent, show) as progress:
+    with (
+        runner,
+        StudyProgress(todo, len(cells) - len(todo), folder and folder.parent, show) as progress,
+    ):
         pool = ThreadPoolExecutor(runner.workers, thread_name_prefix="cell")
         running: dict[Future[Any], Cell] = {}
         try:
@@ -203,7 +234,10 @@ def run(cells: Collection[Cell], store: Store, runner: Runner, *, show: bool = F
             if folder is None:
                 raise
             have = len(cells) - len(store.missing(cells))
-            text = f"interrupted; {have} of {len(cells)} results stored; run the same command again to continue"
+            text = (
+                f"interrupted; {have} of {len(cells)} results stored; run the same command again to"
+                " continue"
+            )
             raise KeyboardInterrupt(text) from None
         finally:
             runner.stop()

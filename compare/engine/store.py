@@ -1,4 +1,5 @@
-"""A store of results: a Parquet file for each cell, named by the digest of its inputs and of the numerical code."""
+"""A store of results: a Parquet file for each cell, named by the digest of its inputs and of the
+numerical code."""
 
 import errno
 import hashlib
@@ -36,14 +37,18 @@ LIBRARIES = ("numpy", "numba", "llvmlite", "scipy")
 
 @cache
 def numerical_version(*packages: str) -> str:
-    """Compute a digest of the numerical code that this process runs, of its libraries, and of the kind of processor.
+    """Compute a digest of the numerical code that this process runs, of its libraries, and of the
+    kind of processor.
 
-    All x86-64 processors with AVX2 and FMA are of one kind, for their bits agree.  Each other is a kind of its own.
+    All x86-64 processors with AVX2 and FMA are of one kind, for their bits agree.  Each other is a
+    kind of its own.
 
     Comments, docstrings and empty lines do not change the digest.
     """
     libraries = (f"{library} {import_module(library).__version__};" for library in LIBRARIES)
-    return digest_of(sources_in(*packages or PACKAGES), _processor(), *platform.libc_ver(), *libraries)
+    return digest_of(
+        sources_in(*packages or PACKAGES), _processor(), *platform.libc_ver(), *libraries
+    )
 
 
 def _processor() -> str:
@@ -65,14 +70,17 @@ class Content(NamedTuple):
     """What the file of a cell holds."""
 
     table: pd.DataFrame
-    facts: dict[str, Any]  # plain data with an entry ``seconds``; may hold what is not reproducible, such as times
+    # plain data with an entry ``seconds``; may hold what is not reproducible, such as times
+    facts: dict[str, Any]
 
 
 class Cell(ABC):
     """One result to compute, or to find in a store under its key."""
 
-    packages: ClassVar[tuple[str, ...]]  # those whose code determines the result besides that of scenes
-    splits: ClassVar[bool] = False  # whether the work is handed to `blocks`; otherwise it is one task
+    # those whose code determines the result besides that of scenes
+    packages: ClassVar[tuple[str, ...]]
+    # whether the work is handed to `blocks`; otherwise it is one task
+    splits: ClassVar[bool] = False
     scene: Scene
 
     @property
@@ -92,10 +100,12 @@ class Cell(ABC):
 
     @abstractmethod
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """Compute table and facts; `blocks` runs blocks of paths, in this thread one after the other by default."""
+        """Compute table and facts; `blocks` runs blocks of paths, in this thread one after the
+        other by default."""
 
     def restore(self, content: Content) -> Any:
-        """Turn what was stored into a result of this kind of cell, which has the facts as ``facts``; or leave it so."""
+        """Turn what was stored into a result of this kind of cell, which has the facts as
+        ``facts``; or leave it so."""
         return content
 
     def describe(self, result: Any) -> str:
@@ -104,7 +114,8 @@ class Cell(ABC):
 
     @cached_property
     def key(self) -> str:
-        """Digest of the scene's dimensionless numbers, the settings, and the version of the code that is used."""
+        """Digest of the scene's dimensionless numbers, the settings, and the version of the code
+        that is used."""
         numbers = replace(self.scene, gears=None).to_dict()  # without the gears that it came from
         settings = dict(self.settings)
         content = {"kind": settings.pop("kind"), "scene": numbers, "settings": settings}
@@ -123,10 +134,12 @@ class Cell(ABC):
 
 
 class Store:
-    """Results by key; files are written atomically, so that a killed process leaves no partial result."""
+    """Results by key; files are written atomically, so that a killed process leaves no partial
+    result."""
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
-        self.folder, self._locks = folder, folder / LOCKS
+        self.folder = folder
+        self._locks = folder / LOCKS
         self._tries: Counter[str] = Counter()  # of cells that other processes compute, by process
         if read_only:
             return
@@ -146,11 +159,15 @@ class Store:
         return [cell for cell in cells if not self.path(cell).is_file()]
 
     def read(self, cell: Cell) -> Any:
-        """Read the result of a cell; None if there is none, or a damaged file, which will be replaced."""
-        with suppress(Exception):  # pyarrow and pandas raise many kinds for a file that is not theirs
+        """Read the result of a cell; None if there is none, or a damaged file, which will be
+        replaced."""
+        # pyarrow and pandas raise many kinds for a file that is not theirs
+        with suppress(Exception):
             return cell.restore(_parse(cell.key, read_regular(self.path(cell))))
         if self.path(cell).is_dir():
-            raise self._refuse(f"{self.path(cell).name} is a folder in place of a result; remove it")
+            raise self._refuse(
+                f"{self.path(cell).name} is a folder in place of a result; remove it"
+            )
         return None
 
     def check_sources(self, cell: Cell) -> None:
@@ -161,7 +178,8 @@ class Store:
     def write(self, cell: Cell, content: Content) -> None:
         """Store the result of a cell, atomically."""
         self.check_sources(cell)
-        table, sink = pa.Table.from_pandas(content.table), pa.BufferOutputStream()
+        table = pa.Table.from_pandas(content.table)
+        sink = pa.BufferOutputStream()
         record = json_text({"key": cell.key, "facts": content.facts}, indent=None).encode()
         table = table.replace_schema_metadata({**table.schema.metadata, NAME: record})
         pq.write_table(table, sink, compression="zstd")
@@ -171,8 +189,14 @@ class Store:
             os.replace(scratch, self.path(cell))
         except OSError as error:
             scratch.unlink(missing_ok=True)
-            why = "the disk is full" if error.errno == errno.ENOSPC else f"cannot be written ({error.strerror})"
-            raise self._refuse(f"{why}; finished results are kept: make room and repeat the command") from None
+            why = (
+                "the disk is full"
+                if error.errno == errno.ENOSPC
+                else f"cannot be written ({error.strerror})"
+            )
+            raise self._refuse(
+                f"{why}; finished results are kept: make room and repeat the command"
+            ) from None
 
     def attempt(
         self,
@@ -180,7 +204,8 @@ class Store:
         compute: Callable[[Cell], Content] = lambda cell: cell.compute(),
         say: Callable[[str], object] = print_on_stderr,
     ) -> Any:
-        """Read or compute the result of a cell; None, after a pause, while another process or thread computes it.
+        """Read or compute the result of a cell; None, after a pause, while another process or
+        thread computes it.
 
         After about a second that process is named, once.
         """
@@ -188,7 +213,8 @@ class Store:
             return found
         with self.alone(cell.key) as alone:
             if alone:
-                if (found := self.read(cell)) is None:  # it may have been stored just before the lock was taken
+                # it may have been stored just before the lock was taken
+                if (found := self.read(cell)) is None:
                     self.check_sources(cell)
                     content = compute(cell)
                     self.write(cell, content)
@@ -202,14 +228,16 @@ class Store:
         return None
 
     def obtain(self, cell: Cell, *how: Any) -> Any:
-        """Read or compute the result of a cell as `attempt` does, waiting for another process that computes it."""
+        """Read or compute the result of a cell as `attempt` does, waiting for another process that
+        computes it."""
         while (found := self.attempt(cell, *how)) is None:
             pass
         return found
 
     @contextmanager
     def alone(self, key: str) -> Iterator[bool]:
-        """Try to lock a key, without waiting; the lock ends with the context, or with its process."""
+        """Try to lock a key, without waiting; the lock ends with the context, or with its
+        process."""
         lock = FileLock(self._locks / key, thread_local=False)
         try:
             lock.acquire(blocking=False)
@@ -231,7 +259,10 @@ class Store:
     def _holder(self, key: str) -> str:
         """Name the process that holds the lock of a key."""
         with suppress(OSError):
-            return line(read_regular(self._locks / key).decode(errors="replace"))[:100] or "another process"
+            return (
+                line(read_regular(self._locks / key).decode(errors="replace"))[:100]
+                or "another process"
+            )
         return "another process"
 
     def _refuse(self, why: str) -> OutputError:
@@ -283,13 +314,15 @@ def _parse(key: str, content: bytes) -> Content:
 
 
 def with_seal(parquet: bytes) -> bytes:
-    """A Parquet file with a digest of all its bytes inserted before its footer, where readers ignore it."""
+    """A Parquet file with a digest of all its bytes inserted before its footer, where readers
+    ignore it."""
     at = _footer(parquet)
     return parquet[:at] + hashlib.sha256(parquet).digest() + parquet[at:]
 
 
 def _without_seal(content: bytes) -> bytes:
-    """The original Parquet file; raises ValueError if any bit has changed, since pyarrow can crash on such a file."""
+    """The original Parquet file; raises ValueError if any bit has changed, since pyarrow can crash
+    on such a file."""
     at = _footer(content)
     parquet = content[: max(at - SEAL, 0)] + content[max(at, 0) :]
     if at < SEAL or content[at - SEAL : at] != hashlib.sha256(parquet).digest():

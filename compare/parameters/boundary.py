@@ -48,10 +48,11 @@ class Boundary(Finding):
     scene : Scene
     closure, over : str
     edges : tuple of Edge
-        Each with ``accurate`` and ``wrong``: the closure is accurate at the first value and shown wrong at the second.
+        Each with ``accurate`` and ``wrong``: the closure is accurate at the first value and shown
+        wrong at the second.
     points : DataFrame
-        Every value that was judged, in their order: ``value, verdict, paths, error, low, high, row, remark``; ``error``
-        is that of the worst row over its tolerance.
+        Every value that was judged, in their order: ``value, verdict, paths, error, low, high, row,
+        remark``; ``error`` is that of the worst row over its tolerance.
     path_steps : int
         Steps of all simulated paths.
     unit : str
@@ -61,12 +62,15 @@ class Boundary(Finding):
     --------
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21)
-    >>> found = boundary(scene, closure="corrected", between=(0.001, 1.0), impacts=2, points=3, width=0.5)
+    >>> found = boundary(
+    ...     scene, closure="corrected", between=(0.001, 1.0), impacts=2, points=3, width=0.5
+    ... )
     >>> set(found.points["verdict"]) <= {"accurate", "wrong", "undecided"}
     True
     """
 
-    title, shown = "Boundary of {closure} over {over}", "points"
+    title = "Boundary of {closure} over {over}"
+    shown = "points"
     plain = ("closure", "over", "unit", "answer", "edges", "path_steps", "points")
 
     scene: Scene
@@ -81,7 +85,9 @@ class Boundary(Finding):
     def answer(self) -> list[str]:
         """The edges in words, and what is not known."""
         unit = f" {self.unit}" if self.unit else ""
-        closure, over, table = f"`{self.closure}`", self.over, self.points
+        closure = f"`{self.closure}`"
+        over = self.over
+        table = self.points
         span = f"from {over} = {table['value'].min():.4g} to {table['value'].max():.4g}{unit}"
         said = []
         for edge in self.edges:
@@ -92,12 +98,22 @@ class Boundary(Finding):
             said.append("Its range of validity is not one interval.")
         verdicts = set(table["verdict"])
         if verdicts == {ACCURATE}:
-            said += [f"{closure} is accurate {span}: no boundary in there.", _side(over, unit, table, accurate=True)]
+            said += [
+                f"{closure} is accurate {span}: no boundary in there.",
+                _side(over, unit, table, accurate=True),
+            ]
         elif verdicts == {WRONG}:
-            said += [f"{closure} is nowhere accurate {span}.", _side(over, unit, table, accurate=False)]
+            said += [
+                f"{closure} is nowhere accurate {span}.",
+                _side(over, unit, table, accurate=False),
+            ]
         elif not self.edges:
             best = table[table["verdict"] != UNDECIDED]
-            also = f"; it is {best['verdict'].iloc[0]} at {list_values(best['value'])}{unit}" if len(best) else ""
+            also = (
+                f"; it is {best['verdict'].iloc[0]} at {list_values(best['value'])}{unit}"
+                if len(best)
+                else ""
+            )
             said.append(f"No boundary of {closure} was decided {span}{also}.")
         doubt = table[table["verdict"] == UNDECIDED]
         if len(doubt):
@@ -137,12 +153,14 @@ def boundary(
     workers: int = 1,
     progress: str | None = None,
 ) -> Boundary:
-    """Find where along a parameter a closure stops holding: accurate up to one value, shown wrong from another.
+    """Find where along a parameter a closure stops holding: accurate up to one value, shown wrong
+    from another.
 
-    A coarse scan, then halving of the logarithm wherever the verdict changes.  At each value paths are added until
-    every section mean and sd is accurate or one is inaccurate, as `validate` judges them, at most 1,048,576.  What is
-    said of the whole search is right with 95 % probability: all looks at all values are counted.  Between the values of
-    the scan nothing is said: the range of validity need not be an interval.
+    A coarse scan, then halving of the logarithm wherever the verdict changes.  At each value paths
+    are added until every section mean and sd is accurate or one is inaccurate, as `validate` judges
+    them, at most 1,048,576.  What is said of the whole search is right with 95 % probability: all
+    looks at all values are counted.  Between the values of the scan nothing is said: the range of
+    validity need not be an interval.
 
     Parameters
     ----------
@@ -151,12 +169,12 @@ def boundary(
     closure : str, callable or Closure
         The closure: a name, or one's own as in `validate`.
     over : str
-        A parameter: a value of the gears in physical units (``torque1``, ``amplitude``, ...), a field of the scene
-        (``alpha``, ``correlation_time``, ``start.y1``, ...), of an order of the drive (``drive.2.amplitude``), or
-        ``sigma``.
+        A parameter: a value of the gears in physical units (``torque1``, ``amplitude``, ...), a
+        field of the scene (``alpha``, ``correlation_time``, ``start.y1``, ...), of an order of the
+        drive (``drive.2.amplitude``), or ``sigma``.
     between : pair of float, optional
-        Where to search; for ``sigma`` 0.001 to 2 by default, else a fourth of the scene's own value to four times it,
-        or as far as a scene can have it.
+        Where to search; for ``sigma`` 0.001 to 2 by default, else a fourth of the scene's own value
+        to four times it, or as far as a scene can have it.
     near : iterable of float
         Where an edge is expected: tried, in this order, before halving.
     impacts : int
@@ -178,7 +196,8 @@ def boundary(
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
-        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------
@@ -192,7 +211,9 @@ def boundary(
     Examples
     --------
     >>> from rattle import DAT21, Scene
-    >>> found = boundary(Scene.from_gears(DAT21), closure="published", between=(0.01, 0.1), impacts=2, points=2)
+    >>> found = boundary(
+    ...     Scene.from_gears(DAT21), closure="published", between=(0.01, 0.1), impacts=2, points=2
+    ... )
     >>> found.points["verdict"].tolist(), found.edges
     (['wrong', 'wrong'], ())
     """
@@ -213,7 +234,13 @@ def boundary(
             def simulate(changed: Scene, paths: int, near_branches: bool) -> Any:
                 nonlocal steps
                 bar.set_postfix_str(f"{over} = {value:.4g}, {paths:,} paths")
-                cell = Sample(changed, impacts, own_seed(changed, seed), paths=paths, near_branches=near_branches)
+                cell = Sample(
+                    changed,
+                    impacts,
+                    own_seed(changed, seed),
+                    paths=paths,
+                    near_branches=near_branches,
+                )
                 run = store.obtain(cell, runner.compute)
                 steps += run.facts["path_steps"]
                 return run
@@ -229,19 +256,24 @@ def boundary(
                 found = search.judge_value(value, changed, predicted, simulate, z, limits)
             except BudgetEnded:
                 return ended
-            except InputError as error:  # what this scene cannot have, or what cannot be simulated there
+            # what this scene cannot have, or what cannot be simulated there
+            except InputError as error:
                 found = Judgement(value, UNDECIDED, remark=str(error))
             bar.update()
             return found
 
-        changes, table = search.find_changes(judge, low, high, points, width, first=ACCURATE, near=near)
+        changes, table = search.find_changes(
+            judge, low, high, points, width, first=ACCURATE, near=near
+        )
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
     return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
 
 
 def state_effort(label: str, parameter: Parameter, scene: Scene, points: int, impacts: int) -> None:
     """State what so many values of a search are expected to take, as those of one scene."""
-    cells = [Sample(scene, impacts, 0, paths=paths) for paths in (search.LOOKS[0], search.LOOKS[-1])]
+    cells = [
+        Sample(scene, impacts, 0, paths=paths) for paths in (search.LOOKS[0], search.LOOKS[-1])
+    ]
     with suppress(InputError):  # it cannot be simulated, which the search says of its value
         least, most = (work.core_seconds for work in expect_work(cells).values())
         search.state_effort(label, parameter.name, points, least, most)
@@ -249,25 +281,40 @@ def state_effort(label: str, parameter: Parameter, scene: Scene, points: int, im
 
 def _side(over: str, unit: str, table: pd.DataFrame, accurate: bool) -> str:
     """On which side of the range to look for a boundary that is not in it."""
-    first, last = table.iloc[0], table.iloc[-1]
-    grows, falls = last["low"] > first["high"], first["low"] > last["high"]
+    first = table.iloc[0]
+    last = table.iloc[-1]
+    grows = last["low"] > first["high"]
+    falls = first["low"] > last["high"]
     if not falls and over == "sigma":
         grows = True  # where the intervals do not tell it: more noise never helps
     if not grows and not falls:
-        return f"If there is one, it lies below {first['value']:.4g} or above {last['value']:.4g}{unit}."
+        return (
+            f"If there is one, it lies below {first['value']:.4g} or above"
+            f" {last['value']:.4g}{unit}."
+        )
     above = grows == accurate
-    return f"If there is one, it lies {'above' if above else 'below'} {(last if above else first)['value']:.4g}{unit}."
+    return (
+        f"If there is one, it lies {'above' if above else 'below'}"
+        f" {(last if above else first)['value']:.4g}{unit}."
+    )
 
 
 def own_seed(scene: Scene, seed: int) -> int:
-    """A seed for each scene: where a search goes next depends on what it saw, so the next noise must be another."""
+    """A seed for each scene: where a search goes next depends on what it saw, so the next noise
+    must be another."""
     return int(json_digest({"scene": replace(scene, gears=None).to_dict(), "seed": seed})[:8], 16)
 
 
 def check_search(
-    scene: Scene, over: str, between: Sequence[float] | None, points: int, width: float, budget: float | None
+    scene: Scene,
+    over: str,
+    between: Sequence[float] | None,
+    points: int,
+    width: float,
+    budget: float | None,
 ) -> tuple[Parameter, float, float, float]:
-    """What every search is given: its parameter, its range, and the processor time of this process at which it ends."""
+    """What every search is given: its parameter, its range, and the processor time of this process
+    at which it ends."""
     check_scene(scene)
     count("points", points, least=2)
     if not positive("width", width) < 1.0:
@@ -278,10 +325,14 @@ def check_search(
 
 
 def find_range(
-    parameter: Parameter, between: Sequence[float] | None, name: str = "between", around: float = AROUND
+    parameter: Parameter,
+    between: Sequence[float] | None,
+    name: str = "between",
+    around: float = AROUND,
 ) -> tuple[float, float]:
     """The range of a search; both ends are values that a scene can have."""
-    over, own = parameter.name, parameter.value
+    over = parameter.name
+    own = parameter.value
     if between is None and over != "sigma" and not own > 0.0:
         raise InputError(name, None, f"give a range: {over} is {own:.4g} in this scene")
     low, high = between or (SIGMAS if over == "sigma" else (own / around, own * around))
@@ -292,6 +343,8 @@ def find_range(
             parameter.scene_at(end)
         except InputError as error:
             if between is not None:
-                raise InputError(name, end, f"no scene can have {over} = {end:.4g} ({error})") from None
+                raise InputError(
+                    name, end, f"no scene can have {over} = {end:.4g} ({error})"
+                ) from None
             low, high = (own, high) if end == low else (low, own)
     return low, high

@@ -1,4 +1,5 @@
-"""Where along a parameter a quantity of the long run crosses a level: the public entry and its result."""
+"""Where along a parameter a quantity of the long run crosses a level: the public entry and its
+result."""
 
 import math
 import time
@@ -35,7 +36,8 @@ LOOKS = (64, 256, 1024, 4096)
 """Periods after which a value is judged."""
 TAIL = 0.5 * 0.05 / (len(LOOKS) * MOST)
 """Probability on each side of the interval of every look at every value (Bonferroni)."""
-BELOW, ABOVE = "below", "above"
+BELOW = "below"
+ABOVE = "above"
 
 
 class SideOfLevel(NamedTuple):
@@ -60,7 +62,8 @@ class Sides(NamedTuple):
 @numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Crossing(Finding):
-    """The values of a parameter between which a quantity of the long run crosses a level, from `crossing`.
+    """The values of a parameter between which a quantity of the long run crosses a level, from
+    `crossing`.
 
     Attributes
     ----------
@@ -70,9 +73,11 @@ class Crossing(Finding):
         In physical units for a scene with gears.
     over : str
     edges : tuple
-        Each with ``below`` and ``above``: the values at which the quantity is shown below and above the level.
+        Each with ``below`` and ``above``: the values at which the quantity is shown below and above
+        the level.
     points : DataFrame
-        Every value that was judged, in their order: ``value, verdict, periods, estimate, low, high, remark``.
+        Every value that was judged, in their order: ``value, verdict, periods, estimate, low, high,
+        remark``.
     unit : str
         Of the parameter, empty where it has none.
     quantity_unit : str
@@ -82,12 +87,15 @@ class Crossing(Finding):
     --------
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.5)
-    >>> found = crossing(scene, quantity="rate_above", level=600.0, over="amplitude", points=2, width=0.5)
+    >>> found = crossing(
+    ...     scene, quantity="rate_above", level=600.0, over="amplitude", points=2, width=0.5
+    ... )
     >>> set(found.points["verdict"]) <= {"below", "above", "undecided"}
     True
     """
 
-    title, shown = "Crossing of {quantity} = {level:g} over {over}", "points"
+    title = "Crossing of {quantity} = {level:g} over {over}"
+    shown = "points"
     plain = ("quantity", "level", "quantity_unit", "over", "unit", "answer", "edges", "points")
 
     scene: Scene
@@ -104,7 +112,8 @@ class Crossing(Finding):
         """The crossings in words, and what is not known."""
         unit = f" {self.unit}" if self.unit else ""
         level = f"{self.level:g} {self.quantity_unit}".rstrip()
-        table, over = self.points, f"{self.over} = "
+        table = self.points
+        over = f"{self.over} = "
         span = f"from {over}{table['value'].min():.4g} to {table['value'].max():.4g}{unit}"
         said = []
         for edge in self.edges:
@@ -115,16 +124,21 @@ class Crossing(Finding):
             said.append("It crosses the level more than once.")
         sides = set(table["verdict"])
         if len(sides) == 1 and UNDECIDED not in sides:
-            said.append(f"`{self.quantity}` is {sides.pop()} {level} {span}: it does not cross it there.")
+            said.append(
+                f"`{self.quantity}` is {sides.pop()} {level} {span}: it does not cross it there."
+            )
             one, other = table.iloc[[0, -1]].to_dict("records")
-            if one["low"] > other["high"] or other["low"] > one["high"]:  # towards the end that is nearer the level
+            # towards the end that is nearer the level
+            if one["low"] > other["high"] or other["low"] > one["high"]:
                 up = abs(other["estimate"] - self.level) < abs(one["estimate"] - self.level)
                 end = f"above {other['value']:.4g}" if up else f"below {one['value']:.4g}"
                 said.append(f"If it does, it is {end}{unit}.")
         elif not self.edges:
             said.append(f"No crossing of {level} by `{self.quantity}` was decided {span}.")
         for why, rows in table[table["verdict"] == UNDECIDED].groupby("remark", sort=False):
-            said.append(f"Undecided at {over}{list_values(rows['value'])}{unit}: {str(why).rstrip('.')}.")
+            said.append(
+                f"Undecided at {over}{list_values(rows['value'])}{unit}: {str(why).rstrip('.')}."
+            )
         return [*said, f"{len(table)} values were judged."]
 
     def plot(self) -> "Figure":
@@ -137,7 +151,8 @@ class Crossing(Finding):
         """
         from rattle.compare.parameters.figures import crossing_figure
 
-        across, up = with_unit(self.over, self.unit), with_unit(self.quantity, self.quantity_unit)
+        across = with_unit(self.over, self.unit)
+        up = with_unit(self.quantity, self.quantity_unit)
         return crossing_figure(self.level, self.edges, self.points, across, up)
 
 
@@ -160,17 +175,19 @@ def crossing(
 ) -> Crossing:
     """Find where along a parameter a quantity of the long run crosses a level.
 
-    For one: from which drag torque on is a pair quiet.  A coarse scan, then halving of the logarithm wherever the
-    quantity changes sides.  At each value long runs of 64 paths and 64 to 4,096 periods are made until its interval is
-    on one side of the level.  What is said of the whole search is right with 95 % probability: all looks at all values
-    are counted.  Between the values of the scan nothing is said: a quantity may cross the level more than once.
+    For one: from which drag torque on is a pair quiet.  A coarse scan, then halving of the
+    logarithm wherever the quantity changes sides.  At each value long runs of 64 paths and 64 to
+    4,096 periods are made until its interval is on one side of the level.  What is said of the
+    whole search is right with 95 % probability: all looks at all values are counted.  Between the
+    values of the scan nothing is said: a quantity may cross the level more than once.
 
     Parameters
     ----------
     scene : Scene
         What is modelled.
     quantity : str
-        A quantity of `stationary`: ``rate_above`` (of impacts that are not slow), ``power``, ``q95_speed_above``, ...
+        A quantity of `stationary`: ``rate_above`` (of impacts that are not slow), ``power``,
+        ``q95_speed_above``, ...
     level : float
         The level; for a scene with gears in physical units (impacts per second, mW, mm/s).
     over : str
@@ -192,7 +209,8 @@ def crossing(
     workers : int
         Threads; the result does not depend on it.
     progress : str, optional
-        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------
@@ -201,13 +219,16 @@ def crossing(
     Raises
     ------
     InputError
-        For an unknown quantity or parameter, a level that is not positive, or a range that no scene can have.
+        For an unknown quantity or parameter, a level that is not positive, or a range that no scene
+        can have.
 
     Examples
     --------
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21, sigma=0.5)
-    >>> found = crossing(scene, quantity="power", level=1e3, over="amplitude", between=(0.1, 0.6), points=2)
+    >>> found = crossing(
+    ...     scene, quantity="power", level=1e3, over="amplitude", between=(0.1, 0.6), points=2
+    ... )
     >>> found.quantity_unit
     'mW'
     """
@@ -229,8 +250,11 @@ def crossing(
 
         def judge(value: float) -> SideOfLevel:
             changed = parameter.scene_at(value)
-            gears = changed.gears or scene.gears  # gears do not have the value of a field that they fix
-            same_speed = scene.gears.units.speed / gears.units.speed if scene.gears and gears else 1.0
+            # gears do not have the value of a field that they fix
+            gears = changed.gears or scene.gears
+            same_speed = (
+                scene.gears.units.speed / gears.units.speed if scene.gears and gears else 1.0
+            )
             factor = unit_of(quantity, gears, units)[1]
 
             def run(periods: int) -> LongResult | None:
@@ -238,22 +262,30 @@ def crossing(
                     return None
                 bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
                 seed = own_seed(changed, whole)
-                cell = LongCell(changed, seed, (), periods=periods, paths=PATHS, slow=slow * same_speed)
+                cell = LongCell(
+                    changed, seed, (), periods=periods, paths=PATHS, slow=slow * same_speed
+                )
                 found: LongResult = store.obtain(cell, runner.compute)
                 return found
 
             found = judge_level(value, quantity, level / factor, run)
             bar.update()
-            return found._replace(estimate=factor * found.estimate, low=factor * found.low, high=factor * found.high)
+            return found._replace(
+                estimate=factor * found.estimate, low=factor * found.low, high=factor * found.high
+            )
 
         with ThreadPoolExecutor(workers) as pool:
-            changes, table = find_changes(judge, low, high, points, width, first=BELOW, each=pool.map)
+            changes, table = find_changes(
+                judge, low, high, points, width, first=BELOW, each=pool.map
+            )
     edges = tuple(Sides(below.value, above.value) for below, above in changes)
     unit = unit_of(quantity, scene.gears, units)[0]
     return Crossing(scene, quantity, level, over, edges, table, parameter.unit, unit)
 
 
-def judge_level(value: float, quantity: str, level: float, run: Callable[[int], LongResult | None]) -> SideOfLevel:
+def judge_level(
+    value: float, quantity: str, level: float, run: Callable[[int], LongResult | None]
+) -> SideOfLevel:
     """Lengthen the long run at one value until a quantity is shown to be on one side of a level.
 
     `run`: Makes a long run of so many periods; None once the budget is spent.
@@ -267,14 +299,19 @@ def judge_level(value: float, quantity: str, level: float, run: Callable[[int], 
         if result is None:
             break
         estimate, low, high = find_interval(result, quantity)
-        found = SideOfLevel(value, UNDECIDED, periods, estimate, low, high, "too near the level to decide")
+        found = SideOfLevel(
+            value, UNDECIDED, periods, estimate, low, high, "too near the level to decide"
+        )
         if high < level:
             return found._replace(verdict=BELOW, remark="")
         if low > level:
             return found._replace(verdict=ABOVE, remark="")
         if math.isnan(estimate):
             found = found._replace(remark="there are no such impacts")
-        elif estimate > 0.0 and periods * (0.5 * (high - low)) ** 2 > LOOKS[-1] * (estimate - level) ** 2:
+        elif (
+            estimate > 0.0
+            and periods * (0.5 * (high - low)) ** 2 > LOOKS[-1] * (estimate - level) ** 2
+        ):
             break  # neither verdict is in reach
     return found
 
@@ -284,11 +321,17 @@ def find_interval(result: LongResult, quantity: str) -> tuple[float, float, floa
     if quantity not in result.table.index:  # at rest
         return math.nan, math.nan, math.nan
     row = result.table.loc[quantity].to_dict()
-    value, se = float(row["value"]), float(row["se"])
+    value = float(row["value"])
+    se = float(row["se"])
     if result.facts["kind"] != "simulated":
         return value, value, value
-    if quantity.startswith("rate") and value == 0.0:  # none was seen: the upper limit of a Poisson count
-        return 0.0, 0.0, most_unseen(2.0 * math.pi * result.facts["paths"] * result.facts["periods"], TAIL)
+    # none was seen: the upper limit of a Poisson count
+    if quantity.startswith("rate") and value == 0.0:
+        return (
+            0.0,
+            0.0,
+            most_unseen(2.0 * math.pi * result.facts["paths"] * result.facts["periods"], TAIL),
+        )
     if not se > 0.0:
         return math.nan, math.nan, math.nan
     half = float(half_width(np.asarray(row["effective_paths"]), TAIL)) * se

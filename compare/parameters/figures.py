@@ -15,8 +15,16 @@ from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.study.parameters import PERCENT
 
-COLOURS = {ACCURATE: "#009E73", WRONG: "#D55E00", UNDECIDED: "#999999", "below": "#009E73", "above": "#D55E00"}
-LESS, MORE, BENT = "#0072B2", "#D55E00", "#999999"
+COLOURS = {
+    ACCURATE: "#009E73",
+    WRONG: "#D55E00",
+    UNDECIDED: "#999999",
+    "below": "#009E73",
+    "above": "#D55E00",
+}
+LESS = "#0072B2"
+MORE = "#D55E00"
+BENT = "#999999"
 
 
 def boundary_figure(over: str, unit: str, edges: Sequence[Edge], points: pd.DataFrame) -> Figure:
@@ -25,9 +33,13 @@ def boundary_figure(over: str, unit: str, edges: Sequence[Edge], points: pd.Data
     least = 0.5 * min(float(table["error"].min()), 0.1)
     figure, ax = _draw_values(table.assign(low=table["low"].clip(lower=least)), "error")
     for edge in edges:
-        ax.axvspan(edge.accurate, edge.wrong, color="0.5", alpha=0.3, lw=0, label="where it stops holding")
+        ax.axvspan(
+            edge.accurate, edge.wrong, color="0.5", alpha=0.3, lw=0, label="where it stops holding"
+        )
     ax.axhline(1.0, color="0.2", lw=0.8, ls="--", label="tolerance")
-    ax.set(xscale="log", yscale="log", xlabel=with_unit(over, unit), ylabel="worst error / tolerance")
+    ax.set(
+        xscale="log", yscale="log", xlabel=with_unit(over, unit), ylabel="worst error / tolerance"
+    )
     ax.set_ylim(bottom=least)
     legend_above(figure, [ax], 5)
     return figure
@@ -43,7 +55,9 @@ def _draw_values(table: pd.DataFrame, column: str) -> tuple[Figure, Axes]:
     return figure, ax
 
 
-def crossing_figure(level: float, edges: Sequence[Any], points: pd.DataFrame, across: str, up: str) -> Figure:
+def crossing_figure(
+    level: float, edges: Sequence[Any], points: pd.DataFrame, across: str, up: str
+) -> Figure:
     """Draw a quantity with its interval at every value, and the level."""
     table = points[points["estimate"].notna()]
     figure, ax = _draw_values(table, "estimate")
@@ -57,7 +71,8 @@ def crossing_figure(level: float, edges: Sequence[Any], points: pd.DataFrame, ac
 
 
 def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) -> Figure:
-    """Draw a bar at each value of the second parameter: accurate, wrong, or in between; markers at the edges."""
+    """Draw a bar at each value of the second parameter: accurate, wrong, or in between; markers at
+    the edges."""
     figure, (ax,) = new_figure(7.4, 4.2, 1, 1)
     places = sorted(curve["along"].unique())
     at = np.log(places)
@@ -69,12 +84,27 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) 
         for low, high in pairwise(of.to_dict("records")):
             same = low["verdict"] if low["verdict"] == high["verdict"] else UNDECIDED
             size = (ends[i + 1] - ends[i], high["value"] - low["value"])
-            corner, label = (ends[i], low["value"]), shown.pop(same, None)
-            ax.add_patch(Rectangle(corner, *size, color=COLOURS[same], alpha=0.45, lw=0, label=label))
+            corner = (ends[i], low["value"])
+            label = shown.pop(same, None)
+            ax.add_patch(
+                Rectangle(corner, *size, color=COLOURS[same], alpha=0.45, lw=0, label=label)
+            )
     edges = curve[curve["accurate"].notna() & curve["wrong"].notna()]
     for name, marker in (("accurate", "^"), ("wrong", "v")):
-        ax.plot(edges["along"], edges[name], marker, ms=5, color=COLOURS[name], label=f"edge: {name} here")
-    ax.set(xscale="log" if ends[-1] > 4.0 * ends[0] else "linear", yscale="log", xlabel=across, ylabel=up)
+        ax.plot(
+            edges["along"],
+            edges[name],
+            marker,
+            ms=5,
+            color=COLOURS[name],
+            label=f"edge: {name} here",
+        )
+    ax.set(
+        xscale="log" if ends[-1] > 4.0 * ends[0] else "linear",
+        yscale="log",
+        xlabel=across,
+        ylabel=up,
+    )
     ax.set_xticks([], minor=True)
     ax.set_xticks(places, [f"{place:.3g}" for place in places])
     ax.set(xlim=(ends[0], ends[-1]), ylim=(points["value"].min(), points["value"].max()))
@@ -91,10 +121,13 @@ def tornado(table: pd.DataFrame, quantities: list[str]) -> Figure:
     for ax, quantity in zip(axes, quantities, strict=False):
         own = table[(table["quantity"] == quantity) & table["effect"].notna()]
         own = own.loc[own["effect"].abs().sort_values().index]
-        value, y = 100.0 * own["effect"].to_numpy(), np.arange(len(own))
+        value = 100.0 * own["effect"].to_numpy()
+        y = np.arange(len(own))
         colours = np.where(~own["linear"].astype(bool), BENT, np.where(value < 0.0, LESS, MORE))
         errors = 100.0 * np.abs(own[["low", "high"]].to_numpy().T - own["effect"].to_numpy())
-        ax.barh(y, value, color=list(colours), xerr=errors, error_kw={"elinewidth": 1.0, "capsize": 2.0})
+        ax.barh(
+            y, value, color=list(colours), xerr=errors, error_kw={"elinewidth": 1.0, "capsize": 2.0}
+        )
         ax.set_yticks(y, own["parameter"])
         ax.axvline(0.0, color="0.3", lw=0.8)
         ax.set_title(quantity_words(quantity).removeprefix("the ").replace("`", ""), loc="left")

@@ -48,7 +48,9 @@ class Finding:
 
     def __repr__(self) -> str:
         """What was found, on a few lines."""
-        return "\n".join([self.title.format_map(vars(self)), *(f"  {line}" for line in self.answer)])
+        return "\n".join(
+            [self.title.format_map(vars(self)), *(f"  {line}" for line in self.answer)]
+        )
 
     def _repr_html_(self) -> str:
         return as_html(repr(self), getattr(self, self.shown).to_html(max_rows=40))

@@ -1,4 +1,5 @@
-"""The curve along which a closure stops holding, over two parameters: a search at each value of the second one."""
+"""The curve along which a closure stops holding, over two parameters: a search at each value of the
+second one."""
 
 import math
 from collections.abc import Sequence
@@ -43,7 +44,12 @@ class Found(NamedTuple):
 class Search(Cell):
     """The search at one value of the second parameter."""
 
-    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo", "compare/parameters", "compare/validation")
+    packages: ClassVar[tuple[str, ...]] = (
+        "closure",
+        "montecarlo",
+        "compare/parameters",
+        "compare/validation",
+    )
     group: ClassVar[str] = "searches"
 
     scene: Scene
@@ -58,7 +64,8 @@ class Search(Cell):
     @property
     def settings(self) -> dict[str, Any]:
         """Everything that determines the result besides the dimensionless scene."""
-        closure, gears = self.asked["closure"], self.scene.gears
+        closure = self.asked["closure"]
+        gears = self.scene.gears
         names = {"kind": "boundary", "closure": closure.digest if closure.own else closure.name}
         return self.asked | names | {"gears": gears and gears.values}
 
@@ -69,7 +76,9 @@ class Search(Cell):
 
     def restore(self, content: Content) -> Found:
         """Turn a stored result back into edges."""
-        return Found(tuple(Edge(*edge) for edge in content.facts["edges"]), content.table, content.facts)
+        return Found(
+            tuple(Edge(*edge) for edge in content.facts["edges"]), content.table, content.facts
+        )
 
 
 @numpy_defaults
@@ -82,9 +91,10 @@ class BoundaryMap(Finding):
     scene : Scene
     closure, over, along : str
     curve : DataFrame
-        A row for each edge: the value of the second parameter (column ``along``), ``accurate, wrong`` (the first
-        parameter, as in `boundary`) and ``why``.  Where there is no edge, ``accurate`` is the largest value at which it
-        is accurate and ``wrong`` the smallest at which it is shown wrong; NaN where there is none.
+        A row for each edge: the value of the second parameter (column ``along``), ``accurate,
+        wrong`` (the first parameter, as in `boundary`) and ``why``.  Where there is no edge,
+        ``accurate`` is the largest value at which it is accurate and ``wrong`` the smallest at
+        which it is shown wrong; NaN where there is none.
     points : DataFrame
         Every value that was judged, as of `boundary`, with a column ``along``.
     path_steps : int
@@ -95,12 +105,16 @@ class BoundaryMap(Finding):
     Examples
     --------
     >>> from rattle import DAT21, Scene
-    >>> found = boundary_map(Scene.from_gears(DAT21), along="alpha", between=(0.01, 0.1), impacts=1, points=2, values=2)
+    >>> scene = Scene.from_gears(DAT21)
+    >>> found = boundary_map(
+    ...     scene, along="alpha", between=(0.01, 0.1), impacts=1, points=2, values=2
+    ... )
     >>> found.curve["along"].unique()
     array([0.75, 3.  ])
     """
 
-    title, shown = "Boundary of {closure} over {over} and {along}", "curve"
+    title = "Boundary of {closure} over {over} and {along}"
+    shown = "curve"
     plain = ("closure", "over", "along", "units", "answer", "path_steps", "curve", "points")
 
     scene: Scene
@@ -115,33 +129,53 @@ class BoundaryMap(Finding):
     @property
     def answer(self) -> list[str]:
         """The curve in words, and what is not known."""
-        closure, over, along = f"`{self.closure}`", self.over, self.along
+        closure = f"`{self.closure}`"
+        over = self.over
+        along = self.along
         first, second = (f" {unit}" if unit else "" for unit in self.units)
         edges = self.curve[self.curve["accurate"].notna() & self.curve["wrong"].notna()]
-        said, stated = [], edges.index
+        said = []
+        stated = edges.index
         if len(edges):
             up = edges["accurate"] < edges["wrong"]
             ends = edges.sort_values("accurate").iloc[[0, -1]]
             low, high = (f"{value:.4g}{first}" for value in ends["accurate"])
             least, most = (f"{value:.4g}{second}" for value in ends["along"])
             values = {"low": low, "high": high, "least": least, "most": most}
-            values |= {"closure": closure, "over": over, "along": along, "way": "up to" if up.all() else "down to"}
+            values |= {
+                "closure": closure,
+                "over": over,
+                "along": along,
+                "way": "up to" if up.all() else "down to",
+            }
             one_way = "one_way" if up.all() or not up.any() else "both_ways"
             headline = TEXTS["edges"]["same" if low == high else one_way].format(**values)
             nowhere = self.curve[self.curve["why"] == NOWHERE]
             if len(nowhere):  # the least edge is not the least range of validity
                 at = f"{along} = {list_values(nowhere['along'])}{second}"
-                headline = f"{headline.removesuffix('.')}, of the values of {along} with an edge; at {at} {NOWHERE}."
+                headline = (
+                    f"{headline.removesuffix('.')}, of the values of {along} with an edge; at {at}"
+                    f" {NOWHERE}."
+                )
             said.append(headline)
             stated = stated.union(nowhere.index)
         several = edges["along"][edges["along"].duplicated()].unique()
         if len(several):
-            said.append(f"Its range of validity is not one interval at {along} = {list_values(several)}{second}.")
+            said.append(
+                f"Its range of validity is not one interval at {along} ="
+                f" {list_values(several)}{second}."
+            )
         for why, rows in self.curve.drop(stated).groupby("why", sort=False):
             said.append(f"At {along} = {list_values(rows['along'])}{second}: {why}.")
-        judged = f"{len(self.points)} values of {over} were judged at {self.curve['along'].nunique()} values of {along}"
+        judged = (
+            f"{len(self.points)} values of {over} were judged at {self.curve['along'].nunique()}"
+            f" values of {along}"
+        )
         with_steps = f"with {self.path_steps:.3g} path-steps"
-        return [*said, f"{judged}, {with_steps}; all that is said holds together with 95 % probability."]
+        return [
+            *said,
+            f"{judged}, {with_steps}; all that is said holds together with 95 % probability.",
+        ]
 
     def plot(self) -> "Figure":
         """Draw where the closure is accurate, where it is wrong, and what lies between.
@@ -153,7 +187,8 @@ class BoundaryMap(Finding):
         """
         from rattle.compare.parameters.figures import map_figure
 
-        across, up = with_unit(self.along, self.units[1]), with_unit(self.over, self.units[0])
+        across = with_unit(self.along, self.units[1])
+        up = with_unit(self.over, self.units[0])
         return map_figure(self.curve, self.points, across, up)
 
 
@@ -172,10 +207,12 @@ def boundary_map(
     progress: bool = False,
     **settings: Any,
 ) -> BoundaryMap:
-    """Trace the curve along which a closure stops holding: a `boundary` at each value of a second parameter.
+    """Trace the curve along which a closure stops holding: a `boundary` at each value of a second
+    parameter.
 
-    The first and the last value are searched first, then those between; what was found on both sides says where each
-    search begins.  What is said of the whole map is right with 95 % probability.  Nothing is said between the values.
+    The first and the last value are searched first, then those between; what was found on both
+    sides says where each search begins.  What is said of the whole map is right with 95 %
+    probability.  Nothing is said between the values.
 
     Parameters
     ----------
@@ -198,7 +235,8 @@ def boundary_map(
     scheduler : str, optional
         Address of a running Dask cluster that computes instead, as in ``tcp://host:8786``.
     progress : bool
-        Whether to show a progress bar on a terminal or in a notebook, and to log the expected time first.
+        Whether to show a progress bar on a terminal or in a notebook, and to log the expected time
+        first.
     **settings
         Those of `boundary`: `between`, `impacts`, `points`, `width`, `tolerances` and `rng`.
 
@@ -209,13 +247,16 @@ def boundary_map(
     Raises
     ------
     InputError
-        For an unknown closure or parameter, or values of both that no scene can have together; before any search.
+        For an unknown closure or parameter, or values of both that no scene can have together;
+        before any search.
 
     Examples
     --------
     >>> from rattle import DAT21, Scene
     >>> scene = Scene.from_gears(DAT21)
-    >>> found = boundary_map(scene, along="epsilon", reach=(0.8, 0.9), values=2, impacts=1, points=2, width=0.9)
+    >>> found = boundary_map(
+    ...     scene, along="epsilon", reach=(0.8, 0.9), values=2, impacts=1, points=2, width=0.9
+    ... )
     >>> found.curve["accurate"].notna().all()
     np.True_
     """
@@ -223,10 +264,13 @@ def boundary_map(
     check_keys("boundary_map", settings, SETTINGS)
     if along == over:
         raise InputError("along", along, "is the first parameter too; give another one")
-    method, first = find_closure("closure", closure), find_parameter(scene, over)
+    method = find_closure("closure", closure)
+    first = find_parameter(scene, over)
     second = find_parameter(scene, along, "along")
     low, high = find_range(second, reach, "reach", 2.0)
-    at = [float(f"{value:.6g}") for value in np.geomspace(low, high, count("values", values, least=2))]
+    at = [
+        float(f"{value:.6g}") for value in np.geomspace(low, high, count("values", values, least=2))
+    ]
     scenes = [second.scene_at(value) for value in at]
     for changed in scenes:
         here = find_parameter(changed, over)
@@ -235,14 +279,19 @@ def boundary_map(
     asked = settings | {"closure": method, "over": over, "searches": values}
     if progress:
         low, _ = find_range(first, settings.get("between"))
-        points, impacts = settings.get("points", POINTS), settings.get("impacts", IMPACTS)
+        points = settings.get("points", POINTS)
+        impacts = settings.get("impacts", IMPACTS)
         state_effort("boundary", first, first.scene_at(low), values * points, impacts)
     found: dict[int, Found | str] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}
     store = open_cells(Path(folder) if folder else None)
     while wave:
         cells = {
-            i: Search(scenes[i], f"{along} = {at[i]:.4g}", asked | {"near": expect([found[j] for j in beside])})
+            i: Search(
+                scenes[i],
+                f"{along} = {at[i]:.4g}",
+                asked | {"near": expect([found[j] for j in beside])},
+            )
             for i, beside in wave.items()
         }
         runner = Cluster(scheduler) if scheduler else Runner(workers)
@@ -254,17 +303,25 @@ def boundary_map(
     done = {at[i]: one for i, one in sorted(found.items())}
     curve = pd.DataFrame([row for value, one in done.items() for row in curve_rows(value, one)])
     points = pd.concat(
-        [one.points.assign(along=value) for value, one in done.items() if isinstance(one, Found)], ignore_index=True
+        [one.points.assign(along=value) for value, one in done.items() if isinstance(one, Found)],
+        ignore_index=True,
     )
     steps = sum(one.facts["path_steps"] for one in done.values() if isinstance(one, Found))
-    return BoundaryMap(scene, method.name, over, along, curve, points, steps, (first.unit, second.unit))
+    return BoundaryMap(
+        scene, method.name, over, along, curve, points, steps, (first.unit, second.unit)
+    )
 
 
 def expect(beside: Sequence[Found | str]) -> list[float]:
-    """Where edges are expected between two values of the second parameter, from those found at both."""
+    """Where edges are expected between two values of the second parameter, from those found at
+    both."""
     edges = [one.edges for one in beside if isinstance(one, Found)]
     if len(edges) == 2 and len(edges[0]) == len(edges[1]):
-        return [math.sqrt(u * v) for a, b in zip(*edges, strict=True) for u, v in zip(a[:2], b[:2], strict=True)]
+        return [
+            math.sqrt(u * v)
+            for a, b in zip(*edges, strict=True)
+            for u, v in zip(a[:2], b[:2], strict=True)
+        ]
     return [value for one in edges for edge in one for value in edge[:2]]
 
 
@@ -274,7 +331,10 @@ def curve_rows(value: float, found: Found | str) -> list[dict[str, Any]]:
         return [{"along": value, "accurate": math.nan, "wrong": math.nan, "why": found}]
     if found.edges:
         return [{"along": value, **edge._asdict()} for edge in found.edges]
-    good, bad = (found.points.loc[found.points["verdict"] == verdict, "value"] for verdict in (ACCURATE, WRONG))
+    good, bad = (
+        found.points.loc[found.points["verdict"] == verdict, "value"]
+        for verdict in (ACCURATE, WRONG)
+    )
     why = "accurate throughout" if len(good) else NOWHERE
     if len(good) + len(bad) < len(found.points):
         why = "undecided: " + next(text for text in found.points["remark"] if text)

@@ -1,4 +1,5 @@
-"""What a closure says 1 % more of each parameter does to its section moments, beside a simulation, with verdicts."""
+"""What a closure says 1 % more of each parameter does to its section moments, beside a simulation,
+with verdicts."""
 
 import math
 import time
@@ -21,45 +22,73 @@ from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.montecarlo.kernel.blocks import clock
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.scene import SECTION, Floats, InputError, Scene, check_scene, choice, count, duration_text, positive
+from rattle.scene import (
+    SECTION,
+    Floats,
+    InputError,
+    Scene,
+    check_scene,
+    choice,
+    count,
+    duration_text,
+    positive,
+)
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar
 
-GROUPS, FEWEST = 16, 4  # independent groups of paths, within a budget; random numbers are shared within each
+# independent groups of paths, within a budget; random numbers are shared within each
+GROUPS = 16
+FEWEST = 4
 STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
 CLOSE = 1e-3  # the same of the closure, which has no noise
 MOMENTS = ("mean", "sd")
 ORDER = 4  # of the closure's moments
 SCHEME = "exact-flight"
-COLUMNS = ["parameter", "impact", "quantity", "moment", "predicted", "simulated", "se", "error", "low", "high"]
+COLUMNS = [
+    "parameter",
+    "impact",
+    "quantity",
+    "moment",
+    "predicted",
+    "simulated",
+    "se",
+    "error",
+    "low",
+    "high",
+]
 COLUMNS += ["tolerance", "linear", "verdict", "paths_needed"]
 
 
 @numpy_defaults
 @dataclass(frozen=True, repr=False)
 class ClosureSensitivity(Finding):
-    """Changes of the section moments of a closure for 1 % more of each parameter, from `closure_sensitivity`.
+    """Changes of the section moments of a closure for 1 % more of each parameter, from
+    `closure_sensitivity`.
 
     Attributes
     ----------
     scene : Scene
     closure : str
     table : DataFrame
-        A row for each parameter, impact, quantity and moment.  Columns ``parameter, impact, quantity, moment,
-        predicted, simulated, se, error, low, high, tolerance, linear, verdict, paths_needed``; changes are in units of
-        the sd of the quantity, the interval holds for all rows at once (95 %).
+        A row for each parameter, impact, quantity and moment.  Columns ``parameter, impact,
+        quantity, moment, predicted, simulated, se, error, low, high, tolerance, linear, verdict,
+        paths_needed``; changes are in units of the sd of the quantity, the interval holds for all
+        rows at once (95 %).
     paths : int
         Simulated paths of each scene.
 
     Examples
     --------
     >>> from rattle import DAT21, Scene
-    >>> found = closure_sensitivity(Scene.from_gears(DAT21, sigma=0.01), parameters=["omega"], impacts=1, paths=4096)
+    >>> found = closure_sensitivity(
+    ...     Scene.from_gears(DAT21, sigma=0.01), parameters=["omega"], impacts=1, paths=4096
+    ... )
     >>> sorted(set(found.table["moment"]))
     ['mean', 'sd']
     """
 
-    title, shown = "Sensitivity of {closure}", "table"
+    title = "Sensitivity of {closure}"
+    shown = "table"
     plain = ("closure", "answer", "paths", "table")
 
     scene: Scene
@@ -77,10 +106,14 @@ class ClosureSensitivity(Finding):
         counts = ", ".join(f"{number.get(verdict, 0)} {verdict}" for verdict in JUDGED)
         bent = int((~self.table["linear"]).sum())
         worst = rows.to_dict("records")[int((rows["error"].abs() / rows["tolerance"]).argmax())]
-        low, high = (worst["simulated"] + sign * 0.5 * (worst["high"] - worst["low"]) for sign in (-1.0, 1.0))
+        low, high = (
+            worst["simulated"] + sign * 0.5 * (worst["high"] - worst["low"]) for sign in (-1.0, 1.0)
+        )
         said = TEXTS["changes"]
         return [
-            said["counts"].format(change=PERCENT, number=len(rows), closure=self.closure, counts=counts),
+            said["counts"].format(
+                change=PERCENT, number=len(rows), closure=self.closure, counts=counts
+            ),
             said["worst"].format_map(worst | {"from": low, "to": high}),
             f"{self.paths:,} paths of each scene.",
             *([f"{bent} more are not judged: not linear over ± {STEPS[1]:.0%}."] if bent else []),
@@ -103,11 +136,12 @@ def closure_sensitivity(
 ) -> ClosureSensitivity:
     """Judge what a closure says that 1 % more of each parameter does to its section moments.
 
-    The closure's change is a central difference; the simulated one is that of paths with the same random numbers at
-    0.5 and 1 % less and more, in independent groups, as in `sensitivity`; the start stays as it is in dimensionless
-    numbers.  A change is accurate if the whole interval of its error is within 5 % (means) or 10 % (sds) of the change
-    itself, or of 1 % of the standard deviation where that is more.  Where both steps differ it is not linear and not
-    judged, as where another mesh is struck first.
+    The closure's change is a central difference; the simulated one is that of paths with the same
+    random numbers at 0.5 and 1 % less and more, in independent groups, as in `sensitivity`; the
+    start stays as it is in dimensionless numbers.  A change is accurate if the whole interval of
+    its error is within 5 % (means) or 10 % (sds) of the change itself, or of 1 % of the standard
+    deviation where that is more.  Where both steps differ it is not linear and not judged, as where
+    another mesh is struck first.
 
     Parameters
     ----------
@@ -124,14 +158,16 @@ def closure_sensitivity(
     tolerances : Tolerances, optional
         In place of 5 and 10 %.
     budget : float, optional
-        Seconds of processor time after which no more paths are begun; a fourth of them are in any case.
+        Seconds of processor time after which no more paths are begun; a fourth of them are in any
+        case.
     rng : int, SeedSequence, Generator or BitGenerator
         Seed; a generator of numpy gives a child of its seed sequence, another one each time.
         The result is the same for any number of workers.
     workers : int
         Threads.
     progress : str, optional
-        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------
@@ -153,14 +189,20 @@ def closure_sensitivity(
     check_scene(scene)
     whole = read_whole_seed(rng)
     if scene.sigma == 0.0:
-        raise InputError("sigma", 0.0, "without noise there are no standard deviations; give one above 0")
+        raise InputError(
+            "sigma", 0.0, "without noise there are no standard deviations; give one above 0"
+        )
     count("impacts", impacts)
     limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
     method = find_closure("closure", closure)
     method.check(scene)
-    known, allowed = find_parameters(scene), Tolerances(*tolerances) if tolerances else Tolerances()
-    chosen = {n: known[choice("parameters", n, known)] for n in (known if parameters is None else parameters)}
+    known = find_parameters(scene)
+    allowed = Tolerances(*tolerances) if tolerances else Tolerances()
+    chosen = {
+        n: known[choice("parameters", n, known)]
+        for n in (known if parameters is None else parameters)
+    }
     scenes: dict[str, list[Scene]] = {}
     for name, parameter in chosen.items():
         try:
@@ -169,13 +211,20 @@ def closure_sensitivity(
             if parameters is not None:
                 raise
     every = [scene, *(one for changed in scenes.values() for one in changed)]
-    dt = min(default_step(one, SCHEME, False) for one in every)  # the same, so that random numbers are shared
+    # the same, so that random numbers are shared
+    dt = min(default_step(one, SCHEME, False) for one in every)
     sampling = Sampling(control=small_noise(scene))
 
     def run(job: tuple[Scene, int]) -> Floats:
         seed = np.random.SeedSequence([whole, job[1]])
         found = simulate(
-            job[0].phase_reduced, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=seed, sampling=sampling
+            job[0].phase_reduced,
+            paths=each,
+            impacts=impacts,
+            dt=dt,
+            scheme=SCHEME,
+            rng=seed,
+            sampling=sampling,
         )
         return _moments(found.section, job[0], impacts)
 
@@ -195,24 +244,40 @@ def closure_sensitivity(
                 done[-1].append(found)
                 bar.update()
     values = np.array(done).swapaxes(0, 1)  # (scenes, groups, moments, quantities, impacts)
-    mesh = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=whole).section["mesh"].to_numpy()
-    unit, rows = values[0, :, 1].mean(axis=0), []
+    mesh = (
+        simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=whole)
+        .section["mesh"]
+        .to_numpy()
+    )
+    unit = values[0, :, 1].mean(axis=0)
+    rows = []
     unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
     for k, name in enumerate(scenes):
         near = [chosen[name].scene_at(f * chosen[name].value) for f in (1.0 - CLOSE, 1.0 + CLOSE)]
-        ends = [_moments(predict(one, method, impacts, ORDER).phase_reduced.section, one, impacts) for one in near]
+        ends = [
+            _moments(predict(one, method, impacts, ORDER).phase_reduced.section, one, impacts)
+            for one in near
+        ]
         slope = (ends[1] - ends[0]) / math.log((1.0 + CLOSE) / (1.0 - CLOSE))
         own = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, ...)
         for (m, q, i), predicted in np.ndenumerate(slope):
-            place = {"parameter": name, "impact": i + 1, "quantity": SECTION[q], "moment": MOMENTS[m]}
+            place = {
+                "parameter": name,
+                "impact": i + 1,
+                "quantity": SECTION[q],
+                "moment": MOMENTS[m],
+            }
             checks = slope.size * len(scenes)
-            rows.append(place | _change(predicted, own[:, :, m, q, i], unit[q, i], checks, allowed[m]))
+            rows.append(
+                place | _change(predicted, own[:, :, m, q, i], unit[q, i], checks, allowed[m])
+            )
     table = judge(pd.DataFrame(rows).assign(paths=float(len(done) * each)))
     return ClosureSensitivity(scene, method.name, table[COLUMNS], len(done) * each)
 
 
 def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
-    """Means and sds of a section table, physical where there are gears; shape (moments, quantities, impacts)."""
+    """Means and sds of a section table, physical where there are gears; shape (moments, quantities,
+    impacts)."""
     names = [prefix + quantity for prefix in ("", "sd_") for quantity in SECTION]
     table = section.reindex(index=range(1, impacts + 1), columns=names)
     if scene.gears is not None:
@@ -220,15 +285,19 @@ def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
     return table.to_numpy(float).T.reshape(len(MOMENTS), len(SECTION), impacts)
 
 
-def _change(predicted: float, values: Floats, unit: float, checks: int, tolerance: float) -> dict[str, Any]:
-    """A change for 1 % more in units of an sd, predicted and simulated; not judged where that is NaN, or it bends.
+def _change(
+    predicted: float, values: Floats, unit: float, checks: int, tolerance: float
+) -> dict[str, Any]:
+    """A change for 1 % more in units of an sd, predicted and simulated; not judged where that is
+    NaN, or it bends.
 
     Shapes: `values` (groups, down and up by step).
     """
     judged = unit > 0.0
     one = math.log1p(CHANGE) / unit if judged else math.nan
     _, _, shown, linear = find_slopes(values, STEPS, checks)
-    simulated, se = one * float(shown.mean()), one * float(shown.std(ddof=1)) / math.sqrt(len(shown))
+    simulated = one * float(shown.mean())
+    se = one * float(shown.std(ddof=1)) / math.sqrt(len(shown))
     noise = float(student.isf(0.5 * (1.0 - CONFIDENCE) / checks, len(shown) - 1)) * se
     error = one * predicted - simulated
     return {

@@ -1,4 +1,5 @@
-"""The pages of boundaries, maps, crossings and sensitivities, each laid out in a Markdown file beside this module."""
+"""The pages of boundaries, maps, crossings and sensitivities, each laid out in a Markdown file
+beside this module."""
 
 from pathlib import Path
 from typing import Any
@@ -19,14 +20,25 @@ from rattle.compare.validation.verdict import JUDGED
 from rattle.scene.text import percent
 
 CONTENTS = contents("boundary", figures=("boundary",), tables=("boundary", "points"))
-CONTENTS |= contents("sensitivity", figures=("sensitivity", "by_mesh"), tables=("sensitivity", "values"))
+CONTENTS |= contents(
+    "sensitivity", figures=("sensitivity", "by_mesh"), tables=("sensitivity", "values")
+)
 """Names of all files in such a folder; a folder with any other file is not overwritten."""
-MARKS = {search.ACCURATE: "good", search.WRONG: "bad", search.UNDECIDED: "open", "inaccurate": "bad"}
+MARKS = {
+    search.ACCURATE: "good",
+    search.WRONG: "bad",
+    search.UNDECIDED: "open",
+    "inaccurate": "bad",
+}
 MARKS |= {crossing.BELOW: "good", crossing.ABOVE: "bad"}
 IN_TABLES = ("points", "curve", "table", "values")
 LOOKS = {"most": search.MOST, "looks": ", ".join(f"{n:,}" for n in search.LOOKS)}
 SEARCH = {"search": TEXTS["search"].format(**LOOKS)}
-LONG_RUNS = {"paths": crossing.PATHS, "looks": ", ".join(f"{n:,}" for n in crossing.LOOKS), "most": search.MOST}
+LONG_RUNS = {
+    "paths": crossing.PATHS,
+    "looks": ", ".join(f"{n:,}" for n in crossing.LOOKS),
+    "most": search.MOST,
+}
 
 
 def _steps(near: float, far: float) -> dict[str, str]:
@@ -40,20 +52,28 @@ KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {
     Sensitivity: ("sensitivity", "sensitivity.md", _steps(*STEPS)),
     of_closure.ClosureSensitivity: ("sensitivity", "of_closure.md", _steps(*of_closure.STEPS)),
 }
-"""Name of the files, layout, and what stands between braces in it besides attributes, by the kind of result."""
+"""Name of the files, layout, and what stands between braces in it besides attributes, by the kind
+of result."""
 
 
 def write_report(out: Path, found: Any, record: dict[str, Any], overwrite: bool) -> None:
     """Write the folder of a result."""
     name, layout, values = KINDS[type(found)]
     table = shown = getattr(found, found.shown)
-    tables, parts, figures = {name: table}, {}, {}
+    tables = {name: table}
+    parts = {}
+    figures = {}
     if isinstance(found, Sensitivity):
         tables["values"] = parts["values"] = found.values.reset_index()
-        shown, figures = _in_percent(table), _tornados(found)
+        shown = _in_percent(table)
+        figures = _tornados(found)
     elif isinstance(found, of_closure.ClosureSensitivity):
         shown = table[table["verdict"].isin(JUDGED)]
-        shown = shown.loc[(shown["error"].abs() / shown["tolerance"]).sort_values(ascending=False, kind="stable").index]
+        shown = shown.loc[
+            (shown["error"].abs() / shown["tolerance"])
+            .sort_values(ascending=False, kind="stable")
+            .index
+        ]
     else:
         figures[name] = found.plot()
     if isinstance(found, BoundaryMap):
@@ -62,7 +82,9 @@ def write_report(out: Path, found: Any, record: dict[str, Any], overwrite: bool)
         values = values | {"quantity": with_unit(found.quantity, found.quantity_unit)}
     if "verdict" in shown:
         shown = shown.assign(mark=shown["verdict"].map(MARKS).fillna(""))
-    facts = {key: value for key, value in found.to_dict().items() if key not in (*IN_TABLES, "answer")}
+    facts = {
+        key: value for key, value in found.to_dict().items() if key not in (*IN_TABLES, "answer")
+    }
     save_report(
         out,
         name,
@@ -84,9 +106,13 @@ def write_report(out: Path, found: Any, record: dict[str, Any], overwrite: bool)
 def _in_percent(table: pd.DataFrame) -> pd.DataFrame:
     """The effects as the page shows them."""
     shown = table.copy()
-    shown["now"] = [f"{v:.4g} {unit}".strip() for v, unit in zip(shown["value"], shown["unit"], strict=True)]
+    shown["now"] = [
+        f"{v:.4g} {unit}".strip() for v, unit in zip(shown["value"], shown["unit"], strict=True)
+    ]
     for name in ("effect", "low", "high", "small_step", "large_step"):
-        shown[name] = ["–" if np.isnan(share) else f"{100.0 * share:+.3f} %" for share in shown[name]]
+        shown[name] = [
+            "–" if np.isnan(share) else f"{100.0 * share:+.3f} %" for share in shown[name]
+        ]
     shown["remark"] = shown["remark"].mask(shown["linear"].eq(False), "not linear here")
     return shown
 

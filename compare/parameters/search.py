@@ -1,8 +1,9 @@
 """Sequential search for the values of a parameter between which a closure stops holding.
 
-At each value paths are added until the verdict on the closure is decided; all looks at all values share one family of
-95 %.  A closure is shown wrong by any one row, so all rows are counted then.  It is accurate if every row is, which no
-single row says falsely more often than at its own level, so they are not (an intersection-union test, Berger 1982).
+At each value paths are added until the verdict on the closure is decided; all looks at all values
+share one family of 95 %.  A closure is shown wrong by any one row, so all rows are counted then.
+It is accurate if every row is, which no single row says falsely more often than at its own level,
+so they are not (an intersection-union test, Berger 1982).
 """
 
 import math
@@ -20,10 +21,14 @@ from rattle.scene.progress import ESTIMATES
 
 LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 """Paths after which a value is judged."""
-ROUGH = LOOKS[2]  # fewer paths say only roughly how many would decide, and too little of a branch near which they are
+# fewer paths say only roughly how many would decide, and too little of a branch near which they are
+ROUGH = LOOKS[2]
 MOST = 40  # values of a search
-SLIGHT = 0.01  # share of a tolerance below which it does not matter what a branch that was not seen could change
-ACCURATE, WRONG, UNDECIDED = "accurate", "wrong", "undecided"
+# share of a tolerance below which it does not matter what a branch that was not seen could change
+SLIGHT = 0.01
+ACCURATE = "accurate"
+WRONG = "wrong"
+UNDECIDED = "undecided"
 
 
 class Judgement(NamedTuple):
@@ -32,7 +37,8 @@ class Judgement(NamedTuple):
     value: float
     verdict: str  # `ACCURATE`, `WRONG` or `UNDECIDED`
     paths: int = 0
-    error: float = math.nan  # the worst row's error over its tolerance, with the bounds of its interval
+    # the worst row's error over its tolerance, with the bounds of its interval
+    error: float = math.nan
     low: float = math.nan
     high: float = math.nan
     row: str = ""  # that row
@@ -40,7 +46,8 @@ class Judgement(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """Two values between which the closure stops holding: at one it is accurate, at the other it is wrong."""
+    """Two values between which the closure stops holding: at one it is accurate, at the other it is
+    wrong."""
 
     accurate: float
     wrong: float
@@ -48,23 +55,29 @@ class Edge(NamedTuple):
 
 
 class Widths(NamedTuple):
-    """Half widths of the intervals, in standard errors, by what is to be shown: each takes half of the 5 %."""
+    """Half widths of the intervals, in standard errors, by what is to be shown: each takes half of
+    the 5 %."""
 
     accurate: float
     wrong: float
 
 
 def critical(impacts: int, stages: int, searches: int = 1) -> Widths:
-    """The half widths at every look of some searches (Bonferroni), one look of each value taken again."""
+    """The half widths at every look of some searches (Bonferroni), one look of each value taken
+    again."""
     rows = 2 * (len(SECTION) - (0 if stages == 2 else 2)) * impacts
     looks = (len(LOOKS) + 1) * MOST * searches
     return Widths(widest(looks), widest(rows * looks))
 
 
 def state_effort(label: str, over: str, points: int, least: float, most: float) -> None:
-    """State what a search is expected to take: core-seconds of a value that is judged at the first or the last look."""
+    """State what a search is expected to take: core-seconds of a value that is judged at the first
+    or the last look."""
     said = f"{label}: {points} values of {over}, then more between those that differ"
-    said += f"; each takes about {duration_text(least, 2)} to {duration_text(most, 2)} of processor time"
+    said += (
+        f"; each takes about {duration_text(least, 2)} to {duration_text(most, 2)} of processor"
+        " time"
+    )
     ESTIMATES.info("%s", said)
 
 
@@ -76,11 +89,14 @@ def judge_value(
     z: Widths,
     tolerances: Tolerances,
 ) -> Judgement:
-    """Add paths until a closure is decided at one value, or until what is undecided would take more than the last look.
+    """Add paths until a closure is decided at one value, or until what is undecided would take more
+    than the last look.
 
-    Where that waits for a rare branch, it is judged by `ROUGH` paths or more from then on, a part of them near it.
+    Where that waits for a rare branch, it is judged by `ROUGH` paths or more from then on, a part
+    of them near it.
     """
-    near_branches, looks = False, list(LOOKS)
+    near_branches = False
+    looks = list(LOOKS)
     while looks:
         paths = looks[0]
         run = simulate(scene, paths, near_branches)
@@ -97,16 +113,25 @@ def judge_value(
         beyond = rest["error"].abs() > rest["tolerance"]
         hidden = rest[["unseen_low", "unseen_high"]].max(axis=1) > SLIGHT * rest["tolerance"]
         margin = (rest["error"].abs() - rest["tolerance"]).abs()
-        needed = rest["paths_needed"].fillna(np.inf).where(hidden, paths * (rest["noise"] / margin) ** 2)
+        needed = (
+            rest["paths_needed"].fillna(np.inf).where(hidden, paths * (rest["noise"] / margin) ** 2)
+        )
         within_reach = needed.max() <= LOOKS[-1] or (needed[beyond] <= LOOKS[-1]).any()
-        if not within_reach and waits_for_branch(rest).any() and not (near_branches or scene.correlation_time):
-            near_branches, looks = True, [paths for paths in looks if paths >= ROUGH]
+        if (
+            not within_reach
+            and waits_for_branch(rest).any()
+            and not (near_branches or scene.correlation_time)
+        ):
+            near_branches = True
+            looks = [paths for paths in looks if paths >= ROUGH]
         elif within_reach or paths < ROUGH:
             looks.pop(0)
         else:
             break  # neither verdict is in reach
     remarks = [text for text in rest["remark"] if text]
-    return _point(value, UNDECIDED, paths, rows)._replace(remark=remarks[0] if remarks else "too few paths to decide")
+    return _point(value, UNDECIDED, paths, rows)._replace(
+        remark=remarks[0] if remarks else "too few paths to decide"
+    )
 
 
 def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Judgement:
@@ -115,7 +140,9 @@ def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Judgem
     sign = 1.0 if row["error"] >= 0.0 else -1.0
     low, high = sorted(sign * row[name] / row["tolerance"] for name in ("low", "high"))
     name = f"{row['moment']} of {row['quantity']} at impact {row['impact']}"
-    return Judgement(value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name)
+    return Judgement(
+        value, verdict, paths, abs(row["error"]) / row["tolerance"], float(low), float(high), name
+    )
 
 
 def find_changes(
@@ -129,10 +156,12 @@ def find_changes(
     near: Iterable[float] = (),
     each: Callable[..., Iterable[Any]] = map,
 ) -> tuple[list[tuple[Any, Any]], pd.DataFrame]:
-    """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a relative width.
+    """Scan a range, then halve the logarithm of every change of verdict until it is known to ± a
+    relative width.
 
-    Returns pairs of what was judged, that with the verdict `first` before the other, and all that was judged.  Values
-    `near` which a change is expected are tried before halving; `each` maps over those of the scan.
+    Returns pairs of what was judged, that with the verdict `first` before the other, and all that
+    was judged.  Values `near` which a change is expected are tried before halving; `each` maps over
+    those of the scan.
     """
     known: dict[float, Any] = {}
     guesses = [float(f"{value:.6g}") for value in near]
@@ -145,17 +174,27 @@ def find_changes(
         return known[value]
 
     def narrow(good: Any, bad: Any) -> tuple[Any, Any]:
-        """Narrow the two values of a change; what stays undecided between them is approached from both sides."""
-        while len(known) < MOST and abs(math.log(bad.value / good.value)) > 1.001 * enough:  # values are rounded
+        """Narrow the two values of a change; what stays undecided between them is approached from
+        both sides."""
+        # values are rounded
+        while len(known) < MOST and abs(math.log(bad.value / good.value)) > 1.001 * enough:
             doubt = [value for value in known if _between(value, good.value, bad.value)]
             # the wider of the two gaps beside what is undecided, or the whole
             least, most = (min, max) if good.value < bad.value else (max, min)
-            gaps = [(good.value, least(doubt)), (most(doubt), bad.value)] if doubt else [(good.value, bad.value)]
+            gaps = (
+                [(good.value, least(doubt)), (most(doubt), bad.value)]
+                if doubt
+                else [(good.value, bad.value)]
+            )
             one, other = max(gaps, key=lambda gap: abs(math.log(gap[1] / gap[0])))
             span = math.log(other / one)
             if doubt and abs(span) < 0.5 * enough:
                 break
-            middle = None if doubt else next((v for v in guesses if _between(v, good.value, bad.value)), None)
+            middle = (
+                None
+                if doubt
+                else next((v for v in guesses if _between(v, good.value, bad.value)), None)
+            )
             if middle is None:
                 # where one more verdict suffices, at the value that is easiest to show wrong
                 suffices = not doubt and abs(span) < 2.0 * enough
@@ -167,8 +206,14 @@ def find_changes(
                 bad = found
         return good, bad
 
-    decided = [point for point in each(at, np.geomspace(low, high, points)) if point.verdict != UNDECIDED]
-    pairs = [(a, b) if a.verdict == first else (b, a) for a, b in pairwise(decided) if a.verdict != b.verdict]
+    decided = [
+        point for point in each(at, np.geomspace(low, high, points)) if point.verdict != UNDECIDED
+    ]
+    pairs = [
+        (a, b) if a.verdict == first else (b, a)
+        for a, b in pairwise(decided)
+        if a.verdict != b.verdict
+    ]
     changes = [narrow(*pair) for pair in pairs]
     return changes, pd.DataFrame(sorted(known.values()))
 

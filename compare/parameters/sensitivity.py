@@ -1,4 +1,5 @@
-"""Relative change of stationary quantities for a small change of each parameter: central differences of long runs."""
+"""Relative change of stationary quantities for a small change of each parameter: central
+differences of long runs."""
 
 import math
 import time
@@ -20,14 +21,25 @@ from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.settings import is_random
-from rattle.scene import Floats, InputError, Scene, check_scene, choice, compile_ahead, duration_text, positive
+from rattle.scene import (
+    Floats,
+    InputError,
+    Scene,
+    check_scene,
+    choice,
+    compile_ahead,
+    duration_text,
+    positive,
+)
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PATHS, PERIODS = 32, 64  # of each long run; a group is one long run of every scene
+# of each long run; a group is one long run of every scene
+PATHS = 32
+PERIODS = 64
 GROUPS = (4, 6, 9, 13, 19, 28, 42, 64)  # independent groups after which the intervals are looked at
 ACCURACY = 0.001
 CONFIDENCE = 0.95
@@ -51,13 +63,15 @@ class Sensitivity(Finding):
     ----------
     scene : Scene
     table : DataFrame
-        A row for each quantity and parameter.  Columns ``quantity, parameter, value, unit`` (of the parameter),
-        ``effect, se, low, high`` (relative change of the quantity for 1 % more of the parameter, with its 95 %
-        interval), ``small_step, large_step`` (the same from either step alone), ``linear`` (False where both differ),
-        ``gain`` (variance that independent random numbers would have over the one with shared numbers) and ``remark``
-        (why there is no effect).
+        A row for each quantity and parameter.  Columns ``quantity, parameter, value, unit`` (of the
+        parameter), ``effect, se, low, high`` (relative change of the quantity for 1 % more of the
+        parameter, with its 95 % interval), ``small_step, large_step`` (the same from either step
+        alone), ``linear`` (False where both differ), ``gain`` (variance that independent random
+        numbers would have over the one with shared numbers) and ``remark`` (why there is no
+        effect).
     values : DataFrame
-        Index ``quantity``; columns ``value, low, high, unit`` of the scene itself, in physical units if it has gears.
+        Index ``quantity``; columns ``value, low, high, unit`` of the scene itself, in physical
+        units if it has gears.
     groups : int
         Independent groups of long runs that the intervals rest on.
     reached : bool
@@ -74,7 +88,8 @@ class Sensitivity(Finding):
     True
     """
 
-    title, shown = "Sensitivity", "table"
+    title = "Sensitivity"
+    shown = "table"
     plain = ("said", "answer", "groups", "reached", "values", "table")
 
     scene: Scene
@@ -87,10 +102,12 @@ class Sensitivity(Finding):
     @property
     def answer(self) -> list[str]:
         """The strongest lever of each quantity, a sentence each, and what was simulated."""
-        known, said = find_parameters(self.scene), []
+        known = find_parameters(self.scene)
+        said = []
         for quantity, rows in self.table.dropna(subset="effect").groupby("quantity", sort=False):
             row = rows.iloc[int(rows["effect"].abs().argmax())]
-            words, now = quantity_words(str(quantity)), self.values.loc[str(quantity)]
+            words = quantity_words(str(quantity))
+            now = self.values.loc[str(quantity)]
             if not (row["low"] > 0.0 or row["high"] < 0.0):
                 said.append(f"For {words} no effect is larger than its error.")
                 continue
@@ -98,7 +115,10 @@ class Sensitivity(Finding):
             the = "" if lever.startswith("`") else "the "  # a field, or a parameter of the gears
             at = value_text(now["value"], now["unit"])
             said.append(f"The strongest lever on {words} (now {at}) is {the}{lever}.")
-        return [*(said or ["Nothing that was changed has an effect that can be stated."]), self.said]
+        return [
+            *(said or ["Nothing that was changed has an effect that can be stated."]),
+            self.said,
+        ]
 
     def of(self, quantity: str) -> pd.DataFrame:
         """The effects on one quantity, the strongest first.
@@ -119,7 +139,11 @@ class Sensitivity(Finding):
             For a quantity that was not asked for.
         """
         choice("quantity", quantity, self.table["quantity"].unique())
-        own = self.table[self.table["quantity"] == quantity].set_index("parameter").drop(columns="quantity")
+        own = (
+            self.table[self.table["quantity"] == quantity]
+            .set_index("parameter")
+            .drop(columns="quantity")
+        )
         return own.loc[own["effect"].abs().sort_values(ascending=False, na_position="last").index]
 
     def plot(self) -> "Figure":
@@ -146,7 +170,8 @@ def _effect_words(parameter: Parameter, row: pd.Series) -> str:
 
 
 def default_quantities(stages: int) -> tuple[str, ...]:
-    """Impacts that are not slow and energy lost, per unit of time, and mean and 95 % speed of impacts, by mesh."""
+    """Impacts that are not slow and energy lost, per unit of time, and mean and 95 % speed of
+    impacts, by mesh."""
     names = ("power", "rate_above", "speed_above", "q95_speed_above")
     if stages == 1:
         return names
@@ -166,24 +191,27 @@ def sensitivity(
     workers: int = 1,
     progress: str | None = None,
 ) -> Sensitivity:
-    """Find what 1 % more of each parameter does to the rattle: impacts per second, energy lost, impact speeds.
+    """Find what 1 % more of each parameter does to the rattle: impacts per second, energy lost,
+    impact speeds.
 
-    The effect is a central difference of logarithms, from long runs with the parameter 2 and 4 % up and down, all with
-    the same random numbers.  Where both steps differ by more than chance it is extrapolated to a small step; where they
-    differ by a tenth of it, it is called not linear: chaotic motion has windows in which it is another.
+    The effect is a central difference of logarithms, from long runs with the parameter 2 and 4 % up
+    and down, all with the same random numbers.  Where both steps differ by more than chance it is
+    extrapolated to a small step; where they differ by a tenth of it, it is called not linear:
+    chaotic motion has windows in which it is another.
 
     Parameters
     ----------
     scene : Scene
-        What is modelled.  For a scene with gears its values in physical units are changed: a drive with the same
-        amplitude in mm, and ``sigma`` as it is.
+        What is modelled.  For a scene with gears its values in physical units are changed: a drive
+        with the same amplitude in mm, and ``sigma`` as it is.
     quantities : sequence of str, optional
-        Quantities of `stationary`; by default ``power`` and ``rate_above``, by mesh too, and the mean and the 95 %
-        quantile of the speed at each mesh.
+        Quantities of `stationary`; by default ``power`` and ``rate_above``, by mesh too, and the
+        mean and the 95 % quantile of the speed at each mesh.
     parameters : sequence of str, optional
         Parameters to change; all that are not 0 by default.
     accuracy : float
-        Largest half width of the 95 % intervals of the effects: 0.001 is 0.1 % for 1 % of a parameter.
+        Largest half width of the 95 % intervals of the effects: 0.001 is 0.1 % for 1 % of a
+        parameter.
     slow : float
         Speed below which an impact counts as slow; of gears it stays the same in mm/s.
     budget : float, optional
@@ -194,7 +222,8 @@ def sensitivity(
     workers : int
         Threads.
     progress : str, optional
-        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------
@@ -218,11 +247,16 @@ def sensitivity(
     check_scene(scene)
     compile_ahead.expect("sensitivity", len(scene.drive))
     whole = read_whole_seed(rng)
-    asked = list(dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities))
+    asked = list(
+        dict.fromkeys(default_quantities(scene.stages) if quantities is None else quantities)
+    )
     for name in asked:
         choice("quantities", name, all_names(scene.stages))
     known = find_parameters(scene)
-    chosen = {n: known[choice("parameters", n, known)] for n in (known if parameters is None else parameters)}
+    chosen = {
+        n: known[choice("parameters", n, known)]
+        for n in (known if parameters is None else parameters)
+    }
     positive("accuracy", accuracy)
     limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
     remarks: dict[str, str] = {}
@@ -241,7 +275,13 @@ def sensitivity(
             bar.total = groups * len(jobs)
             for group in range(len(runs), groups):
                 runs.append({})
-                call = partial(_run, scene=scene, asked=asked, slow=slow, rng=np.random.SeedSequence([whole, group]))
+                call = partial(
+                    _run,
+                    scene=scene,
+                    asked=asked,
+                    slow=slow,
+                    rng=np.random.SeedSequence([whole, group]),
+                )
                 for job, (values, why) in zip(jobs, pool.map(call, jobs), strict=True):
                     runs[group][job.name, job.factor] = values
                     if why:
@@ -250,11 +290,16 @@ def sensitivity(
             table = _effects(chosen, asked, runs, remarks)
             half = 0.5 * (table["high"] - table["low"])
             reached = not bool((half > accuracy).any())
-            if reached or time.process_time() > limit or bool((table["se"].fillna(0.0) == 0.0).all()):
+            if (
+                reached
+                or time.process_time() > limit
+                or bool((table["se"].fillna(0.0) == 0.0).all())
+            ):
                 break
     said = (
-        f"{len(runs)} groups of {len(jobs)} long runs, {PATHS} paths of {PERIODS} periods each; widest interval "
-        f"± {half.max():.2g} for {PERCENT} of a parameter" + ("" if reached else f", NOT the {accuracy:g} asked for")
+        f"{len(runs)} groups of {len(jobs)} long runs, {PATHS} paths of {PERIODS} periods each;"
+        f" widest interval ± {half.max():.2g} for {PERCENT} of a parameter"
+        + ("" if reached else f", NOT the {accuracy:g} asked for")
     )
     return Sensitivity(scene, table, _values(scene, asked, runs), len(runs), reached, f"{said}.")
 
@@ -263,7 +308,10 @@ def _state_estimate(label: str, scene: Scene, runs: int, slow: float) -> None:
     """State what so many long runs are expected to take, as those of the scene itself."""
     do(f"{label}: timing a few paths")
     seconds = runs * expect_run(scene, PATHS, PERIODS, slow=slow).core_seconds
-    said = f"{label}: {runs} long runs at the least, about {duration_text(seconds, 2)} of processor time"
+    said = (
+        f"{label}: {runs} long runs at the least, about {duration_text(seconds, 2)} of processor"
+        " time"
+    )
     said += f"; up to {GROUPS[-1] // GROUPS[0]} times as many where the accuracy needs them"
     ESTIMATES.info("%s", said)
 
@@ -273,12 +321,18 @@ def factors_of(steps: tuple[float, float] = STEPS) -> list[float]:
     return [1.0 + sign * step for step in steps for sign in (-1.0, 1.0)]
 
 
-def _run(job: _Job, scene: Scene, asked: list[str], slow: float, rng: np.random.SeedSequence) -> tuple[Floats, str]:
-    """Logarithms of the quantities in physical units, or why there are none; -inf where a quantity is 0."""
-    gears, base = job.scene.gears, scene.gears
+def _run(
+    job: _Job, scene: Scene, asked: list[str], slow: float, rng: np.random.SeedSequence
+) -> tuple[Floats, str]:
+    """Logarithms of the quantities in physical units, or why there are none; -inf where a quantity
+    is 0."""
+    gears = job.scene.gears
+    base = scene.gears
     same_speed = 1.0 if gears is None or base is None else base.units.speed / gears.units.speed
     try:
-        found = stationary(job.scene, periods=PERIODS, paths=PATHS, slow=slow * same_speed, closures=(), rng=rng)
+        found = stationary(
+            job.scene, periods=PERIODS, paths=PATHS, slow=slow * same_speed, closures=(), rng=rng
+        )
     except InputError as error:  # no stationary motion is reached
         if not job.name:
             raise
@@ -295,16 +349,27 @@ def _run(job: _Job, scene: Scene, asked: list[str], slow: float, rng: np.random.
 
 
 def _effects(
-    chosen: dict[str, Parameter], asked: list[str], runs: list[dict[tuple[str, float], Floats]], remarks: dict[str, str]
+    chosen: dict[str, Parameter],
+    asked: list[str],
+    runs: list[dict[tuple[str, float], Floats]],
+    remarks: dict[str, str],
 ) -> pd.DataFrame:
-    """The table of a `Sensitivity`, from the logarithms of all quantities in every group of runs."""
+    """The table of a `Sensitivity`, from the logarithms of all quantities in every group of
+    runs."""
     logs = {  # (groups, down and up by step, quantities)
-        name: np.array([[run[name, f] for f in factors_of()] for run in runs]) for name in chosen if name not in remarks
+        name: np.array([[run[name, f] for f in factors_of()] for run in runs])
+        for name in chosen
+        if name not in remarks
     }
     rows: list[dict[str, Any]] = []
     for i, quantity in enumerate(asked):
         for name, parameter in chosen.items():
-            row = {"quantity": quantity, "parameter": name, "value": parameter.value, "unit": parameter.unit}
+            row = {
+                "quantity": quantity,
+                "parameter": name,
+                "value": parameter.value,
+                "unit": parameter.unit,
+            }
             if name in remarks:
                 effect: dict[str, Any] = {"remark": remarks[name]}
             elif not np.isfinite(logs[name][:, :, i]).all():
@@ -318,8 +383,10 @@ def _effects(
 
 
 def _effect(logs: Floats, checks: int) -> dict[str, Any]:
-    """Effect of a parameter on a quantity from logarithms at each factor, shape (groups, factors)."""
-    groups, one = len(logs), math.log1p(CHANGE)
+    """Effect of a parameter on a quantity from logarithms at each factor, shape (groups,
+    factors)."""
+    groups = len(logs)
+    one = math.log1p(CHANGE)
     span, slopes, shown, linear = find_slopes(logs, STEPS, checks)
     half = student.isf(0.5 * (1.0 - CONFIDENCE), groups - 1) * _se(shown)
     alone = float((logs.var(axis=0, ddof=1).reshape(-1, 2).sum(axis=1) / span**2).sum())
@@ -327,20 +394,30 @@ def _effect(logs: Floats, checks: int) -> dict[str, Any]:
     logarithms = {"effect": shown.mean(), "low": shown.mean() - half, "high": shown.mean() + half}
     logarithms |= {"small_step": slopes[:, 0].mean(), "large_step": slopes[:, 1].mean()}
     effects = {name: math.expm1(one * value) for name, value in logarithms.items()}
-    return effects | {"se": one * _se(shown), "linear": linear, "gain": alone / paired if paired > 0.0 else math.nan}
+    return effects | {
+        "se": one * _se(shown),
+        "linear": linear,
+        "gain": alone / paired if paired > 0.0 else math.nan,
+    }
 
 
-def find_slopes(values: Floats, steps: tuple[float, float], checks: int) -> tuple[Floats, Floats, Floats, bool]:
-    """Slopes of a value over the logarithm of a parameter, from its values at both steps down and up.
+def find_slopes(
+    values: Floats, steps: tuple[float, float], checks: int
+) -> tuple[Floats, Floats, Floats, bool]:
+    """Slopes of a value over the logarithm of a parameter, from its values at both steps down and
+    up.
 
-    Returns the differences of the logarithm (steps,), the slope of each group and step (groups, steps), that of each
-    group from both steps (groups,), and whether these agree.  Shapes: `values` (groups, down and up by step).
+    Returns the differences of the logarithm (steps,), the slope of each group and step (groups,
+    steps), that of each group from both steps (groups,), and whether these agree.  Shapes: `values`
+    (groups, down and up by step).
     """
     span = np.array([math.log((1.0 + h) / (1.0 - h)) for h in steps])
     change = values[:, 1::2] - values[:, ::2]
     slopes = change / span
     bent = slopes[:, 0] - slopes[:, 1]
-    differ = abs(bent.mean()) > student.isf(0.5 * (1.0 - CONFIDENCE) / checks, len(values) - 1) * _se(bent)
+    differ = abs(bent.mean()) > student.isf(
+        0.5 * (1.0 - CONFIDENCE) / checks, len(values) - 1
+    ) * _se(bent)
     if differ and abs(bent.mean()) > BENT * max(abs(slopes.mean(axis=0))):
         return span, slopes, slopes[:, 0], False
     if differ:  # Richardson: the error of a central difference grows with the square of the step
@@ -352,11 +429,19 @@ def _se(values: Floats) -> float:
     return float(values.std(ddof=1)) / math.sqrt(len(values))
 
 
-def _values(scene: Scene, asked: list[str], runs: Sequence[dict[tuple[str, float], Floats]]) -> pd.DataFrame:
+def _values(
+    scene: Scene, asked: list[str], runs: Sequence[dict[tuple[str, float], Floats]]
+) -> pd.DataFrame:
     """The quantities of the scene itself, over all groups."""
     found = np.exp([run["", 1.0] for run in runs])
     mean = found.mean(axis=0)
-    half = student.isf(0.5 * (1.0 - CONFIDENCE), len(found) - 1) * found.std(axis=0, ddof=1) / math.sqrt(len(found))
+    half = (
+        student.isf(0.5 * (1.0 - CONFIDENCE), len(found) - 1)
+        * found.std(axis=0, ddof=1)
+        / math.sqrt(len(found))
+    )
     unit = [unit_of(name, scene.gears, "physical")[0] if scene.gears else "" for name in asked]
     index = pd.Index(asked, name="quantity")
-    return pd.DataFrame({"value": mean, "low": mean - half, "high": mean + half, "unit": unit}, index=index)
+    return pd.DataFrame(
+        {"value": mean, "low": mean - half, "high": mean + half, "unit": unit}, index=index
+    )

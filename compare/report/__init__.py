@@ -1,6 +1,7 @@
 """The content of a page as data: a title, the answer, sections of blocks, and its source.
 
-Texts are plain: between two backticks stands code, everything else is shown literally in every view.
+Texts are plain: between two backticks stands code, everything else is shown literally in every
+view.
 """
 
 import math
@@ -9,8 +10,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-TEXT, NUMBER = "text", "number"
-"""Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and sorted by value."""
+TEXT = "text"
+NUMBER = "number"
+"""Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and
+sorted by value."""
 
 MARKS = {"": "", "good": "✓", "bad": "✗", "open": "?", "part": "◐"}
 """Marks of a cell for the verdict on it, and their signs."""
@@ -66,7 +69,9 @@ class TableCell:
             cell = cls(f"{int(content):,}" if whole else f"{content:.4g}", value=float(content))
         if kind == TEXT:
             return cls(cell.text, cell.mark)
-        return cell if cell.value is not None else cls(cell.text, cell.mark, leading_number(cell.text))
+        return (
+            cell if cell.value is not None else cls(cell.text, cell.mark, leading_number(cell.text))
+        )
 
 
 Row: TypeAlias = Iterable[TableCell | str | float]
@@ -98,7 +103,10 @@ class Table:
     def of(cls, columns: Sequence[Column | str], rows: Iterable[Row], summary: str = "") -> "Table":
         """Make a table of plain values."""
         heads = tuple(c if isinstance(c, Column) else Column(c) for c in columns)
-        made = (tuple(TableCell.of(content, c.kind) for content, c in zip(row, heads, strict=True)) for row in rows)
+        made = (
+            tuple(TableCell.of(content, c.kind) for content, c in zip(row, heads, strict=True))
+            for row in rows
+        )
         return cls(heads, tuple(made), summary)
 
 
@@ -156,11 +164,12 @@ class Page:
     """The page of a report."""
 
     title: str
-    # sentences that stand first; at least one.  The first is the advice, or what is most worth knowing
+    # sentences that stand first; at least one.  The first is the advice, or what is most worth
+    # knowing
     answer: tuple[str, ...]
     source: Source  # stands last
-    # before the sections: the key figure, and the table.  HTML and Markdown show the first sentence of the answer,
-    # the blocks, and then the other sentences
+    # before the sections: the key figure, and the table.  HTML and Markdown show the first sentence
+    # of the answer, the blocks, and then the other sentences
     blocks: tuple[Block, ...] = ()
     sections: tuple[PageSection, ...] = ()
 

@@ -20,14 +20,21 @@ from rattle.scene.progress import do
 MANIFEST = "manifest.json"
 FIGURES = "figures"  # folder of the figures of some reports
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
-PART, OLD = ".part", ".old"  # suffixes of scratch names: a folder or file being written, a folder being replaced
+# suffixes of scratch names: a folder or file being written, a folder being replaced
+PART = ".part"
+OLD = ".old"
 ANY_TEXT = "rattle"  # name in the scratch names of single files
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def default_place(name: str, suffix: str = "") -> Path:
-    """The default output folder ``reports/NAME``, without the separators and control characters of a name."""
-    safe = re.sub(r"[/\\]+|\.\.+", "-", harmless(name.lower(), keep="")).encode()[:120].decode(errors="ignore")
+    """The default output folder ``reports/NAME``, without the separators and control characters of
+    a name."""
+    safe = (
+        re.sub(r"[/\\]+|\.\.+", "-", harmless(name.lower(), keep=""))
+        .encode()[:120]
+        .decode(errors="ignore")
+    )
     return Path("reports") / f"{safe.strip('.- ') or 'scene'}{suffix}"
 
 
@@ -35,7 +42,10 @@ def describe_refusal(out: Path, error: OSError) -> OutputError:
     """The error message for a failed write."""
     why = f"cannot be written ({error.strerror or error}); choose another place"
     if error.errno in FULL:
-        why = "the disk is full; nothing is half written, what was there is untouched: make room and try again"
+        why = (
+            "the disk is full; nothing is half written, what was there is untouched: make room and"
+            " try again"
+        )
     return OutputError(f"out = {str(out)!r}: {why}")
 
 
@@ -46,23 +56,30 @@ def refusals(out: Path) -> Iterator[None]:
         yield
     except OutputError:
         raise
-    except OSError as error:  # such as a full disk, a name that is too long, a folder that may not be read
+    # such as a full disk, a name that is too long, a folder that may not be read
+    except OSError as error:
         raise describe_refusal(out, error) from None
 
 
 def check_place(out: Path) -> Path:
-    """Check that a folder or file can be made where it is to be; the closest folder above it that exists."""
+    """Check that a folder or file can be made where it is to be; the closest folder above it that
+    exists."""
     parent = next((p for p in out.absolute().parents if p.exists()), Path("/"))
     if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise OutputError(f"out = {str(out)!r}: {str(parent)!r} cannot be written; choose another place")
+        raise OutputError(
+            f"out = {str(out)!r}: {str(parent)!r} cannot be written; choose another place"
+        )
     return parent
 
 
 def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
-    """Check before a run that its output folder can be written, and holds nothing but files of such a report."""
+    """Check before a run that its output folder can be written, and holds nothing but files of such
+    a report."""
     with refusals(out):
         if out.is_symlink() or (out.exists() and not out.is_dir()):
-            raise OutputError(f"out = {str(out)!r}: exists and is not a folder; choose another name")
+            raise OutputError(
+                f"out = {str(out)!r}: exists and is not a folder; choose another name"
+            )
         if (free := shutil.disk_usage(check_place(out)).free) < ROOM:
             room = f"{free / 1e6:.1f} MB are free there; make room for {ROOM / 1e6:.0f} MB"
             raise OutputError(f"out = {str(out)!r}: {room}")
@@ -72,7 +89,8 @@ def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
             refuse_foreign(out, inside if read_own_manifest(out) is None else foreign_figures(out))
     if inside and not overwrite:
         raise OutputError(
-            f"out = {str(out)!r}: holds an earlier report; choose another folder, or overwrite it (--overwrite)"
+            f"out = {str(out)!r}: holds an earlier report; choose another folder, or overwrite it"
+            " (--overwrite)"
         )
 
 
@@ -80,7 +98,9 @@ def refuse_foreign(out: Path, foreign: Collection[str]) -> None:
     """Refuse a folder in which there is anything that this project did not write."""
     if foreign:
         names = ", ".join(map(line, sorted(foreign)[:3]))
-        raise OutputError(f"out = {str(out)!r}: holds other things ({names}); choose another folder")
+        raise OutputError(
+            f"out = {str(out)!r}: holds other things ({names}); choose another folder"
+        )
 
 
 def read_own_manifest(folder: Path) -> dict[str, Any] | None:
@@ -104,7 +124,8 @@ def foreign_figures(out: Path) -> set[str]:
 def check_own(path: Path, mark: bytes, what: str) -> None:
     """Check that a file may be written: there is none, an empty one, or one of this project.
 
-    `mark`: A regular expression that is found in the first bytes of such a file. `what`: Its kind, in words.
+    `mark`: A regular expression that is found in the first bytes of such a file. `what`: Its kind,
+    in words.
     """
     with refusals(path):
         if path.is_symlink() or (path.exists() and not path.is_file()):
@@ -119,7 +140,8 @@ def check_own(path: Path, mark: bytes, what: str) -> None:
 
 @contextmanager
 def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[Path]:
-    """Context that writes a folder whole or not at all: into one beside it, which replaces it at the end."""
+    """Context that writes a folder whole or not at all: into one beside it, which replaces it at
+    the end."""
     check_free(out, ours, overwrite)
     with refusals(out):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -131,7 +153,8 @@ def whole_folder(out: Path, ours: frozenset[str], overwrite: bool) -> Iterator[P
 
 @contextmanager
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
-    """Context with a temporary folder; leftovers of killed processes under the same name are removed first."""
+    """Context with a temporary folder; leftovers of killed processes under the same name are
+    removed first."""
     sweep(parent, name)
     scratch = scratch_path(parent, name, PART)
     scratch.mkdir()
@@ -142,7 +165,8 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file whole or not at all; a symbolic link of that name is replaced, not followed."""
+    """Write a text file whole or not at all; a symbolic link of that name is replaced, not
+    followed."""
     with refusals(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent, ANY_TEXT)
@@ -155,12 +179,14 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def scratch_path(parent: Path, name: str, suffix: str) -> Path:
-    """A new scratch name, with machine and process; what is made under it has the permissions of the umask."""
+    """A new scratch name, with machine and process; what is made under it has the permissions of
+    the umask."""
     return parent / f".{name}-{platform.node()}-{os.getpid()}-{secrets.token_hex(4)}{suffix}"
 
 
 def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> None:
-    """Move a scratch folder to its place; if another run has taken that meanwhile, to a numbered name beside it."""
+    """Move a scratch folder to its place; if another run has taken that meanwhile, to a numbered
+    name beside it."""
     try:
         check_free(out, ours, overwrite)
         _replace(scratch, out)
@@ -170,12 +196,14 @@ def _put(scratch: Path, out: Path, ours: frozenset[str], overwrite: bool) -> Non
         beside = next(p for n in count(2) if not (p := out.with_name(f"{out.name}-{n}")).exists())
         os.rename(scratch, beside)
         raise OutputError(
-            f"out = {str(out)!r}: has been taken by another run meanwhile; this report is kept as {str(beside)!r}"
+            f"out = {str(out)!r}: has been taken by another run meanwhile; this report is kept as"
+            f" {str(beside)!r}"
         ) from None
 
 
 def _replace(scratch: Path, out: Path) -> None:
-    """Move an old folder away, the new one to its place; of a process killed in between, `sweep` restores the old."""
+    """Move an old folder away, the new one to its place; of a process killed in between, `sweep`
+    restores the old."""
     if not out.exists():
         os.rename(scratch, out)
         return
@@ -190,8 +218,11 @@ def _replace(scratch: Path, out: Path) -> None:
 
 
 def sweep(parent: Path, name: str) -> None:
-    """Remove scratch files and folders of killed processes; restore a folder that one was replacing."""
-    pattern = re.compile(rf"\.{re.escape(name)}-{re.escape(platform.node())}-(\d{{1,9}})-[0-9a-f]{{8}}(\{PART}|\{OLD})")
+    """Remove scratch files and folders of killed processes; restore a folder that one was
+    replacing."""
+    pattern = re.compile(
+        rf"\.{re.escape(name)}-{re.escape(platform.node())}-(\d{{1,9}})-[0-9a-f]{{8}}(\{PART}|\{OLD})"
+    )
     with suppress(OSError):  # a folder that may be written but not read
         for left in map(pattern.fullmatch, os.listdir(parent)):
             if left and not _is_running(int(left[1])):

@@ -1,4 +1,5 @@
-"""Ctrl-C (SIGINT) ends a command within about a second, whatever its threads or an import do; so does a budget."""
+"""Ctrl-C (SIGINT) ends a command within about a second, whatever its threads or an import do; so
+does a budget."""
 
 import _thread
 import math
@@ -16,22 +17,26 @@ from rattle.scene.progress import is_drawn
 EXIT_INTERRUPTED = 130
 NOTHING_WRITTEN = "interrupted; nothing was written"
 GRACE = 1.2
-"""Seconds from Ctrl-C to the end of the process: enough to finish running blocks of paths and to print one line."""
+"""Seconds from Ctrl-C to the end of the process: enough to finish running blocks of paths and to
+print one line."""
 LOSES_EXCEPTIONS = ("<frozen importlib._bootstrap>", "executionengine.py", "ffi.py")
-"""Ends of the files of frames in which an exception goes astray: imports, the compiler's callbacks and destructors."""
+"""Ends of the files of frames in which an exception goes astray: imports, the compiler's callbacks
+and destructors."""
 
 stored: list[Callable[[], str]] = []
-"""What a command says, at its end, of what it has stored when it is interrupted; empty where that is nothing."""
+"""What a command says, at its end, of what it has stored when it is interrupted; empty where that
+is nothing."""
 said = threading.Event()
 """Set once the one line about the interrupt has been printed."""
 
 
 @contextmanager
 def ends_soon() -> Iterator[None]:
-    """Context in which Ctrl-C raises KeyboardInterrupt, and ends the process `GRACE` seconds later at the latest.
+    """Context in which Ctrl-C raises KeyboardInterrupt, and ends the process `GRACE` seconds later
+    at the latest.
 
-    It ends at once where an exception would be lost; the threads of a simulation cannot be stopped otherwise.  That is
-    safe because results are written whole or not at all.
+    It ends at once where an exception would be lost; the threads of a simulation cannot be stopped
+    otherwise.  That is safe because results are written whole or not at all.
     """
     if threading.current_thread() is not threading.main_thread():  # which alone gets signals
         yield
@@ -44,7 +49,8 @@ def ends_soon() -> Iterator[None]:
         asked.set()
         if any(part.f_code.co_filename.endswith(LOSES_EXCEPTIONS) for part, _ in walk_stack(frame)):
             _end(0.0)
-        _thread.start_new_thread(_end, (GRACE,))  # a Thread takes locks that the main thread may hold
+        # a Thread takes locks that the main thread may hold
+        _thread.start_new_thread(_end, (GRACE,))
         raise KeyboardInterrupt
 
     said.clear()
@@ -62,7 +68,8 @@ class BudgetEnded(BaseException):
 
 @contextmanager
 def stop_after(seconds: float) -> Iterator[None]:
-    """Context that raises `BudgetEnded` after so many seconds by the clock; without effect in other threads."""
+    """Context that raises `BudgetEnded` after so many seconds by the clock; without effect in other
+    threads."""
     if seconds == math.inf or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -91,5 +98,8 @@ def _end(seconds: float) -> None:
     else:
         lost = "interrupted; unfinished work is lost, no file is half written"
         start = "\n" if is_drawn() else ""
-        os.write(2, f"{start}rattle: {describe_interrupt() if stored else lost}\n".encode(errors="replace"))
+        os.write(
+            2,
+            f"{start}rattle: {describe_interrupt() if stored else lost}\n".encode(errors="replace"),
+        )
     os._exit(EXIT_INTERRUPTED)

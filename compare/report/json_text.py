@@ -1,4 +1,5 @@
-"""JSON files: strict, without terminal control characters; and ``page.json``, which is read back with validation."""
+"""JSON files: strict, without terminal control characters; and ``page.json``, which is read back
+with validation."""
 
 import dataclasses
 import hashlib
@@ -31,7 +32,8 @@ def plain(data: Any) -> Any:
 
 
 def json_text(data: Any, indent: int | None = 2) -> str:
-    r"""Data as strict JSON (RFC 8259); terminal control characters are escaped, other non-ASCII characters are not."""
+    r"""Data as strict JSON (RFC 8259); terminal control characters are escaped, other non-ASCII
+    characters are not."""
     text = json.dumps(plain(data), indent=indent, ensure_ascii=False, allow_nan=False)
     if harmless(text) == text:
         return text
@@ -44,7 +46,8 @@ def json_digest(data: Any) -> str:
 
 
 NAME = "page.json"
-FORMAT, VERSION = "rattle page", 2
+FORMAT = "rattle page"
+VERSION = 2
 KINDS = {kind: name for name, kind in BLOCKS.items()}
 
 
@@ -58,7 +61,10 @@ def page_text(page: Page) -> str:
 def check_not_newer(what: str, version: Any, newest: int, path: Path) -> None:
     """Check that a file was not written by a newer version of this program."""
     if type(version) is int and version > newest:
-        why = f"comes from a newer version of rattle ({what} {version}; this one reads {newest}); update rattle"
+        why = (
+            f"comes from a newer version of rattle ({what} {version}; this one reads {newest});"
+            " update rattle"
+        )
         raise FileError(what, str(path), why)
 
 
@@ -94,7 +100,8 @@ def _read(kind: Any, data: Any) -> Any:
     if typing.get_origin(kind) is tuple:
         return tuple(_read(typing.get_args(kind)[0], item) for item in data)
     if kind is Block:
-        kind, data = BLOCKS[data["kind"]], {name: value for name, value in data.items() if name != "kind"}
+        kind = BLOCKS[data["kind"]]
+        data = {name: value for name, value in data.items() if name != "kind"}
     if not hasattr(kind, "__dataclass_fields__"):
         return data
     hints = typing.get_type_hints(kind)

@@ -1,4 +1,5 @@
-"""The manifest of a report: all that is needed to repeat a run bit for bit, and to check that it was."""
+"""The manifest of a report: all that is needed to repeat a run bit for bit, and to check that it
+was."""
 
 import hashlib
 import io
@@ -20,7 +21,8 @@ VERSION = 1
 """Version of the format of manifests."""
 
 TABLES = {"table_sha256": "table.csv", "validity_sha256": "validity.csv"}
-"""Tables by the name of their digest, which a repeated run must share with the first; timings are not covered."""
+"""Tables by the name of their digest, which a repeated run must share with the first; timings are
+not covered."""
 
 
 class ReportSettings(NamedTuple):
@@ -28,7 +30,8 @@ class ReportSettings(NamedTuple):
 
     name: str  # of the scene
     scenes: tuple[Scene, ...]  # one for each noise intensity
-    impacts: int  # impacts, paths, dt, scheme, seed: of the simulations, see `rattle.montecarlo.simulate`
+    # impacts, paths, dt, scheme, seed: of the simulations, see `rattle.montecarlo.simulate`
+    impacts: int
     paths: int
     dt: float
     scheme: str
@@ -42,7 +45,9 @@ class ReportSettings(NamedTuple):
     @property
     def simulation(self) -> dict[str, Any]:
         """Settings of every simulation of the report, except scene and threads."""
-        return {name: getattr(self, name) for name in ("paths", "impacts", "dt", "scheme")} | {"rng": self.seed}
+        return {name: getattr(self, name) for name in ("paths", "impacts", "dt", "scheme")} | {
+            "rng": self.seed
+        }
 
     @property
     def sweep(self) -> dict[str, Any]:
@@ -76,7 +81,11 @@ def read_settings(path: Path) -> Recorded:
         scenes = tuple(Scene.from_dict(s) for s in settings["scenes"])
         if not scenes:
             raise InputError("manifest.settings.scenes", [], "must hold a scene")
-        lists = {name: tuple(settings[name]) for name in ("closures", "validity", "beside") if name in settings}
+        lists = {
+            name: tuple(settings[name])
+            for name in ("closures", "validity", "beside")
+            if name in settings
+        }
         digests = {name: data.get(name) for name in TABLES}
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")
@@ -90,7 +99,9 @@ def read_settings(path: Path) -> Recorded:
     except InputError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileError("manifest", str(path), f"is no manifest of this version ({error})") from None
+        raise FileError(
+            "manifest", str(path), f"is no manifest of this version ({error})"
+        ) from None
 
 
 def seal(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -110,23 +121,30 @@ def digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-SAME, ROUNDED, DIFFERENT = "bit for bit", "but for rounding", "different"
+SAME = "bit for bit"
+ROUNDED = "but for rounding"
+DIFFERENT = "different"
 
 ROUNDING = 0.01
-"""The largest difference that counts as rounding, in standard errors of the simulated number: another seed makes one.
+"""The largest difference that counts as rounding, in standard errors of the simulated number:
+another seed makes one.
 
-Code for other vector instructions sums in another order (2e-14 sd between two kinds of x86-64).  Where products are
-rounded differently too, one path in a million takes another itinerary: 1e-3 standard errors (256 000 paths of DAT21).
+Code for other vector instructions sums in another order (2e-14 sd between two kinds of x86-64).
+Where products are rounded differently too, one path in a million takes another itinerary: 1e-3
+standard errors (256 000 paths of DAT21).
 """
 EXACT = 1e-9
-"""The same for numbers that are not sampled, those of a closure, in sds of the quantity (measured: 5e-15)."""
+"""The same for numbers that are not sampled, those of a closure, in sds of the quantity (measured:
+5e-15)."""
 RELATIVE = 1e-3
-"""At small noise this share of a value replaces the sd as unit of differences: rounding errors scale with the value."""
+"""At small noise this share of a value replaces the sd as unit of differences: rounding errors
+scale with the value."""
 
 SAMPLED = {"simulated", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
 """Columns that are estimated from the paths."""
 DERIVED = {"paths_needed", "why", "remark"}
-"""Not compared, for they follow from other columns: by a difference that may nearly cancel, or in words."""
+"""Not compared, for they follow from other columns: by a difference that may nearly cancel, or in
+words."""
 NAMING = ("sigma", "closure", "kind", "moment", "quantity", "impact")
 """Columns that identify a row."""
 
@@ -134,8 +152,12 @@ NAMING = ("sigma", "closure", "kind", "moment", "quantity", "impact")
 class Difference(NamedTuple):
     """The largest difference between two tables, relative to what rounding explains."""
 
-    excess: float  # difference over the largest one that rounding explains; infinite if the entries are not numbers
-    sds: float  # sds, errors: difference in sds of the quantity, and in standard errors (NaN where nothing is sampled)
+    # difference over the largest one that rounding explains; infinite if the entries are not
+    # numbers
+    excess: float
+    # sds, errors: difference in sds of the quantity, and in standard errors (NaN where nothing is
+    # sampled)
+    sds: float
     errors: float
     where: str  # column, row, and both entries
 
@@ -146,7 +168,8 @@ class Repeat(NamedTuple):
     outcome: str  # `SAME`, `ROUNDED` or `DIFFERENT`
     largest: Difference | None  # none if both are the same, or if only digests could be compared
     why: str  # why only digests could be compared; else empty
-    # versions and properties of the processor that differ: as recorded (None if not recorded), and here
+    # versions and properties of the processor that differ: as recorded (None if not recorded), and
+    # here
     changed: dict[str, tuple[str | None, str | None]]
 
     @property
@@ -154,51 +177,93 @@ class Repeat(NamedTuple):
         """The result in sentences for the user."""
         if self.outcome == SAME:
             return ["Repeated bit for bit."]
-        found = "Repeated but for rounding" if self.outcome == ROUNDED else "The numbers differ from the manifest's"
+        found = (
+            "Repeated but for rounding"
+            if self.outcome == ROUNDED
+            else "The numbers differ from the manifest's"
+        )
         if self.largest is None:
             return [f"{found}. Only digests could be compared: {self.why}.", self._versions]
         if math.isinf(self.largest.sds):
             return [f"{found}: {self.largest.where}.", self._versions]
-        errors = "" if math.isnan(self.largest.errors) else f", {self.largest.errors:.2g} standard errors"
+        errors = (
+            ""
+            if math.isnan(self.largest.errors)
+            else f", {self.largest.errors:.2g} standard errors"
+        )
         size = f"the largest difference is {self.largest.sds:.2g} sd{errors} ({self.largest.where})"
-        bound = f"Up to {ROUNDING:g} standard errors, or {EXACT:g} sd where nothing is sampled, counts as rounding."
+        bound = (
+            f"Up to {ROUNDING:g} standard errors, or {EXACT:g} sd where nothing is sampled, counts"
+            " as rounding."
+        )
         return [f"{found}: {size}. {bound}", self._versions]
 
     @property
     def _versions(self) -> str:
-        unrecorded = [f"{name} (here {here})" for name, (there, here) in self.changed.items() if there is None]
-        recorded = [f"{n} {there}, here {here}" for n, (there, here) in self.changed.items() if there is not None]
-        sentences = [f"The manifest's versions that differ: {'; '.join(recorded)}."] if recorded else []
-        sentences += [f"The manifest does not record: {', '.join(unrecorded)}."] if unrecorded else []
-        return " ".join(map(line, sentences)) or "All versions and the processor are those of the manifest."
+        unrecorded = [
+            f"{name} (here {here})" for name, (there, here) in self.changed.items() if there is None
+        ]
+        recorded = [
+            f"{n} {there}, here {here}"
+            for n, (there, here) in self.changed.items()
+            if there is not None
+        ]
+        sentences = (
+            [f"The manifest's versions that differ: {'; '.join(recorded)}."] if recorded else []
+        )
+        sentences += (
+            [f"The manifest does not record: {', '.join(unrecorded)}."] if unrecorded else []
+        )
+        return (
+            " ".join(map(line, sentences))
+            or "All versions and the processor are those of the manifest."
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data for JSON."""
-        changed = {name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()}
+        changed = {
+            name: {"manifest": there, "here": here} for name, (there, here) in self.changed.items()
+        }
         largest = self.largest and self.largest._asdict()
-        return {"outcome": self.outcome, "largest_difference": largest, "why": self.why, "changed": changed}
+        return {
+            "outcome": self.outcome,
+            "largest_difference": largest,
+            "why": self.why,
+            "changed": changed,
+        }
 
 
 def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
     """Compare a repeated report with the first."""
-    there, here = recorded.versions, versions()
-    changed = {n: (there.get(n), here.get(n)) for n in {**here, **there} if there.get(n) != here.get(n)}
+    there = recorded.versions
+    here = versions()
+    changed = {
+        n: (there.get(n), here.get(n)) for n in {**here, **there} if there.get(n) != here.get(n)
+    }
     differing = [name for name in TABLES if now[name] != recorded.digests[name]]
-    altered = [name for name, text in recorded.tables.items() if recorded.digests[name] not in (None, digest(text))]
+    altered = [
+        name
+        for name, text in recorded.tables.items()
+        if recorded.digests[name] not in (None, digest(text))
+    ]
     found = []
     for name in differing:
         file = TABLES[name]
         if now[name] is None or recorded.digests[name] is None:
             found.append(Difference(math.inf, math.inf, math.nan, f"only one of them has {file}"))
         elif name not in recorded.tables or name in altered:
-            return Repeat(DIFFERENT, None, f"no {file} with the manifest's digest lies beside it", changed)
+            return Repeat(
+                DIFFERENT, None, f"no {file} with the manifest's digest lies beside it", changed
+            )
         else:
             before = pd.read_csv(io.StringIO(recorded.tables[name]))
             one = difference(before, pd.read_csv(folder / file), recorded.settings.paths)
             found.append(one._replace(where=f"{file}, {one.where}"))
     if altered:
         files = " and ".join(TABLES[name] for name in altered)
-        found.append(Difference(math.inf, math.inf, math.nan, f"{files} beside it was changed since"))
+        found.append(
+            Difference(math.inf, math.inf, math.nan, f"{files} beside it was changed since")
+        )
     if not found:
         return Repeat(SAME, None, "", changed)
     largest = max(found, key=lambda one: one.excess)
@@ -223,13 +288,20 @@ def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference
     return largest
 
 
-def _differences(one: pd.DataFrame, other: pd.DataFrame, name: str, paths: int) -> tuple[Floats, Floats]:
+def _differences(
+    one: pd.DataFrame, other: pd.DataFrame, name: str, paths: int
+) -> tuple[Floats, Floats]:
     """Differences of a column in sds and in standard errors."""
-    a, b = one[name], other[name]
-    same, none = ((a == b) | (a.isna() & b.isna())).to_numpy(bool), np.full(len(one), math.nan)
-    if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):  # text and counts must be equal
+    a = one[name]
+    b = other[name]
+    same = ((a == b) | (a.isna() & b.isna())).to_numpy(bool)
+    none = np.full(len(one), math.nan)
+    # text and counts must be equal
+    if not (pd.api.types.is_float_dtype(a) and pd.api.types.is_float_dtype(b)):
         return np.where(same, 0.0, math.inf), none
-    simulated, unit, se = (one.get(of, pd.Series(0.0, index=one.index)) for of in ("simulated", "unit", "se"))
+    simulated, unit, se = (
+        one.get(of, pd.Series(0.0, index=one.index)) for of in ("simulated", "unit", "se")
+    )
     sizes = [RELATIVE * a.abs(), RELATIVE * b.abs(), unit, RELATIVE * simulated.abs()]
     error = se.to_numpy(float) if name != "agreement" else paths**-0.5
     gap = np.where(same, 0.0, (a - b).abs())

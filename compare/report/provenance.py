@@ -34,12 +34,14 @@ class Stopwatch:
     @property
     def seconds(self) -> dict[str, float]:
         """Both, for a manifest."""
-        wall, cpu = time.perf_counter() - self._wall, time.process_time() - self._cpu
+        wall = time.perf_counter() - self._wall
+        cpu = time.process_time() - self._cpu
         return {"wall_seconds": round(wall, 1), "cpu_seconds": round(cpu, 1)}
 
 
 def provenance(watch: Stopwatch | None = None) -> dict[str, Any]:
-    """Command, commit and versions of this run, and its time if a watch has taken it; for the manifest.
+    """Command, commit and versions of this run, and its time if a watch has taken it; for the
+    manifest.
 
     Raises OutputError where the sources are no longer those that have computed the numbers.
     """
@@ -50,21 +52,32 @@ def provenance(watch: Stopwatch | None = None) -> dict[str, Any]:
 
 
 def source_of(
-    record: Mapping[str, Any], blocks: tuple[Block, ...] | None = None, more: Mapping[str, str] | None = None
+    record: Mapping[str, Any],
+    blocks: tuple[Block, ...] | None = None,
+    more: Mapping[str, str] | None = None,
 ) -> Source:
-    """The section of a page that says where it comes from: from its manifest, with its scene if no blocks are given."""
+    """The section of a page that says where it comes from: from its manifest, with its scene if no
+    blocks are given."""
     facts = {"command": f"`{record['command']}`"} if "repeat" in record else {}
     facts["commit"] = record["commit"]
     if "numerical_version" in record:
         facts["numerical version"] = record["numerical_version"]
     if (seed := record.get("settings", record).get("seed")) is not None:
         facts["seed"] = str(seed)
-    times = {"wall": record["wall_seconds"], "CPU": record.get("cpu_seconds"), "of cells": record.get("cell_seconds")}
+    times = {
+        "wall": record["wall_seconds"],
+        "CPU": record.get("cpu_seconds"),
+        "of cells": record.get("cell_seconds"),
+    }
     facts["time"] = ", ".join(f"{seconds} s {kind}" for kind, seconds in times.items() if seconds)
-    facts["versions"] = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+    facts["versions"] = ", ".join(
+        f"{name} {version}" for name, version in record["versions"].items()
+    )
     if blocks is None:
         blocks = (Text("The scene:"), Code(Scene.from_dict(record["scene"]).to_toml(), "toml"))
-    return Source(record.get("repeat", record["command"]), (*facts.items(), *(more or {}).items()), blocks)
+    return Source(
+        record.get("repeat", record["command"]), (*facts.items(), *(more or {}).items()), blocks
+    )
 
 
 def command_line(words: Sequence[str]) -> str:
@@ -73,7 +86,8 @@ def command_line(words: Sequence[str]) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages on which the numbers depend, and the processor as named by system and compiler."""
+    """Versions of the packages on which the numbers depend, and the processor as named by system
+    and compiler."""
     found = {
         "python": platform.python_version(),
         "machine": platform.machine(),
@@ -84,8 +98,11 @@ def versions() -> dict[str, str]:
     for package in DISTRIBUTIONS:
         found[package] = "not installed"
         with suppress(importlib.metadata.PackageNotFoundError):
-            imported = sys.modules.get(package) if package != "rattle" else None  # another may be installed by now
-            found[package] = imported.__version__ if imported else importlib.metadata.version(package)
+            # another may be installed by now
+            imported = sys.modules.get(package) if package != "rattle" else None
+            found[package] = (
+                imported.__version__ if imported else importlib.metadata.version(package)
+            )
     return found
 
 
@@ -99,10 +116,14 @@ def _processor() -> str:
 
 
 def _vectors() -> str:
-    """The vector instructions for which code is compiled; they determine the order of sums, hence their last bits."""
+    """The vector instructions for which code is compiled; they determine the order of sums, hence
+    their last bits."""
     chosen = COMPILER.CPU_FEATURES
     features = binding.get_host_cpu_features().flatten() if chosen is None else chosen
-    return " ".join(sorted(re.findall(r"\+(s?sse[\w.]*|avx[\w.]*|fma\w*|neon|sve\w*)", features))) or "none"
+    return (
+        " ".join(sorted(re.findall(r"\+(s?sse[\w.]*|avx[\w.]*|fma\w*|neon|sve\w*)", features)))
+        or "none"
+    )
 
 
 def commit() -> str:
@@ -110,7 +131,9 @@ def commit() -> str:
     here = Path(__file__).resolve().parents[2]
 
     def git(*words: str) -> str:
-        said = subprocess.run(["git", "-C", str(here), *words], capture_output=True, check=True).stdout
+        said = subprocess.run(
+            ["git", "-C", str(here), *words], capture_output=True, check=True
+        ).stdout
         return os.fsdecode(said).strip()
 
     try:

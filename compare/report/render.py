@@ -1,4 +1,5 @@
-"""A page in its views: as one self-contained HTML file, as Markdown, and as data; every text in it is escaped."""
+"""A page in its views: as one self-contained HTML file, as Markdown, and as data; every text in it
+is escaped."""
 
 import base64
 import hashlib
@@ -19,8 +20,11 @@ from rattle.scene import harmless, line
 Words: TypeAlias = Callable[[str, bool], Markup]
 
 
-def as_html(text: str, files: Collection[str] = (), words: Words = lambda piece, _: escape(piece)) -> Markup:
-    """A text as HTML: what stands between backticks as ``<code>``, and as a link if it is one of the files.
+def as_html(
+    text: str, files: Collection[str] = (), words: Words = lambda piece, _: escape(piece)
+) -> Markup:
+    """A text as HTML: what stands between backticks as ``<code>``, and as a link if it is one of
+    the files.
 
     `words`: Makes a piece of the text HTML, and is told whether it is code.
     """
@@ -43,7 +47,8 @@ def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> s
     )
     if cell:
         return written.replace("|", r"\|")
-    return re.sub(r"^(\d+)([.)])", r"\1\\\2", re.sub(r"^([#>+=-])", r"\\\1", written))  # no heading, no list
+    # no heading, no list
+    return re.sub(r"^(\d+)([.)])", r"\1\\\2", re.sub(r"^([#>+=-])", r"\\\1", written))
 
 
 def _escape(text: str) -> str:
@@ -62,7 +67,8 @@ def _longest_run(text: str) -> int:
 
 
 def fence(text: str) -> str:
-    """The fence around a block of code in Markdown: one backtick more than the longest run in it, at least three."""
+    """The fence around a block of code in Markdown: one backtick more than the longest run in it,
+    at least three."""
     return "`" * max(3, 1 + _longest_run(text))
 
 
@@ -71,9 +77,11 @@ HINT = Markup('<abbr title="{}">{}</abbr>')
 
 
 class Terms:
-    """Marks the terms of a page's glossaries in its texts; only the first mark of each is in the order of the Tab key.
+    """Marks the terms of a page's glossaries in its texts; only the first mark of each is in the
+    order of the Tab key.
 
-    A term "x1, x2" explains both words, and one between backticks is a term in code, heads and cells alone.
+    A term "x1, x2" explains both words, and one between backticks is a term in code, heads and
+    cells alone.
     """
 
     def __init__(self, glossaries: Iterable[Glossary]) -> None:
@@ -88,10 +96,13 @@ class Terms:
         self._pattern = re.compile(rf"(?<![\w-])({'|'.join(longest_first) or '(?!)'})(s?)(?![\w-])")
 
     def text(self, piece: str, code: bool) -> Markup:
-        """Mark each term where it stands first in a piece of text; code is marked if it is a term as a whole."""
+        """Mark each term where it stands first in a piece of text; code is marked if it is a term
+        as a whole."""
         if code:
             return self._mark(piece, self._code[piece]) if piece in self._code else escape(piece)
-        marked, end, seen = Markup(""), 0, set()
+        marked = Markup("")
+        end = 0
+        seen = set()
         for match in self._pattern.finditer(piece):
             said = self._meanings[match[1]]
             if said not in seen:
@@ -118,7 +129,8 @@ class Terms:
 
 
 def make_environment(package: str, escaped: bool) -> Environment:
-    """Jinja's environment for the templates of a package; all texts in it are without control characters."""
+    """Jinja's environment for the templates of a package; all texts in it are without control
+    characters."""
     return Environment(
         loader=PackageLoader(package),
         autoescape=escaped,
@@ -130,15 +142,25 @@ def make_environment(package: str, escaped: bool) -> Environment:
 
 
 def render_html(package: str, name: str, filters: Mapping[str, Any], /, **values: Any) -> str:
-    """Render a package's template ``NAME.html.j2`` with ``NAME.css`` and ``NAME.js``, and no other style or script."""
+    """Render a package's template ``NAME.html.j2`` with ``NAME.css`` and ``NAME.js``, and no other
+    style or script."""
     templates = files(package).joinpath("templates")
-    style, script = (templates.joinpath(f"{name}.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
-    allowed = (f"'sha256-{_base64(hashlib.sha256(text.encode()).digest())}'" for text in (style, script))
-    policy = "default-src 'none'; img-src data:; style-src {}; script-src {}; base-uri 'none'; form-action 'none'"
+    style, script = (
+        templates.joinpath(f"{name}.{kind}").read_text(encoding="utf-8") for kind in ("css", "js")
+    )
+    allowed = (
+        f"'sha256-{_base64(hashlib.sha256(text.encode()).digest())}'" for text in (style, script)
+    )
+    policy = (
+        "default-src 'none'; img-src data:; style-src {}; script-src {}; base-uri 'none';"
+        " form-action 'none'"
+    )
     environment = make_environment(package, True)
     environment.filters |= filters
     template = environment.get_template(f"{name}.html.j2")
-    return template.render(policy=policy.format(*allowed), style=Markup(style), script=Markup(script), **values)
+    return template.render(
+        policy=policy.format(*allowed), style=Markup(style), script=Markup(script), **values
+    )
 
 
 def _base64(data: bytes) -> str:
@@ -150,7 +172,8 @@ TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
 DATA = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.(csv|parquet|toml)")
 """Names of the files beside a page to which it links."""
 LONG = 40
-"""Folded tables with more rows are not printed: paper cannot sort them, and the table files hold them."""
+"""Folded tables with more rows are not printed: paper cannot sort them, and the table files hold
+them."""
 
 
 def pages(name: str) -> tuple[str, str, str]:
@@ -167,21 +190,33 @@ def write_page(page: Page, folder: Path, name: str) -> None:
 
 def data_files(folder: Path) -> list[str]:
     """Names of the table files and settings in a report's folder."""
-    return sorted(path.name for path in folder.iterdir() if path.is_file() and DATA.fullmatch(path.name))
+    return sorted(
+        path.name for path in folder.iterdir() if path.is_file() and DATA.fullmatch(path.name)
+    )
 
 
 def markdown(page: Page, files: Collection[str] = ()) -> str:
     """A page as Markdown; the figures are linked, and the files beside it."""
     environment = make_environment(PACKAGE, False)
-    environment.filters |= {"md": partial(as_markdown, files=files), "code": as_code, "fence": fence, "line": line}
-    text = environment.get_template("page.md.j2").render(page=page, kind=_kind, NUMBER=NUMBER, files=files)
+    environment.filters |= {
+        "md": partial(as_markdown, files=files),
+        "code": as_code,
+        "fence": fence,
+        "line": line,
+    }
+    text = environment.get_template("page.md.j2").render(
+        page=page, kind=_kind, NUMBER=NUMBER, files=files
+    )
     return re.sub(r"\n{3,}", "\n\n", text).rstrip() + "\n"
 
 
 def html(page: Page, folder: Path) -> str:
-    """A page as one HTML file that needs no other; figures are embedded, and table files in the folder are linked."""
+    """A page as one HTML file that needs no other; figures are embedded, and table files in the
+    folder are linked."""
     blocks = [*page.blocks, *(block for section in page.all_sections() for block in section.blocks)]
-    anchors, files, terms = _anchors(page), data_files(folder), Terms(b for b in blocks if isinstance(b, Glossary))
+    anchors = _anchors(page)
+    files = data_files(folder)
+    terms = Terms(b for b in blocks if isinstance(b, Glossary))
     plain = partial(as_html, files=files)
     filters = {
         "inline": plain,
@@ -192,7 +227,13 @@ def html(page: Page, folder: Path) -> str:
         "anchor": lambda section: anchors[id(section)],
         "embed": lambda figure: _data_address(folder / figure.path),
     }
-    shown: dict[str, Any] = {"page": page, "kind": _kind, "NUMBER": NUMBER, "MARKS": MARKS, "files": files}
+    shown: dict[str, Any] = {
+        "page": page,
+        "kind": _kind,
+        "NUMBER": NUMBER,
+        "MARKS": MARKS,
+        "files": files,
+    }
     return render_html(PACKAGE, "page", filters, **shown, LONG=LONG)
 
 

@@ -1,4 +1,5 @@
-"""Writes a report folder, whole or not at all: figures, tables as CSV or Parquet, page and manifest."""
+"""Writes a report folder, whole or not at all: figures, tables as CSV or Parquet, page and
+manifest."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -33,7 +34,9 @@ def contents(
     name: str, *, figures: Sequence[str] = (), tables: Sequence[str] = (), large: Sequence[str] = ()
 ) -> frozenset[str]:
     """Every file that a report folder may hold; a folder with any other file is not overwritten."""
-    csv, parquet, svg = (f"{t}.csv" for t in tables), (f"{t}.parquet" for t in large), (f"{f}.svg" for f in figures)
+    csv = (f"{t}.csv" for t in tables)
+    parquet = (f"{t}.parquet" for t in large)
+    svg = (f"{f}.svg" for f in figures)
     return frozenset({MANIFEST, *pages(name), *csv, *parquet, *svg})
 
 
@@ -46,7 +49,8 @@ def file_digest(path: Path) -> str | None:
 
 
 def save(out: Path, *content: Any, allowed: frozenset[str], overwrite: bool, **parts: Any) -> None:
-    """Write a report folder by `write_files`; whatever ends it on the way, it is the earlier one or the new one."""
+    """Write a report folder by `write_files`; whatever ends it on the way, it is the earlier one or
+    the new one."""
     with whole_folder(out, allowed, overwrite) as folder:
         write_files(folder, *content, allowed=allowed, **parts)
 
@@ -67,11 +71,18 @@ def save_report(
 ) -> list[str]:
     """Write the folder of a page that a Markdown file lays out; returns what the page says.
 
-    `package`, `layout`: Folder of `rattle.compare` and name of that file; the folder is that of the name if not given.
-    `parts`, `values`: See `rattle.compare.report.texts.lay_out`. `more`: Further facts of its source. `files`: `save`.
+    `package`, `layout`: Folder of `rattle.compare` and name of that file; the folder is that of the
+    name if not given. `parts`, `values`: See `rattle.compare.report.texts.lay_out`. `more`: Further
+    facts of its source. `files`: `save`.
     """
     laid_out = lay_out(package or name, parts, files["figures"], layout, **values)
-    save(out, name, Page(title, tuple(said), source_of(record, more=more), *laid_out), record, **files)
+    save(
+        out,
+        name,
+        Page(title, tuple(said), source_of(record, more=more), *laid_out),
+        record,
+        **files,
+    )
     return list(said)
 
 
@@ -87,10 +98,11 @@ def write_files(
     digits: str | None = None,
     digests: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Write figures, tables, page and manifest into a folder; a table as CSV, Parquet or both, as `allowed` says.
+    """Write figures, tables, page and manifest into a folder; a table as CSV, Parquet or both, as
+    `allowed` says.
 
-    `figures`: SVG where they are drawn already. `digests`: Files whose digests the manifest holds, as ``files``.
-    Returns the manifest.
+    `figures`: SVG where they are drawn already. `digests`: Files whose digests the manifest holds,
+    as ``files``. Returns the manifest.
     """
     for label, figure in figures.items():
         (folder / label).parent.mkdir(exist_ok=True)
@@ -117,9 +129,28 @@ def write_drive(out: Path, found: MeasuredDrive, record: dict[str, Any], overwri
     """Write the folder of a measured drive."""
     orders = pd.DataFrame(found.table)
     shown = {"orders": orders.assign(said=np.where(orders["kept"], "kept", "left out"))}
-    names = ("amplitude", "omega", "periods", "sigma_ratio", "low", "high", "floor", "memory", "left_out")
-    title, record = f"The measured drive of {record['name']}", record | {name: getattr(found, name) for name in names}
-    page: dict[str, Any] = {"package": "report", "layout": "drive.md", "values": {"small": SMALL, "chance": CHANCE}}
-    files: dict[str, Any] = {"figures": {"drive": found.plot()}, "tables": {"orders": orders}, "digits": "%.6g"}
+    names = (
+        "amplitude",
+        "omega",
+        "periods",
+        "sigma_ratio",
+        "low",
+        "high",
+        "floor",
+        "memory",
+        "left_out",
+    )
+    title = f"The measured drive of {record['name']}"
+    record = record | {name: getattr(found, name) for name in names}
+    page: dict[str, Any] = {
+        "package": "report",
+        "layout": "drive.md",
+        "values": {"small": SMALL, "chance": CHANCE},
+    }
+    files: dict[str, Any] = {
+        "figures": {"drive": found.plot()},
+        "tables": {"orders": orders},
+        "digits": "%.6g",
+    }
     files |= {"allowed": CONTENTS, "overwrite": overwrite}
     save_report(out, "drive", title, found.answer, record, shown, **page, **files)

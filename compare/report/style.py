@@ -20,23 +20,32 @@ OWN_MARKERS = "P*Xhp8"
 
 
 class Styles(dict[str, Any]):
-    """Colour and marker by the name of a closure; those of one's own get the next ones when they are first drawn."""
+    """Colour and marker by the name of a closure; those of one's own get the next ones when they
+    are first drawn."""
 
     def __missing__(self, name: str) -> Any:
         number = len(self) - len(CLOSURES) - 1
-        self[name] = {"color": OWN_COLORS[number % len(OWN_COLORS)], "marker": OWN_MARKERS[number % len(OWN_MARKERS)]}
+        self[name] = {
+            "color": OWN_COLORS[number % len(OWN_COLORS)],
+            "marker": OWN_MARKERS[number % len(OWN_MARKERS)],
+        }
         return self[name]
 
 
-# Palette of Okabe and Ito, which remains distinguishable with colour vision deficiencies; markers differ as well.
-STYLE = Styles({name: {"color": closure.color, "marker": closure.marker} for name, closure in CLOSURES.items()})
+# Palette of Okabe and Ito, which remains distinguishable with colour vision deficiencies; markers
+# differ as well.
+STYLE = Styles(
+    {name: {"color": closure.color, "marker": closure.marker} for name, closure in CLOSURES.items()}
+)
 STYLE["monte carlo"] = {"color": "#000000", "marker": "D"}
-ACCURATE, FORBIDDEN = "#56B4E9", "#CC79A7"
+ACCURATE = "#56B4E9"
+FORBIDDEN = "#CC79A7"
 SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$", "rho1": r"$\rho_1$", "rho2": r"$\rho_2$"}
 SYMBOL |= {name: f"${name[0]}_{name[1]}$" for name in STATE}
 
 SETTINGS: Any = mpl.rc_params_from_file(
-    str(files("rattle.compare.report") / "templates" / "figures.mplstyle"), use_default_template=False
+    str(files("rattle.compare.report") / "templates" / "figures.mplstyle"),
+    use_default_template=False,
 )
 
 
@@ -55,7 +64,9 @@ def legend_above(figure: Figure, axes: Sequence[Axes], columns: int) -> None:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     for most in range(columns, 0, -1):
-        legend = figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=most)
+        legend = figure.legend(
+            list(handles.values()), list(handles), loc="outside upper center", ncols=most
+        )
         if most == 1 or legend.get_window_extent().width <= figure.bbox.width:
             break
         legend.remove()
@@ -69,7 +80,9 @@ def whole_impacts(ax: Axes) -> None:
 def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
     """The caption of a figure: the texts whose word is in a label of its legends, or empty."""
     drawn = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    return "".join(text for text, word in parts if any(word in label for label in drawn) or not word)
+    return "".join(
+        text for text, word in parts if any(word in label for label in drawn) or not word
+    )
 
 
 def render(figure: Figure) -> bytes:

@@ -1,4 +1,5 @@
-"""Figures of a long run: distributions, the section with its errors, memories, and the closures' errors."""
+"""Figures of a long run: distributions, the section with its errors, memories, and the closures'
+errors."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,10 +24,16 @@ DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
 WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
 
 
-def draw(run: LongRun, table: pd.DataFrame, laws: Mapping[str, Law | str], verdicts: pd.DataFrame) -> dict[str, Figure]:
-    """All figures of a long run, of the table of its quantities, and of what the closures say of them."""
+def draw(
+    run: LongRun, table: pd.DataFrame, laws: Mapping[str, Law | str], verdicts: pd.DataFrame
+) -> dict[str, Figure]:
+    """All figures of a long run, of the table of its quantities, and of what the closures say of
+    them."""
     gears = run.scene.gears
-    out = {"distribution": distribution_figure(run, laws, gears), "section": section_figure(run.densities, gears)}
+    out = {
+        "distribution": distribution_figure(run, laws, gears),
+        "section": section_figure(run.densities, gears),
+    }
     out["memory"] = memory_figure(table)
     if len(verdicts) and verdicts["predicted"].notna().any():
         out["closures"] = closure_figure(verdicts)
@@ -34,17 +41,25 @@ def draw(run: LongRun, table: pd.DataFrame, laws: Mapping[str, Law | str], verdi
 
 
 def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gears | None) -> Figure:
-    """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that of the closures."""
+    """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that
+    of the closures."""
     t = half_width(run.paths)
     figure, axes = new_figure(max(4.6 * len(run.densities), WIDTH), 3.6, 1, len(run.densities))
     factor, unit = speed_unit(gears)
     for ax, density in zip(axes, run.densities, strict=True):
         value, se = (part / factor for part in run.velocity_density(density.mesh))
-        edges, top = factor * density.velocity, float((value + t * se).max())
+        edges = factor * density.velocity
+        top = float((value + t * se).max())
         least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
         middle, low, high = (np.maximum(v, least) for v in (value, value - t * se, value + t * se))
         ax.stairs(middle, edges, baseline=least, color=SIMULATED, lw=1.2, label="simulation")
-        band: Any = {"fill": True, "color": SIMULATED, "alpha": 0.25, "lw": 0, "label": "simulation: 95 % interval"}
+        band: Any = {
+            "fill": True,
+            "color": SIMULATED,
+            "alpha": 0.25,
+            "lw": 0,
+            "label": "simulation: 95 % interval",
+        }
         ax.stairs(high, edges, baseline=low, **band)
         ax.set(yscale="log", ylim=(least, 2.0 * top))
         for closure, law in laws.items():
@@ -71,21 +86,32 @@ def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: 
     mean = factor * float((weight * law.speed[part]).sum())
     for at in (-mean, mean):
         if part.any() and edges[0] <= at <= edges[-1]:
-            ax.axvline(at, ymax=0.12, color=STYLE[closure]["color"], lw=2.0, label=f"{closure}: mean speed")
+            ax.axvline(
+                at, ymax=0.12, color=STYLE[closure]["color"], lw=2.0, label=f"{closure}: mean speed"
+            )
 
 
 def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> Figure:
-    """Draw the density of the section over phase and velocity, and its relative error in every cell."""
-    rows, (factor, unit) = len(densities), speed_unit(gears)
+    """Draw the density of the section over phase and velocity, and its relative error in every
+    cell."""
+    rows = len(densities)
+    factor, unit = speed_unit(gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
     for n, d in enumerate(densities):
-        left, right = axes[2 * n], axes[2 * n + 1]
+        left = axes[2 * n]
+        right = axes[2 * n + 1]
         density = np.ma.masked_less_equal(d.density.T / factor, 0.0)
-        phase, velocity, norm = d.phase / math.pi, factor * d.velocity, LogNorm(DEEP * density.max(), density.max())
-        image = left.pcolormesh(phase, velocity, density, norm=norm, cmap="viridis", rasterized=True)
+        phase = d.phase / math.pi
+        velocity = factor * d.velocity
+        norm = LogNorm(DEEP * density.max(), density.max())
+        image = left.pcolormesh(
+            phase, velocity, density, norm=norm, cmap="viridis", rasterized=True
+        )
         with np.errstate(invalid="ignore", divide="ignore"):
             relative = np.ma.masked_invalid(d.se.T / d.density.T)
-        error = right.pcolormesh(phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True)
+        error = right.pcolormesh(
+            phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True
+        )
         for ax, what in ((left, "density"), (right, "standard error / density")):
             ax.grid(False)
             ax.set_xlabel(r"phase of the excitation ($\pi$ rad)")
@@ -97,14 +123,17 @@ def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> 
 
 
 def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
-    """Draw the densities without and with noise side by side, velocities times a factor in a unit."""
+    """Draw the densities without and with noise side by side, velocities times a factor in a
+    unit."""
     figure, axes = new_figure(10.4, 4.4, 1, 2)
     x = field_edges(view.at)
     for ax, (side, density) in zip(axes, view.cells.items(), strict=True):
         top = np.maximum(density.max(axis=1, keepdims=True), 1e-300)
         shown = np.sqrt(np.ma.masked_less(density / top, DEEP).T)
         ax.grid(False)
-        image = ax.pcolormesh(x, factor * view.edges, shown, cmap="magma_r", vmin=0.0, vmax=1.0, rasterized=True)
+        image = ax.pcolormesh(
+            x, factor * view.edges, shown, cmap="magma_r", vmin=0.0, vmax=1.0, rasterized=True
+        )
         ax.set_title(side, loc="left", fontweight="bold")
         ax.set_xlabel(NAMES.get(view.field, view.field))
         lost = np.array(view.reasons[side]) != ""
@@ -112,18 +141,23 @@ def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
         if lost.any():
             ax.legend(loc="lower left", fontsize=7)
     axes[0].set_ylabel(rf"velocity before the impact $y_1$ ({unit})")
-    figure.colorbar(image, ax=axes, label="root of the density / its highest at this value", pad=0.01)
+    figure.colorbar(
+        image, ax=axes, label="root of the density / its highest at this value", pad=0.01
+    )
     return figure
 
 
 def memory_figure(table: pd.DataFrame) -> Figure:
-    """Draw the autocorrelation time of each quantity, and the standard error from batch means beside it."""
+    """Draw the autocorrelation time of each quantity, and the standard error from batch means
+    beside it."""
     rows = table[table["autocorrelation"] > 0.0]
     rows = rows[[not name.startswith("contact") for name in rows.index]][::-1]
     figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
     at = np.arange(len(rows))
     ax.plot(np.array([np.ones(len(rows)), rows["autocorrelation"]]), [at, at], color="0.75", lw=1.0)
-    ax.plot(rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=STYLE["corrected"]["color"])
+    ax.plot(
+        rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=STYLE["corrected"]["color"]
+    )
     ax.axvline(1.0, color="k", lw=0.9)
     ax.set_yticks(at, rows.index, fontsize=7)
     ax.set(xscale="log", ylim=(-1.0, len(rows)))
@@ -140,10 +174,22 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
     ax.axvspan(-1.0, 1.0, color=ACCURATE, alpha=0.3, lw=0, label="accurate")
     for i, closure in enumerate(closures):
         own = rows[rows["closure"] == closure]
-        at = np.array([names.index(n) for n in own["quantity"]]) + 0.25 * (i - 0.5 * (len(closures) - 1))
+        at = np.array([names.index(n) for n in own["quantity"]]) + 0.25 * (
+            i - 0.5 * (len(closures) - 1)
+        )
         share = own["error"] / own["tolerance"]
         half = 0.5 * (own["high"] - own["low"]) / own["tolerance"]
-        ax.errorbar(share, at, xerr=half, ls="none", ms=3.5, capsize=1.5, lw=0.8, label=closure, **STYLE[closure])
+        ax.errorbar(
+            share,
+            at,
+            xerr=half,
+            ls="none",
+            ms=3.5,
+            capsize=1.5,
+            lw=0.8,
+            label=closure,
+            **STYLE[closure],
+        )
     ax.set_xscale("symlog", linthresh=1.0)
     ax.set_yticks(range(len(names)), names, fontsize=7)
     ax.set(ylim=(-1.0, len(names)), xlabel="error of the closure / tolerance")

@@ -1,4 +1,5 @@
-"""The public entry: the stationary motion of a scene, simulated or, where nothing is random, exact."""
+"""The public entry: the stationary motion of a scene, simulated or, where nothing is random,
+exact."""
 
 import math
 from collections.abc import Sequence
@@ -39,10 +40,11 @@ def stationary(
     workers: int = 1,
     progress: str | None = None,
 ) -> Stationary:
-    """The stationary motion of a scene: rates, speeds, energies, and the share of slow impacts, with their errors.
+    """The stationary motion of a scene: rates, speeds, energies, and the share of slow impacts,
+    with their errors.
 
-    Where teeth chatter, most impacts are too slow to matter: ``rate_above`` and ``speed_above`` are of impacts that are
-    not slow.
+    Where teeth chatter, most impacts are too slow to matter: ``rate_above`` and ``speed_above`` are
+    of impacts that are not slow.
 
     Parameters
     ----------
@@ -61,17 +63,18 @@ def stationary(
     slow : float
         Speed below which an impact counts as slow.
     budget : float, optional
-        Seconds of processor time that the simulation may take, all threads together; compiling is not counted.  Without
-        it, what is expected to take more than an hour is refused.
+        Seconds of processor time that the simulation may take, all threads together; compiling is
+        not counted.  Without it, what is expected to take more than an hour is refused.
     closures : sequence of str
         Closures that ``verdicts`` of the result judges; computed when that is asked for.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy gives a child of its
-        seed sequence, another one each time that it is passed.
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
+        gives a child of its seed sequence, another one each time that it is passed.
     workers : int
         Threads.
     progress : str, optional
-        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged first.
+        Label of a progress bar on a terminal or in a notebook; with it the expected time is logged
+        first.
 
     Returns
     -------
@@ -83,8 +86,8 @@ def stationary(
     InputError
         For a setting that cannot be run.
     BurnInError
-        If the motion does not forget its start: says how long the burn-in must be; without noise, which attractors
-        there are.
+        If the motion does not forget its start: says how long the burn-in must be; without noise,
+        which attractors there are.
 
     Examples
     --------
@@ -128,8 +131,8 @@ def stationary(
     rows = [tuple(e) for e in run.estimates.values()]
     table = pd.DataFrame(rows, columns=COLUMNS, index=pd.Index(run.estimates, name="quantity"))
     said = (
-        f"{run.impacts:,} impacts on {run.paths} paths of {run.periods:,} periods each, after a burn-in of "
-        f"{run.burn_in.periods:,}; the orbit without noise {own.reason}."
+        f"{run.impacts:,} impacts on {run.paths} paths of {run.periods:,} periods each, after a"
+        f" burn-in of {run.burn_in.periods:,}; the orbit without noise {own.reason}."
     )
     return Stationary(scene, "simulated", said, table, run, own, slow, named)
 
@@ -137,7 +140,9 @@ def stationary(
 def _exact_table(values: dict[str, float]) -> pd.DataFrame:
     value = np.array(list(values.values()))
     se = np.where(np.isnan(value), np.nan, 0.0)
-    table = pd.DataFrame({"value": value, "se": se, "low": value, "high": value}, index=pd.Index(values))
+    table = pd.DataFrame(
+        {"value": value, "se": se, "low": value, "high": value}, index=pd.Index(values)
+    )
     return table.reindex(columns=COLUMNS).rename_axis("quantity")
 
 
@@ -160,19 +165,25 @@ def _seen_at_rest(found: Stationary, paths: int, periods: int) -> Stationary:
     if not found.scene.correlation_time:
         opens = "white noise opens closed teeth at any drag, by less than is followed as an impact"
     said = (
-        f"At rest as far as it was followed: the motion without noise {found.orbit.reason}; with noise none of {paths} "
-        f"paths had an impact in the last {periods} periods, so there are fewer than {most:.2g} per unit of "
-        f"dimensionless time, with 95 % probability ({opens})."
+        f"At rest as far as it was followed: the motion without noise {found.orbit.reason}; with"
+        f" noise none of {paths} paths had an impact in the last {periods} periods, so there are"
+        f" fewer than {most:.2g} per unit of dimensionless time, with 95 % probability ({opens})."
     )
     return replace(found, said=said, table=table)
 
 
-def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary | None:
-    """The exact values of a scene in which nothing is random; None if it is irregular from every start."""
+def _exact(
+    scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...]
+) -> Stationary | None:
+    """The exact values of a scene in which nothing is random; None if it is irregular from every
+    start."""
     kinds = _attractors(scene, own)
     if len(kinds) > 1:
         why = "several attractors without noise, so that there is no one stationary motion: "
-        why += f"{_describe(kinds, scene)}; that of the scene's own start is the first. Give noise that connects them"
+        why += (
+            f"{_describe(kinds, scene)}; that of the scene's own start is the first. Give noise"
+            " that connects them"
+        )
         raise BurnInError("sigma", scene.sigma, why)
     if own.kind == IRREGULAR:
         return None
@@ -181,12 +192,16 @@ def _exact(scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...])
     values = values_of(law_of(own), scene, slow, own.contact)
     said = f"Exact: without noise the motion {own.reason}."
     if own.sticks:
-        said += " Completed chatter has infinitely many impacts; those are counted up to which it is followed."
+        said += (
+            " Completed chatter has infinitely many impacts; those are counted up to which it is"
+            " followed."
+        )
     return Stationary(scene, "periodic", said, _exact_table(values), None, own, slow, closures)
 
 
 def _attractors(scene: Scene, own: Attractor) -> list[list[Attractor]]:
-    """The attractors without noise, each as found from some of the starts, that of the scene's own start first."""
+    """The attractors without noise, each as found from some of the starts, that of the scene's own
+    start first."""
     kinds: list[list[Attractor]] = []
     for end in (own, *(attractor(scene, n) for n in range(1, STARTS))):
         if same := [kind for kind in kinds if kind[0].same(end)]:
@@ -202,5 +217,7 @@ def _describe(kinds: list[list[Attractor]], scene: Scene) -> str:
         said.append(f"the motion of {(1 + len(others)) / STARTS:.0%} {a.reason}")
         if a.kind == PERIODIC:
             found = values_of(law_of(a), scene, 0.1)
-            said[-1] += f" (rate {found['rate']:.4g}, energy per period {found['energy_per_period']:.4g})"
+            said[-1] += (
+                f" (rate {found['rate']:.4g}, energy per period {found['energy_per_period']:.4g})"
+            )
     return f"of {STARTS} starts, {'; '.join(said)}"

@@ -24,18 +24,31 @@ from rattle.scene.threshold import rattle_threshold
 
 FIGURES = ("distribution", "section", "memory", "closures", "bifurcation")
 CONTENTS = contents(
-    "stationary", figures=FIGURES, tables=("stationary", "physical", "verdicts", "sections", "bifurcation")
+    "stationary",
+    figures=FIGURES,
+    tables=("stationary", "physical", "verdicts", "sections", "bifurcation"),
 )
 """Files of such a folder; a folder with any other file is not overwritten."""
 
-WORDS: tuple[str, ...] = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "τ", "Δτ", "y1, y2", "E, sd")
+WORDS: tuple[str, ...] = (
+    *CLOSURE_TERMS,
+    *VERDICT_TERMS,
+    "exact flight",
+    "σ",
+    "ε",
+    "τ",
+    "Δτ",
+    "y1, y2",
+    "E, sd",
+)
 WORDS += ("orbit", "mean map", "sticking")
 MASS = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
 BY_MESH: dict[str, str] = TEXTS["by_mesh"]
 MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
 MAIN = ("rate_above", "speed_above", "energy_per_period")
 NAMED = 4  # quantities with few effective paths that are named
-CHATTER = 0.5  # share of slow impacts from which on they are called chatter, although no mesh closes
+# share of slow impacts from which on they are called chatter, although no mesh closes
+CHATTER = 0.5
 FEW = 0.5  # ratio of standard errors, from paths and from batches, from which both disagree
 
 
@@ -54,7 +67,9 @@ def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
     missing = verdicts["reason"] != ""
     alone = missing & ~verdicts["closure"].duplicated()
     nothing = {"quantity": "all", "unit": "", "simulated": np.nan, "low": np.nan, "high": np.nan}
-    rows = verdicts.assign(**{name: verdicts[name].mask(alone, value) for name, value in nothing.items()})
+    rows = verdicts.assign(
+        **{name: verdicts[name].mask(alone, value) for name, value in nothing.items()}
+    )
     rows = rows[alone | (rows["verdict"] != "not predicted") & ~missing]
     return rows.assign(mark=rows["verdict"].map(MARK).fillna(""))
 
@@ -63,17 +78,27 @@ def write_stationary(
     out: Path, found: Stationary, view: Bifurcation | None, record: dict[str, Any], overwrite: bool
 ) -> list[str]:
     """Write the folder of a long run."""
-    units, gears, figures = _units(found), found.scene.gears, found.figures()
+    units = _units(found)
+    gears = found.scene.gears
+    figures = found.figures()
     tables = {"stationary": found.table.reset_index()}
-    own, stages = found.table_in(units), found.scene.stages
+    own = found.table_in(units)
+    stages = found.scene.stages
     rows = [
-        [words.format("second" if gears else "unit of time"), *(_by_mesh(own, n, m + 1, stages) for m in range(stages))]
+        [
+            words.format("second" if gears else "unit of time"),
+            *(_by_mesh(own, n, m + 1, stages) for m in range(stages)),
+        ]
         for n, words in BY_MESH.items()
     ]
     parts: dict[str, Any] = {"by_mesh": Table.of(["", "mesh 1", "mesh 2"][: stages + 1], rows)}
     parts["quantities"] = table_of(own.reset_index(), ("quantity", "unit"))
     parts["words"] = glossary(*WORDS, gears=gears)
-    values = {"slow": speed_text(found.slow, gears, units), "mass": "" if gears else MASS, "field": record["field"]}
+    values = {
+        "slow": speed_text(found.slow, gears, units),
+        "mass": "" if gears else MASS,
+        "field": record["field"],
+    }
     values |= {"tolerances": TOLERANCES, "every": ""}
     if gears:
         tables["physical"] = own.reset_index()
@@ -86,12 +111,22 @@ def write_stationary(
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
-        figures["bifurcation"] = bifurcation_figure(view, *speed_unit(None if view.field in UNITS else gears))
+        figures["bifurcation"] = bifurcation_figure(
+            view, *speed_unit(None if view.field in UNITS else gears)
+        )
         tables["bifurcation"] = view.table
-    title, said = f"The long run of {record['name']}", answer(found)
-    files: dict[str, Any] = {"allowed": CONTENTS, "figures": figures, "tables": tables, "overwrite": overwrite}
+    title = f"The long run of {record['name']}"
+    said = answer(found)
+    files: dict[str, Any] = {
+        "allowed": CONTENTS,
+        "figures": figures,
+        "tables": tables,
+        "overwrite": overwrite,
+    }
     record = record | found.to_dict()
-    return save_report(out, "stationary", title, said, record, parts, values=values, digits="%.8g", **files)
+    return save_report(
+        out, "stationary", title, said, record, parts, values=values, digits="%.8g", **files
+    )
 
 
 def answer(found: Stationary) -> list[str]:
@@ -100,7 +135,12 @@ def answer(found: Stationary) -> list[str]:
     said = [*_impacts(found), found.said, threshold_sentence(found.scene)]
     if run is not None:
         said += [run.burn_in.sentence, run.reach.sentence if run.reach else ""]
-        said += [_memory(found.table), _few(found, run), _compare_errors(found.table), *_closures(found)]
+        said += [
+            _memory(found.table),
+            _few(found, run),
+            _compare_errors(found.table),
+            *_closures(found),
+        ]
     return [sentence for sentence in said if sentence]
 
 
@@ -111,7 +151,10 @@ def threshold_sentence(scene: Scene) -> str:
     own = " and ".join(drag_text(t.drag, t.unit) for t in found)
     what = "drag torque" if scene.gears else "gamma"
     if any(t.opens for t in found):
-        return f"Threshold of rattle, without noise: closed teeth open below a {what} of {least}; here it is {own}."
+        return (
+            f"Threshold of rattle, without noise: closed teeth open below a {what} of {least}; here"
+            f" it is {own}."
+        )
     return f"Without noise closed teeth stay closed: from a {what} of {least} on; here it is {own}."
 
 
@@ -120,7 +163,11 @@ def _show(table: pd.DataFrame, name: str) -> str:
     if row["value"] == 0.0 and row["high"] > 0.0:
         return f"none seen, fewer than {_number(row['high'], 2)} {row['unit']!s}".rstrip()
     half = 0.5 * (row["high"] - row["low"])
-    exact = _number(row["value"], 5) if half == 0.0 else f"{_number(row['value'], 4)} ± {_number(half, 1)}"
+    exact = (
+        _number(row["value"], 5)
+        if half == 0.0
+        else f"{_number(row['value'], 4)} ± {_number(half, 1)}"
+    )
     return f"{exact} {row['unit']!s}".rstrip()
 
 
@@ -131,9 +178,14 @@ def _number(value: float, digits: int) -> str:
 
 def _impacts(found: Stationary) -> list[str]:
     """The impacts that are not slow, and the others, in a sentence each."""
-    table, gears = found.table_in(_units(found)), found.scene.gears
+    table = found.table_in(_units(found))
+    gears = found.scene.gears
     value = {str(name): float(v) for name, v in table["value"].items()}
-    second, power = (" a second", f", {_show(table, 'power')}") if gears else (" per unit of dimensionless time", "")
+    second, power = (
+        (" a second", f", {_show(table, 'power')}")
+        if gears
+        else (" per unit of dimensionless time", "")
+    )
     least = speed_text(found.slow, gears, _units(found))
     most = float(table["high"]["rate_above"])
     unseen = f" (fewer than {_number(most, 2)}{second} with 95 % probability)" if most > 0.0 else ""
@@ -143,43 +195,58 @@ def _impacts(found: Stationary) -> list[str]:
         return ["There are no impacts in the long run: the motion comes to rest for good."]
     lost = f"all impacts lose {_show(table, 'energy_per_period')} a period{power}."
     if value["rate_above"] == 0.0:
-        return [f"In the long run no impact is faster than {least}{unseen}; {lost}", _slow(found, value, second)]
+        return [
+            f"In the long run no impact is faster than {least}{unseen}; {lost}",
+            _slow(found, value, second),
+        ]
     fastest = f"{value['q95_speed_above']:.3g} {table.loc['speed_above', 'unit']!s}".rstrip()
     said = (
-        f"In the long run there are {_show(table, 'rate_above').removesuffix(' 1/s')} impacts{second} faster than "
-        f"{least}, half of them faster than {value['q50_speed_above']:.3g}, one in twenty faster than {fastest} (mean "
-        f"{_show(table, 'speed_above')}); {lost}"
+        f"In the long run there are {_show(table, 'rate_above').removesuffix(' 1/s')}"
+        f" impacts{second} faster than {least}, half of them faster than"
+        f" {value['q50_speed_above']:.3g}, one in twenty faster than {fastest} (mean"
+        f" {_show(table, 'speed_above')}); {lost}"
     )
     return [said, _slow(found, value, second)]
 
 
 def _slow(found: Stationary, value: dict[str, float], second: str) -> str:
     """The slow impacts: chatter where they are most of all, or end with closed teeth."""
-    share, slower = value["slow_share"], value["rate"] - value["rate_above"]
+    share = value["slow_share"]
+    slower = value["rate"] - value["rate_above"]
     if not share > 0.0:
         return ""
     each = f"{_number(slower, 3)} slower impacts{second}, {share:.2%} of all"
     closed = {mesh: value[f"contact_share_mesh{mesh}"] for mesh in range(1, found.scene.stages + 1)}
-    named = " and ".join(f"mesh {mesh} for {percent(part)}" for mesh, part in closed.items() if part > 0.0)
+    named = " and ".join(
+        f"mesh {mesh} for {percent(part)}" for mesh, part in closed.items() if part > 0.0
+    )
     if named:
         return (
-            f"The others are chatter: {each}, in which teeth bounce ever more weakly until they stay closed ({named} "
-            "of the time). Such chatter has infinitely many impacts, followed until they are too small to matter: "
-            "`rate`, and means and quantiles over all impacts, depend on where that is."
+            f"The others are chatter: {each}, in which teeth bounce ever more weakly until they"
+            f" stay closed ({named} of the time). Such chatter has infinitely many impacts,"
+            " followed until they are too small to matter: `rate`, and means and quantiles over"
+            " all impacts, depend on where that is."
         )
-    return f"The others are chatter that closes no mesh: {each}." if share > CHATTER else f"There are {each}."
+    return (
+        f"The others are chatter that closes no mesh: {each}."
+        if share > CHATTER
+        else f"There are {each}."
+    )
 
 
 def _memory(table: pd.DataFrame) -> str:
     """Autocorrelations that matter."""
     own = table["autocorrelation"]
-    own = own[(own > 0.0) & ~own.index.str.startswith(("contact", "skew_"))]  # 0 where all paths have the same
+    # 0 where all paths have the same
+    own = own[(own > 0.0) & ~own.index.str.startswith(("contact", "skew_"))]
     if own.empty:
         return "All paths have the same sums: there is no sampling error."
-    most, least = own.max(), own.min()
+    most = own.max()
+    least = own.min()
     return (
-        f"Autocorrelation times range from {least:.2g} impacts (`{own.idxmin()}`) to {most:.3g} (`{own.idxmax()}`): "
-        f"errors computed as if impacts were independent would be {_off_by(least)} and {_off_by(most)}."
+        f"Autocorrelation times range from {least:.2g} impacts (`{own.idxmin()}`) to {most:.3g}"
+        f" (`{own.idxmax()}`): errors computed as if impacts were independent would be"
+        f" {_off_by(least)} and {_off_by(most)}."
     )
 
 
@@ -191,7 +258,8 @@ def _off_by(autocorrelation: float) -> str:
 
 
 def _few(found: Stationary, run: LongRun) -> str:
-    """Where errors rest on few paths, as where bursts of slow impacts are rare; how many periods would fix it."""
+    """Where errors rest on few paths, as where bursts of slow impacts are rare; how many periods
+    would fix it."""
     few = found.few.sort_values()
     if few.empty:
         return ""
@@ -199,9 +267,9 @@ def _few(found: Stationary, run: LongRun) -> str:
     others = f" and {few.size - NAMED} more" if few.size > NAMED else ""
     periods = math.ceil(run.periods * (LEAST_EFFECTIVE / float(few.iloc[0]) - 1.0))
     return (
-        f"The standard error of {names[0]} rests on about {few.iloc[0]:.0f} of {run.paths} paths, which differ most "
-        f"from the others: intervals of {', '.join(names)}{others} are wider for that reason. About "
-        f"{_number(periods, 1)} more periods would fix this."
+        f"The standard error of {names[0]} rests on about {few.iloc[0]:.0f} of {run.paths} paths,"
+        f" which differ most from the others: intervals of {', '.join(names)}{others} are wider for"
+        f" that reason. About {_number(periods, 1)} more periods would fix this."
     )
 
 
@@ -211,15 +279,22 @@ def _compare_errors(table: pd.DataFrame) -> str:
     if both.empty:
         return ""
     ratio = both["se_batches"] / both["se"]
-    said = f"Standard errors from batch means are {ratio.min():.2f} to {ratio.max():.2f} times those between paths"
+    said = (
+        f"Standard errors from batch means are {ratio.min():.2f} to {ratio.max():.2f} times those"
+        " between paths"
+    )
     if ratio.min() < FEW:
-        said += ": paths differ more than batches of one path do, so some correlations last longer than a batch"
+        said += (
+            ": paths differ more than batches of one path do, so some correlations last longer than"
+            " a batch"
+        )
     return f"{said}."
 
 
 def _closures(found: Stationary) -> list[str]:
     """What each closure says of the long run, and whether it is right."""
-    said, verdicts = [], found.verdicts_in(_units(found))
+    said = []
+    verdicts = found.verdicts_in(_units(found))
     for closure, rows in verdicts.groupby("closure", sort=False) if len(verdicts) else ():
         name = f"`{closure}` ({rows['kind'].iloc[0]})"
         if rows["reason"].iloc[0]:
@@ -227,7 +302,8 @@ def _closures(found: Stationary) -> list[str]:
             continue
         good, bad, undecided = ((rows["verdict"] == verdict).sum() for verdict in JUDGED)
         each = [
-            f"{quantity} {row['predicted']:.4g} against {row['simulated']:.4g} {row['unit']}".rstrip()
+            f"{quantity} {row['predicted']:.4g} against "
+            + f"{row['simulated']:.4g} {row['unit']}".rstrip()
             + f" ({row['verdict']})"
             for quantity, row in rows.set_index("quantity").loc[list(MAIN)].iterrows()
         ]

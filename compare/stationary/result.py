@@ -26,17 +26,30 @@ LEAST_EFFECTIVE = 16.0
 """Effective paths below which an interval is a tenth wider for that, or more."""
 LEAST_SHARE = 0.25  # of the paths, where there are few
 SPREAD = ("", "sd_", "rms_", *(f"q{percent:02d}_" for percent in QUANTILES))
-NUMERIC = ["value", "se", "low", "high", "se_batches", "predicted", "simulated", "error", "tolerance"]
+NUMERIC = [
+    "value",
+    "se",
+    "low",
+    "high",
+    "se_batches",
+    "predicted",
+    "simulated",
+    "error",
+    "tolerance",
+]
 
 
 UNITS: dict[str, tuple[str, Callable[[Units], float], str]] = {
     "rate": ("1/s", lambda u: 1000.0 / u.time, "omega"),
     "flight": ("ms", lambda u: u.time, DIMENSIONLESS["ms"]),
     "speed": ("mm/s", lambda u: u.speed, DIMENSIONLESS["mm_per_s"]),
-    **dict.fromkeys(("energy", "energy_per_period"), ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"])),
+    **dict.fromkeys(
+        ("energy", "energy_per_period"), ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"])
+    ),
     "power": ("mW", lambda u: 1000.0 * u.energy / u.time, f"{DIMENSIONLESS['mJ']} omega"),
 }
-"""The physical unit of each kind of quantities, the factor to it, and what dimensionless ones count in."""
+"""The physical unit of each kind of quantities, the factor to it, and what dimensionless ones count
+in."""
 
 
 def plain_unit(quantity: str) -> str:
@@ -48,14 +61,17 @@ def plain_unit(quantity: str) -> str:
 def kind_of(quantity: str) -> str:
     """Which of the kinds of quantities it is, whatever its mesh, and its mean, sd or quantile."""
     what = quantity.split("_mesh")[0]
-    return next((name for name in NAMES.values() if what in {p + name for p in SPREAD}), what).removesuffix("_above")
+    return next(
+        (name for name in NAMES.values() if what in {p + name for p in SPREAD}), what
+    ).removesuffix("_above")
 
 
 def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]:
     """The unit of a quantity, and its factor; empty and 1 for one without a unit.
 
-    The energy is that of both wheels in relative motion.  Its unit is the mass of wheel 1 at its rim, ``I1 / R1^2``,
-    times the square of ``backlash1 omega``; at mesh 2 the reduced mass of both wheels counts.
+    The energy is that of both wheels in relative motion.  Its unit is the mass of wheel 1 at its
+    rim, ``I1 / R1^2``, times the square of ``backlash1 omega``; at mesh 2 the reduced mass of both
+    wheels counts.
     """
     kind = kind_of(quantity)
     if gears is None or check_units(units, gears) == "dimensionless" or kind not in UNITS:
@@ -81,7 +97,11 @@ def in_units(table: pd.DataFrame, gears: Gears | None, units: str) -> pd.DataFra
     out = table.copy()
     numeric = [name for name in NUMERIC if name in out]
     out[numeric] = out[numeric].mul([factor for _, factor in found], axis=0)
-    out.insert(list(table).index("quantity") + 1 if "quantity" in table else 0, "unit", [unit for unit, _ in found])
+    out.insert(
+        list(table).index("quantity") + 1 if "quantity" in table else 0,
+        "unit",
+        [unit for unit, _ in found],
+    )
     return out
 
 
@@ -94,15 +114,17 @@ class Stationary:
     ----------
     scene : Scene
     kind : str
-        ``simulated``, or ``rest`` or ``periodic`` for a motion without a random part, whose values are exact; ``rest``
-        also where noise moves nothing that is followed as an impact, with bounds of the rates.
+        ``simulated``, or ``rest`` or ``periodic`` for a motion without a random part, whose values
+        are exact; ``rest`` also where noise moves nothing that is followed as an impact, with
+        bounds of the rates.
     said : str
         What kind of motion it is, as a sentence.
     table : DataFrame
-        Index ``quantity``; columns ``value, se, low, high`` (95 % interval), ``autocorrelation`` (integrated, in
-        impacts: the variance of the estimate over that of independent impacts) and ``se_batches`` (standard error from
-        batch means, to check the other; NaN where there is none) and ``effective_paths`` (how many paths the standard
-        error rests on, about all of them where nothing is rare; for quantiles, of the units that share a distribution).
+        Index ``quantity``; columns ``value, se, low, high`` (95 % interval), ``autocorrelation``
+        (integrated, in impacts: the variance of the estimate over that of independent impacts) and
+        ``se_batches`` (standard error from batch means, to check the other; NaN where there is
+        none) and ``effective_paths`` (how many paths the standard error rests on, about all of them
+        where nothing is rare; for quantiles, of the units that share a distribution).
     run : LongRun or None
         The simulation; None for exact values.
     orbit : Attractor
@@ -131,10 +153,19 @@ class Stationary:
 
     def __repr__(self) -> str:
         """The main quantities, on a few lines."""
-        shown = [n for n in ("rate_above", "speed_above", "energy_per_period", "slow_share") if n in self.table.index]
+        shown = [
+            n
+            for n in ("rate_above", "speed_above", "energy_per_period", "slow_share")
+            if n in self.table.index
+        ]
         rows = self.table.loc[shown].dropna(subset="low")
         each = zip(rows.index, rows["value"], 0.5 * (rows["high"] - rows["low"]), strict=True)
-        return "\n".join([f"Stationary: {self.said}", *(f"  {name} = {v:.5g} ± {half:.2g}" for name, v, half in each)])
+        return "\n".join(
+            [
+                f"Stationary: {self.said}",
+                *(f"  {name} = {v:.5g} ± {half:.2g}" for name, v, half in each),
+            ]
+        )
 
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.table.to_html(max_rows=12))
@@ -146,7 +177,8 @@ class Stationary:
 
     @property
     def few(self) -> pd.Series:
-        """Quantities whose intervals are wide because their errors rest on few paths, with the number of these."""
+        """Quantities whose intervals are wide because their errors rest on few paths, with the
+        number of these."""
         if self.run is None:
             return pd.Series(dtype=float)
         own = self.table["effective_paths"].where(self.table["se"] > 0.0)
@@ -164,7 +196,9 @@ class Stationary:
         """The closures against the simulation, row by row, dimensionless."""
         if self.run is None:
             return pd.DataFrame()
-        return judge_predictions(self.table, self.run.periods, predictions(self.laws, self.scene, self.slow))
+        return judge_predictions(
+            self.table, self.run.periods, predictions(self.laws, self.scene, self.slow)
+        )
 
     def table_in(self, units: str) -> pd.DataFrame:
         """`table` in physical units, for a scene that was made from gears.
@@ -198,7 +232,8 @@ class Stationary:
         Parameters
         ----------
         kind : {"distribution", "section", "memory", "closures"}
-            Velocities before an impact, their density over the phase, autocorrelation times, or errors of the closures.
+            Velocities before an impact, their density over the phase, autocorrelation times, or
+            errors of the closures.
 
         Returns
         -------
@@ -212,7 +247,11 @@ class Stationary:
         """
         figures = self.figures()
         if not figures:
-            raise InputError("kind", kind, "nothing to draw: these values are exact, and there is no distribution")
+            raise InputError(
+                "kind",
+                kind,
+                "nothing to draw: these values are exact, and there is no distribution",
+            )
         return figures[choice("kind", kind, figures)]
 
     def to_xarray(self, units: str = "dimensionless") -> "xr.Dataset":
@@ -226,8 +265,8 @@ class Stationary:
         Returns
         -------
         xarray.Dataset
-            Dimension ``statistic`` (``value, se, low, high, ...``), a variable for each quantity, with its unit in
-            ``attrs["units"]``, "1" without one.
+            Dimension ``statistic`` (``value, se, low, high, ...``), a variable for each quantity,
+            with its unit in ``attrs["units"]``, "1" without one.
 
         Raises
         ------
@@ -242,7 +281,11 @@ class Stationary:
 
     def verdicts_in(self, units: str) -> pd.DataFrame:
         """`verdicts` in a system of units, with a column ``unit``, as `table_in`."""
-        return in_units(self.verdicts, self.scene.gears, units) if len(self.verdicts) else self.verdicts
+        return (
+            in_units(self.verdicts, self.scene.gears, units)
+            if len(self.verdicts)
+            else self.verdicts
+        )
 
     def to_dict(self, units: str = "dimensionless") -> dict[str, Any]:
         """Everything but the section as plain data.
@@ -257,7 +300,12 @@ class Stationary:
         dict
         """
         run = self.run
-        facts: dict[str, Any] = {"kind": self.kind, "said": self.said, "slow": self.slow, "units": units}
+        facts: dict[str, Any] = {
+            "kind": self.kind,
+            "said": self.said,
+            "slow": self.slow,
+            "units": units,
+        }
         facts["threshold"] = [t._asdict() for t in rattle_threshold(self.scene)]
         if run is not None:
             facts |= {

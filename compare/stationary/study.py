@@ -1,4 +1,5 @@
-"""Studies of the long run at each point of a grid: cells, tables, what their page says, and the kind ``stationary``."""
+"""Studies of the long run at each point of a grid: cells, tables, what their page says, and the
+kind ``stationary``."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
@@ -14,7 +15,13 @@ from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.measure import COLUMNS, stationary
 from rattle.compare.stationary.result import plain_unit
-from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, PREDICTED, TEXTS, judge_predictions, predictions
+from rattle.compare.stationary.verdicts import (
+    CLOSURES_JUDGED,
+    PREDICTED,
+    TEXTS,
+    judge_predictions,
+    predictions,
+)
 from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
@@ -27,13 +34,15 @@ from rattle.scene import InputError, Scene, choice
 if TYPE_CHECKING:
     import xarray as xr
 
-SETTINGS = ("accuracy", "periods", "paths", "burn_in", "slow")  # of the simulation, besides its seed
+# of the simulation, besides its seed
+SETTINGS = ("accuracy", "periods", "paths", "burn_in", "slow")
 FACTS = ("kind", "said", "periods", "paths", "impacts", "burn_in", "seconds")
 TABLES = ("quantities", "verdicts", "cost", "reasons")
 """Tables of such a study, each a Parquet file."""
 SMALL = ("cost", "reasons")  # those of them that are written as CSV too
 KEYS = ("closures", *SETTINGS, "seed")
-TITLE, PAGE = "study of the long run", "rattle.compare.stationary.study"
+TITLE = "study of the long run"
+PAGE = "rattle.compare.stationary.study"
 SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
@@ -76,7 +85,8 @@ class LongCell(Cell):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Everything that determines the result besides the scene, and the columns that are stored."""
+        """Everything that determines the result besides the scene, and the columns that are
+        stored."""
         settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
         return {"kind": "stationary", **settings, "columns": [*COLUMNS, *PREDICTED]}
 
@@ -86,14 +96,20 @@ class LongCell(Cell):
         impacts = (self.periods or 0) * self.paths * 12.0
         if self.periods is None:
             impacts = (2.0 * SPREAD / (self.accuracy or ACCURACY)) ** 2
-        return IMPACT_SECONDS * (impacts + 60.0 * 12.0 * self.paths) + 2.5 * ("branching" in self.closures)
+        return IMPACT_SECONDS * (impacts + 60.0 * 12.0 * self.paths) + 2.5 * (
+            "branching" in self.closures
+        )
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Follow the long run."""
-        found = stationary(self.scene.phase_reduced, **self.asked, closures=self.closures, rng=self.seed)
-        run, predicted = found.run, pd.DataFrame()
+        found = stationary(
+            self.scene.phase_reduced, **self.asked, closures=self.closures, rng=self.seed
+        )
+        run = found.run
+        predicted = pd.DataFrame()
         if run is not None:
-            if run.reach is not None and not run.reach.reached:  # where it stopped depends on wall time
+            # where it stopped depends on wall time
+            if run.reach is not None and not run.reach.reached:
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
             predicted = predictions(found.laws, found.scene, self.slow)
         facts: dict[str, Any] = {"kind": found.kind, "said": found.said}
@@ -107,7 +123,9 @@ class LongCell(Cell):
         own = content.table["closure"] == ""
         names = [c for c in PREDICTED if c in content.table]
         table = content.table[own].set_index("quantity")[COLUMNS]
-        return LongResult(table, content.table.loc[~own, names], {name: content.facts[name] for name in FACTS})
+        return LongResult(
+            table, content.table.loc[~own, names], {name: content.facts[name] for name in FACTS}
+        )
 
 
 @dataclass(frozen=True)
@@ -116,10 +134,12 @@ class LongTables:
 
     study: Study
     record: dict[str, Any]  # the manifest
-    # every quantity at every point: the fields that vary, ``quantity``, and the columns of `LongResult.table`
+    # every quantity at every point: the fields that vary, ``quantity``, and the columns of
+    # `LongResult.table`
     quantities: pd.DataFrame
     verdicts: pd.DataFrame  # the closures against the simulation at every point
-    # length and seconds of each cell, and what kind of motion it is; the seconds are not reproducible
+    # length and seconds of each cell, and what kind of motion it is; the seconds are not
+    # reproducible
     cost: pd.DataFrame
     reasons: pd.DataFrame  # what could not be computed at each point, and why
 
@@ -131,7 +151,8 @@ class LongTables:
     def plot(self, **at: Any) -> Figure:
         """Draw the figure of the study's page; a notebook shows it.
 
-        Keywords are values of the fields that vary besides the first; the table's first where one is left out.
+        Keywords are values of the fields that vary besides the first; the table's first where one
+        is left out.
         """
         for fixed, part in panels(self.study, self.quantities, len(self.quantities)):
             if at.items() <= fixed.items():
@@ -139,11 +160,16 @@ class LongTables:
                 for name, value in fixed.items() if len(own) else ():
                     own = own[own[name] == value]
                 return study_figure(self.study.along, part, own)
-        raise InputError("study", self.study.title, "no field varies over numbers, or nothing could be computed")
+        raise InputError(
+            "study", self.study.title, "no field varies over numbers, or nothing could be computed"
+        )
 
     def to_xarray(self) -> "xr.Dataset":
-        """Convert the quantities to a dataset, with the unit of each in ``["quantity"].attrs``; needs ``xarray``."""
-        data = self.quantities.set_index([*(axis.names[0] for axis in self.study.axes), "quantity"]).to_xarray()
+        """Convert the quantities to a dataset, with the unit of each in ``["quantity"].attrs``;
+        needs ``xarray``."""
+        data = self.quantities.set_index(
+            [*(axis.names[0] for axis in self.study.axes), "quantity"]
+        ).to_xarray()
         data["quantity"].attrs |= {name: plain_unit(name) for name in data["quantity"].values}
         return data
 
@@ -156,7 +182,11 @@ def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
     points = [(p, found[p.sample.key]) for p in study.points if p.sample and p.sample.key in found]
 
     def join(table: Callable[[LongResult], pd.DataFrame]) -> pd.DataFrame:
-        parts = [with_coordinates(point.coordinates, own) for point, result in points if len(own := table(result))]
+        parts = [
+            with_coordinates(point.coordinates, own)
+            for point, result in points
+            if len(own := table(result))
+        ]
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
     return LongTables(
@@ -173,7 +203,9 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
     """Read the fields of `Study` that ``[study]`` gives."""
     settings = {name: given[name] for name in (*SETTINGS, "seed") if name in given}
     for name in varying & {"scheme", "dt", *settings}:
-        raise InputError(f"study.{name}", name, "cannot vary in a study of the long run, or varies twice")
+        raise InputError(
+            f"study.{name}", name, "cannot vary in a study of the long run, or varies twice"
+        )
     return {
         "closures": _closures(given.get("closures", tuple(CLOSURES_JUDGED))),
         "impacts": 1,
@@ -184,7 +216,9 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
     }
 
 
-def cells(study: Study, scene: Scene, settings: dict[str, Any]) -> tuple[LongCell | None, tuple[()], dict[str, str]]:
+def cells(
+    study: Study, scene: Scene, settings: dict[str, Any]
+) -> tuple[LongCell | None, tuple[()], dict[str, str]]:
     """The long run of a point, or why it cannot be computed."""
     try:
         cell = LongCell(scene, settings.pop("seed", 0), tuple(map(str, study.closures)), **settings)
@@ -203,7 +237,12 @@ def _closures(given: Any) -> tuple[str, ...]:
 ALL_AND_MESHES = ("{}", "{}_mesh1", "{}_mesh2")
 PANELS = (
     ("impacts", r"per $1/\omega$", "rate", ALL_AND_MESHES),
-    ("energy lost", r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period", "energy_per_period", ALL_AND_MESHES),
+    (
+        "energy lost",
+        r"$I_1/R_1^2\,(\nu_1\omega)^2$ per period",
+        "energy_per_period",
+        ALL_AND_MESHES,
+    ),
     ("speed: 5, 50 and 95 %", r"$\nu_1\omega$", "speed", ("q05_{}", "q50_{}", "q95_{}")),
     ("slow impacts", "share", "slow_share", ALL_AND_MESHES),
 )
@@ -217,14 +256,17 @@ STYLES: Any = [
 
 
 def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -> Figure:
-    """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that varies."""
+    """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that
+    varies."""
     figure, axes = new_figure(10.0, 6.0, 2, 3)
     of = dict(iter(quantities.groupby("quantity")))
     for ax, (title, unit, quantity, forms) in zip(axes, PANELS, strict=False):
         for form, style in zip(forms, STYLES, strict=True):
             if (name := form.format(quantity)) in of:
                 rows = of[name].sort_values(along)
-                ax.fill_between(rows[along], rows["low"], rows["high"], color=style["color"], alpha=0.25, lw=0)
+                ax.fill_between(
+                    rows[along], rows["low"], rows["high"], color=style["color"], alpha=0.25, lw=0
+                )
                 ax.plot(rows[along], rows["value"], label=name, **style)
         ax.set_title(title, loc="left")
         ax.set_ylabel(unit)
@@ -236,7 +278,9 @@ def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -
     memory.set_title("autocorrelation time", loc="left")
     good = shares(verdicts, along).dropna(axis="columns", how="all")
     for closure in good:
-        shown.plot(good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)])
+        shown.plot(
+            good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)]
+        )
     shown.set(ylabel="share", ylim=(-0.05, 1.05), visible=not good.empty)
     shown.set_title("accurate quantities", loc="left")
     for ax in axes:
@@ -249,13 +293,18 @@ def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -
 def shares(verdicts: pd.DataFrame, along: str) -> pd.DataFrame:
     """How many quantities of each closure are accurate at each value of a field.
 
-    Returns: Index the field; for each closure the share of its judged quantities that are accurate, NaN without
-    any.
+    Returns: Index the field; for each closure the share of its judged quantities that are accurate,
+    NaN without any.
     """
     if verdicts.empty:
         return pd.DataFrame()
     judged = verdicts[verdicts["verdict"].isin(JUDGED)]
-    good = judged.assign(good=judged["verdict"] == "accurate").groupby([along, "closure"])["good"].mean().unstack()
+    good = (
+        judged.assign(good=judged["verdict"] == "accurate")
+        .groupby([along, "closure"])["good"]
+        .mean()
+        .unstack()
+    )
     return good.reindex(sorted(verdicts[along].unique()))
 
 
@@ -263,13 +312,21 @@ def answer(r: LongTables) -> list[str]:
     """Summarise a study of the long run in a few sentences."""
     if r.empty:
         return ["No point could be computed; the command says why."]
-    name, said = r.study.along or "the points", []
-    for quantity, words in (("rate", "impacts per unit of time"), ("energy_per_period", "energy lost per period")):
+    name = r.study.along or "the points"
+    said = []
+    for quantity, words in (
+        ("rate", "impacts per unit of time"),
+        ("energy_per_period", "energy lost per period"),
+    ):
         rows = r.quantities[r.quantities["quantity"] == quantity].sort_values("value").iloc[[0, -1]]
         ends = [f"{value:.4g}" for value in rows["value"]]
         if ends[0] != ends[1] and r.study.along:
-            ends = [f"{e} (at {name} = {value:.4g})" for e, value in zip(ends, rows[name], strict=True)]
-        said.append(f"{words}: {ends[0]}" if ends[0] == ends[1] else f"{words}: from {' to '.join(ends)}")
+            ends = [
+                f"{e} (at {name} = {value:.4g})" for e, value in zip(ends, rows[name], strict=True)
+            ]
+        said.append(
+            f"{words}: {ends[0]}" if ends[0] == ends[1] else f"{words}: from {' to '.join(ends)}"
+        )
     sentences = [f"In the long run, {said[0]}.", f"{said[1][0].upper()}{said[1][1:]}."]
     if r.study.along and not r.verdicts.empty:
         good = shares(r.verdicts, r.study.along)
@@ -277,14 +334,23 @@ def answer(r: LongTables) -> list[str]:
             own = good[closure].dropna() if closure in good else pd.Series(dtype=float)
             if own.empty:
                 why = r.verdicts[r.verdicts["closure"] == closure]["reason"].iloc[0]
-                sentences.append(f"`{closure}` predicts nothing of the long run at any value: {why}.")
+                sentences.append(
+                    f"`{closure}` predicts nothing of the long run at any value: {why}."
+                )
             else:
                 full = f"is fully accurate at {(own == 1.0).sum() or 'none'} of them"
-                reach = f"predicts the long run at {len(own)} of {len(good)} values of {name}, and {full}"
-                sentences.append(f"`{closure}` {reach}; {span(own, '.0%')} of its quantities are accurate.")
+                reach = (
+                    f"predicts the long run at {len(own)} of {len(good)} values of {name}, and"
+                    f" {full}"
+                )
+                sentences.append(
+                    f"`{closure}` {reach}; {span(own, '.0%')} of its quantities are accurate."
+                )
     other = r.cost[r.cost["kind"] != "simulated"]
     if len(other):
-        sentences.append(f"At {len(other)} of {len(r.cost)} points nothing is random and the values are exact.")
+        sentences.append(
+            f"At {len(other)} of {len(r.cost)} points nothing is random and the values are exact."
+        )
     return sentences
 
 
@@ -302,7 +368,9 @@ def blocks(
     r: Any, record: Mapping[str, Any], seconds: Mapping[str, float]
 ) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
     """The main quantities at every point and the words above the sections of the page."""
-    words = glossary(*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit", gears=r.study.shown_gears)
+    words = glossary(
+        *CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit", gears=r.study.shown_gears
+    )
     return (_main(r), Text(TEXTS["tolerances"], note=True), words), ()
 
 
@@ -310,11 +378,22 @@ def _main(r: LongTables) -> Table:
     """The main quantities at every point, with half widths of their intervals."""
     names = r.study.names
     shown = ("rate", "speed", "energy_per_period", "slow_share")
-    heads = [Column(n) for n in names] + list(numbers(*(x for n in shown for x in (n, "±")), "burn-in", "periods"))
+    heads = [Column(n) for n in names] + list(
+        numbers(*(x for n in shown for x in (n, "±")), "burn-in", "periods")
+    )
     rows = []
     for _, point in r.cost.iterrows():
-        own = r.quantities[(r.quantities[names] == point[names]).all(axis="columns")].set_index("quantity")
+        own = r.quantities[(r.quantities[names] == point[names]).all(axis="columns")].set_index(
+            "quantity"
+        )
         half = 0.5 * (own["high"] - own["low"])
         main = (column.get(name, np.nan) for name in shown for column in (own["value"], half))
-        rows.append([*(f"{point[n]}" for n in names), *main, float(point["burn_in"]), float(point["periods"])])
+        rows.append(
+            [
+                *(f"{point[n]}" for n in names),
+                *main,
+                float(point["burn_in"]),
+                float(point["periods"]),
+            ]
+        )
     return Table.of(heads or ["the only point"], rows, "Every point" if len(rows) > 12 else "")

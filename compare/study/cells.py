@@ -13,7 +13,15 @@ from rattle.closure import CLOSURES, Closure
 from rattle.closure.mean_map import predict
 from rattle.compare.engine.store import Cell, Content
 from rattle.compare.validation.errors import followers_of
-from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate, simulate_to
+from rattle.montecarlo import (
+    SCHEMES,
+    Ensemble,
+    Record,
+    check_settings,
+    default_step,
+    simulate,
+    simulate_to,
+)
 from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, small_noise
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
@@ -28,16 +36,18 @@ BATCH = "batch_{}_{}"  # column of batch statistics: mean, sd or control, and a 
 
 @dataclass(frozen=True)
 class Sampled:
-    """Section moments of an ensemble as read from the store; has those attributes of `montecarlo.Ensemble` it needs."""
+    """Section moments of an ensemble as read from the store; has those attributes of
+    `montecarlo.Ensemble` it needs."""
 
     scene: Scene
     section: pd.DataFrame  # as `Ensemble.section`, with ``energy``
     step_bias: pd.DataFrame  # as `Ensemble.step_bias`
-    # index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over the batches of
-    # `rattle.montecarlo.statistics.records`
+    # index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over
+    # the batches of `rattle.montecarlo.statistics.records`
     batches: pd.DataFrame
     facts: dict[str, Any]  # `FACTS` and ``seconds``
-    followers: "Sampled | None" = None  # the same of the paths on the noise-free itinerary, where asked for
+    # the same of the paths on the noise-free itinerary, where asked for
+    followers: "Sampled | None" = None
 
     @property
     def columns(self) -> dict[str, Floats]:
@@ -51,7 +61,8 @@ class Sampled:
 
     @property
     def agreement(self) -> pd.DataFrame:
-        """Share of paths on the noise-free itinerary up to each impact; one equal column for every closure."""
+        """Share of paths on the noise-free itinerary up to each impact; one equal column for every
+        closure."""
         return pd.DataFrame(dict.fromkeys(CLOSURES, self.section["agreement"]))
 
 
@@ -71,30 +82,44 @@ class Sample(Cell):
     accuracy: float | None = None
     dt: float | None = None
     on_itinerary: bool = False
-    near_branches: bool = False  # a part of the paths is drawn near the rare branches that matter, where any does
+    # a part of the paths is drawn near the rare branches that matter, where any does
+    near_branches: bool = False
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Everything that determines the result besides the scene, with the default step filled in."""
+        """Everything that determines the result besides the scene, with the default step filled
+        in."""
         settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
         if self.dt is None and self.accuracy is None:
-            settings["dt"] = default_step(self.scene, self.scheme, SCHEMES[self.scheme].has_step_bias)
+            settings["dt"] = default_step(
+                self.scene, self.scheme, SCHEMES[self.scheme].has_step_bias
+            )
         return {"kind": "ensemble", **settings}
 
     @property
     def expected_paths(self) -> int:
-        """Paths to simulate, plain ones and those near rare branches; the fewest that an accuracy takes."""
+        """Paths to simulate, plain ones and those near rare branches; the fewest that an accuracy
+        takes."""
         plain = self.paths or LEAST
         return plain + max(plain, LEAST) if self.near_branches else plain
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Simulate the ensemble: what is stored of it, a row for each impact."""
-        record: dict[str, Any] = {"batches": True, "energy": True, "on_itinerary": self.on_itinerary}
+        record: dict[str, Any] = {
+            "batches": True,
+            "energy": True,
+            "on_itinerary": self.on_itinerary,
+        }
         if self.accuracy is not None:
-            common: dict[str, Any] = {"impacts": self.impacts, "rng": self.seed, "scheme": self.scheme}
+            common: dict[str, Any] = {
+                "impacts": self.impacts,
+                "rng": self.seed,
+                "scheme": self.scheme,
+            }
             common |= {"record": Record(**record), "sampling": Sampling(blocks=blocks)}
             run = simulate_to(self.scene.phase_reduced, self.accuracy, **common)
-            if run.reach is not None and not run.reach.reached:  # where it stopped depends on wall time: not repeatable
+            # where it stopped depends on wall time: not repeatable
+            if run.reach is not None and not run.reach.reached:
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
         else:
             assert self.paths is not None
@@ -110,7 +135,12 @@ class Sample(Cell):
         """Simulate a number of paths of it, with the step bias where the scheme has one."""
         biased = SCHEMES[self.scheme].has_step_bias
         sampling = Sampling(control=not biased and small_noise(self.scene), blocks=blocks)
-        common: dict[str, Any] = {"impacts": self.impacts, "dt": self.dt, "rng": self.seed, "scheme": self.scheme}
+        common: dict[str, Any] = {
+            "impacts": self.impacts,
+            "dt": self.dt,
+            "rng": self.seed,
+            "scheme": self.scheme,
+        }
         common |= {"sampling": sampling, "record": Record(step_bias=biased, **record)}
         return simulate(self.scene.phase_reduced, paths=paths, **common)
 
@@ -123,14 +153,21 @@ class Sample(Cell):
         """Turn a stored result back into section moments."""
         every, apart = split_followers(content.table)
         found = self._read_sample(every, content.facts)
-        return found if apart.empty else replace(found, followers=self._read_sample(apart, content.facts))
+        return (
+            found
+            if apart.empty
+            else replace(found, followers=self._read_sample(apart, content.facts))
+        )
 
     def _read_sample(self, wide: pd.DataFrame, facts: dict[str, Any]) -> Sampled:
         """What `_sections` has made a table of."""
         batches = wide.filter(regex="^batch_")
         section = wide.iloc[:, : wide.columns.get_loc("bias_tau")]
         rows = [
-            wide[[f"{c}_{name}" for c in BIAS]].set_axis(list(BIAS), axis=1).reset_index().assign(quantity=q, moment=m)
+            wide[[f"{c}_{name}" for c in BIAS]]
+            .set_axis(list(BIAS), axis=1)
+            .reset_index()
+            .assign(quantity=q, moment=m)
             for m, prefix in (("mean", ""), ("sd", "sd_"))
             for q in SECTION
             if f"bias_{(name := prefix + q)}" in wide
@@ -147,10 +184,16 @@ def check_sample(sample: Sample) -> Sample:
         for field, given, takes in (
             ("accuracy", sample.accuracy, "samples rare branches by itself"),
             ("scheme", sample.scheme if biased else None, "cannot be drawn near rare branches"),
-            ("correlation_time", sample.scene.correlation_time or None, "leaves rare branches unknown"),
+            (
+                "correlation_time",
+                sample.scene.correlation_time or None,
+                "leaves rare branches unknown",
+            ),
         ):
             if given is not None:
-                raise InputError("near_branches", True, f"{field} = {given} {takes}; leave one of them out")
+                raise InputError(
+                    "near_branches", True, f"{field} = {given} {takes}; leave one of them out"
+                )
     check_settings(
         sample.scene,
         paths=1 if sample.paths is None else sample.paths,
@@ -165,7 +208,8 @@ def check_sample(sample: Sample) -> Sample:
 
 
 BIAS = ("bias", "se_bias", "corrected", "se_corrected", "rest")
-"""Columns of `Ensemble.step_bias` that are stored; ``rest`` is the step bias that extrapolation leaves."""
+"""Columns of `Ensemble.step_bias` that are stored; ``rest`` is the step bias that extrapolation
+leaves."""
 
 
 def _sections(run: Ensemble) -> pd.DataFrame:
@@ -180,7 +224,9 @@ def _sections(run: Ensemble) -> pd.DataFrame:
     columns: dict[str, Any] = {}
     for what, values in (("mean", batches.mean), ("sd", batches.sd), ("control", batches.control)):
         for i, quantity in enumerate(SECTION):
-            columns[BATCH.format(what, quantity)] = list(np.ascontiguousarray(values[filled, :, i].T))
+            columns[BATCH.format(what, quantity)] = list(
+                np.ascontiguousarray(values[filled, :, i].T)
+            )
     parts.append(pd.DataFrame(columns, index=run.section.index))
     return pd.concat(parts, axis=1)
 
@@ -188,7 +234,9 @@ def _sections(run: Ensemble) -> pd.DataFrame:
 def split_followers(wide: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """What is stored of all paths, and of those on the noise-free itinerary."""
     own = wide.columns.str.startswith(FOLLOWERS)
-    return wide.loc[:, ~own], wide.loc[:, own].rename(columns=lambda name: name.removeprefix(FOLLOWERS))
+    return wide.loc[:, ~own], wide.loc[:, own].rename(
+        columns=lambda name: name.removeprefix(FOLLOWERS)
+    )
 
 
 @dataclass(frozen=True)
@@ -223,7 +271,9 @@ class Prediction(Cell):
     def settings(self) -> dict[str, Any]:
         """Everything that determines the result besides the scene."""
         source = {} if self.own is None else {"source": self.own.digest}
-        settings = {name: getattr(self, name) for name in ("impacts", "closure", "order", "on_itinerary")}
+        settings = {
+            name: getattr(self, name) for name in ("impacts", "closure", "order", "on_itinerary")
+        }
         return {"kind": "prediction", **settings, **source}
 
     @property

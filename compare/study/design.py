@@ -1,4 +1,5 @@
-"""The design of a study: a scene, axes and settings; its kind says what is computed at each point of the grid."""
+"""The design of a study: a scene, axes and settings; its kind says what is computed at each point
+of the grid."""
 
 import hashlib
 import itertools
@@ -47,7 +48,12 @@ FIELDS = tuple(
     + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
 )
 VARIABLE = (*FIELDS, *SETTINGS)
-GEARS = ("amplitude", "driver_radius", *SPEEDS, *(f.name for f in fields(Gears) if f.name not in FIELDS))
+GEARS = (
+    "amplitude",
+    "driver_radius",
+    *SPEEDS,
+    *(f.name for f in fields(Gears) if f.name not in FIELDS),
+)
 """Values of gears that no field of the scene is named like."""
 ORDER = re.compile(r"drive\.([1-9][0-9]*)\.(amplitude|phase)")
 """A field of one order of the drive, such as ``drive.2.amplitude``."""
@@ -66,10 +72,10 @@ class Axis(NamedTuple):
 def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -> tuple[Axis, ...]:
     """Read the axes from the ``[[axes]]`` tables of a study file.
 
-    `tables`: Each table gives one or more fields (dotted names for parts of the scene, such as ``start.y1`` or
-    ``drive.2.amplitude``; with `gears` their values too, such as ``backlash1``) and their values: a list, ``{ linear =
-    [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``.  Fields of one table vary together and need equally
-    many values.
+    `tables`: Each table gives one or more fields (dotted names for parts of the scene, such as
+    ``start.y1`` or ``drive.2.amplitude``; with `gears` their values too, such as ``backlash1``) and
+    their values: a list, ``{ linear = [LOW, HIGH, POINTS] }`` or ``{ log = [LOW, HIGH, POINTS] }``.
+    Fields of one table vary together and need equally many values.
     """
     valid = (*VARIABLE, *(values_of(gears) if gears else ()))
     found: list[Axis] = []
@@ -77,16 +83,25 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
         raise InputError("axes", tables, "write each axis as a table [[axes]]")
     for table in tables:
         if not isinstance(table, Mapping) or not table:
-            raise InputError("axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]")
+            raise InputError(
+                "axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]"
+            )
         for name in table:
             if name not in valid and not ORDER.fullmatch(name):
-                needs = "a value of gears, which this study has not; write [gears], or vary one of [scene]"
+                needs = (
+                    "a value of gears, which this study has not; write [gears], or vary one of"
+                    " [scene]"
+                )
                 why = f"no field of a scene or a simulation; {nearest(name, valid)}"
                 raise InputError("axes", name, needs if gears is None and name in GEARS else why)
         columns = {name: _values(name, values) for name, values in table.items()}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) > 1:
-            raise InputError("axes", lengths, "fields of one [[axes]] table vary together: give as many values each")
+            raise InputError(
+                "axes",
+                lengths,
+                "fields of one [[axes]] table vary together: give as many values each",
+            )
         found.append(Axis(tuple(columns), tuple(zip(*columns.values(), strict=True))))
     names = [name for axis in found for name in axis.names]
     for name in names:
@@ -94,14 +109,18 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
             raise InputError("axes", name, "varies along two axes; keep one")
     points = math.prod(len(axis.values) for axis in found)
     if points > MOST_POINTS:
-        raise InputError("axes", points, f"points make the grid; it may have {MOST_POINTS}: take fewer values")
+        raise InputError(
+            "axes", points, f"points make the grid; it may have {MOST_POINTS}: take fewer values"
+        )
     return tuple(found)
 
 
 def combination(axes: Sequence[Axis], number: int) -> dict[str, Any]:
     """Give one point of the grid by its index, the last axis running fastest."""
     steps = np.unravel_index(number, [len(axis.values) for axis in axes])
-    pairs = (zip(axis.names, axis.values[i], strict=True) for axis, i in zip(axes, steps, strict=True))
+    pairs = (
+        zip(axis.names, axis.values[i], strict=True) for axis, i in zip(axes, steps, strict=True)
+    )
     return dict(itertools.chain.from_iterable(pairs))
 
 
@@ -128,10 +147,12 @@ def _values(name: str, given: Any) -> tuple[Any, ...]:
 
 
 def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
-    """Values spaced evenly, or evenly in their logarithm, rounded to six or more significant digits."""
+    """Values spaced evenly, or evenly in their logarithm, rounded to six or more significant
+    digits."""
     if not isinstance(ends, Sequence) or isinstance(ends, str) or len(ends) != 3:
         raise InputError(field, ends, "give [LOW, HIGH, POINTS]")
-    low, high = finite(f"{field} LOW", ends[0]), finite(f"{field} HIGH", ends[1])
+    low = finite(f"{field} LOW", ends[0])
+    high = finite(f"{field} HIGH", ends[1])
     points = count(f"{field} POINTS", ends[2], least=2, most=MOST_POINTS)
     if kind == "log":
         positive(f"{field} LOW", low)
@@ -145,11 +166,13 @@ def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
 KINDS = {"impacts": "rattle.compare.study.impacts", "stationary": "rattle.compare.stationary.study"}
 """Module of each kind of study: what is computed at each point of a grid, and how it is shown.
 
-``TITLE`` of a study that gives none.  ``KEYS`` of ``[study]`` besides ``kind`` and ``title``: ``read`` turns them into
-fields of `Study`, where some names vary.  ``cells`` makes the simulation, the predictions and the reasons of a `Point`
-from its scene and settings.  ``combine`` makes a ``RESULT`` of the results by key: an object with ``study, record,
-empty`` and ``TABLES``, each a Parquet file, those of ``SMALL`` written as CSV too.  ``PAGE`` is the module that shows
-it: ``answer`` (sentences), ``draw`` (figures), ``blocks`` (what stands above the sections of the page, and its last).
+``TITLE`` of a study that gives none.  ``KEYS`` of ``[study]`` besides ``kind`` and ``title``:
+``read`` turns them into fields of `Study`, where some names vary.  ``cells`` makes the simulation,
+the predictions and the reasons of a `Point` from its scene and settings.  ``combine`` makes a
+``RESULT`` of the results by key: an object with ``study, record, empty`` and ``TABLES``, each a
+Parquet file, those of ``SMALL`` written as CSV too.  ``PAGE`` is the module that shows it:
+``answer`` (sentences), ``draw`` (figures), ``blocks`` (what stands above the sections of the page,
+and its last).
 """
 
 
@@ -158,10 +181,12 @@ class Point:
     """One point of the grid."""
 
     coordinates: dict[str, Any]  # value of each field that varies
-    # the simulation, of an ensemble or of the long run; None if the scene or the settings cannot be simulated
+    # the simulation, of an ensemble or of the long run; None if the scene or the settings cannot be
+    # simulated
     sample: Any
     predictions: tuple[Any, ...]  # one for each closure that covers the scene
-    # the error message for everything that is missing, under ``scene``, ``sample`` or the name of the closure
+    # the error message for everything that is missing, under ``scene``, ``sample`` or the name of
+    # the closure
     reasons: dict[str, str]
 
     @property
@@ -178,22 +203,25 @@ class Study:
     Parameters
     ----------
     base : dict
-        The scene as `Scene.to_dict` gives it, its drive within; without ``start`` if the default start is to follow
-        the gaps.
+        The scene as `Scene.to_dict` gives it, its drive within; without ``start`` if the default
+        start is to follow the gaps.
     axes : tuple of Axis
     closures : tuple of str, Closure or callable
-        Names in `rattle.closure.CLOSURES`, ``package.module:function``, or functions ``(scene, impacts)``.
+        Names in `rattle.closure.CLOSURES`, ``package.module:function``, or functions ``(scene,
+        impacts)``.
     impacts, order : int
         Impacts that are followed, and order of the Edgeworth series.
     settings : dict
         Those of ``scheme, paths, accuracy, dt, seed`` that do not vary.
     common_noise : bool
-        Whether all points use common random numbers, which makes the errors of differences along an axis small;
-        otherwise every point has a seed of its own.
+        Whether all points use common random numbers, which makes the errors of differences along an
+        axis small; otherwise every point has a seed of its own.
     on_itinerary : bool
-        Whether the paths on the noise-free itinerary are judged apart too, in rows of kind ``itinerary``.
+        Whether the paths on the noise-free itinerary are judged apart too, in rows of kind
+        ``itinerary``.
     near_branches : bool
-        Whether a part of the paths is drawn near the rare branches that matter; these are then 32,768 at least.
+        Whether a part of the paths is drawn near the rare branches that matter; these are then
+        32,768 at least.
     within : Tolerances
         Errors up to which a mean or an sd counts as accurate.
     title : str
@@ -243,7 +271,10 @@ class Study:
         """What varies, and what is computed at each point."""
         closures = ", ".join(find_closure("closures", each).name for each in self.closures)
         over = ", ".join(f"{axis.names[0]} ({len(axis.values)})" for axis in self.axes) or "nothing"
-        return f"Study {self.title!r} of {self.kind}: {self.size} points over {over}; closures: {closures or 'none'}"
+        return (
+            f"Study {self.title!r} of {self.kind}: {self.size} points over {over}; closures:"
+            f" {closures or 'none'}"
+        )
 
     @classmethod
     def load(cls, path: str | Path) -> "Study":
@@ -261,7 +292,8 @@ class Study:
         Raises
         ------
         InputError
-            If a key or a value is wrong, or the gears cannot exist (``rattle.scene.gears_input``); names it.
+            If a key or a value is wrong, or the gears cannot exist (``rattle.scene.gears_input``);
+            names it.
         FileError
             If the file cannot be read.
         """
@@ -298,7 +330,9 @@ class Study:
         name = choice("study.kind", given.get("kind", cls.kind), tuple(KINDS))
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.KEYS))
-        parts: dict[str, Any] = {name: data[name] for name in ("gears", "scene", "drive") if name in data}
+        parts: dict[str, Any] = {
+            name: data[name] for name in ("gears", "scene", "drive") if name in data
+        }
         scene = Scene.from_dict(parts)
         base = table_of(scene)
         if "start" not in parts.get("scene", {}):
@@ -306,7 +340,9 @@ class Study:
         axes = read_axes(data.get("axes", []), scene.gears)
         own = kind.read(given, {name for axis in axes for name in axis.names})
         title = str(given.get("title", kind.TITLE))
-        return cls(base=base, axes=axes, title=title, text=text, gears=scene.gears, kind=name, **own)
+        return cls(
+            base=base, axes=axes, title=title, text=text, gears=scene.gears, kind=name, **own
+        )
 
     @property
     def digest(self) -> str:
@@ -325,7 +361,9 @@ class Study:
         found = tuple(self._point(combination(self.axes, number)) for number in range(self.size))
         if not any(p.sample for p in found):
             why = next(iter(found[0].reasons.values()))
-            raise InputError("study", self.title, f"not one point of the grid can be computed ({why})")
+            raise InputError(
+                "study", self.title, f"not one point of the grid can be computed ({why})"
+            )
         return found
 
     @property
@@ -335,7 +373,8 @@ class Study:
 
     @property
     def along(self) -> str:
-        """The field over which curves are drawn: the first that varies and is numeric; empty if there is none."""
+        """The field over which curves are drawn: the first that varies and is numeric; empty if
+        there is none."""
         for axis in self.axes:
             if len(axis.values) > 1 and all(type(step[0]) in (int, float) for step in axis.values):
                 return axis.names[0]
@@ -353,8 +392,11 @@ class Study:
 
     @property
     def scenes(self) -> int:
-        """Number of different scenes: points that differ only in settings of the simulation share one."""
-        return math.prod(len(axis.values) for axis in self.axes if not set(axis.names) <= set(SETTINGS))
+        """Number of different scenes: points that differ only in settings of the simulation share
+        one."""
+        return math.prod(
+            len(axis.values) for axis in self.axes if not set(axis.names) <= set(SETTINGS)
+        )
 
     def some_points(self, most: int) -> tuple[Point, ...]:
         """Give all points of a small grid, or a fixed random sample of a larger one.
@@ -384,7 +426,8 @@ class Study:
         return None if set(UNITS) & set(self.names) else self.gears
 
     def _base_at(self, coordinates: Mapping[str, Any]) -> dict[str, Any]:
-        """The scene as a table, with the parameters that follow from the values of the gears at a point."""
+        """The scene as a table, with the parameters that follow from the values of the gears at a
+        point."""
         changes = {name: value for name, value in coordinates.items() if name in GEARS}
         if not changes:
             return self.base
@@ -399,7 +442,9 @@ class Study:
             scene = make_scene(self._base_at(coordinates), coordinates)
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
-        settings = self.settings | {name: value for name, value in coordinates.items() if name in SETTINGS}
+        settings = self.settings | {
+            name: value for name, value in coordinates.items() if name in SETTINGS
+        }
         sample, predictions, reasons = kind_of(self.kind).cells(self, scene, settings)
         return Point(coordinates, sample, predictions, reasons)
 
@@ -426,14 +471,22 @@ def combine(study: Study, results: Mapping[str, Any]) -> Any:
 
 def list_reasons(study: Study) -> pd.DataFrame:
     """What could not be computed at each point, and why: the fields that vary, ``what, why``."""
-    rows = [{**p.coordinates, "what": what, "why": why} for p in study.points for what, why in p.reasons.items()]
+    rows = [
+        {**p.coordinates, "what": what, "why": why}
+        for p in study.points
+        for what, why in p.reasons.items()
+    ]
     return pd.DataFrame(rows, columns=[*study.names, "what", "why"])
 
 
 def with_coordinates(coordinates: Mapping[str, Any], table: pd.DataFrame) -> pd.DataFrame:
     """Put the coordinates of a point before the columns of its table."""
     return pd.concat(
-        [pd.DataFrame({n: [v] * len(table) for n, v in coordinates.items()}, index=table.index), table], axis=1
+        [
+            pd.DataFrame({n: [v] * len(table) for n, v in coordinates.items()}, index=table.index),
+            table,
+        ],
+        axis=1,
     )
 
 
@@ -451,14 +504,19 @@ def make_scene(base: dict[str, Any], coordinates: Mapping[str, Any]) -> Scene:
 
 
 def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any]:
-    """The scene's table, and its drive, with values replaced; a dotted name is a field of a nested table."""
+    """The scene's table, and its drive, with values replaced; a dotted name is a field of a nested
+    table."""
     out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
     for name, value in coordinates.items():
         part, _, field = name.partition(".")
         if order := ORDER.fullmatch(name):
-            orders = {one["order"]: one for one in out.get("drive", [{"order": 1, "amplitude": 1.0}])}
+            orders = {
+                one["order"]: one for one in out.get("drive", [{"order": 1, "amplitude": 1.0}])
+            }
             number = int(order[1])
-            changed = {"order": number, "amplitude": 0.0} | orders.get(number, {}) | {order[2]: value}
+            changed = (
+                {"order": number, "amplitude": 0.0} | orders.get(number, {}) | {order[2]: value}
+            )
             out["drive"] = [*(orders | {number: changed}).values()]
         elif field:
             out.setdefault(part, {})[field] = value

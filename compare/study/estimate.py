@@ -1,7 +1,7 @@
 """Cost of a study before it runs: counted work, memory, and what more cores would gain.
 
-Work is counted by `rattle.montecarlo.accuracy.cost` from short runs of the study's own scenes, and for closures by
-`rattle.closure.mean_map`; compiling is not part of it.
+Work is counted by `rattle.montecarlo.accuracy.cost` from short runs of the study's own scenes, and
+for closures by `rattle.closure.mean_map`; compiling is not part of it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,12 +26,14 @@ PROBED = 64  # paths whose steps stand for those of all where the number of path
 PILOTS = 20  # most pilot runs for accuracies; other cells are taken to be like the one before
 PILOT_SECONDS = 10.0  # budget of one of them
 BASE_MEGABYTES = 330.0  # interpreter, libraries and machine code
-TASK_SECONDS = 0.0035  # scheduling of an empty task, measured with scheduler, workers and client on two cores
+# scheduling of an empty task, measured with scheduler, workers and client on two cores
+TASK_SECONDS = 0.0035
 MERGE_SECONDS = 110e-6  # measured time in which the client merges one block
 
 
 class Work(NamedTuple):
-    """Expected work of cells: steps of their paths, nominal seconds of one core, and memory of this process in MB."""
+    """Expected work of cells: steps of their paths, nominal seconds of one core, and memory of this
+    process in MB."""
 
     path_steps: float
     core_seconds: float
@@ -41,12 +43,15 @@ class Work(NamedTuple):
 def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
     """Expected work of cells, by key."""
     asked = sum(isinstance(cell, Sample) and cell.accuracy is not None for cell in cells)
-    every, seen = -(-asked // PILOTS), 0
-    found, last = {}, Work(0.0, 0.0)
+    every = -(-asked // PILOTS)
+    seen = 0
+    found = {}
+    last = Work(0.0, 0.0)
     for cell in cells:
         if isinstance(cell, Sample) and cell.accuracy is not None:
             last = last if seen % every else _pilot(cell, cell.accuracy)
-            found[cell.key], seen = last, seen + 1
+            found[cell.key] = last
+            seen = seen + 1
         elif isinstance(cell, Sample):
             cost = cost_of(cell.simulate(PROBED), count_followed(cell.scene, cell.expected_paths))
             found[cell.key] = Work(cost.path_steps, cost.core_seconds)
@@ -60,34 +65,47 @@ def _pilot(cell: Sample, accuracy: float) -> Work:
     scene = cell.scene.phase_reduced
     again = partial(simulate, scene, impacts=cell.impacts, rng=cell.seed)
     budget = Budget(PILOT_SECONDS)
-    pilot, (found, *_) = choose_scheme(scene, [cell.scheme], accuracy, again, budget.limit(in_threads(1)), budget)
+    pilot, (found, *_) = choose_scheme(
+        scene, [cell.scheme], accuracy, again, budget.limit(in_threads(1)), budget
+    )
     slow = 0.0 if pilot.whole else pilot.path_seconds * found.paths
     return Work(found.path_steps, max(found.core_seconds, slow))
 
 
 def estimate(
-    cells: Sequence[Cell], work: Mapping[str, Work], workers: int, times: Callable[[Cell], float] = lambda cell: 1.0
+    cells: Sequence[Cell],
+    work: Mapping[str, Work],
+    workers: int,
+    times: Callable[[Cell], float] = lambda cell: 1.0,
 ) -> Work:
     """Sum the expected work of cells; `times` is how many cells of the study each represents."""
     steps, seconds = (sum(times(c) * work[c.key][i] for c in cells) for i in (0, 1))
-    copies = (c.impacts * (3 if SCHEMES[c.scheme].has_step_bias else 2) for c in cells if isinstance(c, Sample))
+    copies = (
+        c.impacts * (3 if SCHEMES[c.scheme].has_step_bias else 2)
+        for c in cells
+        if isinstance(c, Sample)
+    )
     rows = BLOCK * COLUMNS * 8 * max(copies, default=0)
     return Work(steps, seconds, BASE_MEGABYTES + 4.0 * workers * rows / 1e6)
 
 
 def scaling(
-    cells: Sequence[Cell], seconds: Mapping[str, float], times: Callable[[Cell], float] = lambda cell: 1.0
+    cells: Sequence[Cell],
+    seconds: Mapping[str, float],
+    times: Callable[[Cell], float] = lambda cell: 1.0,
 ) -> pd.DataFrame:
     """Estimate the wall time of cells on 1 to 10 000 cores of a cluster, and what limits it.
 
-    `seconds`: Seconds of one core by key, expected or measured; cells without are left out. `times`: For each
-    cell, how many cells of the study it represents; 1 by default. Returns: Columns ``cores``, ``wall_seconds``,
-    ``efficiency`` (speed-up over cores) and ``limit``: ``cores``, ``longest task`` (work that cannot be split),
-    ``scheduler`` (3.5 ms a task) or ``merging`` (of blocks, by the client).
+    `seconds`: Seconds of one core by key, expected or measured; cells without are left out.
+    `times`: For each cell, how many cells of the study it represents; 1 by default. Returns:
+    Columns ``cores``, ``wall_seconds``, ``efficiency`` (speed-up over cores) and ``limit``:
+    ``cores``, ``longest task`` (work that cannot be split), ``scheduler`` (3.5 ms a task) or
+    ``merging`` (of blocks, by the client).
     """
     work = tasks = blocks = longest = 0.0  # sums only: a single cell may have a million blocks
     for cell in cells:
-        taken, pieces = seconds.get(cell.key, 0.0), 1
+        taken = seconds.get(cell.key, 0.0)
+        pieces = 1
         if isinstance(cell, Sample):
             count = -(-count_followed(cell.scene, cell.expected_paths) // BLOCK)
             pieces = -(-count // SHARE)
@@ -107,5 +125,10 @@ def scaling(
     wall = limits.max(axis="columns")
     efficiency = (limits["cores"] / wall).where(wall > 0.0, 1.0)
     return pd.DataFrame(
-        {"cores": cores, "wall_seconds": wall, "efficiency": efficiency, "limit": limits.idxmax(axis="columns")}
+        {
+            "cores": cores,
+            "wall_seconds": wall,
+            "efficiency": efficiency,
+            "limit": limits.idxmax(axis="columns"),
+        }
     )

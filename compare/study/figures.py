@@ -1,4 +1,5 @@
-"""Figures of a study, ``r``, which is of `rattle.compare.study.impacts.Tables`: over the first field that varies."""
+"""Figures of a study, ``r``, which is of `rattle.compare.study.impacts.Tables`: over the first
+field that varies."""
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
@@ -22,7 +23,10 @@ GREEK = {
 }
 SHADES = ("#440154", "#31688E", "#35B779", "#C7B700")
 """Line colours of up to four impacts, in order (from viridis)."""
-MOMENT_STYLE: Any = {"mean": {"color": "#0072B2", "marker": "o"}, "sd": {"color": "#D55E00", "marker": "s"}}
+MOMENT_STYLE: Any = {
+    "mean": {"color": "#0072B2", "marker": "o"},
+    "sd": {"color": "#D55E00", "marker": "s"},
+}
 BAND = 0.2  # opacity of an interval
 FLOOR = 1e-4  # lower end of a logarithmic error axis, in sds
 
@@ -44,14 +48,16 @@ def _draw_band(ax: Axes, x: Any, y: Any, low: Any, high: Any, **style: Any) -> N
 
 
 def _by_impact(rows: pd.DataFrame, r: Any) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
-    """The rows of a few impacts in the order of the field that varies, each with colour and label."""
+    """The rows of a few impacts in the order of the field that varies, each with colour and
+    label."""
     for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):
         own = rows[rows["impact"] == impact].sort_values(r.study.along)
         yield {"color": colour, "lw": 1.4, "marker": "o", "label": f"impact {impact}"}, own
 
 
 def scale_of(given: Iterable[float]) -> dict[str, Any]:
-    """The scale of an axis: logarithmic if the values span more than a decade, with room for a zero beside them."""
+    """The scale of an axis: logarithmic if the values span more than a decade, with room for a zero
+    beside them."""
     values = sorted(set(given))
     above = [v for v in values if v > 0.0]
     if not above or values[0] < 0.0 or above[-1] <= 10.0 * above[0]:
@@ -76,8 +82,10 @@ def label_field(ax: Axes, name: str, given: Iterable[float]) -> None:
 
 
 def errors(r: Any, rows: pd.DataFrame) -> Figure:
-    """Draw the largest error of each closure at some impacts, with its interval: means above, sds below."""
-    name, shown = r.study.along, _pick_impacts(r.study.impacts)
+    """Draw the largest error of each closure at some impacts, with its interval: means above, sds
+    below."""
+    name = r.study.along
+    shown = _pick_impacts(r.study.impacts)
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
     judged = rows[rows["judged"] & (rows["verdict"] != "not predicted")]
     for i, (moment, limit) in enumerate((("mean", r.study.within.mean), ("sd", r.study.within.sd))):
@@ -85,7 +93,8 @@ def errors(r: Any, rows: pd.DataFrame) -> Figure:
             ax = axes[i * len(shown) + j]
             part = judged[(judged["moment"] == moment) & (judged["impact"] == impact)]
             for closure, group in part.groupby("closure", sort=False):
-                worst, style = _worst(group, name), STYLE[str(closure)]
+                worst = _worst(group, name)
+                style = STYLE[str(closure)]
                 ends = (worst[end].clip(lower=FLOOR) for end in ("size", "least", "most"))
                 _draw_band(ax, worst[name], *ends, label=str(closure), lw=1.4, ms=3.5, **style)
             ax.axhline(limit, color="k", ls="--", lw=1.0, label="tolerance")
@@ -99,7 +108,8 @@ def errors(r: Any, rows: pd.DataFrame) -> Figure:
 
 
 def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The row with the largest absolute error in sds at each value of a field, with the interval of that error."""
+    """The row with the largest absolute error in sds at each value of a field, with the interval of
+    that error."""
     size = (rows["error"] / rows["unit"]).abs().fillna(0.0)
     half = 0.5 * (rows["high"] - rows["low"]) / rows["unit"]
     table = rows.assign(size=size, least=(size - half).clip(lower=0.0), most=size + half)
@@ -107,19 +117,25 @@ def _worst(rows: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def validity(r: Any, rows: pd.DataFrame) -> Figure:
-    """Draw the range of validity over the first k impacts: where each closure is accurate, and not shown wrong."""
+    """Draw the range of validity over the first k impacts: where each closure is accurate, and not
+    shown wrong."""
     figure, (ax,) = new_figure(8.0, 3.8, 1, 1)
-    name, values = r.study.along, [float(v) for v in pd.unique(r.errors[r.study.along])]
+    name = r.study.along
+    values = [float(v) for v in pd.unique(r.errors[r.study.along])]
     for closure, group in rows.groupby("closure", sort=False):
-        style, impact = STYLE[str(closure)], group["impact"]
-        accurate, not_wrong = group["accurate"], group["not_inaccurate"]
+        style = STYLE[str(closure)]
+        impact = group["impact"]
+        accurate = group["accurate"]
+        not_wrong = group["not_inaccurate"]
         if not_wrong.isna().all():
             what = ENDED if group["ended"].all() else WRONG
             ax.plot([], [], label=f"{closure}: {what} at the smallest", **style)
             continue
         ax.plot(impact, accurate, label=f"{closure}: {ACCURATE}", lw=1.5, ms=5, **style)
         ax.plot(impact, not_wrong, color=style["color"], ls=":", lw=1.5)
-        ax.fill_between(impact, accurate.fillna(min(values)), not_wrong, color=style["color"], alpha=BAND, lw=0)
+        ax.fill_between(
+            impact, accurate.fillna(min(values)), not_wrong, color=style["color"], alpha=BAND, lw=0
+        )
     ax.plot([], [], color="0.3", ls=":", lw=1.5, label=NOT_WRONG)
     ax.fill_between([], [], color="0.3", alpha=BAND, lw=0, label=want(r.of_all_paths))
     if (scale := scale_of(values))["value"] != "linear":
@@ -133,19 +149,31 @@ def validity(r: Any, rows: pd.DataFrame) -> Figure:
 
 
 def _correlation(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
-    """Draw the share of a closure's impacts at which its correlation is invalid, and the largest |rho|."""
+    """Draw the share of a closure's impacts at which its correlation is invalid, and the largest
+    |rho|."""
     for closure, group in rows.groupby("closure", sort=False):
         group = group.sort_values(r.study.along)
         share = 100.0 * group["invalid"] / group["reached"].clip(lower=1)
         for ax, values in zip(axes, (share, group["largest"]), strict=True):
-            ax.plot(group[r.study.along], values, label=str(closure), lw=1.4, ms=4, **STYLE[str(closure)])
-    axes[0].set(ylabel="impacts with invalid ρ, % of those reached", ylim=(-2.0, max(10.0, axes[0].get_ylim()[1])))
+            ax.plot(
+                group[r.study.along],
+                values,
+                label=str(closure),
+                lw=1.4,
+                ms=4,
+                **STYLE[str(closure)],
+            )
+    axes[0].set(
+        ylabel="impacts with invalid ρ, % of those reached",
+        ylim=(-2.0, max(10.0, axes[0].get_ylim()[1])),
+    )
     axes[1].axhline(1.0, color="k", ls="--", lw=1.0, label="|ρ| = 1")
     axes[1].set_ylabel("largest |ρ|")
 
 
 def _wilson(k: int, n: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share k / n; without noise one path represents all, and k = 0 or 1 is exact."""
+    """Wilson's 95 % interval of a share k / n; without noise one path represents all, and k = 0 or
+    1 is exact."""
     if n <= 1:
         return (float(k), float(k)) if n else (0.0, 1.0)
     from scipy.stats import binomtest  # takes longer to load than the figures to draw
@@ -155,7 +183,8 @@ def _wilson(k: int, n: int) -> tuple[float, float]:
 
 
 def _agreement(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
-    """Draw the share of paths that are still on the noise-free itinerary, with Wilson's 95 % interval."""
+    """Draw the share of paths that are still on the noise-free itinerary, with Wilson's 95 %
+    interval."""
     part = rows[(rows["quantity"] == "tau") & (rows["moment"] == "mean")]
     for style, group in _by_impact(part[part["paths"] > 0], r):
         counts = zip(group["agreement"] * group["followed"], group["followed"], strict=True)
@@ -166,7 +195,14 @@ def _agreement(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
 
 def _sections(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw sd and skewness at some impacts, impact rate and energy loss, with 95 % intervals."""
-    panels = [("tau", "sd"), ("y1", "sd"), ("rate", "mean"), ("tau", "skew"), ("y1", "skew"), ("energy", "mean")]
+    panels = [
+        ("tau", "sd"),
+        ("y1", "sd"),
+        ("rate", "mean"),
+        ("tau", "skew"),
+        ("y1", "skew"),
+        ("energy", "mean"),
+    ]
     labels = {
         "sd": "sd of {}",
         "skew": "skewness of {}",
@@ -187,18 +223,23 @@ def _sections(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
 
 
 def draw_paired(r: Any, rows: pd.DataFrame) -> Figure:
-    """Draw the gain of common random numbers: independent over paired standard error of a difference of neighbours."""
+    """Draw the gain of common random numbers: independent over paired standard error of a
+    difference of neighbours."""
     figure, (ax,) = new_figure(6.2, 3.6, 1, 1)
     name = r.study.along
     part = rows[(rows["se"] > 0.0) & (rows["se_independent"] > 0.0)]
-    part = part.assign(gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"]))
+    part = part.assign(
+        gain=part["se_independent"] / part["se"], middle=0.5 * (part["from"] + part["to"])
+    )
     for moment, style in MOMENT_STYLE.items():
         known = part[part["moment"] == moment]
         if known.empty:  # too few batches for a standard error
             continue
         gains = known.groupby("middle")["gain"].quantile([0.1, 0.5, 0.9]).unstack()
         label = f"{moment}s: median, 10 to 90 %"
-        _draw_band(ax, gains.index, gains[0.5], gains[0.1], gains[0.9], lw=1.4, ms=4, label=label, **style)
+        _draw_band(
+            ax, gains.index, gains[0.5], gains[0.1], gains[0.9], lw=1.4, ms=4, label=label, **style
+        )
     ax.axhline(1.0, color="k", ls="--", lw=1.0)
     ax.set(yscale="log", ylabel="error of a difference, independent / paired")
     ax.yaxis.set_major_formatter("{x:g}")
@@ -211,16 +252,25 @@ def _cost(axes: list[Axes], r: Any, rows: pd.DataFrame) -> None:
     """Draw the seconds of each cell."""
     for what, group in rows.groupby("what", sort=False):
         group = group.sort_values(r.study.along)
-        axes[0].plot(group[r.study.along], group["seconds"], label=str(what), lw=1.2, ms=4, **STYLE[str(what)])
+        axes[0].plot(
+            group[r.study.along],
+            group["seconds"],
+            label=str(what),
+            lw=1.2,
+            ms=4,
+            **STYLE[str(what)],
+        )
     axes[0].set(yscale="log", ylabel="seconds of one core")
 
 
 class TablePlot(NamedTuple):
-    """A figure of a table of a study over the first field that varies, one for each value of the others."""
+    """A figure of a table of a study over the first field that varies, one for each value of the
+    others."""
 
     table: str  # name of the table
     title: str
-    draw: Callable[..., Any]  # of axes, study and rows; or of study and rows, if the figure has no `size`
+    # of axes, study and rows; or of study and rows, if the figure has no `size`
+    draw: Callable[..., Any]
     size: tuple[float, float] | None = None
     grid: tuple[int, int] = (1, 1)
 
@@ -238,21 +288,32 @@ class TablePlot(NamedTuple):
 
 
 FIGURES = {
-    "validity": TablePlot("validity", "Range of validity, for all means and sds of the first impacts", validity),
+    "validity": TablePlot(
+        "validity", "Range of validity, for all means and sds of the first impacts", validity
+    ),
     "errors": TablePlot("of_all_paths", "Largest error of each closure, with its interval", errors),
     "agreement": TablePlot("sections", "Itinerary agreement", _agreement, (6.2, 3.8)),
     "sections": TablePlot(
-        "sections", "Section sds, skewness, impact rate and impact energy", _sections, (11.0, 5.8), (2, 3)
+        "sections",
+        "Section sds, skewness, impact rate and impact energy",
+        _sections,
+        (11.0, 5.8),
+        (2, 3),
     ),
-    "correlation": TablePlot("correlation", "Validity of the correlation", _correlation, (8.0, 3.4), (1, 2)),
+    "correlation": TablePlot(
+        "correlation", "Validity of the correlation", _correlation, (8.0, 3.4), (1, 2)
+    ),
     "paired": TablePlot("paired", "What common random numbers save", draw_paired),
     "cost": TablePlot("cost", "Cost of each cell", _cost, (6.2, 3.8)),
 }
 """All figures by name."""
 
 
-def panels(study: Study, table: pd.DataFrame, most: int = 6) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
-    """Split a table into parts in which all fields but the first that varies are fixed, one for each figure."""
+def panels(
+    study: Study, table: pd.DataFrame, most: int = 6
+) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+    """Split a table into parts in which all fields but the first that varies are fixed, one for
+    each figure."""
     if study.along and not table.empty and not study.others:
         yield {}, table
     elif study.along and not table.empty:

@@ -1,4 +1,5 @@
-"""The folder of a finished study of any kind: tables, figures, a page and a manifest beside its cells."""
+"""The folder of a finished study of any kind: tables, figures, a page and a manifest beside its
+cells."""
 
 import hashlib
 import os
@@ -13,8 +14,24 @@ from matplotlib.figure import Figure as Drawn
 
 from rattle.compare.engine.run import check_cells, has_cells
 from rattle.compare.engine.store import numerical_version
-from rattle.compare.report import Code, Figure, Page, PageSection, Row, Table, Text, manifest, numbers
-from rattle.compare.report.folder import FIGURES, MANIFEST, read_own_manifest, refuse_foreign, scratch_folder
+from rattle.compare.report import (
+    Code,
+    Figure,
+    Page,
+    PageSection,
+    Row,
+    Table,
+    Text,
+    manifest,
+    numbers,
+)
+from rattle.compare.report.folder import (
+    FIGURES,
+    MANIFEST,
+    read_own_manifest,
+    refuse_foreign,
+    scratch_folder,
+)
 from rattle.compare.report.json_text import check_not_newer
 from rattle.compare.report.provenance import provenance, source_of
 from rattle.compare.report.render import pages
@@ -29,29 +46,44 @@ FILE = "study.toml"
 
 BROKEN = "is damaged; run rattle study again: it rewrites the tables from the stored cells"
 PAGE = "page"
-"""Part of the name of scratch folders, in which the output is written before it is moved to its place."""
+"""Part of the name of scratch folders, in which the output is written before it is moved to its
+place."""
 
 
 def check_folder(study: Study, folder: Path, overwrite: bool) -> None:
-    """Check before any work that a folder holds nothing of others where the files of a study will be.
+    """Check before any work that a folder holds nothing of others where the files of a study will
+    be.
 
-    `overwrite`: Whether it may hold the tables of another study, which has no result in common with this one.
+    `overwrite`: Whether it may hold the tables of another study, which has no result in common with
+    this one.
     """
     if not folder.exists():
         return
     if not folder.is_dir():
         raise OutputError(f"out = {str(folder)!r}: exists and is not a folder; choose another name")
     check_cells(folder)
-    files = {FILE, FIGURES}.union(*(contents("study", tables=k.SMALL, large=k.TABLES) for k in map(kind_of, KINDS)))
+    files = {FILE, FIGURES}.union(
+        *(contents("study", tables=k.SMALL, large=k.TABLES) for k in map(kind_of, KINDS))
+    )
     inside = {path for path in folder.iterdir() if path.name in files}
     record = read_own_manifest(folder)
     if record["kind"] == "study" if record and "kind" in record else has_cells(folder):
-        refuse_foreign(folder, {path.name for path in inside if path.is_dir() != (path.name == FIGURES)})
+        refuse_foreign(
+            folder, {path.name for path in inside if path.is_dir() != (path.name == FIGURES)}
+        )
     else:
         ours = {FILE} if is_current_file(study, folder) else set()
         refuse_foreign(folder, {path.name for path in inside} - ours)
-    if record and not overwrite and not is_current_file(study, folder) and not shares_results(study, folder / FILE):
-        why = f"holds another study ({record['title']}); choose another folder, or overwrite it (--overwrite)"
+    if (
+        record
+        and not overwrite
+        and not is_current_file(study, folder)
+        and not shares_results(study, folder / FILE)
+    ):
+        why = (
+            f"holds another study ({record['title']}); choose another folder, or overwrite it"
+            " (--overwrite)"
+        )
         raise OutputError(f"out = {str(folder)!r}: {why}")
 
 
@@ -81,8 +113,8 @@ def load_study(folder: str | Path) -> Any:
     Returns
     -------
     Tables
-        Of a study of the long run, an object with ``study, record, quantities, verdicts, cost, reasons``, `plot` and
-        `to_xarray`.
+        Of a study of the long run, an object with ``study, record, quantities, verdicts, cost,
+        reasons``, `plot` and `to_xarray`.
 
     Raises
     ------
@@ -91,13 +123,15 @@ def load_study(folder: str | Path) -> Any:
 
     Examples
     --------
-    >>> load_study("nowhere")
+    >>> load_study("nowhere")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    rattle.scene.errors.FileError: study folder = 'nowhere': holds no finished study; give the folder of one
+    rattle.scene.errors.FileError: study folder = 'nowhere': holds no finished study; ...
     """
     if not isinstance(folder, str | Path):
-        raise FileError("study folder", folder, "is no path; give the folder that rattle study wrote")
+        raise FileError(
+            "study folder", folder, "is no path; give the folder that rattle study wrote"
+        )
     place = Path(folder)
     record = _read_record(place)
     study = Study.load(place / FILE)
@@ -106,7 +140,9 @@ def load_study(folder: str | Path) -> Any:
         raise FileError("study file", str(place / FILE), why)
     kind = kind_of(study.kind)
     _check_files(place, record, [f"{name}.parquet" for name in kind.TABLES])
-    return kind.RESULT(study, record, **{name: pd.read_parquet(place / f"{name}.parquet") for name in kind.TABLES})
+    return kind.RESULT(
+        study, record, **{name: pd.read_parquet(place / f"{name}.parquet") for name in kind.TABLES}
+    )
 
 
 def _read_record(folder: Path) -> dict[str, Any]:
@@ -116,7 +152,9 @@ def _read_record(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         record = None
     if not isinstance(record, dict):
-        raise FileError("study folder", str(folder), "holds no finished study; give the folder of one")
+        raise FileError(
+            "study folder", str(folder), "holds no finished study; give the folder of one"
+        )
     check_not_newer("manifest", record.get("version"), manifest.VERSION, folder / MANIFEST)
     if not manifest.is_whole(record):
         raise FileError("study folder", str(folder), f"{MANIFEST} {BROKEN}")
@@ -139,7 +177,8 @@ def files_of(study: Study) -> tuple[str, ...]:
 def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
     """Read the manifest of a folder, if it belongs to this study and covers all of its cells.
 
-    Returns: The manifest; None if the folder is missing, damaged, incomplete, or of another study or version.
+    Returns: The manifest; None if the folder is missing, damaged, incomplete, or of another study
+    or version.
     """
     with suppress(FileError):  # what cannot be read is written again, from the cells
         record = _read_record(folder)
@@ -161,7 +200,8 @@ NAMES = {"scene": "the scene", "sample": "the simulation"}
 
 
 class FailedPoints(NamedTuple):
-    """Something that cannot be computed at some points; their error messages differ at most in numbers."""
+    """Something that cannot be computed at some points; their error messages differ at most in
+    numbers."""
 
     what: str  # the scene, the simulation, or a closure
     why: str  # error message at the first of the points: field, value and remedy
@@ -172,22 +212,33 @@ class FailedPoints(NamedTuple):
     @property
     def where(self) -> str:
         """Coordinates of the first point concerned, as text."""
-        return ", ".join(f"{name} = {value}" for name, value in self.first.items()) or "the only point"
+        return (
+            ", ".join(f"{name} = {value}" for name, value in self.first.items()) or "the only point"
+        )
 
     def __str__(self) -> str:
         """Describe the failure in one sentence."""
-        return f"{self.what} cannot be computed at {self.points} of {self.of} points, first at {self.where}: {self.why}"
+        return (
+            f"{self.what} cannot be computed at {self.points} of {self.of} points, first at"
+            f" {self.where}: {self.why}"
+        )
 
 
 def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[FailedPoints]:
     """Group the error messages of a study's points by their reason."""
     found: dict[tuple[str, str], list[tuple[Point, str]]] = {}
     for point in points:
-        lost = {getattr(cell, "closure", "sample"): failed[cell.key] for cell in point.cells if cell.key in failed}
+        lost = {
+            getattr(cell, "closure", "sample"): failed[cell.key]
+            for cell in point.cells
+            if cell.key in failed
+        }
         for what, why in (point.reasons | lost).items():
             found.setdefault((what, NUMBER.sub("", why)), []).append((point, why))
     return [
-        FailedPoints(NAMES.get(what, what), where[0][1], len(where), len(points), where[0][0].coordinates)
+        FailedPoints(
+            NAMES.get(what, what), where[0][1], len(where), len(points), where[0][0].coordinates
+        )
         for (what, _), where in found.items()
     ]
 
@@ -200,31 +251,42 @@ class Drawing(NamedTuple):
     caption: str
 
 
-def write_page(folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[str, Any]) -> dict[str, Any]:
+def write_page(
+    folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[str, Any]
+) -> dict[str, Any]:
     """Write tables, figures, the page and the manifest; each file is replaced atomically.
 
-    `tables`: As `combine` gives them.  `seconds`: What each cell that is stored took, by key.  Returns the manifest.
+    `tables`: As `combine` gives them.  `seconds`: What each cell that is stored took, by key.
+    Returns the manifest.
     """
     try:
         with scratch_folder(folder, PAGE) as scratch:
             record = _write(scratch, tables, seconds, facts)
             files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
-            (folder / MANIFEST).unlink(missing_ok=True)  # holds the digests of the others: removed first, written last
+            # holds the digests of the others: removed first, written last
+            (folder / MANIFEST).unlink(missing_ok=True)
             for file in sorted(files, key=lambda f: f.name == MANIFEST):
                 (folder / file).parent.mkdir(exist_ok=True)
                 os.replace(scratch / file, folder / file)
     except OutputError:
         raise
     except OSError as error:
-        why = f"the page cannot be written ({error.strerror}); all results stored: make room and repeat the command"
+        why = (
+            f"the page cannot be written ({error.strerror}); all results stored: make room and"
+            " repeat the command"
+        )
         raise OutputError(f"out = {str(folder)!r}: {why}") from None
     return record
 
 
-def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[str, Any]) -> dict[str, Any]:
+def _write(
+    folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[str, Any]
+) -> dict[str, Any]:
     study: Study = tables.study
-    kind, shown = kind_of(study.kind), page_of(study)
-    (folder / FILE).write_text(study.text, encoding="utf-8")  # another process may have replaced the file meanwhile
+    kind = kind_of(study.kind)
+    shown = page_of(study)
+    # another process may have replaced the file meanwhile
+    (folder / FILE).write_text(study.text, encoding="utf-8")
     drawn: list[Drawing] = shown.draw(tables)
     figures = [Figure(f"{name}.svg", caption, caption) for name, _, caption in drawn]
     record = {
@@ -246,13 +308,21 @@ def _write(folder: Path, tables: Any, seconds: Mapping[str, float], facts: dict[
     opening, closing = shown.blocks(tables, record, seconds)
     sections = [PageSection("Figures", tuple(figures[1:]))] if figures[1:] else []
     if failures := group_failures(study.points, record.get("failed", {})):
-        rows: list[Row] = [[failure.what, failure.points, failure.where, failure.why] for failure in failures]
+        rows: list[Row] = [
+            [failure.what, failure.points, failure.where, failure.why] for failure in failures
+        ]
         every = Text("All points: `reasons.csv`.", note=True)
         lost = Table.of(["what", *numbers("points"), "the first", "why"], rows)
         sections.append(PageSection("What could not be computed", (every, lost)))
     text = (Text("The study, `study.toml`:"), Code(study.text, "toml"))
     source = source_of(record, text, {"rows": "`rattle.load_study(FOLDER)` loads every one"})
-    page = Page(study.title, tuple(record["answer"]), source, (*figures[:1], *opening), (*sections, *closing))
+    page = Page(
+        study.title,
+        tuple(record["answer"]),
+        source,
+        (*figures[:1], *opening),
+        (*sections, *closing),
+    )
     return write_files(
         folder,
         "study",

@@ -1,4 +1,5 @@
-"""Studies of the impacts: closures against ensembles, at each point of a grid; the kind ``impacts`` and its tables."""
+"""Studies of the impacts: closures against ensembles, at each point of a grid; the kind ``impacts``
+and its tables."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -11,11 +12,41 @@ import pandas as pd
 
 from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDERS, find_closures
-from rattle.compare.study.cells import BATCH, FACTS, Predicted, Prediction, Sample, Sampled, check_sample
+from rattle.compare.study.cells import (
+    BATCH,
+    FACTS,
+    Predicted,
+    Prediction,
+    Sample,
+    Sampled,
+    check_sample,
+)
 from rattle.compare.study.design import SETTINGS, Point, Study, list_reasons, with_coordinates
-from rattle.compare.validation.errors import ON_ITINERARY, judge_followers, section_errors, to_absolute_time
-from rattle.compare.validation.verdict import Tolerances, is_accurate, is_wrong, judge, unbroken, widest
-from rattle.scene import SECTION, STATE, Floats, InputError, Scene, check_keys, choice, count, positive
+from rattle.compare.validation.errors import (
+    ON_ITINERARY,
+    judge_followers,
+    section_errors,
+    to_absolute_time,
+)
+from rattle.compare.validation.verdict import (
+    Tolerances,
+    is_accurate,
+    is_wrong,
+    judge,
+    unbroken,
+    widest,
+)
+from rattle.scene import (
+    SECTION,
+    STATE,
+    Floats,
+    InputError,
+    Scene,
+    check_keys,
+    choice,
+    count,
+    positive,
+)
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import as_html
 from rattle.scene.units import with_units
@@ -27,8 +58,18 @@ if TYPE_CHECKING:
 TABLES = ("errors", "sections", "correlation", "validity", "paired", "cost", "reasons")
 """Tables of a study of impacts, each a Parquet file."""
 SMALL = ("correlation", "validity", "cost", "reasons")  # those of them that are written as CSV too
-KEYS = ("impacts", "closures", "order", *SETTINGS, "common_noise", "on_itinerary", "near_branches", "within")
-TITLE, PAGE = "study", "rattle.compare.study.impacts_page"
+KEYS = (
+    "impacts",
+    "closures",
+    "order",
+    *SETTINGS,
+    "common_noise",
+    "on_itinerary",
+    "near_branches",
+    "within",
+)
+TITLE = "study"
+PAGE = "rattle.compare.study.impacts_page"
 
 
 @numpy_defaults
@@ -43,8 +84,8 @@ class Tables:
     record : dict
         The manifest.
     errors, sections, correlation, validity, paired, cost, reasons : DataFrame
-        Errors of the closures with verdicts; section moments; correlation coefficients; range of validity; differences
-        of neighbours; times; why a cell could not be computed.
+        Errors of the closures with verdicts; section moments; correlation coefficients; range of
+        validity; differences of neighbours; times; why a cell could not be computed.
 
     Examples
     --------
@@ -66,7 +107,9 @@ class Tables:
     def __repr__(self) -> str:
         """Of which study, and how long its tables are."""
         names = [f.name for f in fields(self) if isinstance(getattr(self, f.name), pd.DataFrame)]
-        return f"{self.study!r}\n  rows: " + ", ".join(f"{name} {len(getattr(self, name)):,}" for name in names)
+        return f"{self.study!r}\n  rows: " + ", ".join(
+            f"{name} {len(getattr(self, name)):,}" for name in names
+        )
 
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.validity.to_html(max_rows=12))
@@ -84,26 +127,37 @@ class Tables:
     def judged(self, within: Tolerances) -> pd.DataFrame:
         """Judge the errors by other tolerances."""
         share = self.errors["moment"].map({"mean": within.mean, "sd": within.sd})
-        return judge(self.errors.assign(tolerance=np.maximum(share * self.errors["unit"], self.errors["still"])))
+        return judge(
+            self.errors.assign(
+                tolerance=np.maximum(share * self.errors["unit"], self.errors["still"])
+            )
+        )
 
     def to_xarray(self) -> "xr.Dataset":
         """Convert the errors of the closures and the moments of the simulation to a dataset.
 
         Needs the optional dependency ``xarray`` (``pip install rattle[xarray]``).
 
-        Returns: Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for the errors,
-        ``closure``; ``["quantity"].attrs`` holds the unit of each quantity.
+        Returns: Dimensions: the first field of each axis, ``impact, quantity, moment`` and, for the
+        errors, ``closure``; ``["quantity"].attrs`` holds the unit of each quantity.
         """
         index = [*(axis.names[0] for axis in self.study.axes), "impact", "quantity", "moment"]
         errors = self.of_all_paths.set_index([*index, "closure"])
-        predictions = errors[["predicted", "error", "low", "high", "tolerance", "verdict"]].to_xarray()
-        sections = self.sections[self.sections["quantity"].isin(SECTION)].set_index(index)[["value", "se"]].to_xarray()
+        predictions = errors[
+            ["predicted", "error", "low", "high", "tolerance", "verdict"]
+        ].to_xarray()
+        sections = (
+            self.sections[self.sections["quantity"].isin(SECTION)]
+            .set_index(index)[["value", "se"]]
+            .to_xarray()
+        )
         return with_units(predictions.merge(sections.rename(value="simulated"), join="outer"))
 
     def plot(self, kind: str = "validity", **at: Any) -> "Figure":
         """Draw a figure of the study's page.
 
-        Keywords are values of the fields that vary besides the first; the table's first where one is left out.
+        Keywords are values of the fields that vary besides the first; the table's first where one
+        is left out.
         """
         from rattle.compare.study.figures import FIGURES, panels
 
@@ -112,20 +166,24 @@ class Tables:
         for fixed, part in panels(self.study, rows, len(rows)):
             if at.items() <= fixed.items():
                 return plot.figure(self, part)
-        raise InputError("kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study")
+        raise InputError(
+            "kind", kind, f"there is nothing to draw{f' at {at}' if at else ''} in this study"
+        )
 
 
 RESULT = Tables
 
 
 def compare_paired(one: Sampled, other: Sampled) -> pd.DataFrame:
-    """Differences of section means and sds between two runs on common random numbers, with their standard errors.
+    """Differences of section means and sds between two runs on common random numbers, with their
+    standard errors.
 
-    The standard error is that of the mean of the batches' differences.  For means, the differences are first regressed
-    on the batches of the control variate, whose expectation is zero.
+    The standard error is that of the mean of the batches' differences.  For means, the differences
+    are first regressed on the batches of the control variate, whose expectation is zero.
 
-    Returns: Columns ``impact, quantity, moment, difference`` (`other` less `one`), ``se`` and ``se_independent``,
-    the standard error that independent runs without a control variate would have.
+    Returns: Columns ``impact, quantity, moment, difference`` (`other` less `one`), ``se`` and
+    ``se_independent``, the standard error that independent runs without a control variate would
+    have.
     """
     rows = []
     for quantity in SECTION:
@@ -135,17 +193,24 @@ def compare_paired(one: Sampled, other: Sampled) -> pd.DataFrame:
             name = BATCH.format(moment, quantity)
             first, second = (np.stack(list(run.batches[name])) for run in (one, other))
             batches = min(first.shape[1], second.shape[1])
-            first, second = first[:, :batches], second[:, :batches]
+            first = first[:, :batches]
+            second = second[:, :batches]
             control = np.stack(list(other.batches[BATCH.format("control", quantity)]))[:, :batches]
             freedom = batches - 1 - (moment == "mean")
             se = alone = np.full(len(first), np.nan)
             if freedom > 0:  # a standard error needs at least one degree of freedom
-                left = _residual(second - first, control) if moment == "mean" else _subtract_means(second - first)
+                left = (
+                    _residual(second - first, control)
+                    if moment == "mean"
+                    else _subtract_means(second - first)
+                )
                 se = np.sqrt((left**2).sum(axis=1) / freedom / batches)
             if batches > 1:
                 alone = np.sqrt((first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)) / batches)
             difference = other.section[prefix + quantity] - one.section[prefix + quantity]
-            table = pd.DataFrame({"impact": one.section.index}).assign(quantity=quantity, moment=moment)
+            table = pd.DataFrame({"impact": one.section.index}).assign(
+                quantity=quantity, moment=moment
+            )
             rows.append(table.assign(difference=difference.to_numpy(), se=se, se_independent=alone))
     return pd.concat(rows, ignore_index=True)
 
@@ -156,9 +221,12 @@ def _subtract_means(values: Floats) -> Floats:
 
 def _residual(values: Floats, control: Floats) -> Floats:
     """Residuals of the regression of each row on its control variate."""
-    values, control = _subtract_means(values), _subtract_means(control)
+    values = _subtract_means(values)
+    control = _subtract_means(control)
     product, square = ((v * control).sum(axis=1, keepdims=True) for v in (values, control))
-    return np.asarray(values - np.divide(product, square, out=np.zeros_like(square), where=square > 0.0) * control)
+    return np.asarray(
+        values - np.divide(product, square, out=np.zeros_like(square), where=square > 0.0) * control
+    )
 
 
 Triple = tuple[Point, Sampled, list[Predicted]]
@@ -167,13 +235,19 @@ Triple = tuple[Point, Sampled, list[Predicted]]
 def combine(study: Study, found: Mapping[str, Any]) -> Tables:
     """Compute the tables of a study from the results of its cells, by key."""
     predictions = sum(cell.key in found for point in study.points for cell in point.predictions)
-    z = widest(predictions * 2 * len(SECTION) * study.impacts)  # 95 % simultaneous coverage over the study (Bonferroni)
+    # 95 % simultaneous coverage over the study (Bonferroni)
+    z = widest(predictions * 2 * len(SECTION) * study.impacts)
     points = [
-        (point, found[point.sample.key], [found[cell.key] for cell in point.predictions if cell.key in found])
+        (
+            point,
+            found[point.sample.key],
+            [found[cell.key] for cell in point.predictions if cell.key in found],
+        )
         for point in study.points
         if point.sample and point.sample.key in found
     ]
-    errors, sections = _errors(study, points, z), _sections(points)
+    errors = _errors(study, points, z)
+    sections = _sections(points)
     return Tables(
         study,
         {"errors_sha256": _digest(errors), "sections_sha256": _digest(sections), "z": z},
@@ -188,7 +262,9 @@ def combine(study: Study, found: Mapping[str, Any]) -> Tables:
 
 
 def _digest(table: pd.DataFrame) -> str:
-    return hashlib.sha256(pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes()).hexdigest()
+    return hashlib.sha256(
+        pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes()
+    ).hexdigest()
 
 
 def _errors(study: Study, points: list[Triple], z: float) -> pd.DataFrame:
@@ -201,27 +277,41 @@ def _errors(study: Study, points: list[Triple], z: float) -> pd.DataFrame:
         for prediction in predictions:
             tables = [section_errors([prediction], run, z, study.within)]
             if prediction.followers and run.followers:
-                codes = [np.nan_to_num(s["mesh"] * s["side"]) for s in (prediction.section, run.followers.section)]
-                tables.append(judge_followers(prediction.followers, run.followers, z, study.within, *codes))
-            parts += [with_coordinates(point.coordinates, to_absolute_time(table, run.scene)) for table in tables]
-    none = pd.DataFrame({"closure": [], "kind": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)})
+                codes = [
+                    np.nan_to_num(s["mesh"] * s["side"])
+                    for s in (prediction.section, run.followers.section)
+                ]
+                tables.append(
+                    judge_followers(prediction.followers, run.followers, z, study.within, *codes)
+                )
+            parts += [
+                with_coordinates(point.coordinates, to_absolute_time(table, run.scene))
+                for table in tables
+            ]
+    none = pd.DataFrame(
+        {"closure": [], "kind": [], "moment": [], "verdict": [], "judged": np.empty(0, bool)}
+    )
     return pd.concat(parts, ignore_index=True) if parts else none
 
 
 def _sections(points: list[Triple]) -> pd.DataFrame:
     """Section moments of the simulation: a row for each point, impact, quantity and moment.
 
-    Moments ``mean, sd, skew`` of the quantities at each path's k-th impact (the Poincaré section at the impacts),
-    and the means of ``energy`` (lost at the impact) and of ``rate`` (impacts so far over their mean time).
-    Columns: the fields that vary, ``impact, quantity, moment, value, se, paths`` (that reached the impact),
-    ``followed`` (all simulated paths) and ``agreement`` (share of all paths on the noise-free itinerary).
+    Moments ``mean, sd, skew`` of the quantities at each path's k-th impact (the Poincaré section at
+    the impacts), and the means of ``energy`` (lost at the impact) and of ``rate`` (impacts so far
+    over their mean time). Columns: the fields that vary, ``impact, quantity, moment, value, se,
+    paths`` (that reached the impact), ``followed`` (all simulated paths) and ``agreement`` (share
+    of all paths on the noise-free itinerary).
     """
     parts = []
     for point, run, _ in points:
         s = run.section
         since = s["tau"] - run.scene.phase  # stored times are counted from the phase of the start
         rate = s.index.to_numpy() / since
-        columns = [("rate", "mean", rate, rate * s["se_tau"] / since), ("energy", "mean", s["energy"], s["se_energy"])]
+        columns = [
+            ("rate", "mean", rate, rate * s["se_tau"] / since),
+            ("energy", "mean", s["energy"], s["se_energy"]),
+        ]
         columns += [
             (q, moment, s[prefix + q], s["se_" + prefix + q])
             for moment, prefix in (("mean", ""), ("sd", "sd_"), ("skew", "skew_"))
@@ -232,19 +322,25 @@ def _sections(points: list[Triple]) -> pd.DataFrame:
             if (quantity, moment) == ("tau", "mean"):
                 value = run.scene.to_absolute_time(np.asarray(value))
             table = pd.DataFrame({"impact": s.index}).assign(quantity=quantity, moment=moment)
-            table = table.assign(value=np.asarray(value), se=np.asarray(se), paths=s["paths"].to_numpy())
+            table = table.assign(
+                value=np.asarray(value), se=np.asarray(se), paths=s["paths"].to_numpy()
+            )
             table = table.assign(followed=run.paths, agreement=s["agreement"].to_numpy())
             parts.append(with_coordinates(point.coordinates, table))
-    none = pd.DataFrame(columns=["impact", "quantity", "moment", "value", "se", "paths", "followed", "agreement"])
+    none = pd.DataFrame(
+        columns=["impact", "quantity", "moment", "value", "se", "paths", "followed", "agreement"]
+    )
     return pd.concat(parts, ignore_index=True) if parts else none
 
 
 def _correlation(study: Study, points: list[Triple]) -> pd.DataFrame:
-    """Validity of each closure's correlations: how many of the impacts that it reaches have an invalid one.
+    """Validity of each closure's correlations: how many of the impacts that it reaches have an
+    invalid one.
 
-    Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second moments are not
-    realizable), ``beyond`` (those of them with ``|rho| > 1``), ``largest`` (|rho|).  ``branching`` has no rows, nor
-    has a closure of one's own without ``rho1, rho2``: it predicts no correlations before impacts.
+    Columns: the fields that vary, ``closure, impacts, reached, invalid`` (impacts whose second
+    moments are not realizable), ``beyond`` (those of them with ``|rho| > 1``), ``largest`` (|rho|).
+    ``branching`` has no rows, nor has a closure of one's own without ``rho1, rho2``: it predicts no
+    correlations before impacts.
     """
     rows = []
     for point, prediction in ((p, c) for p, _, predictions in points for c in predictions):
@@ -271,14 +367,16 @@ def _correlation(study: Study, points: list[Triple]) -> pd.DataFrame:
 def find_validity(study: Study, errors: pd.DataFrame) -> pd.DataFrame:
     """Range of validity of each closure along the field `along`, for the first k impacts.
 
-    Columns: the other fields that vary, ``closure, impact`` (k), ``accurate`` (the largest value up to which every
-    judged moment of the first k impacts is accurate), ``not_inaccurate`` (the largest value up to which none is
-    shown to be inaccurate), both NaN if the smallest value fails already, and ``ended``: whether at the next value
-    the closure is not shown to be inaccurate but predicts fewer than k impacts.
+    Columns: the other fields that vary, ``closure, impact`` (k), ``accurate`` (the largest value up
+    to which every judged moment of the first k impacts is accurate), ``not_inaccurate`` (the
+    largest value up to which none is shown to be inaccurate), both NaN if the smallest value fails
+    already, and ``ended``: whether at the next value the closure is not shown to be inaccurate but
+    predicts fewer than k impacts.
     """
     if not study.along or errors.empty:
         return pd.DataFrame()
-    first, keys = study.along, [*study.others, "closure"]
+    first = study.along
+    keys = [*study.others, "closure"]
     verdicts = errors.groupby([*keys, first, "impact"], sort=True)["verdict"].agg(set).reset_index()
     found = []
     for key, group in verdicts.groupby(keys, sort=False):
@@ -301,10 +399,12 @@ def find_validity(study: Study, errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def _pair_neighbours(study: Study, points: list[Triple]) -> pd.DataFrame:
-    """Differences between neighbours along `along`, with standard errors that use the common random numbers.
+    """Differences between neighbours along `along`, with standard errors that use the common random
+    numbers.
 
-    Columns: the other fields, ``from, to`` and those of `rattle.compare.study.impacts.compare_paired`.  Empty
-    if every point has random numbers of its own, or too few paths for a standard error.
+    Columns: the other fields, ``from, to`` and those of
+    `rattle.compare.study.impacts.compare_paired`.  Empty if every point has random numbers of its
+    own, or too few paths for a standard error.
     """
     if not study.common_noise or not study.along:
         return pd.DataFrame()
@@ -326,7 +426,11 @@ def _pair_neighbours(study: Study, points: list[Triple]) -> pd.DataFrame:
 def _cost(study: Study, found: Mapping[str, Any]) -> pd.DataFrame:
     """Seconds of each cell on the machine that computed it; not reproducible."""
     return pd.DataFrame(
-        {**point.coordinates, "what": getattr(cell, "closure", "monte carlo"), "seconds": facts["seconds"]}
+        {
+            **point.coordinates,
+            "what": getattr(cell, "closure", "monte carlo"),
+            "seconds": facts["seconds"],
+        }
         | {name: facts[name] for name in FACTS if name in facts}
         for point in study.points
         for cell in point.cells
@@ -344,7 +448,9 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
     if ("paths" in known) == ("accuracy" in known):
         raise InputError("study.paths", settings.get("paths"), "give either paths or accuracy")
     if {"accuracy", "dt"} <= known:
-        raise InputError("study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out")
+        raise InputError(
+            "study.dt", settings.get("dt"), "accuracy chooses the step itself; leave it out"
+        )
     return {
         "closures": _closures(given.get("closures", tuple(CLOSURES))),
         "impacts": count("study.impacts", given.get("impacts", 12)),
@@ -360,13 +466,15 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
 def cells(
     study: Study, scene: Scene, settings: dict[str, Any]
 ) -> tuple[Sample | None, tuple[Prediction, ...], dict[str, str]]:
-    """The ensemble of a point, the predictions of the closures that cover its scene, and what cannot be computed.
+    """The ensemble of a point, the predictions of the closures that cover its scene, and what
+    cannot be computed.
 
     Without common noise the seed is a digest of the point.
     """
     seed = settings.pop("seed", 0)
     reasons: dict[str, str] = {}
-    sample, predictions = None, []
+    sample = None
+    predictions = []
     try:
         settings |= {"on_itinerary": study.on_itinerary, "near_branches": study.near_branches}
         sample = check_sample(Sample(scene, study.impacts, seed, **settings))
@@ -379,7 +487,11 @@ def cells(
         try:
             method.check(scene)
             users = method if method.own else None
-            predictions.append(Prediction(scene, study.impacts, method.name, study.order, users, study.on_itinerary))
+            predictions.append(
+                Prediction(
+                    scene, study.impacts, method.name, study.order, users, study.on_itinerary
+                )
+            )
         except InputError as error:
             reasons[method.name] = str(error)
     return sample, tuple(predictions), reasons
@@ -388,8 +500,14 @@ def cells(
 def _closures(given: Any) -> tuple[str, ...]:
     if isinstance(given, str) or not isinstance(given, Sequence) or not given:
         valid = ", ".join(CLOSURES)
-        raise InputError("study.closures", given, f"give a list of {valid}, or package.module:function of your own")
-    return tuple(dict.fromkeys(r if ":" in str(r) else choice("study.closures", r, CLOSURES) for r in given))
+        raise InputError(
+            "study.closures",
+            given,
+            f"give a list of {valid}, or package.module:function of your own",
+        )
+    return tuple(
+        dict.fromkeys(r if ":" in str(r) else choice("study.closures", r, CLOSURES) for r in given)
+    )
 
 
 def _flag(field: str, value: Any) -> bool:
@@ -400,6 +518,10 @@ def _flag(field: str, value: Any) -> bool:
 
 def _within(given: Any) -> Tolerances:
     if not isinstance(given, Mapping):
-        raise InputError("study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }")
+        raise InputError(
+            "study.within", given, "write it as a table: within = { mean = 0.05, sd = 0.10 }"
+        )
     check_keys("study.within", given, Tolerances._fields)
-    return Tolerances(**{name: positive(f"study.within.{name}", value) for name, value in given.items()})
+    return Tolerances(
+        **{name: positive(f"study.within.{name}", value) for name, value in given.items()}
+    )

@@ -1,4 +1,5 @@
-"""The parameters of a scene that can be changed one at a time: of its gears, or of the model where it has none."""
+"""The parameters of a scene that can be changed one at a time: of its gears, or of the model where
+it has none."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,8 +15,10 @@ from rattle.scene.text import percent
 
 CHANGE = 0.01  # the change of a parameter that effects are stated for
 PERCENT = percent(CHANGE)
-STEPS = (0.02, 0.04)  # relative changes of a parameter at which the motion is simulated, up and down
-SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")  # not of a single stage
+# relative changes of a parameter at which the motion is simulated, up and down
+STEPS = (0.02, 0.04)
+# not of a single stage
+SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")
 NOT_REAL = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
 WORDS = {
     "amplitude": "amplitude of the drive",
@@ -40,7 +43,8 @@ class Parameter(NamedTuple):
     name: str
     value: float
     unit: str  # empty for one without a dimension
-    scene_at: Callable[[float], Scene]  # from the value; raises InputError where a scene cannot have it
+    # from the value; raises InputError where a scene cannot have it
+    scene_at: Callable[[float], Scene]
 
     @property
     def words(self) -> str:
@@ -54,13 +58,16 @@ class Parameter(NamedTuple):
 def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     """All parameters of a scene that are not 0, by name; with `absent` also those that are 0.
 
-    Those of gears are the values in physical units; the drive is its amplitude in mm, which stays as it is while a
-    backlash is changed, and so do tolerances in mm.  The amplitudes of several orders are relative to it.  The noise
-    intensity `sigma` is one of them and stays as it is while the others are changed.
+    Those of gears are the values in physical units; the drive is its amplitude in mm, which stays
+    as it is while a backlash is changed, and so do tolerances in mm.  The amplitudes of several
+    orders are relative to it.  The noise intensity `sigma` is one of them and stays as it is while
+    the others are changed.
     """
     gears = scene.gears
     if gears is None:
-        values = {name: getattr(scene, name) for name in SWEPT if scene.stages == 2 or name not in SECOND}
+        values = {
+            name: getattr(scene, name) for name in SWEPT if scene.stages == 2 or name not in SECOND
+        }
     else:
         values = values_of(gears)
         if scene.stages == 1:
@@ -69,14 +76,17 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
     if absent or scene.drive != SINE_ALONE:
         values |= {f"drive.{one.order}.amplitude": one.amplitude for one in scene.drive}
     return {
-        name: Parameter(name, value, "" if gears is None else UNIT.get(name.rstrip("12"), ""), _at(scene, name))
+        name: Parameter(
+            name, value, "" if gears is None else UNIT.get(name.rstrip("12"), ""), _at(scene, name)
+        )
         for name, value in values.items()
         if absent or value != 0.0
     }
 
 
 def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
-    """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``, ``drive.2.phase``."""
+    """A parameter, or any other number of the scene, such as ``correlation_time``, ``start.y1``,
+    ``drive.2.phase``."""
     known = find_parameters(scene, absent=True)
     if name in known:
         return known[name]

@@ -1,4 +1,5 @@
-"""A test's claim about the accuracy of a closure, and the settings of a session, validated before any simulation."""
+"""A test's claim about the accuracy of a closure, and the settings of a session, validated before
+any simulation."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,18 @@ from rattle.compare.study.cells import Sample, check_sample
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo.settings import MOST_PATHS
-from rattle.scene import SECTION, STATE, FileError, InputError, Scene, check_keys, choice, count, finite, positive
+from rattle.scene import (
+    SECTION,
+    STATE,
+    FileError,
+    InputError,
+    Scene,
+    check_keys,
+    choice,
+    count,
+    finite,
+    positive,
+)
 from rattle.scene.text import show
 
 PROFILES = {"quick": 32_768, "full": 1_048_576}
@@ -25,18 +37,22 @@ class Settings(NamedTuple):
     """Settings of a session."""
 
     false_alarm: float = 0.01  # largest probability that a test fails although its claim is true
-    undecided: str = "fail"  # outcome of a test that its budget does not decide, ``fail`` or ``skip``
+    # outcome of a test that its budget does not decide, ``fail`` or ``skip``
+    undecided: str = "fail"
     profile: str = "quick"  # key of `PROFILES`
-    budget: int | None = None  # largest number of paths of an undecided test; None for `TIMES` those of its first look
+    # largest number of paths of an undecided test; None for `TIMES` those of its first look
+    budget: int | None = None
     cache: Path | None = None  # folder of the simulations; None for pytest's own cache
     seed: int = 0  # seed, workers: seed and threads of the simulations
     workers: int = 1
     baselines: str = "compare"  # ``compare``, ``record`` or ``regenerate``
 
     def sizes(self, first: int | None, most: int | None) -> tuple[int, ...]:
-        """Numbers of paths of all possible looks at a claim: from its first one doubled up to its budget.
+        """Numbers of paths of all possible looks at a claim: from its first one doubled up to its
+        budget.
 
-        They are fixed before anything is simulated, so that the intervals of all looks can have simultaneous coverage.
+        They are fixed before anything is simulated, so that the intervals of all looks can have
+        simultaneous coverage.
         """
         sizes = [first or PROFILES[self.profile]]
         most = most or self.budget or TIMES * sizes[0]
@@ -55,7 +71,11 @@ def read_settings(chosen: Mapping[str, str]) -> Settings:
         rate,
         choice("rattle-undecided", given.get("undecided", "fail"), UNDECIDED),
         choice("rattle-profile", given.get("profile", "quick"), PROFILES),
-        count("rattle-budget", _parse("rattle-budget", given["budget"])) if "budget" in given else None,
+        (
+            count("rattle-budget", _parse("rattle-budget", given["budget"]))
+            if "budget" in given
+            else None
+        ),
         Path(given["cache"]) if "cache" in given else None,
         count("rattle-seed", _parse("rattle-seed", given.get("seed", "0")), least=0),
         count("rattle-workers", _parse("rattle-workers", given.get("workers", "1"))),
@@ -81,7 +101,8 @@ RIVALS = ({"within", "absolute"}, {"paths", "accuracy"}, {"budget", "accuracy"})
 FEWEST = 1024
 """Smallest admissible number of paths, for reliable standard errors of sds."""
 VARYING = ("tau", "y1", "y2")
-"""Default quantities: they vary at every impact, unlike a displacement, which is fixed at the mesh that is struck."""
+"""Default quantities: they vary at every impact, unlike a displacement, which is fixed at the mesh
+that is struck."""
 
 
 class ClaimRow(NamedTuple):
@@ -112,18 +133,25 @@ class Claim:
     impacts: tuple[int, ...]  # impacts that are checked, ascending
     quantities: tuple[str, ...]  # names in `rattle.scene.SECTION`
     allowed: Mapping[str, Allowed]  # for each moment, ``mean`` or ``sd``
-    paths: int | None = None  # simulated paths to begin with; None for those of the session's profile
-    budget: int | None = None  # largest number of paths while the claim is undecided; None for the session's
-    accuracy: float | None = None  # accuracy to simulate to instead of a number of paths, see `montecarlo.simulate`
+    # simulated paths to begin with; None for those of the session's profile
+    paths: int | None = None
+    # largest number of paths while the claim is undecided; None for the session's
+    budget: int | None = None
+    # accuracy to simulate to instead of a number of paths, see `montecarlo.simulate`
+    accuracy: float | None = None
     scheme: str = "exact-flight"  # scheme of the simulation
-    # outcome of the test if its budget does not decide it, ``fail`` or ``skip``; None for the session's
+    # outcome of the test if its budget does not decide it, ``fail`` or ``skip``; None for the
+    # session's
     undecided: str | None = None
-    kind: str = KINDS[0]  # about all paths, or those alone that have followed the closure's itinerary
+    # about all paths, or those alone that have followed the closure's itinerary
+    kind: str = KINDS[0]
 
     @cached_property
     def rows(self) -> tuple[ClaimRow, ...]:
         """All checks of the claim."""
-        return tuple(ClaimRow(m, q, k) for m in self.allowed for q in self.quantities for k in self.impacts)
+        return tuple(
+            ClaimRow(m, q, k) for m in self.allowed for q in self.quantities for k in self.impacts
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -136,7 +164,9 @@ def read_markers(markers: Iterable[Any], folder: Path) -> Claim:
     marks = list(markers)
     for mark in marks:
         if mark.args:
-            raise InputError("marker rattle", mark.args, "name every option, as in scene='dat21.toml'")
+            raise InputError(
+                "marker rattle", mark.args, "name every option, as in scene='dat21.toml'"
+            )
     return read_claim(merge([mark.kwargs for mark in marks]), folder)
 
 
@@ -145,21 +175,29 @@ def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for options in reversed(markers):
         replaced = {name for rivals in RIVALS if rivals & options.keys() for name in rivals}
-        found = {name: value for name, value in found.items() if name not in replaced} | dict(options)
+        found = {name: value for name, value in found.items() if name not in replaced} | dict(
+            options
+        )
     return found
 
 
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
-    """Read a claim from the options of a marker; `folder` is that of the test, to which a scene file is relative."""
+    """Read a claim from the options of a marker; `folder` is that of the test, to which a scene
+    file is relative."""
     check_keys("option of the marker rattle", options, OPTIONS)
     scene = _scene(options.get("scene"), folder)
     state = STATE[: 2 * scene.stages]
     valid = [q for q in SECTION if q not in STATE or q in state]
-    quantities = _names("quantities", options.get("quantities", [q for q in VARYING if q in valid]), valid)
+    quantities = _names(
+        "quantities", options.get("quantities", [q for q in VARYING if q in valid]), valid
+    )
     moments = _names("moments", options.get("moments", MOMENTS), MOMENTS)
     impacts = _impacts(options.get("impacts", 4))
     paths, budget, accuracy = (options.get(name) for name in ("paths", "budget", "accuracy"))
-    for name, value, limits in (("paths", paths, {"least": FEWEST}), ("budget", budget, {"most": MOST_PATHS})):
+    for name, value, limits in (
+        ("paths", paths, {"least": FEWEST}),
+        ("budget", budget, {"most": MOST_PATHS}),
+    ):
         if value is not None and accuracy is not None:
             why = f"chooses the number of paths itself; leave out {name} = {show(value)}"
             raise InputError("accuracy", accuracy, why)
@@ -167,10 +205,13 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
             count(name, value, **limits)
     if (undecided := options.get("undecided")) is not None:
         choice("undecided", undecided, UNDECIDED)
-    scheme, kind = options.get("scheme", "exact-flight"), choice("kind", options.get("kind", KINDS[0]), KINDS)
+    scheme = options.get("scheme", "exact-flight")
+    kind = choice("kind", options.get("kind", KINDS[0]), KINDS)
     check_sample(Sample(scene, impacts[-1], 0, scheme, paths, accuracy))
     allowed = _read_tolerances(options, moments)
-    return Claim(scene, impacts, quantities, allowed, paths, budget, accuracy, scheme, undecided, kind)
+    return Claim(
+        scene, impacts, quantities, allowed, paths, budget, accuracy, scheme, undecided, kind
+    )
 
 
 def _scene(given: object, folder: Path) -> Scene:
@@ -180,7 +221,11 @@ def _scene(given: object, folder: Path) -> Scene:
         raise InputError("scene", given, "give a Scene, or the name of a TOML file beside the test")
     path = folder / given
     if not path.is_file():
-        raise FileError("scene", str(given), f"there is no file {path}; give the name of a file, relative to the test")
+        raise FileError(
+            "scene",
+            str(given),
+            f"there is no file {path}; give the name of a file, relative to the test",
+        )
     try:
         return Scene.load(path)
     except InputError as error:
@@ -204,16 +249,29 @@ def _impacts(given: object) -> tuple[int, ...]:
 
 
 def _read_tolerances(options: Mapping[str, Any], moments: tuple[str, ...]) -> dict[str, Allowed]:
-    """The admissible error of each moment; by default the standard tolerances of accurate verdicts."""
+    """The admissible error of each moment; by default the standard tolerances of accurate
+    verdicts."""
     found: dict[str, Allowed] = {}
-    given = {name: options[name] for name in ("within", "absolute") if options.get(name) is not None}
-    for name, value in (given or {"within": {m: getattr(Tolerances(), m) for m in moments}}).items():
+    given = {
+        name: options[name] for name in ("within", "absolute") if options.get(name) is not None
+    }
+    for name, value in (
+        given or {"within": {m: getattr(Tolerances(), m) for m in moments}}
+    ).items():
         each = dict(value) if isinstance(value, Mapping) else dict.fromkeys(moments, value)
         for moment, error in each.items():
             if choice(f"moment of {name}", moment, MOMENTS) not in moments:
-                raise InputError(name, value, f"{moment!r} is not among moments = {moments!r}; add it, or leave it out")
+                raise InputError(
+                    name,
+                    value,
+                    f"{moment!r} is not among moments = {moments!r}; add it, or leave it out",
+                )
             if moment in found:
-                raise InputError(name, value, f"within has a tolerance for the {moment} already; leave one of them out")
+                raise InputError(
+                    name,
+                    value,
+                    f"within has a tolerance for the {moment} already; leave one of them out",
+                )
             found[moment] = Allowed(positive(f"{name} of the {moment}", error), name == "within")
     if missing := [m for m in moments if m not in found]:
         why = f"give {missing[0]!r} a tolerance too, or leave it out of moments"

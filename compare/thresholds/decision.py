@@ -1,8 +1,10 @@
-"""Decides a claim: its errors with their intervals, with more and more paths until all rows are decided.
+"""Decides a claim: its errors with their intervals, with more and more paths until all rows are
+decided.
 
-The sizes of all looks are fixed beforehand, and the intervals have simultaneous coverage over all rows of the claim at
-all looks (Bonferroni).  Therefore looks may be skipped depending on earlier ones, and the first decision on a row is
-final.  Other claims do not widen them: a verdict does not depend on which tests run beside it.
+The sizes of all looks are fixed beforehand, and the intervals have simultaneous coverage over all
+rows of the claim at all looks (Bonferroni).  Therefore looks may be skipped depending on earlier
+ones, and the first decision on a row is final.  Other claims do not widen them: a verdict does not
+depend on which tests run beside it.
 """
 
 import time
@@ -46,25 +48,36 @@ Model = str | Closure | Callable[[Scene, int], Any]
 
 
 def predict(model: Model, claim: Claim) -> NamedSection:
-    """The section moments that a model, as `rattle.closure.mean_map` takes a closure, predicts for a claim."""
+    """The section moments that a model, as `rattle.closure.mean_map` takes a closure, predicts for
+    a claim."""
     method = find_closure("closure" if isinstance(model, str) else "model", model)
     if method.own:
         method = replace(method, predicts=claim.columns)
     # phase-reduced, so that a late start loses no digits
     found = mean_map(claim.scene, impacts=claim.impacts[-1], closure=method).phase_reduced
     if claim.kind == ON_ITINERARY:
-        orbit, found = follow(found.scene, claim.impacts[-1]), found.on_itinerary()
+        orbit = follow(found.scene, claim.impacts[-1])
+        found = found.on_itinerary()
         if not begins(found.itinerary, (orbit.mesh * orbit.side)[1:].tolist()):
-            why = f"{found.closure} follows another itinerary than the noise-free path; claim kind={KINDS[0]!r}"
+            why = (
+                f"{found.closure} follows another itinerary than the noise-free path; claim"
+                f" kind={KINDS[0]!r}"
+            )
             raise InputError("kind", claim.kind, why)
-    name, why = found.closure, f" ({found.stopped})" if found.stopped else ""
+    name = found.closure
+    why = f" ({found.stopped})" if found.stopped else ""
     values = found.section.loc[list(claim.impacts), list(claim.columns)]
     bad = np.argwhere(~np.isfinite(values.to_numpy()))
     if bad.size:
-        impact, column = values.index[bad[0][0]], values.columns[bad[0][1]]
+        impact = values.index[bad[0][0]]
+        column = values.columns[bad[0][1]]
         remedy = "leave it out of the marker's quantities, moments or impacts, or correct the model"
         value = float(values.loc[impact, column])
-        raise InputError(f"{column} of {name} at impact {impact}", value, f"is not a finite number{why}; {remedy}")
+        raise InputError(
+            f"{column} of {name} at impact {impact}",
+            value,
+            f"is not a finite number{why}; {remedy}",
+        )
     return NamedSection(name, values)
 
 
@@ -86,7 +99,8 @@ class Thresholds:
 
     @cached_property
     def folder(self) -> Path | None:
-        """Folder of the stored simulations; None if pytest's cache is off and no other folder is given."""
+        """Folder of the stored simulations; None if pytest's cache is off and no other folder is
+        given."""
         if self.settings.cache is not None:
             return self.settings.cache
         cache = getattr(self.config, "cache", None)
@@ -99,7 +113,8 @@ class Thresholds:
 
     def simulate(self, cell: Cell) -> TimedRun:
         """Simulate, or read what an earlier test or session has simulated."""
-        computed, started = [], time.perf_counter()
+        computed = []
+        started = time.perf_counter()
 
         def compute(cell: Cell) -> Content:
             computed.append(cell.key)
@@ -125,7 +140,12 @@ def _past_capture(config: pytest.Config) -> Callable[[str], None]:
     return say
 
 
-OUTCOMES = {"accurate": "pass", "inaccurate": "fail", "undecided": "undecided", "not predicted": "undecided"}
+OUTCOMES = {
+    "accurate": "pass",
+    "inaccurate": "fail",
+    "undecided": "undecided",
+    "not predicted": "undecided",
+}
 """Outcome of a row by its verdict."""
 
 
@@ -138,24 +158,34 @@ class Decision(NamedTuple):
 
 
 def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> pd.DataFrame:
-    """The error of every row of a claim that is judged, ``noise`` of one standard error, as `section_errors` has them.
+    """The error of every row of a claim that is judged, ``noise`` of one standard error, as
+    `section_errors` has them.
 
-    A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d - w sd`` is negative,
-    and the standard error of this difference is at most ``se(d) + w se(sd)``.
+    A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d -
+    w sd`` is negative, and the standard error of this difference is at most ``se(d) + w se(sd)``.
     """
     if claim.kind == ON_ITINERARY:
         same = np.ones(claim.impacts[-1])
         table = errors.judge_followers(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0), same, same)
         if (few := table["remark"] == TOO_FEW_FOLLOW).any():
-            why = f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or kind={KINDS[0]!r}"
+            why = (
+                f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or"
+                f" kind={KINDS[0]!r}"
+            )
             raise InputError("kind", claim.kind, why)
     else:
         table = errors.section_errors([prediction], run, 1.0, Tolerances(0.0, 0.0, 0.0))
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
-    rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(drop=True)
+    rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(
+        drop=True
+    )
     rows = rows[rows["judged"]].reset_index(drop=True)
     if rows.empty:
-        raise InputError("quantities", claim.quantities, f"none of these rows has a verdict; add tau or y1. {RULE}")
+        raise InputError(
+            "quantities",
+            claim.quantities,
+            f"none of these rows has a verdict; add tau or y1. {RULE}",
+        )
     error = rows["moment"].map({m: a.error for m, a in claim.allowed.items()}).astype(float)
     in_sd = rows["moment"].map({m: a.in_sd for m, a in claim.allowed.items()}).astype(bool)
     rows["noise"] += np.where(in_sd, error * rows["se_unit"], 0.0)
@@ -166,7 +196,8 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
 
 
 def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
-    """Add the interval of each error, its verdict and its outcome (``pass``, ``fail`` or ``undecided``)."""
+    """Add the interval of each error, its verdict and its outcome (``pass``, ``fail`` or
+    ``undecided``)."""
     rows = table.assign(noise=z * table["noise"])
     student = half_width(rows["paths"], float(ndtr(-z))) * table["noise"]
     half = student + rows["rest"]
@@ -180,27 +211,33 @@ def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
 
 
 def choose_next(later: Sequence[int], table: pd.DataFrame) -> int | None:
-    """The paths of the next look: the first that should decide every row, or the last; None if none is of use."""
-    needed = table.loc[table["outcome"] == "undecided", "paths_needed"].max()  # NaN where there is none
+    """The paths of the next look: the first that should decide every row, or the last; None if none
+    is of use."""
+    # NaN where there is none
+    needed = table.loc[table["outcome"] == "undecided", "paths_needed"].max()
     if not later or (table["outcome"] == "fail").any() or pd.isna(needed):
         return None
     return next((paths for paths in later if paths >= needed), later[-1])
 
 
 def merge_looks(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
-    """Combine the rows of two looks: decided rows are kept, undecided ones are taken from the later look."""
+    """Combine the rows of two looks: decided rows are kept, undecided ones are taken from the later
+    look."""
     return before.where(before["outcome"] != "undecided", now)
 
 
 def look_until_decided(
     sizes: Sequence[int | None], look: Callable[[int | None], tuple[pd.DataFrame, TimedRun]]
 ) -> tuple[pd.DataFrame, tuple[TimedRun, ...]]:
-    """The rows, each as of the look that decided it, and the simulation of each look that was taken."""
+    """The rows, each as of the look that decided it, and the simulation of each look that was
+    taken."""
     table, first = look(sizes[0])
-    runs, later = [first], [paths for paths in sizes[1:] if paths is not None]
+    runs = [first]
+    later = [paths for paths in sizes[1:] if paths is not None]
     while (paths := choose_next(later, table)) is not None:
         now, run = look(paths)
-        table, runs = merge_looks(table, now), [*runs, run]
+        table = merge_looks(table, now)
+        runs = [*runs, run]
         later = [size for size in later if size > paths]
     return table, tuple(runs)
 
@@ -208,24 +245,41 @@ def look_until_decided(
 def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decision:
     """Compare a prediction with the simulation, with more paths while the claim is undecided.
 
-    Rows that wait for a rare branch which the budget's paths would not show are decided by paths near it.
+    Rows that wait for a rare branch which the budget's paths would not show are decided by paths
+    near it.
     """
-    settings, apart, given = session.settings, claim.kind == ON_ITINERARY, claim.accuracy is not None
-    sizes = (None,) if given else settings.sizes(claim.paths, claim.budget)  # an accuracy has its own
+    settings = session.settings
+    apart = claim.kind == ON_ITINERARY
+    given = claim.accuracy is not None
+    # an accuracy has its own
+    sizes = (None,) if given else settings.sizes(claim.paths, claim.budget)
     z = widest(len(claim.rows) * len(sizes), settings.false_alarm)
-    # a true claim leaves its tolerance on one side only: half of the error is left for what is looked at again
+    # a true claim leaves its tolerance on one side only: half of the error is left for what is
+    # looked at again
     again = widest(len(claim.rows) * len(sizes), errors.AGAIN * settings.false_alarm)
     plain = given or apart or SCHEMES[claim.scheme].has_step_bias or claim.scene.correlation_time
 
     def look(paths: int | None) -> tuple[pd.DataFrame, TimedRun]:
-        scene, impacts = claim.scene.phase_reduced, claim.impacts[-1]
-        cell = Sample(scene, impacts, settings.seed, claim.scheme, paths, claim.accuracy, on_itinerary=apart)
+        scene = claim.scene.phase_reduced
+        impacts = claim.impacts[-1]
+        cell = Sample(
+            scene, impacts, settings.seed, claim.scheme, paths, claim.accuracy, on_itinerary=apart
+        )
         run = session.simulate(cell)
-        table = judge_errors(errors_of(prediction, run.run.followers if apart else run.run, claim), z)
-        if plain or not (waits := errors.waits_for_branch(table) & ~(table["paths_needed"] <= sizes[-1])).any():
+        table = judge_errors(
+            errors_of(prediction, run.run.followers if apart else run.run, claim), z
+        )
+        if (
+            plain
+            or not (
+                waits := errors.waits_for_branch(table) & ~(table["paths_needed"] <= sizes[-1])
+            ).any()
+        ):
             return table, run
         near = session.simulate(replace(cell, near_branches=True))
-        decided = errors.take_decided(table, waits, judge_errors(errors_of(prediction, near.run, claim), again))
+        decided = errors.take_decided(
+            table, waits, judge_errors(errors_of(prediction, near.run, claim), again)
+        )
         return decided, run._replace(seconds=run.seconds + near.seconds)
 
     return Decision(*look_until_decided(sizes, look), z)
@@ -243,14 +297,24 @@ class LongPrediction(NamedTuple):
 
 
 def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> LongPrediction:
-    """What a closure, or a function ``(scene, quantities) -> mapping`` of names to values, says of the long run."""
+    """What a closure, or a function ``(scene, quantities) -> mapping`` of names to values, says of
+    the long run."""
     quantities = (quantities,) if isinstance(quantities, str) else quantities
     if not quantities:
-        raise InputError("quantities", quantities, "give a list, as in quantities=['rate', 'energy']")
+        raise InputError(
+            "quantities", quantities, "give a list, as in quantities=['rate', 'energy']"
+        )
     for name in quantities:
         if name in SECTION:
-            why = "is a moment at each impact: name it in the marker, as in @pytest.mark.rattle(quantities="
-            raise InputError("quantities", name, f"{why}{name!r}); check takes those of the long run, such as 'rate'")
+            why = (
+                "is a moment at each impact: name it in the marker, as in"
+                " @pytest.mark.rattle(quantities="
+            )
+            raise InputError(
+                "quantities",
+                name,
+                f"{why}{name!r}); check takes those of the long run, such as 'rate'",
+            )
         choice("quantities", name, all_names(scene.stages))
     if isinstance(model, str):
         law = laws(scene, (choice("closure", model, CLOSURES_JUDGED),))[model]
@@ -260,7 +324,9 @@ def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> L
     elif callable(model):
         found = call_users(model, scene, tuple(quantities))
     else:
-        raise InputError("model", model, "give a closure's name, or a function (scene, quantities) -> mapping")
+        raise InputError(
+            "model", model, "give a closure's name, or a function (scene, quantities) -> mapping"
+        )
     label = model if isinstance(model, str) else name_of(model)
     values = {}
     for name in dict.fromkeys(quantities):
@@ -270,28 +336,42 @@ def predict_long(model: Any, scene: Scene, quantities: str | Sequence[str]) -> L
             why = "is missing or no number; return it, or leave it out"
             raise InputError(f"result of {label}", name, why) from None
         if not np.isfinite(values[name]):
-            raise InputError(f"result of {label}", name, "is not predicted; leave it out of quantities")
+            raise InputError(
+                f"result of {label}", name, "is not predicted; leave it out of quantities"
+            )
     return LongPrediction(label, values)
 
 
 def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -> Decision:
-    """Compare a prediction with long runs that grow until every quantity is decided, first in length, then in paths.
+    """Compare a prediction with long runs that grow until every quantity is decided, first in
+    length, then in paths.
 
     ``paths_needed`` are paths of the longest run.
     """
-    names, settings, longest = list(prediction.values), session.settings, PERIODS[-1]
+    names = list(prediction.values)
+    settings = session.settings
+    longest = PERIODS[-1]
     sizes = {periods * PATHS: (periods, PATHS) for periods in PERIODS}
     sizes |= {longest * paths: (longest, paths) for paths in settings.sizes(PATHS, claim.budget)}
     z = widest(len(names) * len(sizes), settings.false_alarm)
 
     def look(size: int | None) -> tuple[pd.DataFrame, TimedRun]:
         periods, paths = sizes[size or 0]
-        run = session.simulate(LongCell(claim.scene.phase_reduced, settings.seed, (), periods=periods, paths=paths))
+        run = session.simulate(
+            LongCell(claim.scene.phase_reduced, settings.seed, (), periods=periods, paths=paths)
+        )
         result = run.run
-        rows = pd.DataFrame({"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0})
-        table = judge_rows(rows, result.table, z, size or 0).rename(columns={"periods_needed": "paths_needed"})
+        rows = pd.DataFrame(
+            {"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0}
+        )
+        table = judge_rows(rows, result.table, z, size or 0).rename(
+            columns={"periods_needed": "paths_needed"}
+        )
         table.insert(1, "unit", table["quantity"].map(plain_unit))
-        return table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths), run
+        return (
+            table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths),
+            run,
+        )
 
     table, runs = look_until_decided(tuple(sizes), look)
     return Decision(table.assign(paths_needed=np.ceil(table["paths_needed"] / longest)), runs, z)

@@ -1,4 +1,5 @@
-"""The messages of a test that fails or stays undecided, the figure that it writes, and the summary of a session."""
+"""The messages of a test that fails or stays undecided, the figure that it writes, and the summary
+of a session."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +22,8 @@ WIDER = 1.1
 
 
 MOST_PATHS = {"check": 1e8, "long check": 1e5}
-"""Paths that take about an hour of one core, of a few impacts or of 1,024 periods: more are no remedy."""
+"""Paths that take about an hour of one core, of a few impacts or of 1,024 periods: more are no
+remedy."""
 
 
 def describe_remedy(paths: float, kind: str) -> str:
@@ -30,7 +32,10 @@ def describe_remedy(paths: float, kind: str) -> str:
         return "no number of paths would decide; a smaller step may, or another tolerance"
     if paths > MOST_PATHS[kind]:
         least = f"more than {MOST_PATHS[kind]:,.0f} paths, an hour or more of one core"
-        return f"its error is so close to what is allowed that it takes {least}: another tolerance decides sooner"
+        return (
+            f"its error is so close to what is allowed that it takes {least}: another tolerance"
+            " decides sooner"
+        )
     return f"{float(f'{paths:.2g}'):,.0f} paths would decide"
 
 
@@ -46,7 +51,10 @@ def kind_of(table: pd.DataFrame) -> str:
 
 def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[str]:
     """Lines of the summary, from the id of each test and what its fixture has recorded."""
-    for kind, title, simulations in (("check", "checks", "ensembles"), ("long check", "long run", "long runs")):
+    for kind, title, simulations in (
+        ("check", "checks", "ensembles"),
+        ("long check", "long run", "long runs"),
+    ):
         own = [(test, facts) for test, facts in records if facts["kind"] == kind]
         if own:
             yield from _check_lines(own, title, simulations)
@@ -58,34 +66,57 @@ def summary_lines(records: Sequence[tuple[str, Mapping[str, Any]]]) -> Iterator[
             yield from (f"           {line}" for line in done.splitlines())
 
 
-def _check_lines(checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, simulations: str) -> Iterator[str]:
+def _check_lines(
+    checks: Sequence[tuple[str, Mapping[str, Any]]], title: str, simulations: str
+) -> Iterator[str]:
     """The same of one kind of checks."""
     facts = pd.DataFrame([f for _, f in checks])
-    rows, failed, undecided, drawn, computed = facts[["rows", "failed", "undecided", "drawn", "computed"]].sum()
-    rate, folder, widest = facts["rate"][0], facts["folder"][0], facts["widened"].max()
+    rows, failed, undecided, drawn, computed = facts[
+        ["rows", "failed", "undecided", "drawn", "computed"]
+    ].sum()
+    rate = facts["rate"][0]
+    folder = facts["folder"][0]
+    widest = facts["widened"].max()
     yield (
         f"{title:10} {count_rows(rows)} in {len(checks)} test{'s' * (len(checks) > 1)}: "
         f"{rows - failed - undecided} passed, {failed} failed, {undecided} undecided"
     )
     if excluded := int(facts["not_judged"].sum()):
-        yield f"excluded   {count_rows(excluded)} more (at the wall): displacements that are the position of the wall"
+        yield (
+            f"excluded   {count_rows(excluded)} more (at the wall): displacements that are the"
+            " position of the wall"
+        )
     if by_size := facts["by_size"].sum():
         yield f"by size    {by_size} of the rows: {BY_SIZE}"
     yield (
-        f"intervals  {span(facts['z'], '.2f')} standard errors, so that a test whose claim is true fails with a "
-        f"probability of at most {rate:g}"
+        f"intervals  {span(facts['z'], '.2f')} standard errors, so that a test whose claim is true"
+        f" fails with a probability of at most {rate:g}"
     )
     if (facts["widened"] > WIDER * facts["z"]).any():
-        yield f"widened    up to {widest:.3g} standard errors where a standard error rests on few paths"
-    kept = f"the cache {folder}" if folder else "memory; they are kept only with a cache (--rattle-cache)"
-    yield f"{simulations:10} {computed} simulated in {facts['seconds'].sum():.1f} s, {drawn - computed} from {kept}"
+        yield (
+            f"widened    up to {widest:.3g} standard errors where a standard error rests on few"
+            " paths"
+        )
+    kept = (
+        f"the cache {folder}"
+        if folder
+        else "memory; they are kept only with a cache (--rattle-cache)"
+    )
+    yield (
+        f"{simulations:10} {computed} simulated in {facts['seconds'].sum():.1f} s,"
+        f" {drawn - computed} from {kept}"
+    )
     for test, f in checks:
         if f["undecided"] and not f["failed"]:
-            yield f"undecided  {test} ({f['model']}) after {f['size']}: {describe_remedy(f['decide'], f['kind'])}"
+            yield (
+                f"undecided  {test} ({f['model']}) after {f['size']}:"
+                f" {describe_remedy(f['decide'], f['kind'])}"
+            )
 
 
 MARGIN = 2.0
-"""Factor on the number of paths that should decide a test, since it is computed from an error that is itself random."""
+"""Factor on the number of paths that should decide a test, since it is computed from an error that
+is itself random."""
 
 MARKS = {"pass": ("#009E73", "o"), "fail": ("#D55E00", "X"), "undecided": ("#000000", "$?$")}
 """Colour and marker of each outcome in the figure."""
@@ -102,11 +133,18 @@ def _format_signed(value: float) -> str:
 def row_table(rows: pd.DataFrame) -> str:
     """Format rows as an aligned table, with errors and intervals in sds of the quantity."""
     signed = {"error/sd": "error", "low": "low", "high": "high", "allowed": "tolerance"}
-    shown = rows[["predicted", "simulated"]].rename(columns={"predicted": "model"}).map("{:.7g}".format)
-    shown = shown.assign(**{head: (rows[name] / rows["unit"]).map(_format_signed) for head, name in signed.items()})
+    shown = (
+        rows[["predicted", "simulated"]].rename(columns={"predicted": "model"}).map("{:.7g}".format)
+    )
+    shown = shown.assign(
+        **{head: (rows[name] / rows["unit"]).map(_format_signed) for head, name in signed.items()}
+    )
     shown["allowed"] = shown["allowed"].str[1:]
     shown["on itinerary"] = rows["agreement"].map("{:.4f}".format)
-    names = [f"{'E' if r.moment == 'mean' else 'sd'} {r.quantity} at {r.impact}" for r in rows.itertuples()]
+    names = [
+        f"{'E' if r.moment == 'mean' else 'sd'} {r.quantity} at {r.impact}"
+        for r in rows.itertuples()
+    ]
     return shown.set_axis(names, axis=0).to_string(col_space=8)
 
 
@@ -114,28 +152,39 @@ def moment_rows(rows: pd.DataFrame, run: Sampled, z: float) -> str:
     """Rows of section moments with their remarks, as a message states them."""
     remarks = "".join(f"{r}\n" for r in dict.fromkeys(rows["remark"]) if r)
     return (
-        f"{remarks}{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the quantity, at each "
-        f"path's own impact\n{row_table(rows)}"
+        f"{remarks}{run.paths} paths; intervals of {z:.2f} standard errors; errors in sds of the"
+        f" quantity, at each path's own impact\n{row_table(rows)}"
     )
 
 
 def long_rows(rows: pd.DataFrame, z: float) -> str:
-    """Rows of the long run, dimensionless, as a message states them, and what has widened their intervals."""
+    """Rows of the long run, dimensionless, as a message states them, and what has widened their
+    intervals."""
     names = ["unit", "predicted", "simulated", "se", "low", "high", "tolerance", "paths", "periods"]
-    shown = rows.set_index("quantity")[names].rename_axis(None).rename(columns={"tolerance": "allowed"})
+    shown = (
+        rows.set_index("quantity")[names].rename_axis(None).rename(columns={"tolerance": "allowed"})
+    )
     wide = [
-        f"\n{r['quantity']}: its standard error rests on {r['effective_paths']:.1f} of {r['paths']} paths, as with "
-        f"rare bursts; so its interval is {r['widened']:.3g} standard errors on either side, not {z:.2f}"
+        f"\n{r['quantity']}: its standard error rests on {r['effective_paths']:.1f} of {r['paths']}"
+        f" paths, as with rare bursts; so its interval is {r['widened']:.3g} standard errors on"
+        f" either side, not {z:.2f}"
         for r in rows[rows["widened"] > WIDER * z].to_dict("records")
     ]
-    return f"intervals of {z:.2f} standard errors\n{shown.to_string(float_format='{:.5g}'.format)}{''.join(wide)}"
+    return (
+        f"intervals of {z:.2f} standard"
+        f" errors\n{shown.to_string(float_format='{:.5g}'.format)}{''.join(wide)}"
+    )
 
 
 def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
     """Say which rows failed; `shown` formats them."""
-    failed, undecided = table[table["outcome"] == "fail"], (table["outcome"] == "undecided").sum()
+    failed = table[table["outcome"] == "fail"]
+    undecided = (table["outcome"] == "undecided").sum()
     beside = f", {undecided} undecided" if undecided else ""
-    return f"{model} exceeds the allowed error in {len(failed)} of {len(table)} rows{beside}\n{shown(failed)}"
+    return (
+        f"{model} exceeds the allowed error in {len(failed)} of {len(table)}"
+        f" rows{beside}\n{shown(failed)}"
+    )
 
 
 def paths_to_decide(table: pd.DataFrame) -> float:
@@ -144,7 +193,9 @@ def paths_to_decide(table: pd.DataFrame) -> float:
     return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
 
 
-def describe_undecided(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
+def describe_undecided(
+    model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]
+) -> str:
     """Say which rows are undecided, and how many paths would decide them; `shown` formats them."""
     rows = table[table["outcome"] == "undecided"]
     decided = describe_remedy(paths_to_decide(table), kind_of(table))
@@ -153,20 +204,29 @@ def describe_undecided(model: str, table: pd.DataFrame, shown: Callable[[pd.Data
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:
     """Describe what can be done about undecided rows."""
-    needed, options = MARGIN * paths_to_decide(table), []
+    needed = MARGIN * paths_to_decide(table)
+    options = []
     if claim.accuracy is not None and "moment" in table:
         options.append(f"ask for a smaller accuracy than {claim.accuracy:g}")
     elif needed <= MOST_PATHS[kind_of(table)]:
-        options.append(f"give it more paths (budget={float(f'{needed:.2g}'):_.0f} in its marker, or --rattle-budget)")
+        options.append(
+            f"give it more paths (budget={float(f'{needed:.2g}'):_.0f} in its marker, or"
+            " --rattle-budget)"
+        )
     if "moment" in table:
-        given = " or ".join(dict.fromkeys("within" if a.in_sd else "absolute" for a in claim.allowed.values()))
+        given = " or ".join(
+            dict.fromkeys("within" if a.in_sd else "absolute" for a in claim.allowed.values())
+        )
         options.append(f"allow a larger error ({given})")
-    options.append('accept that it is undecided (undecided="skip" in its marker, or --rattle-undecided=skip)')
+    options.append(
+        'accept that it is undecided (undecided="skip" in its marker, or --rattle-undecided=skip)'
+    )
     return f"Undecided is not passed: {', or '.join(options)}."
 
 
 def error_figure(table: pd.DataFrame, model: str) -> "Figure":
-    """Draw the error of each row of a claim with its interval and the admissible range, in sds of each quantity."""
+    """Draw the error of each row of a claim with its interval and the admissible range, in sds of
+    each quantity."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -175,7 +235,9 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     excess = (table["error"] / table["tolerance"]).abs()
     rows = table.loc[excess.nlargest(MOST).index.sort_values()]
     unit = rows["unit"].to_numpy()
-    error, low, high, allowed = (rows[c].to_numpy() / unit for c in ("error", "low", "high", "tolerance"))
+    error, low, high, allowed = (
+        rows[c].to_numpy() / unit for c in ("error", "low", "high", "tolerance")
+    )
     place = np.arange(len(rows))[::-1]
     figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows), 1, 1)
     ax.barh(place, 2.0 * allowed, left=-allowed, height=0.9, color=ACCURATE, alpha=0.35, lw=0)
@@ -183,19 +245,24 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
         own = (rows["outcome"] == outcome).to_numpy()
         ax.hlines(place[own], low[own], high[own], color=colour, lw=1.6)
         ax.plot(error[own], place[own], ls="none", marker=marker, ms=6, color=colour)
-    reach, room = float(np.nanmax(np.abs([low, high, allowed]))), 1.15
+    reach = float(np.nanmax(np.abs([low, high, allowed])))
+    room = 1.15
     if reach > WIDE * allowed.min():
         ax.set_xscale("symlog", linthresh=2.0 * float(allowed.max()), linscale=2.0)
         room = 2.0
     ax.axvline(0.0, color="0.3", lw=0.8)
     shown = zip(rows["moment"], rows["quantity"], rows["impact"], strict=True)
-    ax.set_yticks(place, [f"{'E' if m == 'mean' else 'sd'} {SYMBOL[q]}, impact {k}" for m, q, k in shown])
+    ax.set_yticks(
+        place, [f"{'E' if m == 'mean' else 'sd'} {SYMBOL[q]}, impact {k}" for m, q, k in shown]
+    )
     ax.set(xlim=(-room * reach, room * reach), ylim=(-0.7, len(rows) - 0.3))
     ax.grid(False, axis="y")
     ax.set_xlabel("error and its interval, in sds of the quantity")
     worst = f" (the worst {MOST} of {len(table)} rows)" if len(table) > MOST else ""
     colour = STYLE[model]["color"]
-    ax.set_title(f"{line(model)[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour)
+    ax.set_title(
+        f"{line(model)[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour
+    )
     drawn = {o: MARKS[o] for o in MARKS if (rows["outcome"] == o).any()}
     handles = [Line2D([], [], color=c, marker=m, ms=6, label=o) for o, (c, m) in drawn.items()]
     allowance = Patch(color=ACCURATE, alpha=0.35, lw=0, label="allowed")

@@ -1,4 +1,5 @@
-"""The pytest plugin: options, marker, fixture, summary.  Nothing heavy is imported before a marked test is collected.
+"""The pytest plugin: options, marker, fixture, summary.  Nothing heavy is imported before a marked
+test is collected.
 
 PYTEST_DONT_REWRITE
 """
@@ -22,7 +23,9 @@ THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
 CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
 REFUSED: pytest.StashKey[Exception] = pytest.StashKey()
 
-TEXTS = tomllib.loads(files("rattle.compare.thresholds").joinpath("texts.toml").read_text(encoding="utf-8"))
+TEXTS = tomllib.loads(
+    files("rattle.compare.thresholds").joinpath("texts.toml").read_text(encoding="utf-8")
+)
 OPTIONS: dict[str, dict[str, Any]] = TEXTS["options"]
 
 
@@ -30,9 +33,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Options on the command line and in the configuration file, where the command line wins."""
     group = parser.getgroup("rattle", "accuracy thresholds")
     for key, option in OPTIONS.items():
-        name, default = key.replace("_", "-"), option["default"]
+        name = key.replace("_", "-")
+        default = option["default"]
         text = f"{option['help']} [default: {default}]" if default else option["help"]
-        group.addoption(f"--{name}", dest=key, default=None, choices=option.get("choices"), help=text)
+        group.addoption(
+            f"--{name}", dest=key, default=None, choices=option.get("choices"), help=text
+        )
         if option.get("lasts", True):
             parser.addini(key, option["help"], default=default)
 
@@ -73,7 +79,9 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     from rattle.compare.thresholds.decision import Thresholds
     from rattle.scene.errors import RattleError
 
-    session.config.stash[THRESHOLDS] = Thresholds(read_settings(read_options(session.config)), session.config)
+    session.config.stash[THRESHOLDS] = Thresholds(
+        read_settings(read_options(session.config)), session.config
+    )
     for item in marked:
         if "rattle" in getattr(item, "fixturenames", ()):
             try:
@@ -81,10 +89,14 @@ def pytest_collection_finish(session: pytest.Session) -> None:
             except Exception as error:  # any error in reading a marker belongs to this test alone
                 item.stash[REFUSED] = error
         elif any(mark.name == "rattle" for mark in item.own_markers):
-            item.stash[REFUSED] = RattleError("its marker has no effect; let the test take the fixture 'rattle'")
+            item.stash[REFUSED] = RattleError(
+                "its marker has no effect; let the test take the fixture 'rattle'"
+            )
 
 
-def pytest_report_collectionfinish(config: pytest.Config, items: Sequence[pytest.Item]) -> list[str]:
+def pytest_report_collectionfinish(
+    config: pytest.Config, items: Sequence[pytest.Item]
+) -> list[str]:
     """Report invalid markers with --collect-only, when no test runs that would report them."""
     refused = [item for item in items if REFUSED in item.stash] if config.option.collectonly else []
     return [f"rattle: {item.nodeid}: {item.stash[REFUSED]}" for item in refused]
@@ -102,12 +114,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.fixture
 def rattle(request: pytest.FixtureRequest) -> Rattle:
-    """Fixture that compares a closure with the simulation of the marker's scene: ``rattle.check(model)``."""
+    """Fixture that compares a closure with the simulation of the marker's scene:
+    ``rattle.check(model)``."""
     from rattle.compare.thresholds.fixture import Rattle
 
     if CLAIM not in request.node.stash:
         pytest.fail(
-            "rattle: the test has no marker; give it one, as in @pytest.mark.rattle(scene='dat21.toml', within=0.05)",
+            "rattle: the test has no marker; give it one, as in"
+            " @pytest.mark.rattle(scene='dat21.toml', within=0.05)",
             pytrace=False,
         )
     return Rattle(request.node, request.node.stash[CLAIM], request.config.stash[THRESHOLDS])
@@ -115,9 +129,17 @@ def rattle(request: pytest.FixtureRequest) -> Rattle:
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     """Print what was checked and what it cost; nothing if no test used the fixture."""
-    reports = [r for listed in terminalreporter.stats.values() for r in listed if getattr(r, "when", None) == "call"]
-    found = [(r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"]
-    records = {(test, facts["kind"]): (test, facts) for test, facts in found}  # reports of subtests repeat them
+    reports = [
+        r
+        for listed in terminalreporter.stats.values()
+        for r in listed
+        if getattr(r, "when", None) == "call"
+    ]
+    found = [
+        (r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"
+    ]
+    # reports of subtests repeat them
+    records = {(test, facts["kind"]): (test, facts) for test, facts in found}
     if records:
         from rattle.compare.thresholds.messages import summary_lines
         from rattle.scene.text import harmless

@@ -1,4 +1,5 @@
-"""The figures of a trade-off: error against processor time of all schemes and closures; error against the step."""
+"""The figures of a trade-off: error against processor time of all schemes and closures; error
+against the step."""
 
 from typing import Any
 
@@ -18,25 +19,49 @@ SCHEME = {
     "exact-flight": STYLE["monte carlo"],
 }
 MEASURED = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
-EXTRAPOLATED = Line2D([], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated")
-MISSED = Line2D([], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, label="missed: too few paths")
+EXTRAPOLATED = Line2D(
+    [], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated"
+)
+MISSED = Line2D(
+    [], [], ls="none", marker="D", ms=5, color="0.4", alpha=0.35, label="missed: too few paths"
+)
 
 
-def tradeoff_figure(points: pd.DataFrame, slopes: dict[str, float], means_alone: pd.DataFrame) -> Figure:
+def tradeoff_figure(
+    points: pd.DataFrame, slopes: dict[str, float], means_alone: pd.DataFrame
+) -> Figure:
     """Error against processor time of all methods in one panel.
 
     `slopes`: Exponent with which the cost of each scheme grows with the accuracy; NaN if unknown.
     """
-    figure, (ax,) = new_figure(10.6, 4.9, 1, 1)  # low enough for the first screen, its legend beside it
+    # low enough for the first screen, its legend beside it
+    figure, (ax,) = new_figure(10.6, 4.9, 1, 1)
     schemes = points[points["kind"] == "scheme"].groupby("method", sort=False)
-    handles: list[Artist] = [_scheme(ax, str(name), rows, slopes[str(name)]) for name, rows in schemes]
+    handles: list[Artist] = [
+        _scheme(ax, str(name), rows, slopes[str(name)]) for name, rows in schemes
+    ]
     multilevel = points[points["kind"] == "multilevel"].groupby("method", sort=False)
     for method, rows in [*multilevel, ("exact-flight", means_alone)]:
-        colour = SCHEME[method.removeprefix("multilevel ")]["color"] if method != "exact-flight" else "k"
-        handles += ax.plot(rows["core_seconds"], rows["error"], ls="-.", lw=1.1, color=colour, label=f"{method}: means")
+        colour = (
+            SCHEME[method.removeprefix("multilevel ")]["color"] if method != "exact-flight" else "k"
+        )
+        handles += ax.plot(
+            rows["core_seconds"],
+            rows["error"],
+            ls="-.",
+            lw=1.1,
+            color=colour,
+            label=f"{method}: means",
+        )
     handles += [_closure(ax, row) for _, row in points[points["kind"] == "closure"].iterrows()]
-    low, high = points[["error", "median_error"]].min().min(), points["error"].max()
-    ax.set(xscale="log", yscale="log", ylim=(0.6 * low, 2.0 * high), xlabel="processor time (core-seconds)")
+    low = points[["error", "median_error"]].min().min()
+    high = points["error"].max()
+    ax.set(
+        xscale="log",
+        yscale="log",
+        ylim=(0.6 * low, 2.0 * high),
+        xlabel="processor time (core-seconds)",
+    )
     ax.set_ylabel("error of the section means and sds / sd of each quantity")
     handles += [MEASURED, EXTRAPOLATED, MISSED]
     figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False)
@@ -55,17 +80,24 @@ MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary
 
 
 def order_figure(changes: pd.DataFrame) -> Figure:
-    """Change against the step: a row of panels for each noise intensity and scheme, a panel for each kind of moment."""
+    """Change against the step: a row of panels for each noise intensity and scheme, a panel for
+    each kind of moment."""
     pairs = list(dict.fromkeys(zip(changes["sigma"], changes["scheme"], strict=True)))
     figure, axes = new_figure(9.6, 2.7 * len(pairs), len(pairs), len(MOMENTS))
     for i, (sigma, scheme) in enumerate(pairs):
         for j, (moment, title) in enumerate(MOMENTS.items()):
             ax = axes[len(MOMENTS) * i + j]
-            of = (changes["sigma"] == sigma) & (changes["scheme"] == scheme) & (changes["moment"] == moment)
+            of = (
+                (changes["sigma"] == sigma)
+                & (changes["scheme"] == scheme)
+                & (changes["moment"] == moment)
+            )
             _changes(ax, changes[of].dropna(subset=["change"]))
             ax.set_title(rf"{scheme}: {title}, $\sigma$ = {sigma:.3g}", fontsize=8.0)
             ax.set_xlabel("dt")
-            ax.set_ylabel("change from dt to dt / 2 (sds)" if moment != "itinerary" else "error", fontsize=8.0)
+            ax.set_ylabel(
+                "change from dt to dt / 2 (sds)" if moment != "itinerary" else "error", fontsize=8.0
+            )
     legend_above(figure, axes, 7)
     return figure
 
@@ -80,9 +112,11 @@ def _changes(ax: Axes, own: pd.DataFrame) -> None:
         label = SYMBOL.get(str(quantity), "itinerary")
         ax.errorbar(rows["dt"], rows["change"], away, ms=4, lw=1.1, capsize=2, label=label, **style)
     if len(own):
-        ends, first = np.array([own["dt"].min(), own["dt"].max()]), own["change"].max()
+        ends = np.array([own["dt"].min(), own["dt"].max()])
+        first = own["change"].max()
         ax.plot(ends, first * ends / ends[1], color="0.7", lw=1.0, zorder=0, label="slope 1")
-        bottom, top = np.floor(np.log10(0.5 * own["change"].min())), np.ceil(np.log10(own["high"].max()))
+        bottom = np.floor(np.log10(0.5 * own["change"].min()))
+        top = np.ceil(np.log10(own["high"].max()))
         ax.set_ylim(10.0**bottom, 10.0**top)
     steps = sorted(own["dt"].unique())
     ax.set_xticks(steps, [f"{step:g}" for step in steps], minor=False)
@@ -90,10 +124,14 @@ def _changes(ax: Axes, own: pd.DataFrame) -> None:
 
 
 def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
-    """A line through the points of a scheme, solid where measured; points that missed their accuracy stand alone."""
+    """A line through the points of a scheme, solid where measured; points that missed their
+    accuracy stand alone."""
     style = SCHEME[scheme]
-    missed, reached = rows[rows["missed"]], rows[~rows["missed"]]
-    x, y, measured = reached["core_seconds"].to_numpy(), reached["error"].to_numpy(), reached["measured"].to_numpy(bool)
+    missed = rows[rows["missed"]]
+    reached = rows[~rows["missed"]]
+    x = reached["core_seconds"].to_numpy()
+    y = reached["error"].to_numpy()
+    measured = reached["measured"].to_numpy(bool)
     ax.plot(x, y, ls="--", lw=1.3, color=style["color"])
     for i in np.flatnonzero(measured[:-1] & measured[1:]):
         ax.plot(x[i : i + 2], y[i : i + 2], ls="-", lw=1.8, color=style["color"])
@@ -105,8 +143,10 @@ def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
 
 
 def _closure(ax: Axes, row: pd.Series) -> Artist:
-    """Worst error of a closure (filled) and median (open); an arrow where the worst is only an upper bound."""
-    style, x = STYLE[row["method"]], row["core_seconds"]
+    """Worst error of a closure (filled) and median (open); an arrow where the worst is only an
+    upper bound."""
+    style = STYLE[row["method"]]
+    x = row["core_seconds"]
     ax.plot([x, x], [row["median_error"], row["error"]], lw=1.0, color=style["color"])
     ax.plot(x, row["median_error"], ls="none", ms=6, mfc="white", **style)
     ax.plot(x, row["error"], ls="none", ms=9, **style)

@@ -1,8 +1,10 @@
-"""Cost of accuracy: every scheme at every accuracy, measured or extrapolated by a cost model, and every closure.
+"""Cost of accuracy: every scheme at every accuracy, measured or extrapolated by a cost model, and
+every closure.
 
-The error of a scheme is what with 95 % probability no section mean or sd is off by more than, in units of each
-quantity's sd (`rattle.montecarlo.diagnostics.accuracy`).  The error of a closure is its worst difference from the
-reference simulation, the run of exact flights with most paths.  Time is processor time, summed over threads.
+The error of a scheme is what with 95 % probability no section mean or sd is off by more than, in
+units of each quantity's sd (`rattle.montecarlo.diagnostics.accuracy`).  The error of a closure is
+its worst difference from the reference simulation, the run of exact flights with most paths.  Time
+is processor time, summed over threads.
 """
 
 import math
@@ -18,7 +20,13 @@ import pandas as pd
 
 from rattle.closure import closures_for, mean_map
 from rattle.closure.mean_map import closure_seconds
-from rattle.compare.tradeoff.multilevel import SIGMAS, Levels, control_table, measure_levels, time_run
+from rattle.compare.tradeoff.multilevel import (
+    SIGMAS,
+    Levels,
+    control_table,
+    measure_levels,
+    time_run,
+)
 from rattle.compare.tradeoff.weak_order import WeakOrders, orders_over
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, Record, simulate, simulate_to
@@ -32,14 +40,17 @@ from rattle.scene import SECTION, Floats, Scene, positive
 from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
-FINER = 8.0  # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
+# ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
+FINER = 8.0
 REPEATS = 3  # timings of a pilot run and of a closure, of which the least counts
 
 
 class CostPoint(NamedTuple):
-    """Error and cost of a method at a requested accuracy; errors are in units of each quantity's sd.
+    """Error and cost of a method at a requested accuracy; errors are in units of each quantity's
+    sd.
 
-    An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
+    An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or
+    sd is off by more.
     """
 
     method: str  # name of a scheme, of a closure, or ``multilevel`` and a scheme
@@ -48,43 +59,50 @@ class CostPoint(NamedTuple):
     dt: float
     paths: int
     core_seconds: float  # processor time, pilot runs included
-    # sampling_error, step_error: worst standard error and worst step bias; of a closure the half width of the worst
-    # row's interval, and 0
+    # sampling_error, step_error: worst standard error and worst step bias; of a closure the half
+    # width of the worst row's interval, and 0
     sampling_error: float
     step_error: float
-    # as drawn: the bound that was reached if measured, the accuracy if extrapolated, ``actual_error`` if ``missed``;
-    # of a closure its worst error
+    # as drawn: the bound that was reached if measured, the accuracy if extrapolated,
+    # ``actual_error`` if ``missed``; of a closure its worst error
     error: float
     measured: bool  # whether it was run, rather than extrapolated
     median_error: float = math.nan  # of a closure
-    # whether the worst error of a closure is larger than its interval; if not, ``error`` is an upper bound
+    # whether the worst error of a closure is larger than its interval; if not, ``error`` is an
+    # upper bound
     resolved: bool = True
     rows: int = 0  # number of section means and sds to which the errors refer
-    actual_error: float = math.nan  # worst difference of a measured run from the reference simulation
-    missed: bool = False  # whether that is more than the accuracy and the error of the reference explain
-    # nominal core-seconds of the counted work: what decides which method is cheapest.  NaN for multilevel methods
+    # worst difference of a measured run from the reference simulation
+    actual_error: float = math.nan
+    # whether that is more than the accuracy and the error of the reference explain
+    missed: bool = False
+    # nominal core-seconds of the counted work: what decides which method is cheapest.  NaN for
+    # multilevel methods
     work: float = math.nan
 
 
 @dataclass
 class CostModel:
-    """Cost model of a scheme: paths as its runs foresee them, error ``bias * dt``, time linear in paths and steps."""
+    """Cost model of a scheme: paths as its runs foresee them, error ``bias * dt``, time linear in
+    paths and steps."""
 
     scheme: str
     first: Ensemble  # the pilot run
-    # path_seconds, step_seconds: seconds of a path without its steps, and of each step (counting those of dt, 2 dt
-    # and 4 dt)
+    # path_seconds, step_seconds: seconds of a path without its steps, and of each step (counting
+    # those of dt, 2 dt and 4 dt)
     path_seconds: float
     step_seconds: float
     pilot_seconds: float  # seconds of the pilot run, which are part of every cost
     bias: float  # worst step bias over dt, in sds; 0 for a scheme without step bias
     best: Ensemble  # the run with most paths
-    # A plain run of another scheme that foresees the paths if it has more: heavy tails show only in many
+    # A plain run of another scheme that foresees the paths if it has more: heavy tails show only in
+    # many
     shared: Ensemble | None = None
 
     @classmethod
     def from_pilots(cls, scene: Scene, scheme: str, again: Callable[..., Ensemble]) -> "CostModel":
-        """Fit the model to pilot runs: one for a scheme without step bias, else a second one with a shorter step."""
+        """Fit the model to pilot runs: one for a scheme without step bias, else a second one with a
+        shorter step."""
         first, seconds = _least(lambda: pilot(scene, scheme, again))
         if not SCHEMES[scheme].has_step_bias:
             return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, 0.0, first)
@@ -97,7 +115,8 @@ class CostModel:
         return model
 
     def learn(self, run: Ensemble) -> None:
-        """Update the model: what foresees the paths from a run with more, the bias where it is significant."""
+        """Update the model: what foresees the paths from a run with more, the bias where it is
+        significant."""
         if run.paths >= self.best.paths:
             self.best = run
         if self.bias:
@@ -106,7 +125,8 @@ class CostModel:
                 self.bias = step / run.dt
 
     def steps(self, dt: float) -> float:
-        """Number of steps of a path, summed over the step sizes dt, 2 dt and 4 dt that run in parallel."""
+        """Number of steps of a path, summed over the step sizes dt, 2 dt and 4 dt that run in
+        parallel."""
         return self.first.path_steps / self.first.paths * self.first.dt / dt
 
     def at(self, accuracy: float) -> CostPoint:
@@ -119,34 +139,49 @@ class CostModel:
         wanted = max(expect_paths(run, room, share_of_look(LOOKS)).paths, LEAST)
         paths = math.ceil(wanted / BLOCK) * BLOCK
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
-        seconds = self.pilot_seconds + paths * (self.path_seconds + self.step_seconds * self.steps(dt))
+        seconds = self.pilot_seconds + paths * (
+            self.path_seconds + self.step_seconds * self.steps(dt)
+        )
         errors = sampling_error(run)[0] * math.sqrt(run.paths / paths), self.bias * dt
         work = self.work(self.first, paths, dt)
-        return CostPoint(self.scheme, "scheme", accuracy, dt, paths, seconds, *errors, accuracy, False, work=work)
+        return CostPoint(
+            self.scheme, "scheme", accuracy, dt, paths, seconds, *errors, accuracy, False, work=work
+        )
 
     def work(self, run: Ensemble, paths: int, dt: float) -> float:
         """Nominal core-seconds of the pilot run and of paths like those of a run."""
-        return cost_of(self.first, self.first.paths).core_seconds + cost_of(run, paths, dt).core_seconds
+        return (
+            cost_of(self.first, self.first.paths).core_seconds
+            + cost_of(run, paths, dt).core_seconds
+        )
 
     def path_alone(self, accuracy: float, step_ns: float | None = None) -> float:
-        """Seconds of a path at an accuracy, without the steps of 2 dt and 4 dt that measure the bias.
+        """Seconds of a path at an accuracy, without the steps of 2 dt and 4 dt that measure the
+        bias.
 
         `step_ns`: Nanoseconds of a step, in place of the measured times; impacts are then free.
         """
         share = 4.0 / 7.0 if self.bias else 1.0  # 1 : 1/2 : 1/4 steps of dt, 2 dt and 4 dt
         steps = self.steps(self.at(accuracy).dt) * share
-        return 1e-9 * step_ns * steps if step_ns else self.path_seconds * share + self.step_seconds * steps
+        return (
+            1e-9 * step_ns * steps
+            if step_ns
+            else self.path_seconds * share + self.step_seconds * steps
+        )
 
 
 def _least(call: Callable[[], T]) -> tuple[T, float]:
-    """The result of a call and the shortest of several timings, after a first call that compiles."""
+    """The result of a call and the shortest of several timings, after a first call that
+    compiles."""
     return call(), min(time_run(call)[1] for _ in range(REPEATS))
 
 
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-BUSY = 10.0  # wall time allowed for a point over its processor time, as other processes may occupy the cores
+# wall time allowed for a point over its processor time, as other processes may occupy the cores
+BUSY = 10.0
 HAND_TUNED_NS = 10.7
-"""Nanoseconds of a path-step of plain Euler-Maruyama in hand-tuned numba code, on the machine of the README."""
+"""Nanoseconds of a path-step of plain Euler-Maruyama in hand-tuned numba code, on the machine of
+the README."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +193,8 @@ class Tradeoff:
     models: dict[str, CostModel]  # by scheme
     levels: dict[str, Levels]  # multilevel analysis, by Euler scheme
     reference: Ensemble  # the simulation with which closures are compared
-    control: pd.DataFrame  # what the control variate is worth, see `control_table`; empty for noise with memory
+    # what the control variate is worth, see `control_table`; empty for noise with memory
+    control: pd.DataFrame
     orders: WeakOrders | None  # measured weak orders, if asked for
 
 
@@ -179,20 +215,30 @@ def _measure_point(
     if point.work > budget:  # counted, so that no clock decides which rows are measured
         return point, None
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AccuracyWarning)  # a run that misses it is replaced by the model
-        run, seconds = time_run(partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget))
+        # a run that misses it is replaced by the model
+        warnings.simplefilter("ignore", AccuracyWarning)
+        run, seconds = time_run(
+            partial(asked, accuracy=accuracy, scheme=model.scheme, budget=BUSY * budget)
+        )
     model.learn(run)
-    point, reach = model.at(accuracy), run.reach
+    point = model.at(accuracy)
+    reach = run.reach
     assert reach is not None
     if not reach.reached:
         return point, None
     work = model.work(run, run.paths, run.dt)
-    point = point._replace(dt=run.dt, paths=run.paths, core_seconds=seconds, work=work, measured=True)
-    return point._replace(sampling_error=reach.sampling, step_error=reach.step, error=reach.bound), run
+    point = point._replace(
+        dt=run.dt, paths=run.paths, core_seconds=seconds, work=work, measured=True
+    )
+    return (
+        point._replace(sampling_error=reach.sampling, step_error=reach.step, error=reach.bound),
+        run,
+    )
 
 
 def find_plain(runs: Sequence[Ensemble]) -> Ensemble:
-    """The largest run of plain paths: what paths near rare branches need says nothing of schemes that have none."""
+    """The largest run of plain paths: what paths near rare branches need says nothing of schemes
+    that have none."""
     return max((run for run in runs if run.plan.mixture is None), key=lambda run: run.paths)
 
 
@@ -202,14 +248,22 @@ def _section_rows(scene: Scene) -> list[tuple[str, str]]:
 
 
 def _differences(section: pd.DataFrame, reference: Ensemble) -> Floats:
-    """Section means and sds minus those of a simulation, in units of its sds, shape (rows, impacts)."""
-    unit, own = units(reference), section.reindex(reference.section.index)
-    return np.array([(own[name] - reference.section[name]) / unit[q] for name, q in _section_rows(reference.scene)])
+    """Section means and sds minus those of a simulation, in units of its sds, shape (rows,
+    impacts)."""
+    unit = units(reference)
+    own = section.reindex(reference.section.index)
+    return np.array(
+        [
+            (own[name] - reference.section[name]) / unit[q]
+            for name, q in _section_rows(reference.scene)
+        ]
+    )
 
 
 def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> Iterator[CostPoint]:
     """Worst and median error of every closure that can be applied to the scene, and its time."""
-    columns, unit = _section_rows(scene), units(reference)
+    columns = _section_rows(scene)
+    unit = units(reference)
     closures = closures_for(scene)
     z = widest(len(columns) * impacts * len(closures))
     half = z * np.array([reference.section["se_" + name] / unit[q] for name, q in columns])
@@ -217,47 +271,78 @@ def closure_points(scene: Scene, impacts: int, reference: Ensemble) -> Iterator[
         found, seconds = _least(partial(mean_map, scene, impacts=impacts, closure=closure))
         error = np.abs(_differences(found.section, reference))
         seen = np.isfinite(error)
-        error, noise = error[seen], half[seen]
+        error = error[seen]
+        noise = half[seen]
         worst = int(error.argmax())
         resolved = bool(error[worst] > noise[worst])
         bound = float(error[worst] if resolved else (error + noise).max())
-        point = CostPoint(closure, "closure", math.nan, math.nan, 0, seconds, float(noise[worst]), 0.0, bound, True)
-        more: dict[str, Any] = {"median_error": float(np.median(error)), "resolved": resolved, "rows": error.size}
+        point = CostPoint(
+            closure,
+            "closure",
+            math.nan,
+            math.nan,
+            0,
+            seconds,
+            float(noise[worst]),
+            0.0,
+            bound,
+            True,
+        )
+        more: dict[str, Any] = {
+            "median_error": float(np.median(error)),
+            "resolved": resolved,
+            "rows": error.size,
+        }
         yield point._replace(work=closure_seconds(found), **more)
 
 
-def _compare(point: CostPoint, run: Ensemble | None, model: CostModel, reference: Ensemble) -> list[CostPoint]:
-    """A point with its actual error; if it missed its accuracy, followed by the point extrapolated from the model."""
+def _compare(
+    point: CostPoint, run: Ensemble | None, model: CostModel, reference: Ensemble
+) -> list[CostPoint]:
+    """A point with its actual error; if it missed its accuracy, followed by the point extrapolated
+    from the model."""
     if run is None or run.paths >= reference.paths:
         return [point]
     actual = float(np.nanmax(np.abs(_differences(run.section, reference))))
     point = point._replace(actual_error=actual)
     if actual <= point.accuracy * (1.0 + math.sqrt(run.paths / reference.paths)):
         return [point]
-    return [point._replace(missed=True, error=actual), model.at(point.accuracy)._replace(rows=point.rows)]
+    return [
+        point._replace(missed=True, error=actual),
+        model.at(point.accuracy)._replace(rows=point.rows),
+    ]
 
 
 def bound_of_means(standard_error: float, scene: Scene, impacts: int) -> float:
-    """What with 95 % probability none of the section means is off by more than, from their largest standard error."""
+    """What with 95 % probability none of the section means is off by more than, from their largest
+    standard error."""
     return widest(len(_section_rows(scene)) // 2 * impacts) * standard_error
 
 
 def multilevel_points(
     levels: dict[str, Levels], accuracies: Sequence[float], scene: Scene, impacts: int
 ) -> Iterator[CostPoint]:
-    """Cost of the cheapest multilevel estimator of the means for each Euler scheme, from the analysis of its levels."""
+    """Cost of the cheapest multilevel estimator of the means for each Euler scheme, from the
+    analysis of its levels."""
     for (scheme, found), a in product(levels.items(), accuracies):
-        e, error = found.estimate(a), bound_of_means(a, scene, impacts) + a
+        e = found.estimate(a)
+        error = bound_of_means(a, scene, impacts) + a
         dt = found.table["dt"].iloc[0] / 2.0**e.last
-        yield CostPoint(f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False)
+        yield CostPoint(
+            f"multilevel {scheme}", "multilevel", a, dt, 0, e.seconds, a, a, error, False
+        )
 
 
-def means_seconds(model: CostModel, accuracy: float, *, control: bool, typical: bool = False) -> float:
+def means_seconds(
+    model: CostModel, accuracy: float, *, control: bool, typical: bool = False
+) -> float:
     """Nominal core-seconds of the counted work of exact flights for the section means alone.
 
-    `control`: Whether by the standard errors of the run, with the control variate or with paths near rare branches.
+    `control`: Whether by the standard errors of the run, with the control variate or with paths
+    near rare branches.
     """
-    unit, section = units(model.best), model.best.section
+    unit = units(model.best)
+    section = model.best.section
     n = section["paths"].to_numpy(float)[:, None]
     spread = section[["sd_" + q for q in SECTION]].to_numpy()
     errors = section[["se_" + q for q in SECTION]].to_numpy() * np.sqrt(n) if control else spread
@@ -275,18 +360,28 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
     rows = rows[rows["measured"]] if measured else rows
     if len(rows) < 2:
         return math.nan, len(rows)
-    return float(np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)[0]), len(rows)
+    return float(np.polyfit(np.log(rows["accuracy"]), np.log(rows["core_seconds"]), 1)[0]), len(
+        rows
+    )
 
 
 def measure(
-    base: Scene, *, impacts: int, accuracies: Sequence[float], budget: float, seed: int, workers: int, orders: bool
+    base: Scene,
+    *,
+    impacts: int,
+    accuracies: Sequence[float],
+    budget: float,
+    seed: int,
+    workers: int,
+    orders: bool,
 ) -> Tradeoff:
     """Measure the cost of every scheme and closure at several accuracies.
 
-    The cost of multilevel estimators is estimated from runs at halved steps.  Closures are compared with the run of
-    exact flights that has most paths.
+    The cost of multilevel estimators is estimated from runs at halved steps.  Closures are compared
+    with the run of exact flights that has most paths.
 
-    `orders`: Whether to measure the weak orders of the schemes too, at the noise of the scene and of the paper.
+    `orders`: Whether to measure the weak orders of the schemes too, at the noise of the scene and
+    of the paper.
     """
     scene = base.phase_reduced  # so that a late start loses no digits of the times
     common: dict[str, Any] = {"impacts": impacts, "workers": workers}
@@ -297,7 +392,9 @@ def measure(
     with ProgressBar(label="accuracy", total=len(SCHEMES) * len(accuracies), unit="point") as bar:
         for scheme in (exact, *euler):
             model = models[scheme] = CostModel.from_pilots(scene, scheme, again)
-            model.shared = find_plain([models[exact].first, *(run for _, run in found[exact] if run)])
+            model.shared = find_plain(
+                [models[exact].first, *(run for _, run in found[exact] if run)]
+            )
             for accuracy in accuracies:
                 bar.set_postfix_str(f"{scheme}, {accuracy:g}")
                 found[scheme].append(_measure_point(model, accuracy, budget, asked))
@@ -311,8 +408,11 @@ def measure(
             points += _compare(point, run, models[scheme], reference)
     points += multilevel_points(levels, accuracies, scene, impacts)
     points += closure_points(scene, impacts, reference)
-    table, models = pd.DataFrame(points, columns=list(CostPoint._fields)), {name: models[name] for name in SCHEMES}
-    control = control_table(base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common)
+    table = pd.DataFrame(points, columns=list(CostPoint._fields))
+    models = {name: models[name] for name in SCHEMES}
+    control = control_table(
+        base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common
+    )
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
     slopes = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None
     return Tradeoff(table, accuracies, models, levels, reference, control, slopes)

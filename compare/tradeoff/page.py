@@ -1,4 +1,5 @@
-"""The page of a trade-off: its answer in sentences, tables, and explanations of its tables and figures."""
+"""The page of a trade-off: its answer in sentences, tables, and explanations of its tables and
+figures."""
 
 from itertools import groupby
 from pathlib import Path
@@ -9,9 +10,21 @@ import pandas as pd
 
 from rattle.compare.report import Row, Table, TableCell, Text, numbers
 from rattle.compare.report.save import contents, save_report
-from rattle.compare.report.texts import CLOSURE_TERMS, SCHEME_TERMS, SECTION_TERMS, glossary, read_texts
+from rattle.compare.report.texts import (
+    CLOSURE_TERMS,
+    SCHEME_TERMS,
+    SECTION_TERMS,
+    glossary,
+    read_texts,
+)
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
-from rattle.compare.tradeoff.measure import HAND_TUNED_NS, Tradeoff, bound_of_means, means_seconds, slope
+from rattle.compare.tradeoff.measure import (
+    HAND_TUNED_NS,
+    Tradeoff,
+    bound_of_means,
+    means_seconds,
+    slope,
+)
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
 from rattle.compare.tradeoff.weak_order import IMPACTS, STEPS
 from rattle.compare.validation.answer import explain_missing
@@ -25,9 +38,14 @@ SAID: dict[str, str] = read_texts("tradeoff")
 
 
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
-    """The method of least counted work for an accuracy, of schemes and of closures that predict all moments so well."""
+    """The method of least counted work for an accuracy, of schemes and of closures that predict all
+    moments so well."""
     scheme = (points["kind"] == "scheme") & (points["accuracy"] == accuracy) & ~points["missed"]
-    closure = (points["kind"] == "closure") & (points["error"] <= accuracy) & (points["rows"] == points["rows"].max())
+    closure = (
+        (points["kind"] == "closure")
+        & (points["error"] <= accuracy)
+        & (points["rows"] == points["rows"].max())
+    )
     best: dict[str, Any] = points[scheme | closure].nsmallest(1, "work").to_dict("records")[0]
     return best
 
@@ -39,44 +57,71 @@ def advice(m: Tradeoff) -> str:
         [(a, cheapest(m.points, a)) for a in m.accuracies], key=lambda found: found[1]["method"]
     ):
         finest, best = list(same)[-1]
-        cost = duration_text(best["core_seconds"], 2) + ("" if best["measured"] else ", extrapolated")
+        cost = duration_text(best["core_seconds"], 2) + (
+            "" if best["measured"] else ", extrapolated"
+        )
         parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
     return SAID["advice"].format(m.reference, methods=join_words(parts))
 
 
 def answer(m: Tradeoff) -> list[str]:
     """What to take, where a closure is cheapest, and the cost of plain Euler-Maruyama."""
-    p, exact, plain, finest = m.points, m.models[EXACT], m.models[PLAIN], m.accuracies[-1]
-    predictions, wins = p[p["kind"] == "closure"], []
+    p = m.points
+    exact = m.models[EXACT]
+    plain = m.models[PLAIN]
+    finest = m.accuracies[-1]
+    predictions = p[p["kind"] == "closure"]
+    wins = []
     for row in predictions[predictions["rows"] == p["rows"].max()].to_dict("records"):
         simulated = exact.at(row["error"]).work
         if simulated > row["work"] and row["error"] <= m.accuracies[0]:
-            below, after = "" if row["resolved"] else "below ", duration_text(row["core_seconds"], 2)
+            below = "" if row["resolved"] else "below "
+            after = duration_text(row["core_seconds"], 2)
             times = float(format(simulated / row["work"], ".2g"))
             wins.append(SAID["closure"].format(**row, below=below, after=after, times=times))
-    ratios = [plain.path_alone(finest, ns) / exact.path_alone(finest) for ns in (None, HAND_TUNED_NS)]
-    ns, cost = (1e9 * plain.step_seconds, HAND_TUNED_NS), duration_text(exact.at(finest).core_seconds, 2)
-    needs = SAID["plain"].format(finest=finest, dt=plain.at(finest).dt, ns=ns, times=ratios, cost=cost)
-    closures = SAID["closures" if wins else "no closure"].format("; ".join(wins), roughest=m.accuracies[0])
+    ratios = [
+        plain.path_alone(finest, ns) / exact.path_alone(finest) for ns in (None, HAND_TUNED_NS)
+    ]
+    ns = (1e9 * plain.step_seconds, HAND_TUNED_NS)
+    cost = duration_text(exact.at(finest).core_seconds, 2)
+    needs = SAID["plain"].format(
+        finest=finest, dt=plain.at(finest).dt, ns=ns, times=ratios, cost=cost
+    )
+    closures = SAID["closures" if wins else "no closure"].format(
+        "; ".join(wins), roughest=m.accuracies[0]
+    )
     missing = explain_missing(m.reference.scene, list(predictions["method"]))
     return [advice(m), closures, needs, *missing, verdict(m)]
 
 
 def verdict(m: Tradeoff) -> str:
-    """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the section means."""
-    exact, factors, typical = m.models[EXACT], [], []
+    """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the
+    section means."""
+    exact = m.models[EXACT]
+    factors = []
+    typical = []
     for a in m.accuracies:
         estimates = [levels.estimate(a) for levels in m.levels.values()]
         factors.append(min(e.seconds for e in estimates) / means_seconds(exact, a, control=True))
-        typical.append(min(e.typical for e in estimates) / means_seconds(exact, a, control=True, typical=True))
-    wins = [f"{a:g} ({1.0 / f:.2g} times)" for a, f in zip(m.accuracies, factors, strict=True) if f < 1.0]
+        typical.append(
+            min(e.typical for e in estimates) / means_seconds(exact, a, control=True, typical=True)
+        )
+    wins = [
+        f"{a:g} ({1.0 / f:.2g} times)"
+        for a, f in zip(m.accuracies, factors, strict=True)
+        if f < 1.0
+    ]
     ends = {"accuracies": m.accuracies, "factors": factors, "typical": typical}
     found = SAID["multilevel" if wins else "no multilevel"].format(", ".join(wins))
-    return SAID["verdict"].format(found=found, **{name: (of[0], of[-1]) for name, of in ends.items()})
+    return SAID["verdict"].format(
+        found=found, **{name: (of[0], of[-1]) for name, of in ends.items()}
+    )
 
 
 CONTENTS = contents(
-    "tradeoff", figures=["tradeoff", "orders"], tables=["tradeoff", "levels", "control", "orders", "changes"]
+    "tradeoff",
+    figures=["tradeoff", "orders"],
+    tables=["tradeoff", "levels", "control", "orders", "changes"],
 )
 """Names of all files in a trade-off folder; a folder with any other file is not overwritten."""
 
@@ -85,43 +130,67 @@ WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 def _parts(m: Tradeoff) -> dict[str, Any]:
     """The tables and words of the page, by name."""
-    exact, p = m.models[EXACT], m.points
+    exact = m.models[EXACT]
+    p = m.points
     p = p.assign(
         found=np.select([p["missed"], p["measured"]], ["missed", "measured"], "extrapolated"),
         actual=["–" if np.isnan(error) else f"{error:.2g}" for error in p["actual_error"]],
-        time=p["core_seconds"].map(lambda seconds: TableCell(duration_text(seconds, 2), value=seconds)),
+        time=p["core_seconds"].map(
+            lambda seconds: TableCell(duration_text(seconds, 2), value=seconds)
+        ),
         below=np.where(p["resolved"], "", "below "),
         most=p["rows"].max(),
     )
     means: list[Row] = []
     for a in m.accuracies:
-        cells = [f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())]
+        cells = [
+            f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())
+        ]
         cells += [f"{means_seconds(exact, a, control=control):.2g}" for control in (True, False)]
         means.append((f"{a:g}", *cells))
     how = "with control" if exact.best.plan.mixture is None else "with paths near rare branches"
-    heads = ["standard error", *(f"multilevel {n}" for n in m.levels), f"{EXACT} {how}", f"{EXACT} without"]
+    heads = [
+        "standard error",
+        *(f"multilevel {n}" for n in m.levels),
+        f"{EXACT} {how}",
+        f"{EXACT} without",
+    ]
     rates = ("alpha", "beta", "typical_beta", "gamma")
     parts: dict[str, Any] = {
         "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in m.accuracies]),
         "words": glossary(*WORDS, gears=m.reference.scene.gears),
         "points": p[p["kind"] == "scheme"],
         "slopes": pd.DataFrame(
-            {"scheme": name, "ns": 1e9 * model.step_seconds, "all": _slope(p, name, False), "measured": _slope(p, name)}
+            {
+                "scheme": name,
+                "ns": 1e9 * model.step_seconds,
+                "all": _slope(p, name, False),
+                "measured": _slope(p, name),
+            }
             for name, model in m.models.items()
         ),
         "closures": p[p["kind"] == "closure"],
         "rates": pd.DataFrame(
-            {"scheme": name} | {rate: _rate(getattr(x, rate), 1 if rate == "gamma" else -1) for rate in rates}
+            {"scheme": name}
+            | {rate: _rate(getattr(x, rate), 1 if rate == "gamma" else -1) for rate in rates}
             for name, x in m.levels.items()
         ),
         "means": Table.of(numbers(*heads), means),
     }
     if m.orders:
         table = m.orders.table
-        parts |= {"orders_said": [Text(said) for said in orders_said(table)], "orders": format_orders(table)}
+        parts |= {
+            "orders_said": [Text(said) for said in orders_said(table)],
+            "orders": format_orders(table),
+        }
     if m.control.empty:
-        return parts | {"no_control": Text("Left out: the control variate is for white noise only.")}
-    gains = {f"{of}_per_second": m.control[f"{of}_median"] / m.control["time_ratio"] for of in ("means", "sds")}
+        return parts | {
+            "no_control": Text("Left out: the control variate is for white noise only.")
+        }
+    gains = {
+        f"{of}_per_second": m.control[f"{of}_median"] / m.control["time_ratio"]
+        for of in ("means", "sds")
+    }
     return parts | {"control": m.control.assign(**gains)}
 
 
@@ -135,7 +204,8 @@ def _slope(points: pd.DataFrame, scheme: str, measured: bool = True) -> str:
 
 
 def format_orders(table: pd.DataFrame) -> pd.DataFrame:
-    """The measured slopes, the orders on which they have settled, and whether each scheme's limit is correct."""
+    """The measured slopes, the orders on which they have settled, and whether each scheme's limit
+    is correct."""
     rows = table[table["slope"].notna()]
 
     def between(value: str, low: str, high: str, none: str = "–") -> list[str]:
@@ -143,7 +213,10 @@ def format_orders(table: pd.DataFrame) -> pd.DataFrame:
         return [none if np.isnan(v) else f"{v:.2f} ({a:.2f} to {b:.2f})" for v, a, b in found]
 
     return rows.assign(
-        kind=[f"{moment} {q}".strip() for moment, q in zip(rows["moment"], rows["quantity"], strict=True)],
+        kind=[
+            f"{moment} {q}".strip()
+            for moment, q in zip(rows["moment"], rows["quantity"], strict=True)
+        ],
         whole=between("slope", "low", "high"),
         local=between("last", "last_low", "last_high"),
         settled=between("order", "order_low", "order_high", "not settled"),
@@ -151,19 +224,28 @@ def format_orders(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def orders_said(table: pd.DataFrame) -> list[str]:
-    """Which slopes have settled on an order and which have not, a sentence for each scheme and noise intensity."""
+    """Which slopes have settled on an order and which have not, a sentence for each scheme and
+    noise intensity."""
     said = []
-    for (sigma, scheme), rows in table[table["moment"] != "itinerary"].groupby(["sigma", "scheme"], sort=False):
+    for (sigma, scheme), rows in table[table["moment"] != "itinerary"].groupby(
+        ["sigma", "scheme"], sort=False
+    ):
         seen = rows[rows["slope"].notna()]
         settled = seen["order"].notna()
         parts = [
             f"{text} {'an order' if text == 'settled on' else 'at'} {_groups(found, value)}"
-            for text, found, value in (("settled on", seen[settled], "order"), ("not settled", seen[~settled], "slope"))
+            for text, found, value in (
+                ("settled on", seen[settled], "order"),
+                ("not settled", seen[~settled], "slope"),
+            )
             if len(found)
         ]
         hidden = len(rows) - len(seen)
         parts += [f"hidden by noise or constant: {hidden} of {len(rows)}"] if hidden else []
-        said.append(f"`{scheme}`, σ = {sigma:.4g}, dt from {STEPS[0]:g} to {0.5 * STEPS[-1]:g}: {'; '.join(parts)}.")
+        said.append(
+            f"`{scheme}`, σ = {sigma:.4g}, dt from {STEPS[0]:g} to {0.5 * STEPS[-1]:g}:"
+            f" {'; '.join(parts)}."
+        )
     return said
 
 
@@ -171,26 +253,45 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
     """Quantities and the range of their values, of means and of sds."""
     found = []
     for moment, own in rows.groupby("moment", sort=False):
-        found.append(f"{span(own[value], '.2f')} ({moment}s of {join_words(list(own['quantity']))})")
+        found.append(
+            f"{span(own[value], '.2f')} ({moment}s of {join_words(list(own['quantity']))})"
+        )
     return join_words(found)
 
 
 def write_tradeoff(out: Path, m: Tradeoff, record: dict[str, Any], overwrite: bool) -> list[str]:
     """Write the folder of a trade-off, whole or not at all."""
-    sentences, scene, impacts = answer(m), m.reference.scene, m.reference.impacts
+    sentences = answer(m)
+    scene = m.reference.scene
+    impacts = m.reference.impacts
     exact = m.models[EXACT]
-    means = [(bound_of_means(a, scene, impacts), means_seconds(exact, a, control=True)) for a in m.accuracies]
+    means = [
+        (bound_of_means(a, scene, impacts), means_seconds(exact, a, control=True))
+        for a in m.accuracies
+    ]
     slopes = {name: slope(m.points, name, False)[0] for name in m.models}
-    figures = {"tradeoff": tradeoff_figure(m.points, slopes, pd.DataFrame(means, columns=["error", "core_seconds"]))}
+    figures = {
+        "tradeoff": tradeoff_figure(
+            m.points, slopes, pd.DataFrame(means, columns=["error", "core_seconds"])
+        )
+    }
     levels = pd.concat([levels.table for levels in m.levels.values()])
     tables = {"tradeoff": m.points, "levels": levels, "control": m.control}
     if m.orders:
         figures["orders"] = order_figure(m.orders.changes)
         tables |= {"orders": m.orders.table, "changes": m.orders.changes}
-    said = {"verdict": sentences[-1], "budget": record["budget"], "reference": f"{m.reference.paths:,}"}
+    said = {
+        "verdict": sentences[-1],
+        "budget": record["budget"],
+        "reference": f"{m.reference.paths:,}",
+    }
     said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": IMPACTS}
     title = f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts"
-    files: dict[str, Any] = {"figures": figures, "tables": tables, "more": {"all points": "`tradeoff.csv`"}}
+    files: dict[str, Any] = {
+        "figures": figures,
+        "tables": tables,
+        "more": {"all points": "`tradeoff.csv`"},
+    }
     files |= {"values": said, "allowed": CONTENTS, "overwrite": overwrite}
     save_report(out, "tradeoff", title, sentences[:-1], record, _parts(m), **files)
     return sentences

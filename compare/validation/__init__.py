@@ -1,1 +1,2 @@
-"""Closures compared with a simulation of the same scene: errors, intervals, verdicts, figures, the page."""
+"""Closures compared with a simulation of the same scene: errors, intervals, verdicts, figures, the
+page."""

@@ -1,6 +1,8 @@
-"""The results of a validation in sentences: what to take, what it costs, how accurate it is; and the paper's argument.
+"""The results of a validation in sentences: what to take, what it costs, how accurate it is; and
+the paper's argument.
 
-Accuracy decides, and where a closure is accurate the counted work of both sides; no time that a clock measured.
+Accuracy decides, and where a closure is accurate the counted work of both sides; no time that a
+clock measured.
 """
 
 import math
@@ -33,13 +35,16 @@ def sigma_text(v: Comparison) -> str:
 
 
 def _largest_rho(validations: Sequence[Comparison], closure: str) -> float:
-    rows = (v.correlation[v.correlation["closure"] == closure]["rho"].abs().max() for v in validations)
+    rows = (
+        v.correlation[v.correlation["closure"] == closure]["rho"].abs().max() for v in validations
+    )
     return max((float(r) for r in rows if r == r), default=0.0)
 
 
 def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
     """What to take for a gear pair at each noise intensity that was asked for, in one sentence."""
-    said, at = [], f"{impacts} impacts" if impacts > 1 else "the first impact"
+    said = []
+    at = f"{impacts} impacts" if impacts > 1 else "the first impact"
     for sigma, rows in validity.groupby("sigma", sort=False):
         own = speed[(speed["sigma"] == sigma) & (speed["impacts"] == impacts)]
         own = own.assign(timed=own["speed_up"].isna()).sort_values(["timed", "closure_seconds"])
@@ -47,7 +52,10 @@ def advice(validity: pd.DataFrame, impacts: int, speed: pd.DataFrame) -> str:
         worth, dearer = ([f"`{c}`" for c in own[which]["closure"]] for which in (~slower, slower))
         if worth:
             timed = "" if not own["timed"].all() else "; its time is measured, and decides nothing"
-            said.append(f"take {worth[0]} at σ = {sigma:.4g} (all means and sds at {at} are accurate{timed})")
+            said.append(
+                f"take {worth[0]} at σ = {sigma:.4g} (all means and sds at {at} are"
+                f" accurate{timed})"
+            )
         else:
             said.append(f"simulate at σ = {sigma:.4g} ({_none(rows, impacts, dearer)})")
     return f"For this gear pair {'; '.join(said)}."
@@ -70,24 +78,36 @@ def _none(rows: pd.DataFrame, impacts: int, dearer: list[str]) -> str:
 
 
 def cost_sentence(
-    simulation: pd.DataFrame, speed: pd.DataFrame, impacts: int, duration: str = "", over: pd.DataFrame | None = None
+    simulation: pd.DataFrame,
+    speed: pd.DataFrame,
+    impacts: int,
+    duration: str = "",
+    over: pd.DataFrame | None = None,
 ) -> str:
     """What a simulation and the closures cost in counted work.
 
     `duration`: How long the motion is in physical units, as "the first 24 ms", if that is known.
     """
-    number, motion = f"{impacts} impact{'s' if impacts > 1 else ''}", f" ({duration})" if duration else ""
+    number = f"{impacts} impact{'s' if impacts > 1 else ''}"
+    motion = f" ({duration})" if duration else ""
     schemes = sorted(set(simulation["scheme"]) - {"exact-flight"})  # which `rattle simulate` takes
     by = f" by {join_words(schemes)}" if schemes else ""
     what = f"{number}{motion}{by} to {comparison.WANTED:.0%} of an sd"
     each = [
-        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g} ({_paths(row['paths'], row['branches'])})"
+        f"{duration_text(row['core_seconds'], 2)} at σ = {row['sigma']:.4g}"
+        f" ({_paths(row['paths'], row['branches'])})"
         for row in simulation.to_dict("records")
     ]
     whole = speed[speed["impacts"] == impacts]
-    said = f"Nominal time on one core, from counted work: a simulation of {what} takes {join_words(each)}"
+    said = (
+        f"Nominal time on one core, from counted work: a simulation of {what} takes"
+        f" {join_words(each)}"
+    )
     timed = whole["speed_up"].isna()
-    for rows, prefix in ((whole[~timed], "; "), (whole[timed], "; measured on this machine, not counted: ")):
+    for rows, prefix in (
+        (whole[~timed], "; "),
+        (whole[timed], "; measured on this machine, not counted: "),
+    ):
         longest = rows.groupby("closure", sort=False)["closure_seconds"].max()
         times = [f"`{name}` {duration_text(seconds, 2)}" for name, seconds in longest.items()]
         said += f"{prefix}{join_words(times)}" if times else ""
@@ -100,7 +120,13 @@ def cost_sentence(
 
 
 def _paths(paths: float, branches: int) -> str:
-    number = f"{paths:,.0f}" if paths < 1e4 else f"{float(f'{paths:.2g}'):,.0f}" if paths < 1e12 else f"{paths:.2g}"
+    number = (
+        f"{paths:,.0f}"
+        if paths < 1e4
+        else f"{float(f'{paths:.2g}'):,.0f}"
+        if paths < 1e12
+        else f"{paths:.2g}"
+    )
     return f"{number} path{'s' if paths > 1 else ''}{near_text(branches)}"
 
 
@@ -110,7 +136,8 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
         accurate, not_wrong = (
-            unbroken(at.index, at[name] == impacts) or math.nan for name in ("accurate", "not_inaccurate")
+            unbroken(at.index, at[name] == impacts) or math.nan
+            for name in ("accurate", "not_inaccurate")
         )
         ended = bool((at[at["not_inaccurate"] < impacts]["cause"][:1] == "ended").any())
         exact = at.index[at["accurate"] == impacts]
@@ -119,20 +146,26 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     shares = [f"{join_words(closures)}: {said}" for said, closures in found.items()]
     sigmas = validity["sigma"]
     return (
-        f"Range of validity, for every section mean and sd{SECTION} of {impacts} impacts at {sigmas.nunique()} noise "
-        f"intensities ({span(sigmas, '.4g')}) — {'; '.join(shares)}."
+        f"Range of validity, for every section mean and sd{SECTION} of {impacts} impacts at"
+        f" {sigmas.nunique()} noise intensities ({span(sigmas, '.4g')}) — {'; '.join(shares)}."
     )
 
 
 def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
-    """What each closure is worth on its itinerary, and over all paths, in one sentence; and where there is no bulk."""
-    said, alone = [], validity["sigma"].nunique() == 1
+    """What each closure is worth on its itinerary, and over all paths, in one sentence; and where
+    there is no bulk."""
+    said = []
+    alone = validity["sigma"].nunique() == 1
     for closure, rows in validity.groupby("closure", sort=False):
         at = rows.sort_values("sigma").set_index("sigma")
-        on, every = (unbroken(at.index, at[name] == impacts) for name in ("itinerary_accurate", "accurate"))
+        on, every = (
+            unbroken(at.index, at[name] == impacts) for name in ("itinerary_accurate", "accurate")
+        )
         if on is not None:
             reach = "" if alone else f" up to σ = {on:.4g}"
-            together = "it is not" if every is None else "it is too" if alone else f"up to σ = {every:.4g}"
+            together = (
+                "it is not" if every is None else "it is too" if alone else f"up to σ = {every:.4g}"
+            )
             share = f"On the itinerary, which {_all_but(float(at['leaving'].loc[on]))} paths follow"
             said.append(f"{share}, `{closure}` is accurate{reach}; all paths together: {together}.")
     least = validity.groupby("sigma")["leaving"].min()
@@ -140,8 +173,8 @@ def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
     if len(lost):
         where = "F" if alone else f"At σ = {join_words([f'{sigma:.4g}' for sigma in lost])} f"
         said.append(
-            f"{where}ewer than half of the paths follow any closure's itinerary to the last impact: where fewer than "
-            "half do, only all paths together are judged."
+            f"{where}ewer than half of the paths follow any closure's itinerary to the last impact:"
+            " where fewer than half do, only all paths together are judged."
         )
     return [" ".join(said)] if said else []
 
@@ -156,18 +189,23 @@ def _all_but(probability: float) -> str:
     return f"all but {float(f'{probability * per:.2g}'):g} in {name}"
 
 
-UNFINISHED = "The range of validity over σ is missing: it was still being measured when this page was written."
+UNFINISHED = (
+    "The range of validity over σ is missing: it was still being measured when this page was"
+    " written."
+)
 
 
 def describe_left_out(swept: Sweep, budget: float) -> list[str]:
-    """How many noise intensities of a sweep its budget has left out, and what all of them would take."""
+    """How many noise intensities of a sweep its budget has left out, and what all of them would
+    take."""
     if not swept.left_out:
         return []
     done = swept.validity["sigma"].nunique()
     more = math.ceil(swept.all_work)
     return [
-        f"The range of validity is measured at {done} of {done + swept.left_out} noise intensities, for a budget of "
-        f"{budget:g} core-seconds of counted work; all of them take about {more:,}: `--budget {more}`."
+        f"The range of validity is measured at {done} of {done + swept.left_out} noise intensities,"
+        f" for a budget of {budget:g} core-seconds of counted work; all of them take about"
+        f" {more:,}: `--budget {more}`."
     ]
 
 
@@ -180,26 +218,31 @@ def explain_missing(scene: Scene, shown: Iterable[str]) -> list[str]:
 def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> list[str]:
     """The result of validations of one scene in sentences.
 
-    Advice at their own noise intensities, cost, accuracy, realizability, and agreement of itineraries.
+    Advice at their own noise intensities, cost, accuracy, realizability, and agreement of
+    itineraries.
 
-    `swept`: Ranges of validity over the noise intensity; they add a second sentence, see `validity_sentence`.
-    Returns: Four sentences; one before them where the first impacts are a transient; one more with `swept`, of a scene
-    that was made from gears (the motion in physical units), where paths leave the itinerary, and where closures cannot
-    be applied to the scene.
+    `swept`: Ranges of validity over the noise intensity; they add a second sentence, see
+    `validity_sentence`. Returns: Four sentences; one before them where the first impacts are a
+    transient; one more with `swept`, of a scene that was made from gears (the motion in physical
+    units), where paths leave the itinerary, and where closures cannot be applied to the scene.
     """
-    first, impacts = validations[0], validations[0].run.impacts
-    broken, realizable = [], []
+    first = validations[0]
+    impacts = validations[0].run.impacts
+    broken = []
+    realizable = []
     for closure in first.predictions:
         failures = [(v, f) for v in validations if (f := first_failure(v.correlation, closure))]
         if failures:
             v, (impact, stage, why) = failures[-1]
             where = f"from impact {impact} on (at σ = {sigma_text(v)}, stage {stage}: {why})"
             broken.append(f"the moments of `{closure}` are impossible {where}")
-        elif any(closure in set(v.correlation["closure"]) for v in validations):  # a mixture always is, and not there
+        # a mixture always is, and not there
+        elif any(closure in set(v.correlation["closure"]) for v in validations):
             realizable.append(f"`{closure}`")
     if realizable:
         broken.append(f"the moments of {join_words(realizable)} stay possible")
-    speed, over = comparison.measure_speeds(validations), swept.speed if swept else None
+    speed = comparison.measure_speeds(validations)
+    over = swept.speed if swept else None
     validity = comparison.find_validities(validations)
     transient = describe_transient(first.scene)
     return [
@@ -207,14 +250,21 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         advice(validity, impacts, speed),
         *([validity_sentence(swept.validity, impacts)] if swept else []),
         *itinerary_sentence(swept.validity if swept else validity, impacts),
-        cost_sentence(comparison.simulation_costs(validations), speed, impacts, duration_words(first), over),
+        cost_sentence(
+            comparison.simulation_costs(validations), speed, impacts, duration_words(first), over
+        ),
         *motion_sentence(validations),
-        f"Accurate section moments{'' if swept else SECTION} among those that a closure predicts over {impacts} "
-        f"impacts (within {first.tolerances.mean:.0%} of an sd for means and {first.tolerances.sd:.0%} for sds, with "
-        f"the whole interval): {'; '.join(map(_shares, validations))}.",
+        (
+            f"Accurate section moments{'' if swept else SECTION} among those that a closure"
+            f" predicts over {impacts} impacts (within {first.tolerances.mean:.0%} of an sd for"
+            f" means and {first.tolerances.sd:.0%} for sds, with the whole interval):"
+            f" {'; '.join(map(_shares, validations))}."
+        ),
         *by_size_sentence(validations),
-        f"Correlation of position and velocity: {'; '.join(broken)}; in the simulation |ρ| never exceeds "
-        f"{_largest_rho(validations, SIMULATED):.4f}.",
+        (
+            f"Correlation of position and velocity: {'; '.join(broken)}; in the simulation |ρ|"
+            f" never exceeds {_largest_rho(validations, SIMULATED):.4f}."
+        ),
         *_agreement(validations),
         *_failures(validations),
         *explain_missing(first.scene, first.predictions),
@@ -226,56 +276,82 @@ def _shares(v: Comparison) -> str:
     """How many section moments of each closure are accurate."""
     each = []
     for closure in v.predictions:
-        good, bad, undecided = ((v.section_rows(closure)["verdict"] == verdict).sum() for verdict in JUDGED)
+        good, bad, undecided = (
+            (v.section_rows(closure)["verdict"] == verdict).sum() for verdict in JUDGED
+        )
         beside = f" ({undecided} undecided)" if undecided else ""
         each.append(f"`{closure}` {good} of {good + bad + undecided}{beside}")
     return f"at σ = {sigma_text(v)} {join_words(each)}"
 
 
 def _failures(validations: Sequence[Comparison]) -> list[str]:
-    """Which closures of one's own raised an exception, at which noise intensities, and what it said."""
+    """Which closures of one's own raised an exception, at which noise intensities, and what it
+    said."""
     said: dict[str, list[str]] = {}
     for v in validations:
         for closure, why in v.failed.items():
             said.setdefault(f"`{closure}` {why}", []).append(sigma_text(v))
-    return [f"At σ = {join_words(sigmas)} {what}; its rows are not predicted." for what, sigmas in said.items()]
+    return [
+        f"At σ = {join_words(sigmas)} {what}; its rows are not predicted."
+        for what, sigmas in said.items()
+    ]
 
 
 def _agreement(validations: Sequence[Comparison]) -> list[str]:
     """How many paths have left the closures' itineraries, where some have."""
-    impacts, shares = len(validations[0].run.section), []
+    impacts = len(validations[0].run.section)
+    shares = []
     for v in validations:
         best = max(v.run.agreement[name].iloc[-1] for name in v.predictions)
         if best < 1.0:
-            shares.append(f"{f'{best:.1%}' if best < 0.9995 else f'{100.0 * best:.6g}%'} at σ = {sigma_text(v)}")
+            shares.append(
+                f"{f'{best:.1%}' if best < 0.9995 else f'{100.0 * best:.6g}%'} at σ ="
+                f" {sigma_text(v)}"
+            )
     said = f"After {impacts} impacts the share of paths that still follow a closure's itinerary is "
     others = "a closure along a single orbit says nothing about the others."
     return [f"{said}{join_words(shares)}: {others}"] if shares else []
 
 
 def by_size_sentence(validations: Sequence[Comparison]) -> list[str]:
-    """How many verdicts of each closure rest on the size of what does not vary, in one sentence or none."""
+    """How many verdicts of each closure rest on the size of what does not vary, in one sentence or
+    none."""
     rows = pd.concat([v.of_all_paths.assign(sigma=sigma_text(v)) for v in validations])
     rows = rows[rows["remark"] == BY_SIZE]
     shares = [
-        f"at σ = {sigma} {join_words([f'`{closure}` {n}' for closure, n in own.value_counts(sort=False).items()])}"
-        for sigma, own in rows.groupby("sigma", sort=False)["closure"]
+        f"at σ = {sigma} " + join_words([f"`{closure}` {n}" for closure, n in counts.items()])
+        for sigma, counts in (
+            (sigma, closures.value_counts(sort=False))
+            for sigma, closures in rows.groupby("sigma", sort=False)["closure"]
+        )
     ]
     return [f"Moments not measured in sds ({BY_SIZE}): {'; '.join(shares)}."] if shares else []
 
 
 def correlation_claim(validations: Sequence[Comparison]) -> str:
-    """The paper's argument that the density is not Gaussian because |rho| may exceed 1, compared with the evidence."""
-    if "published" not in validations[0].predictions or "corrected" not in validations[0].predictions:
+    """The paper's argument that the density is not Gaussian because |rho| may exceed 1, compared
+    with the evidence."""
+    if (
+        "published" not in validations[0].predictions
+        or "corrected" not in validations[0].predictions
+    ):
         return ""
     evidence = []
     for v in validations:
-        rows = v.correlation[(v.correlation["closure"] == "published") & ~v.correlation["realizable"]]
-        impacts, beyond = rows["impact"], rows["rho"].abs().max()
+        rows = v.correlation[
+            (v.correlation["closure"] == "published") & ~v.correlation["realizable"]
+        ]
+        impacts = rows["impact"]
+        beyond = rows["rho"].abs().max()
         excess = f", |ρ| up to {beyond:.3g}" if beyond > 1.0 else ""
-        where = f"at {impacts.nunique()} impacts, the first being {impacts.min()}{excess}" if len(rows) else "nowhere"
+        where = (
+            f"at {impacts.nunique()} impacts, the first being {impacts.min()}{excess}"
+            if len(rows)
+            else "nowhere"
+        )
         evidence.append(f"at σ = {sigma_text(v)} {where}")
-    texts, largest = read_texts("validation"), partial(_largest_rho, validations)
+    texts = read_texts("validation")
+    largest = partial(_largest_rho, validations)
     rule = texts["one_stage" if validations[0].scene.stages == 1 else "two_stages"]
     sizes = {"corrected": largest("corrected"), "simulated": largest(SIMULATED)}
     return str(texts["claim"].format(evidence="; ".join(evidence), rule=rule, **sizes))

@@ -1,8 +1,9 @@
-"""What a validation and a sweep found, as data: range of validity of each closure, its cause, and what it saves.
+"""What a validation and a sweep found, as data: range of validity of each closure, its cause, and
+what it saves.
 
-An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd is off by more.
-Work is counted at nominal costs (`rattle.montecarlo.accuracy.cost`, `rattle.closure.mean_map`): no clock decides what
-is advised.
+An accuracy is that of `rattle.montecarlo.simulate_to`: with 95 % probability no section mean or sd
+is off by more. Work is counted at nominal costs (`rattle.montecarlo.accuracy.cost`,
+`rattle.closure.mean_map`): no clock decides what is advised.
 """
 
 import math
@@ -19,7 +20,15 @@ from rattle.closure.closure import RAISED
 from rattle.closure.mean_map import closure_seconds, predict
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.errors import ON_ITINERARY, first_failure
-from rattle.compare.validation.verdict import NOT_JUDGED, Tolerances, is_accurate, is_wrong, unbroken, want, widest
+from rattle.compare.validation.verdict import (
+    NOT_JUDGED,
+    Tolerances,
+    is_accurate,
+    is_wrong,
+    unbroken,
+    want,
+    widest,
+)
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import PilotRun, sample_branches
@@ -69,7 +78,8 @@ class Comparison:
 
     @cached_property
     def near_branches(self) -> Ensemble | None:
-        """Paths by the simulation's scheme of which a part is drawn near the rare branches that matter, if any does."""
+        """Paths by the simulation's scheme of which a part is drawn near the rare branches that
+        matter, if any does."""
         return self.second_look or begin_rare(self.run, LEAST, in_threads(1))
 
     def foresee(self, accuracy: float) -> PilotRun:
@@ -77,7 +87,8 @@ class Comparison:
         return sample_branches(PilotRun.of(self.run), accuracy, lambda: self.near_branches)
 
     def leaving(self, closure: str) -> tuple[float, float, float]:
-        """Probability of having left a closure's itinerary by its last impact, with a 95 % interval."""
+        """Probability of having left a closure's itinerary by its last impact, with a 95 %
+        interval."""
         run = self.run
         own = run.plan.itineraries[closure]
         impacts = int(np.count_nonzero(own))
@@ -93,7 +104,8 @@ class Comparison:
         rows = run.leaving[run.leaving["impact"] <= impacts]
         if rows.empty:
             return 0.0, 0.0, interval(0.0, 0.0, 1.0 / run.paths)[1]
-        each = (rows["probability"] / rows["paths"]).fillna(1.0 / run.paths)  # mean weight of a path
+        # mean weight of a path
+        each = (rows["probability"] / rows["paths"]).fillna(1.0 / run.paths)
         total = float(rows["probability"].sum())
         low, high = interval(total, float((rows["probability"] * each).sum()), float(each.max()))
         return min(total, 1.0), low, min(high, 1.0)
@@ -113,24 +125,30 @@ CAUSES: dict[str, str] = read_texts("validation")["causes"]
 """What limits the range of validity: key in the tables, and phrase."""
 
 DIVERGED = 0.99  # agreement below which no closure along a single orbit can be accurate
-OFF_ITINERARY = 0.9999  # the same for saltation, else exact to first order: a few distant paths already change an sd
-SLOW = 3.0  # mean impact speed, in its sds, below which a Gaussian has a part of the paths miss the wall (grazing)
+# the same for saltation, else exact to first order: a few distant paths already change an sd
+OFF_ITINERARY = 0.9999
+# mean impact speed, in its sds, below which a Gaussian has a part of the paths miss the wall
+# (grazing)
+SLOW = 3.0
 
 
 class Validity(NamedTuple):
-    """Range of validity of a closure at one noise intensity; which rows are judged is stated in `verdict.RULE`."""
+    """Range of validity of a closure at one noise intensity; which rows are judged is stated in
+    `verdict.RULE`."""
 
     closure: str
     sigma: float  # noise intensity
     accurate: int  # last impact up to which every section mean and sd that it predicts is accurate
-    not_inaccurate: int  # last impact up to which none is inaccurate; beyond ``accurate`` some are undecided
+    # last impact up to which none is inaccurate; beyond ``accurate`` some are undecided
+    not_inaccurate: int
     cause: str  # what limits the range, a key of `CAUSES`
     why: str  # the evidence for the cause
-    on_itinerary: int  # last impact up to which 99 % of the paths have followed the closure's itinerary
+    # last impact up to which 99 % of the paths have followed the closure's itinerary
+    on_itinerary: int
     paths: int
     dt: float  # of the simulation
-    # the same two for the moments of the paths on its itinerary, and the probability of having left it by its last
-    # impact, with a 95 % interval
+    # the same two for the moments of the paths on its itinerary, and the probability of having left
+    # it by its last impact, with a 95 % interval
     itinerary_accurate: int = 0
     itinerary_not_inaccurate: int = 0
     leaving: float = math.nan
@@ -145,18 +163,34 @@ def find_validity(v: Comparison, closure: str) -> Validity:
     accurate, not_inaccurate = _reach(rows, impacts)
     on_itinerary = unbroken(impacts, v.run.agreement[closure] >= DIVERGED) or 0
     if accurate == len(impacts):
-        cause, why = "holds", CAUSES["holds"]
+        cause = "holds"
+        why = CAUSES["holds"]
     elif not_inaccurate == len(impacts):
-        cause, why = "undecided", f"{want(rows)} from impact {accurate + 1} on"
+        cause = "undecided"
+        why = f"{want(rows)} from impact {accurate + 1} on"
     else:
         cause, why = _why(v, closure, not_inaccurate + 1)
-    found = closure, v.scene.sigma, accurate, not_inaccurate, cause, why, on_itinerary, v.run.paths, v.run.dt
-    return Validity(*found, *_reach(rows_to_judge(v, closure, ON_ITINERARY), impacts), *v.leaving(closure))
+    found = (
+        closure,
+        v.scene.sigma,
+        accurate,
+        not_inaccurate,
+        cause,
+        why,
+        on_itinerary,
+        v.run.paths,
+        v.run.dt,
+    )
+    return Validity(
+        *found, *_reach(rows_to_judge(v, closure, ON_ITINERARY), impacts), *v.leaving(closure)
+    )
 
 
 def _reach(rows: pd.DataFrame, impacts: range) -> tuple[int, int]:
     """The last impacts up to which all rows are accurate, and none is inaccurate."""
-    verdicts = {k: set[str]() for k in impacts} | {k: set(group["verdict"]) for k, group in rows.groupby("impact")}
+    verdicts = {k: set[str]() for k in impacts} | {
+        k: set(group["verdict"]) for k, group in rows.groupby("impact")
+    }
     accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
     return accurate, unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
 
@@ -167,13 +201,15 @@ def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
 
 
 def rows_to_judge(v: Comparison, closure: str, kind: str = "section") -> pd.DataFrame:
-    """The section rows of a closure that are judged, see `rattle.compare.validation.verdict.RULE`."""
+    """The section rows of a closure that are judged, see
+    `rattle.compare.validation.verdict.RULE`."""
     rows = v.section_rows(closure, kind)
     return rows[rows["verdict"] != NOT_JUDGED]
 
 
 def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
-    """Why a closure is not accurate at an impact: cause and evidence; of several causes the first in this order."""
+    """Why a closure is not accurate at an impact: cause and evidence; of several causes the first
+    in this order."""
     prediction = v.predictions[closure]
     failed = first_failure(v.correlation, closure)
     if failed and failed[0] <= impact:
@@ -183,14 +219,20 @@ def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
     worst = _worst(v, closure, impact)
     if prediction.trace.parts is not None:
         lost = float(prediction.section["discarded"].loc[impact])
-        and_lost = f", and {lost:.1%} of the probability was discarded so far" if lost >= 5e-4 else ""
+        and_lost = (
+            f", and {lost:.1%} of the probability was discarded so far" if lost >= 5e-4 else ""
+        )
         return "mixture", f"{worst}: {CAUSES['mixture']}{and_lost}"
-    agreement, limit = float(v.run.agreement[closure].loc[impact]), prediction.method.limit
+    agreement = float(v.run.agreement[closure].loc[impact])
+    limit = prediction.method.limit
     if agreement < (OFF_ITINERARY if limit == "second order" else DIVERGED):
         return "off itinerary", f"{worst}: {1.0 - agreement:.2%} of the {CAUSES['off itinerary']}"
     slow = _slowest(prediction, impact)
     if slow is not None:
-        return "grazing", f"{worst}: impact {slow[0]} grazes (its mean speed is {slow[1]:.1f} of its sds)"
+        return (
+            "grazing",
+            f"{worst}: impact {slow[0]} grazes (its mean speed is {slow[1]:.1f} of its sds)",
+        )
     return limit, f"{worst}{', at any noise' if limit == 'fixed time' else ''}: {CAUSES[limit]}"
 
 
@@ -204,16 +246,19 @@ def _worst(v: Comparison, closure: str, impact: int) -> str:
 
 
 def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
-    """The first impact up to a given one whose mean speed is below `SLOW` of its own sds, and that ratio."""
+    """The first impact up to a given one whose mean speed is below `SLOW` of its own sds, and that
+    ratio."""
     each = range(1, impact + 1)
     column = np.where(prediction.trace.mesh[each] == 1, 1, 3)
-    speed, sd = np.abs(prediction.trace.mean[each, column]), prediction.trace.sd[each, column + 2]
+    speed = np.abs(prediction.trace.mean[each, column])
+    sd = prediction.trace.sd[each, column + 2]
     slow = np.flatnonzero((speed < SLOW * sd) & (SLOW * sd < np.inf))
     return (int(slow[0]) + 1, float(speed[slow[0]] / sd[slow[0]])) if slow.size else None
 
 
 WANTED = 0.01  # accuracy, in sds, for which the cost of a simulation is stated
-SE = {"mean": "se_", "sd": "se_sd_"}  # column of the standard error of a moment, before its quantity
+# column of the standard error of a moment, before its quantity
+SE = {"mean": "se_", "sd": "se_sd_"}
 
 
 class Speed(NamedTuple):
@@ -222,61 +267,93 @@ class Speed(NamedTuple):
     closure: str
     sigma: float  # noise intensity
     impacts: int  # the impact up to which the closure is accurate; both sides are counted up to it
-    # worst, median: worst and median error of the closure's section means and sds, in units of the quantities' sds
+    # worst, median: worst and median error of the closure's section means and sds, in units of the
+    # quantities' sds
     worst: float
     median: float
-    # whether the interval of the worst error excludes zero; if not, the error may be smaller and the speed-up larger
+    # whether the interval of the worst error excludes zero; if not, the error may be smaller and
+    # the speed-up larger
     resolved: bool
-    # closure_seconds, simulation_seconds: nominal seconds on one core; that of a closure of one's own is measured
+    # closure_seconds, simulation_seconds: nominal seconds on one core; that of a closure of one's
+    # own is measured
     closure_seconds: float
     paths: int  # paths that bound all errors by the worst error of the closure
     simulation_seconds: float
-    speed_up: float  # ratio of the two times; NaN where one was measured: a clock must decide nothing
+    # ratio of the two times; NaN where one was measured: a clock must decide nothing
+    speed_up: float
 
 
 def paths_for(rows: pd.DataFrame, error: float) -> int:
     """Number of paths for which with 95 % probability no moment is off by more than `error`.
 
-    `rows`: A row for each moment: ``unit``, the sd of its quantity, and ``se``, its standard error for a single
-    path.
+    `rows`: A row for each moment: ``unit``, the sd of its quantity, and ``se``, its standard error
+    for a single path.
     """
-    return math.ceil(round(float(((widest(len(rows)) * rows["se"] / (error * rows["unit"])) ** 2).max()), 6))
+    return math.ceil(
+        round(float(((widest(len(rows)) * rows["se"] / (error * rows["unit"])) ** 2).max()), 6)
+    )
 
 
 def simulation_costs(validations: Sequence[Comparison]) -> pd.DataFrame:
-    """What `rattle.montecarlo.simulate_to` takes to an accuracy of `WANTED` with the scheme of each validation."""
+    """What `rattle.montecarlo.simulate_to` takes to an accuracy of `WANTED` with the scheme of each
+    validation."""
     found = [(v, v.foresee(WANTED).at(WANTED)) for v in validations]
-    return pd.DataFrame([{"sigma": v.scene.sigma, "impacts": v.run.impacts, **cost._asdict()} for v, cost in found])
+    return pd.DataFrame(
+        [{"sigma": v.scene.sigma, "impacts": v.run.impacts, **cost._asdict()} for v, cost in found]
+    )
 
 
 def measure_speeds(validations: Sequence[Comparison]) -> pd.DataFrame:
     """`measure_speed` of every closure of some validations that is accurate at the first impact."""
-    found = [s for v in validations for closure in v.predictions if (s := measure_speed(v, closure))]
+    found = [
+        s for v in validations for closure in v.predictions if (s := measure_speed(v, closure))
+    ]
     return pd.DataFrame(found, columns=list(Speed._fields))
 
 
 def measure_speed(v: Comparison, closure: str) -> Speed | None:
-    """Count the work of a closure up to the last impact at which it is accurate; None if there is none, or no sd."""
-    reached, prediction = v.validity[closure].accurate, v.predictions[closure]
+    """Count the work of a closure up to the last impact at which it is accurate; None if there is
+    none, or no sd."""
+    reached = v.validity[closure].accurate
+    prediction = v.predictions[closure]
     rows = rows_to_judge(v, closure)
-    rows = rows[(rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")]
+    rows = rows[
+        (rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")
+    ]
     if rows.empty:
         return None
     errors = rows["error"].abs() / rows["unit"]
-    worst, own = rows.iloc[int(errors.argmax())], prediction.method.own
+    worst = rows.iloc[int(errors.argmax())]
+    own = prediction.method.own
     if own:  # again: its first call may have compiled something
         prediction = predict(v.scene, prediction.method, reached, prediction.order)
-    costs = [_cost_of_rows(run, rows, float(errors.max())) for run in (v.run, v.foresee(float(errors.max())).run)]
+    costs = [
+        _cost_of_rows(run, rows, float(errors.max()))
+        for run in (v.run, v.foresee(float(errors.max())).run)
+    ]
     cheapest = min(costs, key=lambda cost: cost.core_seconds)
-    seconds, cost = closure_seconds(prediction, reached), cheapest.core_seconds * reached / v.run.impacts
-    size = float(errors.max()), float(errors.median()), bool(worst["low"] > 0.0 or worst["high"] < 0.0)
+    seconds = closure_seconds(prediction, reached)
+    cost = cheapest.core_seconds * reached / v.run.impacts
+    size = (
+        float(errors.max()),
+        float(errors.median()),
+        bool(worst["low"] > 0.0 or worst["high"] < 0.0),
+    )
     return Speed(
-        closure, v.scene.sigma, reached, *size, seconds, cheapest.paths, cost, math.nan if own else cost / seconds
+        closure,
+        v.scene.sigma,
+        reached,
+        *size,
+        seconds,
+        cheapest.paths,
+        cost,
+        math.nan if own else cost / seconds,
     )
 
 
 def _cost_of_rows(run: Ensemble, rows: pd.DataFrame, error: float) -> Candidate:
-    """Work of paths like those of a run with which none of some rows is off by more than `error`."""
+    """Work of paths like those of a run with which none of some rows is off by more than
+    `error`."""
     at = rows[["moment", "quantity", "impact"]].itertuples(index=False)
     se = [run.columns[SE[moment] + quantity][impact - 1] for moment, quantity, impact in at]
     return cost_of(run, paths_for(rows.assign(se=np.array(se) * math.sqrt(run.paths)), error))

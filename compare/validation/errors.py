@@ -1,4 +1,5 @@
-"""Errors of a closure's section moments and of its correlations at mid-flight, with intervals and verdicts."""
+"""Errors of a closure's section moments and of its correlations at mid-flight, with intervals and
+verdicts."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +16,13 @@ from rattle.closure.closure import describe_error
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.diagnostics.accuracy import LEAST, skewness_gain, smallest_sd
-from rattle.montecarlo.diagnostics.unseen import Unseen, find_unseen, unseen, unseen_columns, unseen_text
+from rattle.montecarlo.diagnostics.unseen import (
+    Unseen,
+    find_unseen,
+    unseen,
+    unseen_columns,
+    unseen_text,
+)
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.step_size import SCHEMES
@@ -29,7 +36,8 @@ WORTH_A_WORD = 0.05
 """Share of a tolerance from which on what a branch could change is told."""
 
 FEWEST = 32
-"""Least number of paths from which an sd is judged: the fourth moment of fewer says too little about its error."""
+"""Least number of paths from which an sd is judged: the fourth moment of fewer says too little
+about its error."""
 
 TOO_FEW = f"too few paths for an interval; that of an sd needs {FEWEST}"
 """Remark on a row whose interval the sample cannot have."""
@@ -40,17 +48,23 @@ ON_ITINERARY = "itinerary"
 HALF = 0.5
 """Share of all paths that must follow an itinerary for these paths to be judged alone."""
 
-TOO_FEW_FOLLOW = "fewer than half of the paths follow this itinerary up to here: judged over all paths only"
+TOO_FEW_FOLLOW = (
+    "fewer than half of the paths follow this itinerary up to here: judged over all paths only"
+)
 """Remark on the rows of the others."""
 
 NO_ITINERARY = "the closure's itinerary ends before this impact: judged over all paths only"
 """Remark where there is none any more, as of an orbit at rest."""
 
-OTHER_ITINERARY = "the closure follows another itinerary than the noise-free path: judged over all paths only"
-"""Remark where the paths apart are those of the noise-free itinerary, and the closure has left it."""
+OTHER_ITINERARY = (
+    "the closure follows another itinerary than the noise-free path: judged over all paths only"
+)
+"""Remark where the paths apart are those of the noise-free itinerary, and the closure has left it.
+"""
 
 ABSOLUTE = 1e-6
-"""Tolerance, relative to size, where nothing varies (`rattle.montecarlo.diagnostics.accuracy.smallest_sd`)."""
+"""Tolerance, relative to size, where nothing varies
+(`rattle.montecarlo.diagnostics.accuracy.smallest_sd`)."""
 
 BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the quantity's size"
 """Remark on the rows of such quantities."""
@@ -63,11 +77,13 @@ AGAIN = 0.25
 """Share of the probability of a wrong verdict that `judge_again` may add."""
 
 SPARE = 2.0
-"""How many times the paths that are expected to decide its rows `judge_again` takes: a branch widens their errors."""
+"""How many times the paths that are expected to decide its rows `judge_again` takes: a branch
+widens their errors."""
 
 
 class Claimed(Protocol):
-    """Section moments of a closure or of a user's own model, in the columns of `rattle.closure.MeanMap.section`."""
+    """Section moments of a closure or of a user's own model, in the columns of
+    `rattle.closure.MeanMap.section`."""
 
     @property
     def closure(self) -> str:
@@ -86,7 +102,8 @@ class NamedSection(NamedTuple):
 
 
 class Simulated(Protocol):
-    """Section moments of a simulation: a `rattle.montecarlo.Ensemble`, or the tables stored of one."""
+    """Section moments of a simulation: a `rattle.montecarlo.Ensemble`, or the tables stored of
+    one."""
 
     @property
     def scene(self) -> Scene:
@@ -105,26 +122,32 @@ class Simulated(Protocol):
         """As `Ensemble.agreement`."""
 
 
-def section_errors(predictions: Sequence[Claimed], run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
+def section_errors(
+    predictions: Sequence[Claimed], run: Simulated, z: float, tolerances: Tolerances
+) -> pd.DataFrame:
     """Errors of predicted section moments with intervals and verdicts.
 
-    Both sides are moments on the Poincaré section at the impacts: of the state of each path at its own k-th impact.
+    Both sides are moments on the Poincaré section at the impacts: of the state of each path at its
+    own k-th impact.
 
-    Returns: A row for each prediction, impact, quantity and moment.  ``simulated`` is the simulated value with its
-    standard error ``se`` and the measured step ``bias``.  ``error`` is the predicted minus the bias-corrected value;
-    ``low`` and ``high`` bound it: ``noise`` is `z` standard errors of the corrected value (the interval has
-    Student's t in place of `z`, which is wider where paths are few), ``rest`` bounds the bias that the correction
-    may have left. ``unit`` is the sd of the quantity, ``se_unit`` its standard error. ``still`` is the tolerance
-    of a quantity that does not vary, `ABSOLUTE` times its largest size over the impacts (for times, that of a
-    flight), and 0 where it varies. ``agreement`` is the share of paths on the closure's itinerary if the run has
-    it, else on the noise-free one. ``judged`` is False for the rows that `RULE` excludes. ``unseen_low`` and
-    ``unseen_high`` are how far branches that the sample cannot have seen widen the interval on either side, and
-    ``unseen_paths`` how many paths would show them (`rattle.montecarlo.diagnostics.unseen`); ``remark`` says so in
-    words where they leave a row undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled
-    value is longer on the side to which its own sampling distribution is skewed (`widen_for_skewness`); ``lean`` is
-    that skewness over sqrt(n). Verdicts are those of `judge`.
+    Returns: A row for each prediction, impact, quantity and moment.  ``simulated`` is the simulated
+    value with its standard error ``se`` and the measured step ``bias``.  ``error`` is the predicted
+    minus the bias-corrected value; ``low`` and ``high`` bound it: ``noise`` is `z` standard errors
+    of the corrected value (the interval has Student's t in place of `z`, which is wider where paths
+    are few), ``rest`` bounds the bias that the correction may have left. ``unit`` is the sd of the
+    quantity, ``se_unit`` its standard error. ``still`` is the tolerance of a quantity that does not
+    vary, `ABSOLUTE` times its largest size over the impacts (for times, that of a flight), and 0
+    where it varies. ``agreement`` is the share of paths on the closure's itinerary if the run has
+    it, else on the noise-free one. ``judged`` is False for the rows that `RULE` excludes.
+    ``unseen_low`` and ``unseen_high`` are how far branches that the sample cannot have seen widen
+    the interval on either side, and ``unseen_paths`` how many paths would show them
+    (`rattle.montecarlo.diagnostics.unseen`); ``remark`` says so in words where they leave a row
+    undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled value is
+    longer on the side to which its own sampling distribution is skewed (`widen_for_skewness`);
+    ``lean`` is that skewness over sqrt(n). Verdicts are those of `judge`.
     """
-    section, steps = run.section, run.step_bias
+    section = run.section
+    steps = run.step_bias
     impact = steps["impact"]
     moment = steps["quantity"].where(steps["moment"] == "mean", "sd_" + steps["quantity"])
     simulated = _simulated_rows(run, z, tolerances)
@@ -137,7 +160,8 @@ def section_errors(predictions: Sequence[Claimed], run: Simulated, z: float, tol
         rows["agreement"] = agreement.loc[impact].to_numpy()
         parts.append(rows)
     table = pd.concat(parts, ignore_index=True)
-    half, skew = table.pop("half"), table.pop("skew")
+    half = table.pop("half")
+    skew = table.pop("skew")
     table["low"] = table["error"] - half - skew.clip(lower=0.0) - table["unseen_low"]
     table["high"] = table["error"] + half - skew.clip(upper=0.0) + table["unseen_high"]
     table = judge(table)
@@ -145,14 +169,22 @@ def section_errors(predictions: Sequence[Claimed], run: Simulated, z: float, tol
 
 
 def _simulated_rows(run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
-    """The rows of `section_errors` without a prediction; ``half`` the width of an interval, and what ``skew`` adds."""
-    section, steps = run.section, run.step_bias
-    impact, quantity, is_mean = steps["impact"], steps["quantity"], steps["moment"] == "mean"
+    """The rows of `section_errors` without a prediction; ``half`` the width of an interval, and
+    what ``skew`` adds."""
+    section = run.section
+    steps = run.step_bias
+    impact = steps["impact"]
+    quantity = steps["quantity"]
+    is_mean = steps["moment"] == "mean"
     name = quantity.where(is_mean, "sd_" + quantity)
     sd = steps[~is_mean].set_index(["impact", "quantity"])
     own = sd.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
     unit = own["corrected"].where(own["corrected"] > 0.0, _pick(section, impact, "sd_" + quantity))
-    sizes = {q: float(np.hypot(section[q], section["sd_" + q]).max()) for q in quantity.unique() if q != "tau"}
+    sizes = {
+        q: float(np.hypot(section[q], section["sd_" + q]).max())
+        for q in quantity.unique()
+        if q != "tau"
+    }
     size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
     columns = {str(name): section[name].to_numpy() for name in section}
     few = ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST)
@@ -174,7 +206,9 @@ def _simulated_rows(run: Simulated, z: float, tolerances: Tolerances) -> pd.Data
             "rest": steps["rest"],
             "unit": unit,
             "se_unit": own["se_corrected"],
-            "tolerance": np.maximum(np.where(is_mean, tolerances.mean, tolerances.sd) * unit, still),
+            "tolerance": np.maximum(
+                np.where(is_mean, tolerances.mean, tolerances.sd) * unit, still
+            ),
             "still": still,
             "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
             "agreement": np.nan,
@@ -186,48 +220,69 @@ def _simulated_rows(run: Simulated, z: float, tolerances: Tolerances) -> pd.Data
     table["half"] = student + table["rest"]
     table["skew"] = gain * student
     table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
-    up, down, needed, chance = _shift_unseen(unseen(run.scene, columns, int(section["paths"].max())), steps)
-    table["unseen_low"], table["unseen_high"], table["unseen_share"] = up, down, chance
+    up, down, needed, chance = _shift_unseen(
+        unseen(run.scene, columns, int(section["paths"].max())), steps
+    )
+    table["unseen_low"] = up
+    table["unseen_high"] = down
+    table["unseen_share"] = chance
     table["unseen_paths"] = np.where(few, np.fmax(needed, FEWEST), needed)
     return table
 
 
-def itinerary_errors(prediction: MeanMap, run: Ensemble, z: float, tolerances: Tolerances) -> pd.DataFrame:
-    """`section_errors` of the paths alone that have followed the closure's itinerary up to each impact.
+def itinerary_errors(
+    prediction: MeanMap, run: Ensemble, z: float, tolerances: Tolerances
+) -> pd.DataFrame:
+    """`section_errors` of the paths alone that have followed the closure's itinerary up to each
+    impact.
 
-    Returns: Rows as of `section_errors`, of kind ``itinerary``.  They are not judged where fewer than `HALF` of the
-    paths follow it, and their remark says so.
+    Returns: Rows as of `section_errors`, of kind ``itinerary``.  They are not judged where fewer
+    than `HALF` of the paths follow it, and their remark says so.
     """
     name = prediction.closure
-    on, own = followers_of(run, name), np.array(run.plan.itineraries[name])
+    on = followers_of(run, name)
+    own = np.array(run.plan.itineraries[name])
     return judge_followers(prediction.on_itinerary(), on, z, tolerances, own, own)
 
 
 def followers_of(run: Ensemble, name: str = NOISE_FREE) -> Ensemble:
     """`Ensemble.on_itinerary`, with what it cannot have seen."""
-    on, itinerary = run.on_itinerary(name), run.plan.itineraries[name]
+    on = run.on_itinerary(name)
+    itinerary = run.plan.itineraries[name]
     hidden = find_unseen(run.scene, on.columns, run.paths, run.plan.mixture, run.dt, itinerary)
     return replace(on, unseen=unseen_columns(hidden))
 
 
 def judge_followers(
-    prediction: Claimed, on: Simulated, z: float, tolerances: Tolerances, own: Floats, followed: Floats
+    prediction: Claimed,
+    on: Simulated,
+    z: float,
+    tolerances: Tolerances,
+    own: Floats,
+    followed: Floats,
 ) -> pd.DataFrame:
     """`itinerary_errors` of moments on an itinerary.
 
-    `own`, `followed`: ``mesh * side`` of the closure and of the paths apart, 0 where it has ended; (impacts,).
+    `own`, `followed`: ``mesh * side`` of the closure and of the paths apart, 0 where it has ended;
+    (impacts,).
     """
     table = section_errors([prediction], on, z, tolerances).assign(kind=ON_ITINERARY)
-    at, other = table["impact"] - 1, np.logical_or.accumulate((own != followed) & (own != 0))
+    at = table["impact"] - 1
+    other = np.logical_or.accumulate((own != followed) & (own != 0))
     few = (table["agreement"] < HALF) | other[at]
-    table.loc[few & table["predicted"].notna(), ["verdict", "paths_needed", "judged"]] = NOT_JUDGED, np.nan, False
+    table.loc[few & table["predicted"].notna(), ["verdict", "paths_needed", "judged"]] = (
+        NOT_JUDGED,
+        np.nan,
+        False,
+    )
     why = np.select([own[at] == 0, other[at]], [NO_ITINERARY, OTHER_ITINERARY], TOO_FEW_FOLLOW)
     table.loc[few, "remark"] = why[few]
     return table
 
 
 def remarks(table: pd.DataFrame) -> NDArray[Any]:
-    """What decides a row besides its sd, in words: the size of what does not vary, and what the sample has not seen."""
+    """What decides a row besides its sd, in words: the size of what does not vary, and what the
+    sample has not seen."""
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
     few = table["low"].isna() & (table["verdict"] == "undecided")
@@ -246,11 +301,18 @@ def waits_for_branch(table: pd.DataFrame) -> "pd.Series[bool]":
 
 
 def judge_again(
-    table: pd.DataFrame, predictions: list[MeanMap], run: Ensemble, z: float, tolerances: Tolerances, workers: int
+    table: pd.DataFrame,
+    predictions: list[MeanMap],
+    run: Ensemble,
+    z: float,
+    tolerances: Tolerances,
+    workers: int,
 ) -> tuple[pd.DataFrame, Ensemble | None]:
-    """A table of `section_errors`, its rows that wait for a rare branch decided by paths of which a part is near it.
+    """A table of `section_errors`, its rows that wait for a rare branch decided by paths of which a
+    part is near it.
 
-    They are independent of the run, which only says how many are needed.  What they leave undecided stays as it was.
+    They are independent of the run, which only says how many are needed.  What they leave undecided
+    stays as it was.
 
     Returns: The table, and the run of these paths, None where there is none.
     """
@@ -278,18 +340,23 @@ def take_decided(table: pd.DataFrame, rows: "pd.Series[bool]", again: pd.DataFra
     return table.where(~decided, again.assign(remark=NEAR_BRANCHES))
 
 
-def widen_for_skewness(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float) -> Floats:
+def widen_for_skewness(
+    columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float
+) -> Floats:
     """`rattle.montecarlo.diagnostics.accuracy.skewness_gain` of the rows of a table.
 
     Shapes: result (rows,).
     """
-    gains = np.array([[skewness_gain(columns, q, of_sd, z) for q in SECTION] for of_sd in (False, True)])
+    gains = np.array(
+        [[skewness_gain(columns, q, of_sd, z) for q in SECTION] for of_sd in (False, True)]
+    )
     at = _number(steps["quantity"]), steps["impact"].to_numpy() - 1
     return np.asarray(gains[(steps["moment"] == "sd").to_numpy(int), *at])
 
 
 def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[Floats, ...]:
-    """Shifts up and down, paths that would tell and probability of the branch, of the rows of a table."""
+    """Shifts up and down, paths that would tell and probability of the branch, of the rows of a
+    table."""
     at = steps["impact"].to_numpy() - 1, _number(steps["quantity"])
     mean = (steps["moment"] == "mean").to_numpy()
     up = np.where(mean, hidden.mean_up[at], hidden.sd_up[at])
@@ -298,14 +365,18 @@ def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[Floats, ...]:
 
 
 def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
-    """Convert the times in a table of errors from phase-reduced (`Scene.phase_reduced`) to absolute time.
+    """Convert the times in a table of errors from phase-reduced (`Scene.phase_reduced`) to absolute
+    time.
 
-    Returns: Mean impact times and ``time`` are shifted; errors, intervals and verdicts are the same in both
-    times.
+    Returns: Mean impact times and ``time`` are shifted; errors, intervals and verdicts are the same
+    in both times.
     """
     late = (table["quantity"] == "tau") & (table["moment"] == "mean")
     sides = ("predicted", "simulated")
-    columns = {name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name]) for name in sides}
+    columns = {
+        name: np.where(late, scene.to_absolute_time(table[name].to_numpy(float)), table[name])
+        for name in sides
+    }
     if "time" in table:
         columns["time"] = scene.to_absolute_time(table["time"].to_numpy(float))
     return table.assign(**columns)
@@ -331,24 +402,28 @@ COLUMNS = ["closure", "impact", "stage", *Realizability._fields[2:], "realizable
 def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
     """Realizability of each stage's second moments.
 
-    A closure is judged just before its impacts.  The simulation is judged at mid-flight before the same impacts,
-    because at the mean impact time about half of the paths have already rebounded.
+    A closure is judged just before its impacts.  The simulation is judged at mid-flight before the
+    same impacts, because at the mean impact time about half of the paths have already rebounded.
 
-    Returns: A row for each closure (or ``monte carlo``), impact and stage: ``closure, impact, stage, variance_x,
-    variance_y, rho, smallest_eigenvalue, realizable, reason``. Shapes: `flights` (fixed times,).
+    Returns: A row for each closure (or ``monte carlo``), impact and stage: ``closure, impact,
+    stage, variance_x, variance_y, rho, smallest_eigenvalue, realizable, reason``. Shapes: `flights`
+    (fixed times,).
     """
     stages = range(1, run.scene.stages + 1)
     found = [
         (prediction.closure, impact, stage, *prediction.stage_realizability(impact, stage))
         for prediction in predictions
-        if prediction.trace.parts is None  # a mixture describes paths at their own impacts: no perturbation, no moments
+        # a mixture describes paths at their own impacts: no perturbation, no moments
+        if prediction.trace.parts is None
         for impact in range(1, prediction.trace.found + 1)
         for stage in stages
     ]
     for impact, (_, row) in zip(flights, run.at_times().iterrows(), strict=True):
         for stage in stages:
             xx, xy, yy = (row[f"cov_{a}{stage}_{b}{stage}"] for a, b in ("xx", "xy", "yy"))
-            found.append((SIMULATED, int(impact), stage, *realizability(np.array([[xx, xy], [xy, yy]]))))
+            found.append(
+                (SIMULATED, int(impact), stage, *realizability(np.array([[xx, xy], [xy, yy]])))
+            )
     table = pd.DataFrame(found, columns=["closure", "impact", "stage", *Realizability._fields])
     table = table.astype({"realizable": bool})
     known = table[["variance_x", "variance_y", "rho"]].notna().any(axis=1)
@@ -356,8 +431,11 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
 
 
 def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | None:
-    """The first impact, and there the first stage, at which a closure's second moments are not realizable."""
-    failed = table[(table["closure"] == closure) & ~table["realizable"]].sort_values(["impact", "stage"])
+    """The first impact, and there the first stage, at which a closure's second moments are not
+    realizable."""
+    failed = table[(table["closure"] == closure) & ~table["realizable"]].sort_values(
+        ["impact", "stage"]
+    )
     rows = failed[["impact", "stage", "reason"]].itertuples(index=False, name=None)
     return next(rows, None)
 
@@ -365,10 +443,12 @@ def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | N
 def mid_flight_errors(
     prediction: MeanMap, run: Ensemble, flights: Ints, z: float, tolerances: Tolerances
 ) -> pd.DataFrame:
-    """Errors of the correlation ``rho`` at the run's fixed times, in the middle of the orbit's flights.
+    """Errors of the correlation ``rho`` at the run's fixed times, in the middle of the orbit's
+    flights.
 
-    The interval of the simulated value is symmetric in Fisher's z = artanh rho, whose standard error is measured (for
-    a Gaussian pair it is ``1 / sqrt(paths)``); it is widened by the change from 2 dt to dt where there is a step bias.
+    The interval of the simulated value is symmetric in Fisher's z = artanh rho, whose standard
+    error is measured (for a Gaussian pair it is ``1 / sqrt(paths)``); it is widened by the change
+    from 2 dt to dt where there is a step bias.
 
     Returns: Rows as of `rattle.compare.validation.errors`; ``time`` is the fixed time, ``impact``
     the one that ends its flight. Shapes: `flights` (fixed times,).
@@ -376,8 +456,18 @@ def mid_flight_errors(
     fixed = run.at_times()
     reached = fixed.index.to_numpy(float)
     predicted, remark = _at_times(prediction, reached[reached <= prediction.trace.span[1]])
-    common: dict[str, Any] = {"closure": prediction.closure, "kind": "fixed time", "moment": "rho", "unit": 1.0}
-    common |= {"impact": flights, "time": fixed.index, "tolerance": tolerances.rho, "paths": run.paths}
+    common: dict[str, Any] = {
+        "closure": prediction.closure,
+        "kind": "fixed time",
+        "moment": "rho",
+        "unit": 1.0,
+    }
+    common |= {
+        "impact": flights,
+        "time": fixed.index,
+        "tolerance": tolerances.rho,
+        "paths": run.paths,
+    }
     common["agreement"] = run.agreement[prediction.closure].to_numpy()[flights - 1]
     parts = []
     for stage in range(1, run.scene.stages + 1):
@@ -388,8 +478,19 @@ def mid_flight_errors(
         value = predicted[f"rho{stage}"].reindex(fixed.index)
         low = value - each(math.tanh, fisher + half) - bias.abs()
         high = value - each(math.tanh, fisher - half) + bias.abs()
-        own: dict[str, Any] = {"quantity": f"rho{stage}", "predicted": value, "simulated": rho, "error": value - rho}
-        own |= {"se": fixed[f"se_rho{stage}"], "bias": bias, "rest": bias.abs(), "low": low, "high": high}
+        own: dict[str, Any] = {
+            "quantity": f"rho{stage}",
+            "predicted": value,
+            "simulated": rho,
+            "error": value - rho,
+        }
+        own |= {
+            "se": fixed[f"se_rho{stage}"],
+            "bias": bias,
+            "rest": bias.abs(),
+            "low": low,
+            "high": high,
+        }
         own |= {"noise": 0.5 * (high - low) - bias.abs()}
         own["remark"] = np.where(half.isna() & value.notna() & rho.notna(), TOO_FEW, remark)
         parts.append(pd.DataFrame(common | own))
@@ -397,7 +498,8 @@ def mid_flight_errors(
 
 
 def _at_times(prediction: MeanMap, times: Floats) -> tuple[pd.DataFrame, str]:
-    """A closure's moments at fixed times, and what a function of one's own raised in place of them."""
+    """A closure's moments at fixed times, and what a function of one's own raised in place of
+    them."""
     try:
         return prediction.at_times(times), ""
     except (Exception, SystemExit) as error:

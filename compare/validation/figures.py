@@ -1,4 +1,5 @@
-"""Figures of a validation: errors, correlation, section histograms, agreement, ranges of validity."""
+"""Figures of a validation: errors, correlation, section histograms, agreement, ranges of
+validity."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,28 +13,42 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from rattle.compare.report.style import ACCURATE, FORBIDDEN, STYLE, SYMBOL, legend_above, new_figure, whole_impacts
+from rattle.compare.report.style import (
+    ACCURATE,
+    FORBIDDEN,
+    STYLE,
+    SYMBOL,
+    legend_above,
+    new_figure,
+    whole_impacts,
+)
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import CAUSES, Comparison
 from rattle.compare.validation.verdict import ACCURATE as ACCURATE_TO
 from rattle.compare.validation.verdict import NOT_WRONG, WRONG
 from rattle.scene import Scene
 
-VISIBLE = 2e-3  # the outermost bins of a histogram that are drawn have at least this share of the highest
+# the outermost bins of a histogram that are drawn have at least this share of the highest
+VISIBLE = 2e-3
 LINEAR = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
 
 
 def _offsets(names: Sequence[str]) -> dict[str, float]:
     """Small sideways shifts, so that markers of one impact stand side by side."""
-    return dict(zip(names, np.linspace(-0.13, 0.13, len(names)) if len(names) > 1 else [0.0], strict=True))
+    return dict(
+        zip(names, np.linspace(-0.13, 0.13, len(names)) if len(names) > 1 else [0.0], strict=True)
+    )
 
 
 def error_figure(v: Comparison) -> Figure:
-    """Errors of section means and sds per impact and closure, in units of the quantity's sd, with intervals."""
+    """Errors of section means and sds per impact and closure, in units of the quantity's sd, with
+    intervals."""
     quantities = ("tau", "y1", "y2")[: 1 + v.scene.stages]
     figure, axes = new_figure(3.4 * len(quantities), 5.4, 2, len(quantities))
     section = v.table.query("kind == 'section' and verdict != 'not predicted' and unit > 0.0")
-    accurate = f"accurate: means within {v.tolerances.mean:.0%}, sds within {v.tolerances.sd:.0%} of an sd"
+    accurate = (
+        f"accurate: means within {v.tolerances.mean:.0%}, sds within {v.tolerances.sd:.0%} of an sd"
+    )
     panels = [(moment, quantity) for moment in ("mean", "sd") for quantity in quantities]
     for ax, (moment, quantity) in zip(axes, panels, strict=True):
         share = getattr(v.tolerances, moment)
@@ -43,10 +58,20 @@ def error_figure(v: Comparison) -> Figure:
         for closure, shift in _offsets(list(v.predictions)).items():
             rows = here[here["closure"] == closure]
             error, low, high = (rows[name] / rows["unit"] for name in ("error", "low", "high"))
-            at, bars = rows["impact"] + shift, [error - low, high - error]
-            ax.errorbar(at, error, bars, ls="none", ms=4, capsize=2, label=closure, **STYLE[closure])
+            at = rows["impact"] + shift
+            bars = [error - low, high - error]
+            ax.errorbar(
+                at, error, bars, ls="none", ms=4, capsize=2, label=closure, **STYLE[closure]
+            )
         if here.empty:
-            ax.text(0.5, 0.75, "no closure predicts it", transform=ax.transAxes, ha="center", color="0.35")
+            ax.text(
+                0.5,
+                0.75,
+                "no closure predicts it",
+                transform=ax.transAxes,
+                ha="center",
+                color="0.35",
+            )
         ax.set_yscale("symlog", linthresh=LINEAR)
         limit = max(10.0, *(abs(t) for t in ax.get_ylim()))
         ax.set(ylim=(-limit, limit), xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact")
@@ -58,40 +83,63 @@ def error_figure(v: Comparison) -> Figure:
 
 
 def correlation_figure(v: Comparison) -> Figure | None:
-    """Correlation of displacement and velocity per stage: closures before impacts, all of them mid-flight.
+    """Correlation of displacement and velocity per stage: closures before impacts, all of them
+    mid-flight.
 
-    None without closures but `branching`: a mixture has no moments of a perturbation, hence no correlation.
+    None without closures but `branching`: a mixture has no moments of a perturbation, hence no
+    correlation.
     """
-    closures = [name for name, prediction in v.predictions.items() if prediction.trace.parts is None]
+    closures = [
+        name for name, prediction in v.predictions.items() if prediction.trace.parts is None
+    ]
     if not closures:
         return None
     stages = range(1, v.scene.stages + 1)
     figure, axes = new_figure(5.2 * len(stages), 3.9, 1, len(stages))
-    limit, impossible = 1.9, r"impossible: $|\rho| > 1$"
+    limit = 1.9
+    impossible = r"impossible: $|\rho| > 1$"
     for stage, ax in zip(stages, axes, strict=True):
         for sign in (-1.0, 1.0):
             ax.axhspan(sign, sign * limit, color=FORBIDDEN, alpha=0.22, lw=0, label=impossible)
         for closure, shift in _offsets(closures).items():
-            rows = v.correlation[(v.correlation["closure"] == closure) & (v.correlation["stage"] == stage)]
-            at, rho = rows["impact"] + shift, rows["rho"].clip(-limit + 0.12, limit - 0.12)
+            rows = v.correlation[
+                (v.correlation["closure"] == closure) & (v.correlation["stage"] == stage)
+            ]
+            at = rows["impact"] + shift
+            rho = rows["rho"].clip(-limit + 0.12, limit - 0.12)
             if rho.notna().any():
-                ax.plot(at, rho, ls="none", ms=5, label=f"{closure}, before impact", **STYLE[closure])
+                ax.plot(
+                    at, rho, ls="none", ms=5, label=f"{closure}, before impact", **STYLE[closure]
+                )
             broken = at[rows["rho"].isna() & ~rows["realizable"]]
             if len(broken):
-                crosses = {"marker": "x", "color": STYLE[closure]["color"], "label": f"{closure}: negative variance"}
-                ax.plot(broken, np.full(len(broken), limit - 0.25), ls="none", ms=6, mew=1.6, **crosses)
+                crosses = {
+                    "marker": "x",
+                    "color": STYLE[closure]["color"],
+                    "label": f"{closure}: negative variance",
+                }
+                ax.plot(
+                    broken, np.full(len(broken), limit - 0.25), ls="none", ms=6, mew=1.6, **crosses
+                )
         fixed = v.table[(v.table["kind"] == "fixed time") & (v.table["quantity"] == f"rho{stage}")]
         for name, rows in fixed.dropna(subset=["predicted"]).groupby("closure", sort=False):
-            rho, style = rows["predicted"].clip(-limit, limit), {"mfc": "none", **STYLE[str(name)]}
-            ax.plot(rows["impact"] - 0.5, rho, ls="none", ms=5, label=f"{name}, mid-flight", **style)
+            rho = rows["predicted"].clip(-limit, limit)
+            style = {"mfc": "none", **STYLE[str(name)]}
+            ax.plot(
+                rows["impact"] - 0.5, rho, ls="none", ms=5, label=f"{name}, mid-flight", **style
+            )
         rows = fixed[fixed["closure"] == closures[0]]
         if len(rows):
-            low, high = rows["predicted"] - rows["high"], rows["predicted"] - rows["low"]
-            known, mean = rows["predicted"].notna(), rows["simulated"]
+            low = rows["predicted"] - rows["high"]
+            high = rows["predicted"] - rows["low"]
+            known = rows["predicted"].notna()
+            mean = rows["simulated"]
             bars = np.abs(np.where(known, [mean - low, high - mean], v.z * rows["se"]))
             style = {"label": "Monte Carlo, mid-flight", **STYLE["monte carlo"]}
             ax.errorbar(rows["impact"] - 0.5, mean, bars, ls="none", ms=3.5, capsize=2, **style)
-        ax.set(ylim=(-limit, limit), xlim=(0.0, len(v.run.section) + 0.5), ylabel=SYMBOL[f"rho{stage}"])
+        ax.set(
+            ylim=(-limit, limit), xlim=(0.0, len(v.run.section) + 0.5), ylabel=SYMBOL[f"rho{stage}"]
+        )
         whole_impacts(ax)
         ax.set_xlabel("impact (mid-flight: in the flight before it)")
         ax.set_title(f"stage {stage}", loc="left")
@@ -100,10 +148,13 @@ def correlation_figure(v: Comparison) -> Figure | None:
 
 
 def section_figure(v: Comparison) -> Figure:
-    """Histogram of the velocities before each path's own impact, with the densities that the closures predict."""
+    """Histogram of the velocities before each path's own impact, with the densities that the
+    closures predict."""
     impacts = sorted(set(np.linspace(1, len(v.run.section), 4).round().astype(int).tolist()))
     velocities = ["y1", "y2"][: v.scene.stages]
-    figure, axes = new_figure(3.0 * len(impacts), 2.7 * len(velocities), len(velocities), len(impacts))
+    figure, axes = new_figure(
+        3.0 * len(impacts), 2.7 * len(velocities), len(velocities), len(impacts)
+    )
     assert v.run.histograms is not None
     panels = [(quantity, impact) for quantity in velocities for impact in impacts]
     for ax, (quantity, impact) in zip(axes, panels, strict=True):
@@ -114,7 +165,9 @@ def section_figure(v: Comparison) -> Figure:
         for closure, prediction in v.predictions.items():
             curve = prediction.density(impact, quantity, y)
             if curve is not None:
-                label = f"{closure}, {'mixture' if prediction.trace.parts is not None else 'Edgeworth'}"
+                label = (
+                    f"{closure}, {'mixture' if prediction.trace.parts is not None else 'Edgeworth'}"
+                )
                 dashes = "--" if closure == "published" else "-"
                 ax.plot(y, curve, color=STYLE[closure]["color"], lw=1.4, ls=dashes, label=label)
         ax.set_ylim(0.0, 1.25 * max(density.max(), 1e-12))
@@ -129,7 +182,8 @@ def section_figure(v: Comparison) -> Figure:
 
 
 def agreement_figure(validations: Sequence[Comparison]) -> Figure:
-    """Share of paths on an itinerary so far, per noise intensity; dashed: as `branching` predicts it."""
+    """Share of paths on an itinerary so far, per noise intensity; dashed: as `branching` predicts
+    it."""
     first = validations[0]
     closures_by_itinerary: dict[tuple[int, ...], list[str]] = {}  # at the first noise intensity
     for closure, prediction in first.predictions.items():
@@ -138,10 +192,17 @@ def agreement_figure(validations: Sequence[Comparison]) -> Figure:
     shades = mpl.colormaps["cividis"](np.linspace(0.0, 0.8, len(validations)))
     for closures, ax in zip(closures_by_itinerary.values(), axes, strict=True):
         for v, shade, marker in zip(validations, shades, "osD^vP*X" * 8, strict=False):
-            share, label = v.run.agreement[closures[0]], rf"$\sigma$ = {v.scene.sigma:.4g}"
+            share = v.run.agreement[closures[0]]
+            label = rf"$\sigma$ = {v.scene.sigma:.4g}"
             ax.plot(share.index, share, marker=marker, ms=4, lw=1.2, color=shade, label=label)
             if "branching" in closures and "agreement" in v.predictions["branching"].section:
-                ax.plot(share.index, v.predictions["branching"].section["agreement"], color=shade, ls="--", lw=1.0)
+                ax.plot(
+                    share.index,
+                    v.predictions["branching"].section["agreement"],
+                    color=shade,
+                    ls="--",
+                    lw=1.0,
+                )
         ax.set(ylim=(-0.03, 1.05), xlabel="impact", ylabel="share of paths on it")
         whole_impacts(ax)
         ax.set_title("itinerary of " + ", ".join(closures), loc="left")
@@ -158,7 +219,8 @@ ROOM = 0.9  # height, in impacts, that a marker takes above the band that it exp
 
 
 def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
-    """Impact up to which each closure is accurate and not shown wrong, over sigma, a panel for each closure."""
+    """Impact up to which each closure is accurate and not shown wrong, over sigma, a panel for each
+    closure."""
     closures = list(table["closure"].unique())
     columns = min(len(closures), 2)
     rows = -(-len(closures) // columns)
@@ -168,18 +230,31 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
         ax.set_ylabel("" if number % columns else "impact")
     for ax in axes[len(closures) :]:
         ax.set_visible(False)
-    accurate, not_inaccurate = table["accurate"], table["not_inaccurate"]
+    accurate = table["accurate"]
+    not_inaccurate = table["not_inaccurate"]
     areas = [
         (accurate > 0, Patch(facecolor="0.35", label=f"{ACCURATE_TO} here")),
-        (not_inaccurate > accurate, Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here")),
+        (
+            not_inaccurate > accurate,
+            Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here"),
+        ),
         (not_inaccurate < impacts, Patch(facecolor="none", edgecolor="0.6", label=WRONG)),
     ]
     lines = [
-        Line2D([], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"),
+        Line2D(
+            [], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"
+        ),
         Line2D([], [], color="k", lw=1.0, label=f"on its itinerary: {ACCURATE_TO} here"),
     ]
-    marked = [(marker, CAUSES[cause]) for cause, marker in MARKER.items() if (table["cause"] == cause).any()]
-    lines += [Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=label) for marker, label in marked]
+    marked = [
+        (marker, CAUSES[cause])
+        for cause, marker in MARKER.items()
+        if (table["cause"] == cause).any()
+    ]
+    lines += [
+        Line2D([], [], ls="none", marker=marker, color="k", ms=6, label=label)
+        for marker, label in marked
+    ]
     handles = [*(patch for drawn, patch in areas if drawn.any()), *lines]
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
@@ -189,19 +264,30 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     sigma = rows["sigma"].to_numpy()
     middle = np.sqrt(sigma[1:] * sigma[:-1])
     edges = np.concatenate([[sigma[0] ** 2 / middle[0]], middle, [sigma[-1] ** 2 / middle[-1]]])
-    accurate, not_inaccurate = rows["accurate"].to_numpy(), rows["not_inaccurate"].to_numpy()
+    accurate = rows["accurate"].to_numpy()
+    not_inaccurate = rows["not_inaccurate"].to_numpy()
     colour = STYLE[closure]["color"]
-    hatched: Any = {"fill": True, "facecolor": "none", "edgecolor": colour, "hatch": "////", "lw": 0}
+    hatched: Any = {
+        "fill": True,
+        "facecolor": "none",
+        "edgecolor": colour,
+        "hatch": "////",
+        "lw": 0,
+    }
     ax.stairs(not_inaccurate, edges, baseline=accurate, **hatched)
     ax.stairs(accurate, edges, fill=True, color=colour)
     ax.stairs(not_inaccurate, edges, color=colour, lw=1.2)
     ax.stairs(rows["on_itinerary"].to_numpy(), edges, baseline=None, color="k", ls=":", lw=1.4)
-    ax.stairs(rows["itinerary_accurate"].to_numpy(), edges, baseline=None, color="k", ls="-", lw=1.0)
+    ax.stairs(
+        rows["itinerary_accurate"].to_numpy(), edges, baseline=None, color="k", ls="-", lw=1.0
+    )
     place = np.minimum(not_inaccurate + 0.5 * ROOM, impacts)
     for x, y, cause in zip(sigma, place, rows["cause"], strict=True):
         if cause in MARKER:
             ax.plot(x, y, ls="none", marker=MARKER[cause], color="k", ms=5, zorder=5)
-    ax.set(xscale="log", xlim=(edges[0], edges[-1]), ylim=(0.0, impacts + 0.5 * ROOM), axisbelow=True)
+    ax.set(
+        xscale="log", xlim=(edges[0], edges[-1]), ylim=(0.0, impacts + 0.5 * ROOM), axisbelow=True
+    )
     ax.xaxis.set_major_formatter("{x:g}")
     ax.yaxis.set_major_locator(MaxNLocator(7, integer=True))
     ax.set_xlabel(r"noise intensity $\sigma$")
@@ -214,12 +300,19 @@ def drive_figure(scene: Scene) -> Figure:
     tau = np.linspace(0.0, 2.0 * np.pi, 400)
     for ax, power, name in zip(axes, (1, 2), ("speed $f'$", "acceleration $f''$"), strict=True):
         parts = [
-            o.amplitude * o.order**power * np.sin(o.order * tau + o.phase + 0.5 * np.pi * power) for o in scene.drive
+            o.amplitude * o.order**power * np.sin(o.order * tau + o.phase + 0.5 * np.pi * power)
+            for o in scene.drive
         ]
         ax.plot(tau, np.sum(parts, axis=0), color="#0072B2", lw=2.0, label="the driver")
         for one, part in zip(scene.drive, parts, strict=True):
             ax.plot(tau, part, lw=0.9, color="0.6")
-            ax.annotate(str(one.order), (tau[part.argmax()], part.max()), fontsize=7, color="0.3", ha="center")
+            ax.annotate(
+                str(one.order),
+                (tau[part.argmax()], part.max()),
+                fontsize=7,
+                color="0.3",
+                ha="center",
+            )
         ax.plot([], [], lw=0.9, color="0.6", label="each order")
         ax.set(xlabel=SYMBOL["tau"], ylabel=name)
     legend_above(figure, axes, 2)

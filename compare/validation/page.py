@@ -14,11 +14,23 @@ from rattle.compare.report.folder import name_of
 from rattle.compare.report.provenance import command_line, provenance, source_of
 from rattle.compare.report.save import contents, csv_text, save
 from rattle.compare.report.style import caption_of, render
-from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary, lay_out, read_texts
+from rattle.compare.report.texts import (
+    CLOSURE_TERMS,
+    SECTION_TERMS,
+    VERDICT_TERMS,
+    glossary,
+    lay_out,
+    read_texts,
+)
 from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.comparison import Comparison, Sweep
-from rattle.compare.validation.figures import FIGURES, agreement_figure, drive_figure, validity_figure
+from rattle.compare.validation.figures import (
+    FIGURES,
+    agreement_figure,
+    drive_figure,
+    validity_figure,
+)
 from rattle.compare.validation.tables import motion_blocks
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 from rattle.scene.parts import SINE_ALONE
@@ -36,10 +48,15 @@ WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
 CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
 """Of each figure the parts of its caption, with a word of the legend that each needs."""
 UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
-TIMED = " The time of a closure of one's own is measured on this machine; it is not compared with counted work."
+TIMED = (
+    " The time of a closure of one's own is measured on this machine; it is not compared with"
+    " counted work."
+)
 
 
-def _add(drawings: dict[str, Drawing], drawing: Drawing, name: str, parts: Mapping[str, str]) -> Figure:
+def _add(
+    drawings: dict[str, Drawing], drawing: Drawing, name: str, parts: Mapping[str, str]
+) -> Figure:
     """Add a drawing to those that are to be written; the block that shows it."""
     drawings[f"figures/{name}"], caption = drawing, caption_of(drawing, parts.items())
     return Figure(f"figures/{name}.svg", caption, caption)
@@ -53,18 +70,27 @@ class DrawnSection(NamedTuple):
 
 
 def draw_sections(validations: Sequence[Comparison]) -> list[DrawnSection]:
-    """The sections of the noise intensities: most of the work of a page, and done once for several of them."""
+    """The sections of the noise intensities: most of the work of a page, and done once for several
+    of them."""
     return [_draw_section(v, number) for number, v in enumerate(validations, start=1)]
 
 
 def _draw_section(v: Comparison, number: int) -> DrawnSection:
     drawings: dict[str, Drawing] = {}
-    sigma, errors = sigma_text(v), list[Block]()
+    sigma = sigma_text(v)
+    errors = list[Block]()
     for closure, prediction in v.predictions.items():
-        errors.append(tables.impact_table(v, closure, f"Errors of the {closure} closure per impact, σ = {sigma}"))
+        errors.append(
+            tables.impact_table(
+                v, closure, f"Errors of the {closure} closure per impact, σ = {sigma}"
+            )
+        )
         if prediction.stopped:
-            errors.append(Text(f"The {closure} closure cannot be continued: {prediction.stopped}.", note=True))
-    left, failures = tables.list_leaving(v), tables.find_failures(v)
+            errors.append(
+                Text(f"The {closure} closure cannot be continued: {prediction.stopped}.", note=True)
+            )
+    left = tables.list_leaving(v)
+    failures = tables.find_failures(v)
     parts = {
         "reach": tables.find_reach(v),
         "counts": tables.count_verdicts(v),
@@ -80,7 +106,9 @@ def _draw_section(v: Comparison, number: int) -> DrawnSection:
         "errors": errors,
     }
     values = {"sigma": sigma, "simulation": tables.simulation_text(v)}
-    section = PageSection(f"σ = {sigma}", *lay_out("validation", parts, layout="sigma.md", **values))
+    section = PageSection(
+        f"σ = {sigma}", *lay_out("validation", parts, layout="sigma.md", **values)
+    )
     return DrawnSection(section, {name: render(drawing) for name, drawing in drawings.items()})
 
 
@@ -88,9 +116,16 @@ def _own_closures(v: Comparison) -> list[Block]:
     """What each closure of one's own is, where there is one."""
     found: list[Block] = []
     for name, method in ((name, m.method) for name, m in v.predictions.items() if m.method.own):
-        meaning = (getattr(method.function, "__doc__", None) or "no description").strip().split("\n")[0]
-        where, digest = f" (`{method.reference}`)" if method.reference else "", method.digest[:12]
-        found.append(Text(f"`{name}`{where} is a closure of one's own, source {digest}: {meaning}", note=True))
+        meaning = (
+            (getattr(method.function, "__doc__", None) or "no description").strip().split("\n")[0]
+        )
+        where = f" (`{method.reference}`)" if method.reference else ""
+        digest = method.digest[:12]
+        found.append(
+            Text(
+                f"`{name}`{where} is a closure of one's own, source {digest}: {meaning}", note=True
+            )
+        )
     return found
 
 
@@ -105,26 +140,60 @@ def _page(
 ) -> Page:
     """The page of the report; its figures are added to the drawings."""
     first = validations[0]
-    captions = {text: "" for text, word in CAPTIONS["agreement"].items() if not word or word in first.predictions}
+    captions = {
+        text: ""
+        for text, word in CAPTIONS["agreement"].items()
+        if not word or word in first.predictions
+    }
     agreement = _add(drawings, agreement_figure(validations), "agreement", captions)
-    words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=first.scene.gears)
-    explained, parts = [*_own_closures(first), words], dict[str, Any]()
-    marks = ", ".join(f"{SIGNS[m] or '–'} {verdict}" for verdict, m in tables.MARKS.items() if verdict != NOT_JUDGED)
-    values: dict[str, Any] = {"rule": RULE, "marks": marks, "unresolved": "", "timed": "", "none": ""}
-    values |= {"validity_paths": settings.validity_paths, "beside": 0 if schemes is None else schemes["paths"].max()}
+    words = glossary(
+        *CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=first.scene.gears
+    )
+    explained = [*_own_closures(first), words]
+    parts = dict[str, Any]()
+    marks = ", ".join(
+        f"{SIGNS[m] or '–'} {verdict}"
+        for verdict, m in tables.MARKS.items()
+        if verdict != NOT_JUDGED
+    )
+    values: dict[str, Any] = {
+        "rule": RULE,
+        "marks": marks,
+        "unresolved": "",
+        "timed": "",
+        "none": "",
+    }
+    values |= {
+        "validity_paths": settings.validity_paths,
+        "beside": 0 if schemes is None else schemes["paths"].max(),
+    }
     if swept:
-        figure = _add(drawings, validity_figure(swept.validity, settings.impacts), "validity", CAPTIONS["validity"])
+        figure = _add(
+            drawings,
+            validity_figure(swept.validity, settings.impacts),
+            "validity",
+            CAPTIONS["validity"],
+        )
         parts |= {"validity_figure": figure, "validity": tables.merge_sigmas(swept.validity)}
-        parts |= {"agreement": agreement, "own_and_words": explained, "speed": tables.speed_rows(swept.speed)}
+        parts |= {
+            "agreement": agreement,
+            "own_and_words": explained,
+            "speed": tables.speed_rows(swept.speed),
+        }
         values |= {} if swept.speed["resolved"].all() else {"unresolved": UNRESOLVED}
         values |= {"timed": TIMED} if swept.speed["speed_up"].isna().any() else {}
         if swept.speed.empty:
-            values["none"] = "some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"
+            values["none"] = (
+                "some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"
+            )
             parts |= {"speed": (), "no_speed": True}
     else:
         parts |= {"agreement_alone": agreement, "words_alone": explained}
     if schemes is not None:
-        at = ((Text(f"At σ = {sigma_text(v)}:"), tables.scheme_table(schemes, v.scene.sigma)) for v in validations)
+        at = (
+            (Text(f"At σ = {sigma_text(v)}:"), tables.scheme_table(schemes, v.scene.sigma))
+            for v in validations
+        )
         parts["schemes"] = [block for pair in at for block in pair]
     if claim := correlation_claim(validations):
         parts["claim"] = Text(claim)
@@ -137,7 +206,13 @@ def _page(
     files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
     digests = {f"`{name}.csv`": f"sha256 {digest}" for name, digest in files.items() if digest}
     source = source_of(record, (Text("The scene at its first noise intensity:"), scene), digests)
-    return Page(f"Can the closure be believed? {settings.name}", tuple(record["answer"]), source, opening, sections)
+    return Page(
+        f"Can the closure be believed? {settings.name}",
+        tuple(record["answer"]),
+        source,
+        opening,
+        sections,
+    )
 
 
 def all_rows(validations: Sequence[Comparison]) -> pd.DataFrame:
@@ -162,13 +237,18 @@ def write_report(
     `said`: Its answer in sentences. `drawn`: `draw_sections` of the validations.
     """
     own = {name: attrgetter(place) for name, place in TABLES.items()}
-    frames = {n: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations]) for n, table in own.items()}
+    frames = {
+        n: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations])
+        for n, table in own.items()
+    }
     frames["table"] = all_rows(validations)
     if swept:
         frames |= {name: getattr(swept, name) for name in ("validity", "speed", "simulation")}
     frames |= {} if schemes is None else {"schemes": schemes}
     digests = {
-        f"{name}_sha256": manifest.digest(csv_text(frames[name], index=False)) if name in frames else None
+        f"{name}_sha256": (
+            manifest.digest(csv_text(frames[name], index=False)) if name in frames else None
+        )
         for name in ("table", "validity")
     }
     record = {"version": manifest.VERSION, "settings": settings.to_dict(), **digests, **origin}
@@ -178,17 +258,38 @@ def write_report(
     figures: dict[str, Drawing | bytes] = {**drawings}
     for one in drawn:
         figures |= one.figures
-    save(out, "report", page, record, allowed=CONTENTS, figures=figures, tables=frames, overwrite=overwrite)
+    save(
+        out,
+        "report",
+        page,
+        record,
+        allowed=CONTENTS,
+        figures=figures,
+        tables=frames,
+        overwrite=overwrite,
+    )
     return record
 
 
 def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:
     """Write the report of a validation that was made in Python."""
-    run, entropy, order = v.run, v.run.seed.entropy, next(iter(v.predictions.values())).order
-    closures = tuple(m.method.reference if m.method.own else name for name, m in v.predictions.items())
+    run = v.run
+    entropy = v.run.seed.entropy
+    order = next(iter(v.predictions.values())).order
+    closures = tuple(
+        m.method.reference if m.method.own else name for name, m in v.predictions.items()
+    )
     seed = entropy if isinstance(entropy, int) and not run.seed.spawn_key else None
     settings = manifest.ReportSettings(
-        name_of(out), (v.scene,), run.impacts, run.paths, run.dt, run.scheme, seed or 0, order, closures
+        name_of(out),
+        (v.scene,),
+        run.impacts,
+        run.paths,
+        run.dt,
+        run.scheme,
+        seed or 0,
+        order,
+        closures,
     )
     here = "validate(...).report(...), in Python"
     again = command_line(["validate", "--repeat", str(out / "manifest.json")])

@@ -1,8 +1,10 @@
-"""Whether a closure's moments and densities can belong to a distribution, and how far its densities are from a sample.
+"""Whether a closure's moments and densities can belong to a distribution, and how far its densities
+are from a sample.
 
-The correlation alone says little: a set of moments is realizable if and only if every polynomial's square has a
-mean that is not negative, so the moment matrix decides (necessary in two variables, Hamburger's condition in one).
-Edgeworth densities are judged separately: a truncated series can be negative although its moments are realizable.
+The correlation alone says little: a set of moments is realizable if and only if every polynomial's
+square has a mean that is not negative, so the moment matrix decides (necessary in two variables,
+Hamburger's condition in one). Edgeworth densities are judged separately: a truncated series can be
+negative although its moments are realizable.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -28,7 +30,8 @@ VARIES = 1e-6  # share of the largest sd at an impact below which a quantity's o
 
 
 class Distances(NamedTuple):
-    """Distances of two distributions on the same bins, and their sampling floors; definitions in `distances`."""
+    """Distances of two distributions on the same bins, and their sampling floors; definitions in
+    `distances`."""
 
     kolmogorov: float
     kolmogorov_floor: float
@@ -36,13 +39,15 @@ class Distances(NamedTuple):
     total_variation_floor: float
 
 
-def bin_masses(density: Callable[[Floats], Floats | None], edges: Floats, mean: float, sd: float) -> Floats:
+def bin_masses(
+    density: Callable[[Floats], Floats | None], edges: Floats, mean: float, sd: float
+) -> Floats:
     """Mass of a density below, in and above the bins; Gauss-Legendre on panels no wider than a bin.
 
-    `mean`, `sd`: Of the density.  Panels are no wider than a quarter of the sd, so that a density much narrower
-    than a bin is resolved. Returns: The first is integrated from 10 sds below the mean; the last is the
-    remainder, so that all sum to 1.  A mass is negative where the density is. Shapes: `edges` (bins + 1,); result
-    (bins + 2,).
+    `mean`, `sd`: Of the density.  Panels are no wider than a quarter of the sd, so that a density
+    much narrower than a bin is resolved. Returns: The first is integrated from 10 sds below the
+    mean; the last is the remainder, so that all sum to 1.  A mass is negative where the density is.
+    Shapes: `edges` (bins + 1,); result (bins + 2,).
     """
     own = mean + sd * np.arange(-REACH, REACH + STEP, STEP)
     panels = np.union1d(edges, own)
@@ -56,17 +61,17 @@ def bin_masses(density: Callable[[Floats], Floats | None], edges: Floats, mean: 
 def distances(masses: Floats, counts: Ints) -> Distances:
     """Kolmogorov and total variation distance of a density from a sample on the same bins.
 
-    Returns: ``kolmogorov`` is the largest difference of the distribution functions at the edges of the bins;
-    ``total_variation`` half the sum of the absolute differences, in [0, 1] unless a mass is negative.
-    ``kolmogorov_floor`` is the 95 % quantile of Kolmogorov's limit distribution over sqrt(n), conservative on
-    bins; ``total_variation_floor`` the expected value for a sample of the true density. Shapes: `masses` (bins +
-    2,); `counts` (bins + 2,).
+    Returns: ``kolmogorov`` is the largest difference of the distribution functions at the edges of
+    the bins; ``total_variation`` half the sum of the absolute differences, in [0, 1] unless a mass
+    is negative. ``kolmogorov_floor`` is the 95 % quantile of Kolmogorov's limit distribution over
+    sqrt(n), conservative on bins; ``total_variation_floor`` the expected value for a sample of the
+    true density. Shapes: `masses` (bins + 2,); `counts` (bins + 2,).
     """
     n = int(counts.sum())
     shares = counts / n
     gap = masses - shares
-    # A count is binomial, nearly normal: E|N(0, s^2)| = s sqrt(2/pi) with s^2 = p (1 - p) / n, and half of the sum.
-    # The sampled shares stand for the unknown p.
+    # A count is binomial, nearly normal: E|N(0, s^2)| = s sqrt(2/pi) with s^2 = p (1 - p) / n, and
+    # half of the sum. The sampled shares stand for the unknown p.
     tv_floor = np.sqrt(shares * (1.0 - shares) / (2.0 * np.pi * n)).sum()
     return Distances(
         float(np.abs(np.cumsum(gap)[:-1]).max()),
@@ -80,19 +85,26 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
     """Distance of a closure's section densities from the histograms of a run of the same scene.
 
     Returns: Columns ``closure, impact, quantity, kolmogorov, kolmogorov_floor, total_variation,
-    total_variation_floor, paths``; distances are shares of the probability, see `distances`.  ``paths`` is how
-    many reached the impact. A row only where the closure has a density and the quantity varies on both sides: not
-    the displacement at the mesh that most paths strike.
+    total_variation_floor, paths``; distances are shares of the probability, see `distances`.
+    ``paths`` is how many reached the impact. A row only where the closure has a density and the
+    quantity varies on both sides: not the displacement at the mesh that most paths strike.
 
-    If the run measured its step bias, the sample is shifted and scaled to the mean and sd of Richardson extrapolation,
-    and only the bias of the shape remains; else all of it is part of every distance, at small noise most of it.
+    If the run measured its step bias, the sample is shifted and scaled to the mean and sd of
+    Richardson extrapolation, and only the bias of the shape remains; else all of it is part of
+    every distance, at small noise most of it.
     """
-    prediction, run = prediction.phase_reduced, run.phase_reduced
-    predicted, sampled, histograms = prediction.section, run.section, run.histograms
+    prediction = prediction.phase_reduced
+    run = run.phase_reduced
+    predicted = prediction.section
+    sampled = run.section
+    histograms = run.histograms
     assert histograms is not None
-    limit: dict[Any, list[float]] = {}  # mean and sd corrected for the step bias, by impact and quantity
+    # mean and sd corrected for the step bias, by impact and quantity
+    limit: dict[Any, list[float]] = {}
     if "fine_coarse" in run.result.sums:
-        places = run.step_bias.pivot(index="moment", columns=["impact", "quantity"], values="corrected")
+        places = run.step_bias.pivot(
+            index="moment", columns=["impact", "quantity"], values="corrected"
+        )
         limit = places.to_dict("list")
     records = []
     for impact in range(1, min(prediction.trace.found, run.impacts) + 1):
@@ -100,20 +112,32 @@ def section_distances(prediction: MeanMap, run: Ensemble) -> pd.DataFrame:
             density = partial(prediction.density, impact, quantity)
             mean, sd = (float(predicted[prefix + quantity].loc[impact]) for prefix in ("", "sd_"))
             counts = histograms.counts[impact - 1, SECTION.index(quantity)]
-            is_atom = counts.max() > ATOM * counts.sum()  # paths at the wall, except for a few that struck elsewhere
-            if is_atom or quantity not in find_varying(sampled, impact) or density(np.array([mean])) is None:
+            # paths at the wall, except for a few that struck elsewhere
+            is_atom = counts.max() > ATOM * counts.sum()
+            if (
+                is_atom
+                or quantity not in find_varying(sampled, impact)
+                or density(np.array([mean])) is None
+            ):
                 continue
             seen = [float(sampled[prefix + quantity].loc[impact]) for prefix in ("", "sd_")]
             true_mean, true_sd = limit.get((impact, quantity), seen)
             edges, _ = histograms.density(impact, quantity)
-            masses = bin_masses(density, true_mean + (edges - seen[0]) * (true_sd / seen[1]), mean, sd)
+            masses = bin_masses(
+                density, true_mean + (edges - seen[0]) * (true_sd / seen[1]), mean, sd
+            )
             key = {"closure": prediction.closure, "impact": impact, "quantity": quantity}
-            records.append({**key, **distances(masses, counts)._asdict(), "paths": int(counts.sum())})
-    return pd.DataFrame(records, columns=["closure", "impact", "quantity", *Distances._fields, "paths"])
+            records.append(
+                {**key, **distances(masses, counts)._asdict(), "paths": int(counts.sum())}
+            )
+    return pd.DataFrame(
+        records, columns=["closure", "impact", "quantity", *Distances._fields, "paths"]
+    )
 
 
 def find_varying(section: pd.DataFrame, impact: int) -> list[str]:
-    """Quantities whose sd is more than rounding error, compared with the largest sd at that impact."""
+    """Quantities whose sd is more than rounding error, compared with the largest sd at that
+    impact."""
     sds = {q: float(section[f"sd_{q}"].loc[impact]) for q in SECTION}
     return [q for q in SECTION if sds[q] > VARIES * np.nanmax([0.0, *sds.values()])]
 
@@ -121,11 +145,14 @@ def find_varying(section: pd.DataFrame, impact: int) -> list[str]:
 QUADRATURE = 1e-6
 """Negative mass below which a density counts as positive: less than one path in a million.
 
-The quadrature gives a mass of this size to 0.1 %.  All other tolerances are `rattle.scene.moments.ROUNDING`, relative
-to the largest of the terms that are compared; the sign of a variance needs none.
+The quadrature gives a mass of this size to 0.1 %.  All other tolerances are
+`rattle.scene.moments.ROUNDING`, relative to the largest of the terms that are compared; the sign of
+a variance needs none.
 """
 
-SPREAD, POINTS = 8.0, 481  # sds on both sides of the mean, and points per axis, of the quadratures of negative parts
+# sds on both sides of the mean, and points per axis, of the quadratures of negative parts
+SPREAD = 8.0
+POINTS = 481
 
 NAN = float("nan")
 
@@ -139,18 +166,21 @@ CHECKS = {
     "negative mass": (0.0, -1, QUADRATURE),
     "section negative mass": (0.0, -1, QUADRATURE),
 }
-"""Bound, sign and slack of each: moments of a distribution satisfy ``sign * (value - bound) >= 0`` but for rounding."""
+"""Bound, sign and slack of each: moments of a distribution satisfy ``sign * (value - bound) >= 0``
+but for rounding."""
 
 
 class Statistic(NamedTuple):
-    """Value that is checked, NaN where a moment is missing, and the size of the terms whose difference it is."""
+    """Value that is checked, NaN where a moment is missing, and the size of the terms whose
+    difference it is."""
 
     value: float
     scale: float = 1.0
 
 
 def covariance_eigenvalue(covariance: Floats) -> float:
-    """Smallest eigenvalue of a covariance matrix over its largest diagonal entry; negative for no distribution.
+    """Smallest eigenvalue of a covariance matrix over its largest diagonal entry; negative for no
+    distribution.
 
     Shapes: `covariance` (n, n).
     """
@@ -162,7 +192,8 @@ def covariance_eigenvalue(covariance: Floats) -> float:
 
 
 def kurtosis_margin(raw: Floats) -> Statistic:
-    """``kurtosis - skewness^2 - 1``, the smaller one of both marginals: negative for no distribution.
+    """``kurtosis - skewness^2 - 1``, the smaller one of both marginals: negative for no
+    distribution.
 
     Pearson (1916), Phil. Trans. R. Soc. A 216, 429.  It is zero for distributions on two points.
 
@@ -175,17 +206,21 @@ def kurtosis_margin(raw: Floats) -> Statistic:
         m2, m3, m4 = central_from_raw(marginal)[2:]
         if m2 > 0.0 and np.isfinite(marginal).all():
             with np.errstate(over="ignore", invalid="ignore"):
-                kurtosis, square = m4 / m2 / m2, (m3 / m2**1.5) ** 2
-            margins.append(Statistic(float(kurtosis - square - 1.0), float(max(abs(kurtosis), square, 1.0))))
+                kurtosis = m4 / m2 / m2
+                square = (m3 / m2**1.5) ** 2
+            margins.append(
+                Statistic(float(kurtosis - square - 1.0), float(max(abs(kurtosis), square, 1.0)))
+            )
     return min(margins, key=lambda m: m.value, default=Statistic(NAN))
 
 
 def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
-    """Smallest eigenvalue of ``E[u^(n+m) v^(p+q)]`` over the monomials of degree up to half the order.
+    """Smallest eigenvalue of ``E[u^(n+m) v^(p+q)]`` over the monomials of degree up to half the
+    order.
 
-    ``u, v`` are displacement and velocity in units of the root of their second moment, so the value is dimensionless.
-    It is the smallest mean square of a polynomial whose coefficient vector has length 1: negative for no distribution
-    (Akhiezer 1965, The Classical Moment Problem, chapter 2).
+    ``u, v`` are displacement and velocity in units of the root of their second moment, so the value
+    is dimensionless. It is the smallest mean square of a polynomial whose coefficient vector has
+    length 1: negative for no distribution (Akhiezer 1965, The Classical Moment Problem, chapter 2).
 
     Shapes: `raw` (order + 1, order + 1).
     """
@@ -193,13 +228,17 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
     monomials = [(n, p) for n in range(order // 2 + 1) for p in range(order // 2 + 1 - n)]
     scales = []
     for marginal in (raw[:, 0], raw[0, :]):
-        # |variance| as scale keeps the sign of a negative variance; if it is 0, the other moments set the scale
+        # |variance| as scale keeps the sign of a negative variance; if it is 0, the other moments
+        # set the scale
         other = max(abs(m) ** (1.0 / n) for n, m in enumerate(marginal) if n > 0)
         scales.append(float(np.sqrt(abs(marginal[2])) or other or 1.0))
     sd_x, sd_y = scales
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = np.array(
-            [[raw[n + m, p + q] / sd_x ** (n + m) / sd_y ** (p + q) for m, q in monomials] for n, p in monomials]
+            [
+                [raw[n + m, p + q] / sd_x ** (n + m) / sd_y ** (p + q) for m, q in monomials]
+                for n, p in monomials
+            ]
         )
     if not np.isfinite(matrix).all():
         return Statistic(NAN)
@@ -207,9 +246,11 @@ def moment_matrix_eigenvalue(raw: Floats) -> Statistic:
 
 
 def negative_mass(values: Floats, spacing: float) -> float:
-    """Mass of the negative part of a density given on a uniform grid of any dimension, by the rectangle rule.
+    """Mass of the negative part of a density given on a uniform grid of any dimension, by the
+    rectangle rule.
 
-    `values`: Density at the grid points; it vanishes at the grid's ends, so that this is the trapezoidal rule.
+    `values`: Density at the grid points; it vanishes at the grid's ends, so that this is the
+    trapezoidal rule.
     """
     return float(np.maximum(-values, 0.0).sum() * spacing)
 
@@ -226,9 +267,12 @@ def _series_negative_mass(prediction: MeanMap, impact: int, stage: int) -> Stati
 
 def _section_negative_mass(prediction: MeanMap, impact: int) -> Statistic:
     """The largest over the quantities that vary and have a skewness."""
-    table, masses = prediction.phase_reduced.section, []
+    table = prediction.phase_reduced.section
+    masses = []
     for quantity in find_varying(table, impact):
-        mean, sd, skew = (float(table[prefix + quantity].loc[impact]) for prefix in ("", "sd_", "skew_"))
+        mean, sd, skew = (
+            float(table[prefix + quantity].loc[impact]) for prefix in ("", "sd_", "skew_")
+        )
         grid = mean + sd * np.linspace(-SPREAD, SPREAD, POINTS)
         density = prediction.density(impact, quantity, grid)
         if density is not None and np.isfinite(skew):
@@ -237,15 +281,25 @@ def _section_negative_mass(prediction: MeanMap, impact: int) -> Statistic:
 
 
 def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, Statistic]]:
-    """Stage, name of the check and its statistic at one impact; stage 0 stands for both stages jointly."""
+    """Stage, name of the check and its statistic at one impact; stage 0 stands for both stages
+    jointly."""
     if prediction.scene.stages == 2:
-        yield 0, "covariance eigenvalue", Statistic(covariance_eigenvalue(prediction.trace.covariance[impact]))
+        yield (
+            0,
+            "covariance eigenvalue",
+            Statistic(covariance_eigenvalue(prediction.trace.covariance[impact])),
+        )
     yield 0, "section negative mass", _section_negative_mass(prediction, impact)
     for stage in range(1, prediction.scene.stages + 1):
-        covariance, raw = prediction.stage_covariance(impact, stage), prediction.trace.raw[impact, stage - 1]
+        covariance = prediction.stage_covariance(impact, stage)
+        raw = prediction.trace.raw[impact, stage - 1]
         yield stage, "variance of displacement", Statistic(float(covariance[0, 0]))
         yield stage, "variance of velocity", Statistic(float(covariance[1, 1]))
-        yield stage, "|rho|", Statistic(abs(correlation(covariance)) if np.isfinite(covariance).all() else NAN)
+        yield (
+            stage,
+            "|rho|",
+            Statistic(abs(correlation(covariance)) if np.isfinite(covariance).all() else NAN),
+        )
         yield stage, "covariance eigenvalue", Statistic(covariance_eigenvalue(covariance))
         yield stage, "kurtosis", kurtosis_margin(raw)
         yield stage, "moment matrix", moment_matrix_eigenvalue(raw)
@@ -255,19 +309,21 @@ def _statistics(prediction: MeanMap, impact: int) -> Iterator[tuple[int, str, St
 def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     """Check the bounds that moments of any distribution satisfy, at each impact of each closure.
 
-    Returns: Columns ``closure, impact, stage, check, value, bound, holds, excess`` (dimensionless).  Stage 0
-    stands for both stages jointly.  ``holds`` is nullable: NA where the closure has no such moment, and then
-    ``value`` and ``excess`` are NaN.  ``excess`` is the amount by which a bound is violated, 0 where it holds.
+    Returns: Columns ``closure, impact, stage, check, value, bound, holds, excess`` (dimensionless).
+    Stage 0 stands for both stages jointly.  ``holds`` is nullable: NA where the closure has no such
+    moment, and then ``value`` and ``excess`` are NaN.  ``excess`` is the amount by which a bound is
+    violated, 0 where it holds.
 
-    ``variance of displacement`` and ``of velocity`` are not negative, ``|rho|`` is at most 1 (NA without variances).
-    ``covariance eigenvalue``: the smallest, over the largest diagonal entry; of a stage, and at stage 0 of all four
-    quantities (NA for ``published``, which has no moments across the stages).
-    ``kurtosis``, ``moment matrix``: see `kurtosis_margin` and `moment_matrix_eigenvalue`.
-    ``negative mass``: of the stage's Edgeworth series (Eqs. 18, 19), within 8 sd.  A series truncated at order 4 is
-    negative somewhere for every ``rho`` but 0: along an axis it is ``1 - rho^2 (u^2 - 1) / 2``.  So this check judges
-    the truncation, and may fail although the moments are realizable.
-    ``section negative mass``: the largest over the one-dimensional section densities with a skewness.
-    A point mass satisfies every bound: it has no correlation, kurtosis or series, and these are NA.
+    ``variance of displacement`` and ``of velocity`` are not negative, ``|rho|`` is at most 1 (NA
+    without variances). ``covariance eigenvalue``: the smallest, over the largest diagonal entry; of
+    a stage, and at stage 0 of all four quantities (NA for ``published``, which has no moments
+    across the stages). ``kurtosis``, ``moment matrix``: see `kurtosis_margin` and
+    `moment_matrix_eigenvalue`. ``negative mass``: of the stage's Edgeworth series (Eqs. 18, 19),
+    within 8 sd.  A series truncated at order 4 is negative somewhere for every ``rho`` but 0: along
+    an axis it is ``1 - rho^2 (u^2 - 1) / 2``.  So this check judges the truncation, and may fail
+    although the moments are realizable. ``section negative mass``: the largest over the
+    one-dimensional section densities with a skewness. A point mass satisfies every bound: it has no
+    correlation, kurtosis or series, and these are NA.
     """
     rows = [
         (prediction.closure, impact, stage, check, *statistic, *CHECKS[check])
@@ -278,7 +334,8 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
     names = ["closure", "impact", "stage", "check", "value", "scale", "bound", "sign", "slack"]
     table = pd.DataFrame(rows, columns=names)
     missed = table["sign"] * (table["bound"] - table["value"])
-    known, holds = table["value"].notna(), missed <= table["slack"] * table["scale"]
+    known = table["value"].notna()
+    holds = missed <= table["slack"] * table["scale"]
     table["holds"], table["excess"] = holds.astype("boolean").where(known), missed.mask(holds, 0.0)
     return table[["closure", "impact", "stage", "check", "value", "bound", "holds", "excess"]]
 
@@ -286,9 +343,11 @@ def realizability_table(predictions: Sequence[MeanMap]) -> pd.DataFrame:
 def first_failures(table: pd.DataFrame) -> pd.DataFrame:
     """The first impact (and there the first stage) at which each closure violates each bound.
 
-    Returns: Columns ``closure, check, impact, stage, value, excess``; no row for a bound that is never violated.
+    Returns: Columns ``closure, check, impact, stage, value, excess``; no row for a bound that is
+    never violated.
     """
     failed = ~table["holds"].fillna(True).astype(bool)
-    first = failed.groupby([table["closure"], table["check"]], sort=False).idxmax()  # the rows are in order of impact
+    # the rows are in order of impact
+    first = failed.groupby([table["closure"], table["check"]], sort=False).idxmax()
     columns = ["closure", "check", "impact", "stage", "value", "excess"]
     return table.loc[first[failed[first].to_numpy()], columns].reset_index(drop=True)

@@ -32,7 +32,8 @@ class Validation(Comparison):
     table : DataFrame
         Every moment of every closure with error, interval and verdict; the columns are ``COLUMNS``.
     correlation : DataFrame
-        Validity of the correlation on both sides, see `rattle.compare.validation.errors.judge_correlation`.
+        Validity of the correlation on both sides, see
+        `rattle.compare.validation.errors.judge_correlation`.
     z : float
         Standard errors of the intervals, corrected for the number of rows.
     tolerances : Tolerances
@@ -43,35 +44,48 @@ class Validation(Comparison):
     Examples
     --------
     >>> from rattle import DAT21, Scene, validate
-    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closures=["saltation"], paths=20_000, rng=7)
+    >>> scene = Scene.from_gears(DAT21, sigma=0.01)
+    >>> v = validate(scene, impacts=2, closures=["saltation"], paths=20_000, rng=7)
     >>> bool(v.counts.loc["saltation", "accurate"] > 0)
     True
     """
 
     @property
     def accurate(self) -> bool:
-        """Whether all moments of all paths that are predicted and judged are accurate; see ``verdict.RULE``."""
+        """Whether all moments of all paths that are predicted and judged are accurate; see
+        ``verdict.RULE``."""
         return not self.of_all_paths["verdict"].isin(("inaccurate", "undecided")).any()
 
     @property
     def counts(self) -> pd.DataFrame:
         """Number of predicted and judged moments of all paths with each verdict, by closure."""
-        verdicts = self.of_all_paths.groupby("closure", sort=False)["verdict"].value_counts().unstack(fill_value=0)
+        verdicts = (
+            self.of_all_paths.groupby("closure", sort=False)["verdict"]
+            .value_counts()
+            .unstack(fill_value=0)
+        )
         return verdicts.reindex(index=list(self.predictions), columns=list(JUDGED), fill_value=0)
 
     def __repr__(self) -> str:
         """What was compared, and the verdicts, on a few lines."""
-        run, counts = self.run, self.counts
+        run = self.run
+        counts = self.counts
         lines = [
-            f"Validation: {run.paths:,} paths, {run.impacts} impacts, sigma = {self.scene.sigma:.4g}, {run.scheme}",
+            (
+                f"Validation: {run.paths:,} paths, {run.impacts} impacts, sigma ="
+                f" {self.scene.sigma:.4g}, {run.scheme}"
+            ),
             *(
-                f"  {closure}: {good} of {good + bad + undecided} moments accurate, {bad} inaccurate, "
-                f"{undecided} undecided"
+                f"  {closure}: {good} of {good + bad + undecided} moments accurate, {bad}"
+                f" inaccurate, {undecided} undecided"
                 for closure, good, bad, undecided in counts.itertuples()
             ),
             *(f"  {closure} {why}" for closure, why in self.failed.items()),
             *(f"  {sentence}" for sentence in list_counted(run)),
-            "  run.diagnostics also looks for rare branches that are missing, and for the bias of the step",
+            (
+                "  run.diagnostics also looks for rare branches that are missing, and for the bias"
+                " of the step"
+            ),
         ]
         return "\n".join(lines)
 
@@ -84,7 +98,8 @@ class Validation(Comparison):
         Parameters
         ----------
         kind : {"errors", "correlation", "section"}
-            Errors of the moments per impact, correlations of displacement and velocity, or densities of velocities.
+            Errors of the moments per impact, correlations of displacement and velocity, or
+            densities of velocities.
 
         Returns
         -------
@@ -99,7 +114,9 @@ class Validation(Comparison):
         Examples
         --------
         >>> from rattle import DAT21, Scene, validate
-        >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["saltation"], paths=1000)
+        >>> v = validate(
+        ...     Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["saltation"], paths=1000
+        ... )
         >>> len(v.plot("errors").axes)
         6
         """
@@ -118,12 +135,15 @@ class Validation(Comparison):
         Returns
         -------
         xarray.Dataset
-            Dimensions ``closure, impact, quantity, moment``; ``["quantity"].attrs`` holds the unit of each quantity.
+            Dimensions ``closure, impact, quantity, moment``; ``["quantity"].attrs`` holds the unit
+            of each quantity.
 
         Examples
         --------
         >>> from rattle import DAT21, Scene, validate
-        >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["saltation"], paths=1000)
+        >>> v = validate(
+        ...     Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["saltation"], paths=1000
+        ... )
         >>> v.to_xarray()["verdict"].dims
         ('closure', 'impact', 'quantity', 'moment')
         """

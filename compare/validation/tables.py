@@ -1,4 +1,5 @@
-"""The tables on the page of a validation, and the motion of its gears in physical units: ms, mm, mm/s and mJ."""
+"""The tables on the page of a validation, and the motion of its gears in physical units: ms, mm,
+mm/s and mJ."""
 
 import math
 from collections.abc import Sequence
@@ -9,12 +10,22 @@ import pandas as pd
 from rattle.compare.report import Block, Row, Table, TableCell, Text, numbers
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
 from rattle.compare.validation.errors import ON_ITINERARY
-from rattle.compare.validation.realizability import first_failures, realizability_table, section_distances
+from rattle.compare.validation.realizability import (
+    first_failures,
+    realizability_table,
+    section_distances,
+)
 from rattle.compare.validation.verdict import JUDGED, VERDICTS
 from rattle.scene import STATE
 from rattle.scene.units import PRODUCTS
 
-MARKS = {"accurate": "good", "inaccurate": "bad", "undecided": "open", "not predicted": "", "not judged": ""}
+MARKS = {
+    "accurate": "good",
+    "inaccurate": "bad",
+    "undecided": "open",
+    "not predicted": "",
+    "not judged": "",
+}
 """Mark of a table cell for each verdict, see `rattle.compare.report.MARKS`."""
 
 DESCRIBES = {"itinerary": "paths on its itinerary", "all paths": "all paths", None: "not stated"}
@@ -39,7 +50,8 @@ def _cell(row: pd.Series) -> TableCell:
     if row["verdict"] not in JUDGED:
         return TableCell("–")
     unit = row["unit"] if row["unit"] > 0.0 else 1.0
-    error, half = row["error"] / unit, 0.5 * (row["high"] - row["low"]) / unit
+    error = row["error"] / unit
+    half = 0.5 * (row["high"] - row["low"]) / unit
     text = f"{error:+.3f} ± {half:.3f}" if abs(error) < 1e3 else f"{error:+.2g} ± {half:.2g}"
     if half != half:  # too few paths for an interval
         text = f"{error:+.3g}"
@@ -49,7 +61,10 @@ def _cell(row: pd.Series) -> TableCell:
 def impact_table(v: Comparison, closure: str, summary: str) -> Table:
     """Errors of a closure at each impact, in sds, with the half width of their intervals."""
     section = v.predictions[closure].section
-    cells = {(r["moment"], r["quantity"], r["impact"]): _cell(r) for _, r in v.section_rows(closure).iterrows()}
+    cells = {
+        (r["moment"], r["quantity"], r["impact"]): _cell(r)
+        for _, r in v.section_rows(closure).iterrows()
+    }
     columns: dict[str, list[TableCell | str]] = {
         "impact": [str(impact) for impact in section.index],
         "agreement": [f"{share:.3f}" for share in v.run.agreement[closure][section.index]],
@@ -59,78 +74,116 @@ def impact_table(v: Comparison, closure: str, summary: str) -> Table:
             head = f"{'E' if moment == 'mean' else 'sd'} {'τ' if quantity == 'tau' else quantity}"
             columns[head] = [cells[moment, quantity, impact] for impact in section.index]
     for stage in range(1, v.scene.stages + 1):
-        columns[f"ρ{stage}"] = ["–" if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]]
+        columns[f"ρ{stage}"] = [
+            "–" if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]
+        ]
     realizable = ["yes" if possible else "no" for possible in section["realizable"]]
-    return Table.of([*numbers(*columns), "realizable"], zip(*columns.values(), realizable, strict=True), summary)
+    return Table.of(
+        [*numbers(*columns), "realizable"], zip(*columns.values(), realizable, strict=True), summary
+    )
 
 
 def find_failures(v: Comparison) -> pd.DataFrame:
-    """First failure of each check of realizability; mixtures (branching) have no moments of a perturbation to check."""
-    found = first_failures(realizability_table([m for m in v.predictions.values() if m.trace.parts is None]))
+    """First failure of each check of realizability; mixtures (branching) have no moments of a
+    perturbation to check."""
+    found = first_failures(
+        realizability_table([m for m in v.predictions.values() if m.trace.parts is None])
+    )
     stages = found["stage"].map({0: "both stages"}).fillna("stage " + found["stage"].astype(str))
     return found.assign(where="impact " + found["impact"].astype(str) + ", " + stages)
 
 
 def find_distances(v: Comparison) -> pd.DataFrame:
-    """Distances between predicted section density and histogram by closure, over that of a sample of the true one."""
-    table = pd.concat([section_distances(m, v.run) for m in v.predictions.values()], ignore_index=True)
-    ratios = pd.DataFrame({name: table[name] / table[f"{name}_floor"] for name in ("kolmogorov", "total_variation")})
+    """Distances between predicted section density and histogram by closure, over that of a sample
+    of the true one."""
+    table = pd.concat(
+        [section_distances(m, v.run) for m in v.predictions.values()], ignore_index=True
+    )
+    ratios = pd.DataFrame(
+        {name: table[name] / table[f"{name}_floor"] for name in ("kolmogorov", "total_variation")}
+    )
     found = ratios.groupby(table["closure"], sort=False).agg(["median", "max"])
     return found.set_axis(found.columns.map(" ".join), axis="columns").reset_index()
 
 
 def find_reach(v: Comparison) -> pd.DataFrame:
-    """Range of validity of each closure of a validation, its cause, and which paths the closure describes."""
+    """Range of validity of each closure of a validation, its cause, and which paths the closure
+    describes."""
     found = find_validities([v])
-    return found.assign(describes=[DESCRIBES[v.predictions[name].method.describes] for name in found["closure"]])
+    return found.assign(
+        describes=[DESCRIBES[v.predictions[name].method.describes] for name in found["closure"]]
+    )
 
 
 def list_leaving(v: Comparison) -> pd.DataFrame:
     """How paths leave the noise-free itinerary, by what they strike instead."""
     found = v.run.leaving
-    return found.assign(known=np.where(found["near"].astype(bool), "paths drawn near the branch", "this simulation"))
+    return found.assign(
+        known=np.where(found["near"].astype(bool), "paths drawn near the branch", "this simulation")
+    )
 
 
 def merge_sigmas(table: pd.DataFrame) -> pd.DataFrame:
-    """Range of validity of each closure; neighbouring noise intensities with the same range and cause are one row."""
+    """Range of validity of each closure; neighbouring noise intensities with the same range and
+    cause are one row."""
     rows = []
     for closure, group in table.groupby("closure", sort=False):
         group = group.sort_values("sigma")
         found = group[["accurate", "not_inaccurate", "cause"]]
         for _, same in group.groupby((found != found.shift()).any(axis=1).cumsum()):
-            first, last = same.iloc[0], same.iloc[-1]
+            first = same.iloc[0]
+            last = same.iloc[-1]
             sigma = f"{first['sigma']:.4g}" + (f" – {last['sigma']:.4g}" if len(same) > 1 else "")
             why = first["why"] if same["why"].nunique() == 1 else CAUSES[first["cause"]]
-            rows.append({"closure": closure, "sigma": sigma, **first[["accurate", "not_inaccurate"]], "why": why})
+            rows.append(
+                {
+                    "closure": closure,
+                    "sigma": sigma,
+                    **first[["accurate", "not_inaccurate"]],
+                    "why": why,
+                }
+            )
     return pd.DataFrame(rows)
 
 
 def speed_rows(table: pd.DataFrame) -> pd.DataFrame:
-    """Speed-up of each closure against a simulation of equal accuracy, in words where it is a bound or not known.
+    """Speed-up of each closure against a simulation of equal accuracy, in words where it is a bound
+    or not known.
 
-    Where the interval of the worst error contains zero, the error is an upper and the speed-up a lower bound.  The time
-    of a closure of one's own is measured, that of the simulation counted: they are not compared.
+    Where the interval of the worst error contains zero, the error is an upper and the speed-up a
+    lower bound.  The time of a closure of one's own is measured, that of the simulation counted:
+    they are not compared.
     """
     rows = table.sort_values(["closure", "sigma"])
     each = list(rows[["speed_up", "resolved", "closure_seconds"]].itertuples(index=False))
     return rows.assign(
         most=np.where(rows["resolved"], "", "≤ "),
-        own=[f"{1e3 * seconds:.2f} ms{', measured' * math.isnan(gain)}" for gain, _, seconds in each],
+        own=[
+            f"{1e3 * seconds:.2f} ms{', measured' * math.isnan(gain)}" for gain, _, seconds in each
+        ],
         simulated=1e3 * rows["simulation_seconds"],
-        gain=["–" if math.isnan(g) else f"{'≥ ' * (not sure)}{float(f'{g:.2g}'):g}" for g, sure, _ in each],
+        gain=[
+            "–" if math.isnan(g) else f"{'≥ ' * (not sure)}{float(f'{g:.2g}'):g}"
+            for g, sure, _ in each
+        ],
     )
 
 
 def simulation_text(v: Comparison) -> str:
-    """The simulation behind a validation in words: paths, scheme, step, sampling error, diagnostics."""
+    """The simulation behind a validation in words: paths, scheme, step, sampling error,
+    diagnostics."""
     run = v.run
     mean = v.run.section
-    bias = " (2 dt and 4 dt on the same Brownian paths)" if "fine_coarse" in run.result.sums else ", no step bias"
+    bias = (
+        " (2 dt and 4 dt on the same Brownian paths)"
+        if "fine_coarse" in run.result.sums
+        else ", no step bias"
+    )
     share = float((mean["se_tau"] / mean["sd_tau"]).median()) if v.scene.sigma > 0 else 0.0
     text = (
-        f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:.4g}{bias}; sampling "
-        f"error of E τ {share:.2%} of its sd at the median impact; intervals of {v.z:.2f} standard errors, so that "
-        "all of them contain the true values with 95 % confidence."
+        f"{run.paths:,} paths of the {run.scheme} scheme, dt = {run.dt:.4g}{bias}; sampling error"
+        f" of E τ {share:.2%} of its sd at the median impact; intervals of {v.z:.2f} standard"
+        " errors, so that all of them contain the true values with 95 % confidence."
     )
     seldom = f"taken by fewer than 1 in {run.paths / 10:,.0f} paths"
     rare = f"Rare branches, {seldom}, are counted where they could change a verdict."
@@ -138,8 +191,9 @@ def simulation_text(v: Comparison) -> str:
 
 
 NOTE = (
-    "The simulated motion, mean ± sd over the paths: each path just before its own k-th impact. For these gears 1 of τ "
-    "is {time:.4g} ms, of x {length:.4g} mm, of y {speed:.4g} mm/s. The energy is the mean loss at the impact."
+    "The simulated motion, mean ± sd over the paths: each path just before its own k-th impact. For"
+    " these gears 1 of τ is {time:.4g} ms, of x {length:.4g} mm, of y {speed:.4g} mm/s. The energy"
+    " is the mean loss at the impact."
 )
 FIXED = "The simulated motion between the impacts: mean ± sd of all paths at one time"
 
@@ -148,13 +202,17 @@ def motion_blocks(v: Comparison) -> list[Block]:
     """The motion of a validation's gears in both systems of units, as blocks of a page."""
     if v.scene.gears is None:
         return []
-    blocks: list[Block] = [Text(NOTE.format(**v.scene.gears.units._asdict()), note=True), motion_table(v)]
+    blocks: list[Block] = [
+        Text(NOTE.format(**v.scene.gears.units._asdict()), note=True),
+        motion_table(v),
+    ]
     return [*blocks, time_table(v)] if len(v.run.at_times()) else blocks
 
 
 def motion_table(v: Comparison) -> Table:
     """The simulated section means and sds in both systems of units."""
-    plain, physical = v.run.section, v.run.section_in("physical")
+    plain = v.run.section
+    physical = v.run.section_in("physical")
     speeds = [f"y{i}" for i in range(1, v.scene.stages + 1)]
     columns = {"impact": [str(impact) for impact in plain.index], "τ": _spreads(plain, "tau")}
     columns |= {name: _spreads(plain, name) for name in speeds}
@@ -167,22 +225,27 @@ def motion_table(v: Comparison) -> Table:
 
 def time_table(v: Comparison) -> Table:
     """The simulated means and sds at fixed times in both systems of units."""
-    plain, physical = v.run.at_times(), v.run.at_times(units="physical")
+    plain = v.run.at_times()
+    physical = v.run.at_times(units="physical")
     columns = {"τ": [f"{time:.4g}" for time in plain.index]}
-    columns |= {name: _spreads(plain, name, f"cov_{name}_{name}") for name in STATE[: 2 * v.scene.stages]}
+    columns |= {
+        name: _spreads(plain, name, f"cov_{name}_{name}") for name in STATE[: 2 * v.scene.stages]
+    }
     columns["time [ms]"] = [f"{time:.4g}" for time in physical.index]
     for name in STATE[: 2 * v.scene.stages]:
         unit = "mm" if name.startswith("x") else "mm_per_s"
         variance = f"cov_{name}_{name}_{PRODUCTS[unit, unit]}"
-        columns[f"{name} [{unit.replace('_per_', '/')}]"] = _spreads(physical, f"{name}_{unit}", variance)
+        columns[f"{name} [{unit.replace('_per_', '/')}]"] = _spreads(
+            physical, f"{name}_{unit}", variance
+        )
     return Table.of(numbers(*columns), zip(*columns.values(), strict=True), FIXED)
 
 
 def duration_words(v: Comparison) -> str:
     """How long the simulated motion is, for the advice.
 
-    Returns: As "the first 24 ms"; empty for a scene that was not made from gears, or if no path had all
-    impacts.
+    Returns: As "the first 24 ms"; empty for a scene that was not made from gears, or if no path had
+    all impacts.
     """
     time = _milliseconds(v)
     return "" if math.isnan(time) else f"the first {time:.3g} ms"
@@ -195,9 +258,15 @@ def motion_sentence(validations: Sequence[Comparison]) -> list[str]:
 
 
 def _in_words(v: Comparison) -> str:
-    physical, impacts, time = v.run.section_in("physical"), len(v.run.section), _milliseconds(v)
+    physical = v.run.section_in("physical")
+    impacts = len(v.run.section)
+    time = _milliseconds(v)
     speeds = physical[[f"y{i}_mm_per_s" for i in range(1, v.scene.stages + 1)]].abs()
-    lost = f" and a mean loss of {physical['energy_mJ'].mean():.2g} mJ per impact" if "energy_mJ" in physical else ""
+    lost = (
+        f" and a mean loss of {physical['energy_mJ'].mean():.2g} mJ per impact"
+        if "energy_mJ" in physical
+        else ""
+    )
     return (
         f"at σ = {v.scene.sigma:.4g}, {impacts} impacts take {time:.3g} ms on average, with mean "
         f"velocities before an impact of up to {np.nanmax(speeds):.3g} mm/s{lost}"
@@ -205,7 +274,8 @@ def _in_words(v: Comparison) -> str:
 
 
 def _milliseconds(v: Comparison) -> float:
-    """Mean time from the start to the last impact; NaN without gears or without a path that had it."""
+    """Mean time from the start to the last impact; NaN without gears or without a path that had
+    it."""
     if v.scene.gears is None:
         return math.nan
     local = v.run.phase_reduced.section["tau"].iloc[-1] - v.scene.phase
@@ -213,7 +283,8 @@ def _milliseconds(v: Comparison) -> float:
 
 
 def _spreads(table: pd.DataFrame, name: str, variance: str = "") -> list[str]:
-    """A quantity of each row as mean ± sd; the sd from the column of its variance, if one is named."""
+    """A quantity of each row as mean ± sd; the sd from the column of its variance, if one is
+    named."""
     sds = table[variance].map(math.sqrt) if variance else table[f"sd_{name}"]
     return [
         "–" if pd.isna(mean) else f"{mean:.4g} ± {float(f'{sd:.2g}'):g}"
@@ -230,8 +301,19 @@ def scheme_table(found: pd.DataFrame, sigma: float) -> Table:
     """The rows of one noise intensity."""
     own = found[found["sigma"] == sigma].replace({"paths": {0: np.nan}})
     rows: list[Row] = [
-        [r["method"], *("–" if pd.isna(r[name]) else format(r[name], form) for name, form in FORMS.items())]
+        [
+            r["method"],
+            *("–" if pd.isna(r[name]) else format(r[name], form) for name, form in FORMS.items()),
+        ]
         for r in own.to_dict("records")
     ]
-    heads = ("dt", "paths", "bias of a mean", "bias of an sd", "off by, mean", "off by, sd", "processor time in s")
+    heads = (
+        "dt",
+        "paths",
+        "bias of a mean",
+        "bias of an sd",
+        "off by, mean",
+        "off by, sd",
+        "processor time in s",
+    )
     return Table.of(["scheme or closure", *numbers(*heads)], rows)

@@ -1,4 +1,5 @@
-"""Validation of closures: compares them with an ensemble of the same scene and gives a verdict on every moment."""
+"""Validation of closures: compares them with an ensemble of the same scene and gives a verdict on
+every moment."""
 
 import math
 import time
@@ -12,23 +13,61 @@ import pandas as pd
 from rattle.closure import Closure, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
 from rattle.compare.validation import errors
-from rattle.compare.validation.comparison import Comparison, Sweep, find_validities, measure_speeds, simulation_costs
+from rattle.compare.validation.comparison import (
+    Comparison,
+    Sweep,
+    find_validities,
+    measure_speeds,
+    simulation_costs,
+)
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, widest
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
-from rattle.scene import SECTION, InputError, Scene, check_scene, choice, compile_ahead, count, positive
+from rattle.scene import (
+    SECTION,
+    InputError,
+    Scene,
+    check_scene,
+    choice,
+    compile_ahead,
+    count,
+    positive,
+)
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
 
 PILOT = 64  # paths of the pilot run that bounds the time of the last impact
-MARGIN = 10.0  # the bound is this many times the pilot's time to its last impact; later fixed times are not compared
+# the bound is this many times the pilot's time to its last impact; later fixed times are not
+# compared
+MARGIN = 10.0
 
 COLUMNS = (
-    *("closure", "kind", "impact", "time", "quantity", "moment", "predicted", "simulated", "se", "bias"),
-    *("error", "low", "high", "unit", "tolerance", "verdict", "paths_needed", "agreement", "remark"),
+    *(
+        "closure",
+        "kind",
+        "impact",
+        "time",
+        "quantity",
+        "moment",
+        "predicted",
+        "simulated",
+        "se",
+        "bias",
+    ),
+    *(
+        "error",
+        "low",
+        "high",
+        "unit",
+        "tolerance",
+        "verdict",
+        "paths_needed",
+        "agreement",
+        "remark",
+    ),
 )
 
 
@@ -58,34 +97,39 @@ def validate(
         Number of impacts after the start that are compared.
     closures : sequence of str, Closure or callable, optional
         Names of the closures, or closures of one's own: functions ``(scene, impacts)``, each a
-        `rattle.closure.Closure` or taken for one; by default all of the package that can be applied to the scene.  If
-        a function raises an exception, its rows are not predicted and their remark says why.
+        `rattle.closure.Closure` or taken for one; by default all of the package that can be applied
+        to the scene.  If a function raises an exception, its rows are not predicted and their
+        remark says why.
     paths, dt, scheme, rng, workers, progress
-        Settings of the simulation, see `rattle.montecarlo.simulate`.  If the scheme has a step bias, 2 dt and 4 dt run
-        on the same Brownian paths to measure it; if it has none, the linearised path may serve as control variate.
+        Settings of the simulation, see `rattle.montecarlo.simulate`.  If the scheme has a step
+        bias, 2 dt and 4 dt run on the same Brownian paths to measure it; if it has none, the
+        linearised path may serve as control variate.
     order : int
         Order of the closures' moments.
     tolerances : Tolerances, optional
         What counts as accurate: 5 % of an sd for means, 10 % for sds, 0.05 for correlations.
     fixed_times : bool
-        Whether the correlations at fixed times, in the middle of the orbit's flights, are compared as well.
+        Whether the correlations at fixed times, in the middle of the orbit's flights, are compared
+        as well.
 
     Returns
     -------
     Validation
-        Rows of its table of kind ``section`` and ``fixed time`` are about all paths; those of kind ``itinerary`` about
-        the paths alone that have followed the closure's itinerary (its sequence of meshes and sides) up to the impact.
+        Rows of its table of kind ``section`` and ``fixed time`` are about all paths; those of kind
+        ``itinerary`` about the paths alone that have followed the closure's itinerary (its sequence
+        of meshes and sides) up to the impact.
 
     Raises
     ------
     InputError
-        For any setting that cannot be run, and where a function of one's own returns no such table; nothing has
-        started then.
+        For any setting that cannot be run, and where a function of one's own returns no such table;
+        nothing has started then.
 
     Examples
     --------
     >>> from rattle.scene import DAT21, Scene
-    >>> v = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=2, closures=["saltation"], paths=20_000, rng=7)
+    >>> scene = Scene.from_gears(DAT21, sigma=0.01)
+    >>> v = validate(scene, impacts=2, closures=["saltation"], paths=20_000, rng=7)
     >>> row = v.table.query("quantity == 'tau' and moment == 'mean' and impact == 1").iloc[0]
     >>> row["verdict"], bool(row["low"] < 0.0 < row["high"])
     ('accurate', True)
@@ -94,26 +138,42 @@ def validate(
     compile_ahead.expect("validate", len(scene.drive))
     methods = find_closures("closures", closures_for(scene) if closures is None else closures)
     limits = tolerances or Tolerances()
-    # both sides are computed phase-reduced, so that a late start loses no digits of the times that are compared
-    given, scene = scene, scene.phase_reduced
+    # both sides are computed phase-reduced, so that a late start loses no digits of the times that
+    # are compared
+    given = scene
+    scene = scene.phase_reduced
     biased = SCHEMES[choice("scheme", scheme, SCHEMES)].has_step_bias
     dt = default_step(scene, scheme, biased) if dt is None else dt
     rng = read_seed(rng)
-    common: dict[str, Any] = {"impacts": impacts, "dt": dt, "scheme": scheme, "rng": rng, "workers": workers}
+    common: dict[str, Any] = {
+        "impacts": impacts,
+        "dt": dt,
+        "scheme": scheme,
+        "rng": rng,
+        "workers": workers,
+    }
     check_settings(scene, paths=paths, step_bias=biased, **common)
     predictions = {method.name: predict(given, method, impacts, order) for method in methods}
     maps = [m.phase_reduced for m in predictions.values()]
     orbit = follow(scene, impacts)
     tau = orbit.tau[: orbit.found + 1]
-    grid = (4.0 if biased else 1.0) * dt  # fixed times are rounded to it; a flight shorter than it may contain none
+    # fixed times are rounded to it; a flight shorter than it may contain none
+    grid = (4.0 if biased else 1.0) * dt
     middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
     last = _last_impact(scene, **common)
     times = middle[(middle - scene.phase > grid) & (middle <= last)] if fixed_times else ()
-    shown: dict[str, Any] = {"step_bias": biased, "histogram": True, "energy": scene.gears is not None, "times": times}
+    shown: dict[str, Any] = {
+        "step_bias": biased,
+        "histogram": True,
+        "energy": scene.gears is not None,
+        "times": times,
+    }
     followed = {name: m.itinerary for name, m in predictions.items()}
     record = Record(**shown, on_itinerary=True, itineraries=followed)
     sampling = Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last)
-    run = simulate(scene, paths=paths, sampling=sampling, progress=progress, **common, record=record)
+    run = simulate(
+        scene, paths=paths, sampling=sampling, progress=progress, **common, record=record
+    )
     # the impact that ends the flight of each fixed time
     flights = np.searchsorted(tau, run.at_times().index.to_numpy(float))
     moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
@@ -132,33 +192,58 @@ def validate(
     table["remark"] = [raised.get(name, remark) for name, remark in said]
     valid = errors.judge_correlation(maps, run, flights)
     run = replace(run, plan=run.plan._replace(scene=given))
-    return Validation(given, predictions, run, errors.to_absolute_time(table, given), valid, z, limits, second_look)
+    return Validation(
+        given,
+        predictions,
+        run,
+        errors.to_absolute_time(table, given),
+        valid,
+        z,
+        limits,
+        second_look,
+    )
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:
-    """Generous upper bound of the time of every path's last impact, from a pilot run; at most when paths are abandoned.
+    """Generous upper bound of the time of every path's last impact, from a pilot run; at most when
+    paths are abandoned.
 
-    If the noise-free orbit flies much longer than the paths do, nothing can be compared at its later times, and
-    simulating up to them may take millions of steps.
+    If the noise-free orbit flies much longer than the paths do, nothing can be compared at its
+    later times, and simulating up to them may take millions of steps.
     """
     pilot = simulate(scene, paths=PILOT, **settings)
-    at, horizon = pilot.section.iloc[-1], scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
+    at = pilot.section.iloc[-1]
+    horizon = scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
     latest = scene.phase + MARGIN * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
     return float(min(horizon, math.inf if math.isnan(latest) else latest))
 
 
 EXAMPLE = "1e-3:2:12"
-SCHEME_COLUMNS = ["sigma", "method", "dt", "paths", "bias_mean", "bias_sd", "error_mean", "error_sd", "core_seconds"]
+SCHEME_COLUMNS = [
+    "sigma",
+    "method",
+    "dt",
+    "paths",
+    "bias_mean",
+    "bias_sd",
+    "error_mean",
+    "error_sd",
+    "core_seconds",
+]
 BESIDE_PATHS = 32_768  # of each scheme that is shown beside the simulation
 SCHEME = "exact-flight"
-"""Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the sds."""
+"""Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the
+sds."""
 
 
 def read_grid(text: str) -> tuple[float, ...]:
-    """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to three digits."""
+    """Noise intensities from ``LOW:HIGH:POINTS``, evenly spaced in their logarithm, rounded to
+    three digits."""
     try:
         first, last, number = text.split(":")
-        low, high, points = float(first), float(last), int(number)
+        low = float(first)
+        high = float(last)
+        points = int(number)
     except ValueError:
         raise InputError("validity", text, f"give LOW:HIGH:POINTS, as in {EXAMPLE}") from None
     positive("validity LOW", low)
@@ -177,35 +262,55 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
     for sigma in sigmas:
         try:
             own = scene.with_sigma(sigma)
-            check_settings(own, scheme=SCHEME, dt=default_step(own, SCHEME), step_bias=False, **settings)
+            check_settings(
+                own, scheme=SCHEME, dt=default_step(own, SCHEME), step_bias=False, **settings
+            )
         except InputError as error:
-            raise InputError("validity", sigma, f"cannot be run ({error}); change the range, or leave it out") from None
+            raise InputError(
+                "validity", sigma, f"cannot be run ({error}); change the range, or leave it out"
+            ) from None
 
 
 STRIDES = (4, 2, 1)
-"""Of how many neighbouring noise intensities one is validated, in each round of a sweep: a part of it is of use."""
+"""Of how many neighbouring noise intensities one is validated, in each round of a sweep: a part of
+it is of use."""
 FEWEST_SIGMAS = 2
 """Of a sweep, whatever its budget: a range has two ends."""
 BESIDES = 1.0
-"""Core-seconds that a validation takes besides its paths and closures: its tables, and paths near rare branches.
+"""Core-seconds that a validation takes besides its paths and closures: its tables, and paths near
+rare branches.
 
-With it the processor time of 26 validations of 13 scenes was 0.6 to 1.8 times the counted work, but for two of 2.5 and
-4.5 times, where pilots look for rare ways to leave the itinerary.
+With it the processor time of 26 validations of 13 scenes was 0.6 to 1.8 times the counted work, but
+for two of 2.5 and 4.5 times, where pilots look for rare ways to leave the itinerary.
 """
 
 
-def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, budget: float = math.inf, **settings: Any) -> Sweep:
+def sweep(
+    scene: Scene,
+    sigmas: Sequence[float],
+    *,
+    workers: int,
+    budget: float = math.inf,
+    **settings: Any,
+) -> Sweep:
     """Validate a scene at each noise intensity against exact flights, all from one seed.
 
-    `sigmas`: Noise intensities.  All use the same random numbers, so that the sample does not change along the
-    grid. `budget`: Core-seconds of counted work; what it does not allow is left out.
+    `sigmas`: Noise intensities.  All use the same random numbers, so that the sample does not
+    change along the grid. `budget`: Core-seconds of counted work; what it does not allow is left
+    out.
     """
     order = list(dict.fromkeys(sigma for stride in STRIDES for sigma in sigmas[::stride]))
     found = list[Validation]()
     work = 0.0
     with ProgressBar(order, label="range of validity", unit="intensities") as bar:
         for sigma in bar:
-            v = validate(scene.with_sigma(sigma), scheme=SCHEME, fixed_times=False, workers=workers, **settings)
+            v = validate(
+                scene.with_sigma(sigma),
+                scheme=SCHEME,
+                fixed_times=False,
+                workers=workers,
+                **settings,
+            )
             found.append(v)
             latest = count_work(v)
             work += latest
@@ -214,22 +319,33 @@ def sweep(scene: Scene, sigmas: Sequence[float], *, workers: int, budget: float 
     left_out = len(order) - len(found)
     all_work = work / len(found) * len(order)
     found.sort(key=lambda v: v.scene.sigma)
-    return Sweep(find_validities(found), measure_speeds(found), simulation_costs(found), left_out, all_work)
+    return Sweep(
+        find_validities(found), measure_speeds(found), simulation_costs(found), left_out, all_work
+    )
 
 
 def count_work(v: Comparison) -> float:
-    """Core-seconds of a validation, from counted work; functions of one's own, whose work nobody counts, are free."""
+    """Core-seconds of a validation, from counted work; functions of one's own, whose work nobody
+    counts, are free."""
     closures = sum(closure_seconds(m) for m in v.predictions.values() if not m.method.own)
     return BESIDES + closures + cost_of(v.run, v.run.paths).core_seconds
 
 
-def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], workers: int) -> pd.DataFrame:
-    """Simulate each scene of some validations by each of these schemes; a row for each of them and for each closure."""
+def compare_schemes(
+    validations: Sequence[Comparison], schemes: Sequence[str], workers: int
+) -> pd.DataFrame:
+    """Simulate each scene of some validations by each of these schemes; a row for each of them and
+    for each closure."""
     rows = []
     for v in validations:
         for scheme in dict.fromkeys((v.run.scheme, *schemes)):
             seed = np.random.SeedSequence(v.run.seed.entropy, spawn_key=(*v.run.seed.spawn_key, 1))
-            common: dict[str, Any] = {"impacts": v.run.impacts, "scheme": scheme, "rng": seed, "workers": workers}
+            common: dict[str, Any] = {
+                "impacts": v.run.impacts,
+                "scheme": scheme,
+                "rng": seed,
+                "workers": workers,
+            }
             simulate(v.scene.phase_reduced, paths=2, **common)  # compiles
             began = time.process_time()
             run = simulate(v.scene.phase_reduced, paths=BESIDE_PATHS, **common)
@@ -237,18 +353,33 @@ def compare_schemes(validations: Sequence[Comparison], schemes: Sequence[str], w
             sampled = errors.NamedSection(scheme, run.section)
             table = errors.section_errors([sampled], v.run.phase_reduced, v.z, v.tolerances)
             at = ["impact", "quantity", "moment"]
-            bias = _largest(table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias")
-            rows.append((v.scene.sigma, scheme, run.dt, BESIDE_PATHS, *bias, *_largest(table, "error"), took))
+            bias = _largest(
+                table.drop(columns="bias").merge(run.step_bias[[*at, "bias"]], on=at), "bias"
+            )
+            rows.append(
+                (
+                    v.scene.sigma,
+                    scheme,
+                    run.dt,
+                    BESIDE_PATHS,
+                    *bias,
+                    *_largest(table, "error"),
+                    took,
+                )
+            )
         for closure, prediction in v.predictions.items():
             table = v.section_rows(closure)
             own = table.assign(judged=table["verdict"] != "not judged")
             took = closure_seconds(prediction)
-            rows.append((v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took))
+            rows.append(
+                (v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took)
+            )
     return pd.DataFrame(rows, columns=SCHEME_COLUMNS)
 
 
 def _largest(table: pd.DataFrame, column: str) -> list[float]:
-    """The largest value of a mean and of an sd, in sds of the quantity, over the rows that are judged."""
+    """The largest value of a mean and of an sd, in sds of the quantity, over the rows that are
+    judged."""
     rows = table[table["judged"] & (table["unit"] > 0.0)]
     shares = rows[column].abs() / rows["unit"]
     return [float(shares[rows["moment"] == moment].max()) for moment in ("mean", "sd")]

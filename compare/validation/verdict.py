@@ -1,7 +1,9 @@
-"""The three-way verdict on an error and its interval, the tolerances that decide it, and ranges of validity in words.
+"""The three-way verdict on an error and its interval, the tolerances that decide it, and ranges of
+validity in words.
 
-*Accurate up to*: every judged moment is accurate, there and before.  *Not shown wrong up to*: none is inaccurate, but
-beyond the first limit some are *undecided*: too few paths, or too long a step, to decide.
+*Accurate up to*: every judged moment is accurate, there and before.  *Not shown wrong up to*: none
+is inaccurate, but beyond the first limit some are *undecided*: too few paths, or too long a step,
+to decide.
 """
 
 import math
@@ -50,26 +52,30 @@ class Tolerances(NamedTuple):
 
 
 def widest(checks: int, family_error: float = 0.05) -> float:
-    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals (Bonferroni)."""
+    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals
+    (Bonferroni)."""
     return float(-ndtri(0.5 * family_error / max(checks, 1)))
 
 
 def at_wall(quantity: Any, mesh: Any) -> Any:
-    """Whether a quantity is the displacement at the struck mesh, which is not judged, see `RULE`."""
+    """Whether a quantity is the displacement at the struck mesh, which is not judged, see
+    `RULE`."""
     return ((quantity == "x1") & (mesh == 1)) | ((quantity == "x2") & (mesh == 2))
 
 
 def judge(table: pd.DataFrame) -> pd.DataFrame:
     """Give a verdict on each row: is the error of a predicted moment within its tolerance?
 
-    `table`: Columns ``predicted, error, low, high, noise, tolerance, paths``; optionally ``judged`` (bool), and
-    ``unseen_low, unseen_high, unseen_paths`` (see `section_errors`).  ``low`` and ``high`` bound the error;
-    ``noise`` is the part of the interval's half width that more paths would reduce.  An interval that so few
-    paths cannot have is NaN. Returns: A copy with two more columns.  ``verdict``: ``accurate`` if the whole
-    interval lies within the tolerance, ``inaccurate`` if all of it lies outside, else ``undecided``; ``not
-    predicted`` where a value is missing, ``not judged`` where ``judged`` is False.  ``paths_needed``: the number
-    of paths that would decide an undecided row, NaN where only a smaller step can: those that decide it whatever
-    the branches do which this sample cannot have seen, or those that show these, whichever are fewer.
+    `table`: Columns ``predicted, error, low, high, noise, tolerance, paths``; optionally ``judged``
+    (bool), and ``unseen_low, unseen_high, unseen_paths`` (see `section_errors`).  ``low`` and
+    ``high`` bound the error; ``noise`` is the part of the interval's half width that more paths
+    would reduce.  An interval that so few paths cannot have is NaN. Returns: A copy with two more
+    columns.  ``verdict``: ``accurate`` if the whole interval lies within the tolerance,
+    ``inaccurate`` if all of it lies outside, else ``undecided``; ``not predicted`` where a value is
+    missing, ``not judged`` where ``judged`` is False.  ``paths_needed``: the number of paths that
+    would decide an undecided row, NaN where only a smaller step can: those that decide it whatever
+    the branches do which this sample cannot have seen, or those that show these, whichever are
+    fewer.
     """
     out = table.copy()
     for name in UNSEEN:
@@ -82,24 +88,36 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     absent = out["predicted"].isna() | out["error"].isna()
     excluded = ~out["judged"].astype(bool) if "judged" in out else np.zeros(len(out), bool)
     out["verdict"] = np.select(
-        [excluded, absent, inside, outside], [NOT_JUDGED, "not predicted", "accurate", "inaccurate"], "undecided"
+        [excluded, absent, inside, outside],
+        [NOT_JUDGED, "not predicted", "accurate", "inaccurate"],
+        "undecided",
     )
-    low, high = out["low"] + out["unseen_low"], out["high"] - out["unseen_high"]  # of what the sample has seen
-    fixed = out.get("rest", 0.5 * (high - low) - out["noise"]).astype(float)  # what more paths do not reduce
+    # of what the sample has seen
+    low = out["low"] + out["unseen_low"]
+    high = out["high"] - out["unseen_high"]
+    # what more paths do not reduce
+    fixed = out.get("rest", 0.5 * (high - low) - out["noise"]).astype(float)
     margin = (out["error"].abs() - tolerance).abs() - fixed
-    beside = margin - out[["unseen_low", "unseen_high"]].max(axis=1)  # room that unseen branches leave at most
+    # room that unseen branches leave at most
+    beside = margin - out[["unseen_low", "unseen_high"]].max(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        needed, whatever = (out["paths"] * (out["noise"] / m.where(m > 0.0)) ** 2 for m in (margin, beside))
+        needed, whatever = (
+            out["paths"] * (out["noise"] / m.where(m > 0.0)) ** 2 for m in (margin, beside)
+        )
     undecided = out["verdict"] == "undecided"
     seen = ((low >= -tolerance) & (high <= tolerance)) | (low > tolerance) | (high < -tolerance)
     needed = needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"])
     needed = needed.where(~(whatever < needed), whatever)
-    out["paths_needed"] = np.where(undecided & (margin > 0.0) & np.isfinite(needed), np.ceil(needed), np.nan)
+    out["paths_needed"] = np.where(
+        undecided & (margin > 0.0) & np.isfinite(needed), np.ceil(needed), np.nan
+    )
     return out
 
 
-ACCURATE, NOT_WRONG = "accurate up to", "not shown wrong up to"
-WRONG, ENDED = "shown wrong", "not followed to its end"
+ACCURATE = "accurate up to"
+NOT_WRONG = "not shown wrong up to"
+WRONG = "shown wrong"
+ENDED = "not followed to its end"
 UNDECIDED = "too few paths to decide"
 """The phrases for a range of validity, and for what lies beyond it."""
 
@@ -128,7 +146,9 @@ def want(rows: pd.DataFrame) -> str:
     needed = rows.loc[rows["verdict"] == "undecided", "paths_needed"]
     if not needed.isna().any():
         return UNDECIDED
-    return f"{UNDECIDED}, and too long a step" if needed.notna().any() else "too long a step to decide"
+    return (
+        f"{UNDECIDED}, and too long a step" if needed.notna().any() else "too long a step to decide"
+    )
 
 
 def in_words(
@@ -143,9 +163,10 @@ def in_words(
 ) -> str:
     """A range of validity over a scene parameter in words, and what lies beyond it.
 
-    `accurate`, `not_wrong`: The last value up to which all is accurate, and up to which nothing is inaccurate;
-    NaN if not even the first. `ended`: Whether beyond ``not_wrong`` the closure cannot be continued to the last
-    impact, rather than being inaccurate. `exact`: All values at which all is accurate, those beyond a wrong one too.
+    `accurate`, `not_wrong`: The last value up to which all is accurate, and up to which nothing is
+    inaccurate; NaN if not even the first. `ended`: Whether beyond ``not_wrong`` the closure cannot
+    be continued to the last impact, rather than being inaccurate. `exact`: All values at which all
+    is accurate, those beyond a wrong one too.
     """
     beyond = [value for value in values if not value <= not_wrong]
     parts = []
@@ -154,8 +175,13 @@ def in_words(
     if not math.isnan(not_wrong) and not_wrong != accurate:
         parts.append((NOT_WRONG, not_wrong, f" ({undecided})"))
     if beyond:
-        parts.append((f"{ENDED if ended else WRONG} at", beyond[0], "" if parts else ", the smallest"))
-    phrases = [f"{what} {'' if i else f'{name} = '}{value:.4g}{more}" for i, (what, value, more) in enumerate(parts)]
+        parts.append(
+            (f"{ENDED if ended else WRONG} at", beyond[0], "" if parts else ", the smallest")
+        )
+    phrases = [
+        f"{what} {'' if i else f'{name} = '}{value:.4g}{more}"
+        for i, (what, value, more) in enumerate(parts)
+    ]
     again = [f"{value:.4g}" for value in exact if beyond and value > beyond[0]]
     if again:
         phrases.append(f"and accurate at {join_words(again)} (not one interval)")
@@ -174,5 +200,6 @@ def span(values: Iterable[float], form: str) -> str:
     ('17.26', '5% to 10%')
     """
     found = list(values)
-    low, high = format(min(found), form), format(max(found), form)
+    low = format(min(found), form)
+    high = format(max(found), form)
     return low if low == high else f"{low} to {high}"

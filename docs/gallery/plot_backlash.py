@@ -2,8 +2,9 @@ r"""
 How hard and how often: the backlash of a gear pair
 ===================================================
 
-DAT21 with other backlashes and the same motion of the driver: impacts per second, and the speed with which driver and
-wheel 1 meet, in mm/s. Physical units follow from the gears: a time is :math:`\tau/\omega`, a velocity is
+DAT21 with other backlashes and the same motion of the driver: impacts per second, and the speed
+with which driver and wheel 1 meet, in mm/s. Physical units follow from the gears: a time is
+:math:`\tau/\omega`, a velocity is
 :math:`y\,\nu_1\omega`.
 """
 
@@ -15,11 +16,25 @@ import numpy as np
 from rattle import DAT21, Record, Scene, simulate
 
 backlashes = np.linspace(0.1, 0.6, 6)  # mm
-rate, speed = [], []
+rate = []
+speed = []
 for backlash in backlashes:
-    gears = replace(DAT21, backlash1=backlash, backlash2=backlash, alpha=DAT21.alpha * DAT21.backlash1 / backlash)
+    gears = replace(
+        DAT21,
+        backlash1=backlash,
+        backlash2=backlash,
+        alpha=DAT21.alpha * DAT21.backlash1 / backlash,
+    )
     scene = Scene.from_gears(gears, sigma=0.1 * gears.alpha)
-    raw = simulate(scene, paths=500, impacts=60, scheme="exact-flight", rng=7, workers=2, record=Record(raw=True)).raw
+    raw = simulate(
+        scene,
+        paths=500,
+        impacts=60,
+        scheme="exact-flight",
+        rng=7,
+        workers=2,
+        record=Record(raw=True),
+    ).raw
     late = raw[:, 20:]  # the start is forgotten
     rate.append(gears.omega / late[:, :, 1].mean())
     mesh1 = np.abs(late[:, :, 6]) == 1

@@ -2,9 +2,9 @@ r"""
 The density at an impact
 ========================
 
-At the paper's noise :math:`\sigma = \sqrt\alpha` the velocity before the sixth impact has several humps: paths have
-come by different itineraries. ``branching`` is a mixture of Gaussian components and has the humps; the Edgeworth series
-around one orbit cannot.
+At the paper's noise :math:`\sigma = \sqrt\alpha` the velocity before the sixth impact has several
+humps: paths have come by different itineraries. ``branching`` is a mixture of Gaussian components
+and has the humps; the Edgeworth series around one orbit cannot.
 """
 
 import matplotlib.pyplot as plt
@@ -14,7 +14,9 @@ from rattle import DAT21, Record, Scene, mean_map, simulate
 from rattle.compare.report.style import STYLE
 
 scene = Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5)
-run = simulate(scene, paths=10_000, impacts=6, scheme="exact-flight", rng=7, workers=2, record=Record(raw=True))
+run = simulate(
+    scene, paths=10_000, impacts=6, scheme="exact-flight", rng=7, workers=2, record=Record(raw=True)
+)
 velocity = np.linspace(-5, 5, 400)
 
 figure, ax = plt.subplots(figsize=(6.5, 3.6), layout="constrained")

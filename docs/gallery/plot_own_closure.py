@@ -2,15 +2,17 @@ r"""
 A closure of one's own: sigma points
 ====================================
 
-An unscented closure in 40 lines, judged on the paper's example and on two random gear pairs. In the middle of a flight
-it spreads nine points over the Gaussian of the state (its sigma points), follows each without noise to its own next
-impact and to the middle of the next flight, and takes mean and covariance of where they arrive: no derivative of an
-impact is needed. The noise of a flight is added at its middle and at its ends, where its covariance is known exactly.
+An unscented closure in 40 lines, judged on the paper's example and on two random gear pairs. In the
+middle of a flight it spreads nine points over the Gaussian of the state (its sigma points), follows
+each without noise to its own next impact and to the middle of the next flight, and takes mean and
+covariance of where they arrive: no derivative of an impact is needed. The noise of a flight is
+added at its middle and at its ends, where its covariance is known exactly.
 
-Filled: the impacts up to which every mean and sd that the closure predicts is accurate, compared with 20,000 exact
-flights. Hatched: not shown wrong, but too few paths to decide. At small noise all is accurate, as with ``saltation``,
-which takes derivatives instead; and both end where paths begin to leave the itinerary, for nine points do not follow
-the few paths that carry the standard deviations there.
+Filled: the impacts up to which every mean and sd that the closure predicts is accurate, compared
+with 20,000 exact flights. Hatched: not shown wrong, but too few paths to decide. At small noise all
+is accurate, as with ``saltation``, which takes derivatives instead; and both end where paths begin
+to leave the itinerary, for nine points do not follow the few paths that carry the standard
+deviations there.
 """
 
 from dataclasses import replace
@@ -44,20 +46,28 @@ def moments(points, weights):
 
 def unscented(scene, impacts):
     """Sigma points in the middle of each flight, followed to their own next impacts."""
-    c, orbit = scene.constants, follow(scene, impacts + 1)
+    c = scene.constants
+    orbit = follow(scene, impacts + 1)
     middle = 0.5 * (orbit.tau[1:] + orbit.tau[:-1])  # a time within each flight of the orbit
-    mean, covariance = orbit.state(middle[0]), noise_covariance(c, orbit.tau[0], middle[0] - orbit.tau[0])
+    mean = orbit.state(middle[0])
+    covariance = noise_covariance(c, orbit.tau[0], middle[0] - orbit.tau[0])
     rows = []
     for k in range(1, orbit.found):
         back = np.linalg.inv(jacobian(c, orbit.tau[k] - middle[k - 1]))
-        coming = noise_covariance(c, middle[k - 1], orbit.tau[k] - middle[k - 1])  # of the noise up to the impact
+        # of the noise up to the impact
+        coming = noise_covariance(c, middle[k - 1], orbit.tau[k] - middle[k - 1])
         points, weights = sigma_points(mean, covariance + back @ coming @ back.T)
         walls = 0.999 * np.array([c.wall1, c.wall2])
         points[:, ::2] = points[:, ::2].clip(-walls, walls)
-        paths = [follow(replace(scene, start=Start(middle[k - 1], *point, mesh=0)), 4) for point in points]
+        paths = [
+            follow(replace(scene, start=Start(middle[k - 1], *point, mesh=0)), 4)
+            for point in points
+        ]
         arrivals = np.array([[path.tau[1] - path.tau[0], *path.before[1]] for path in paths])
         arrival, spread = moments(arrivals, weights)
-        rows.append([middle[k - 1] + arrival[0], *arrival[1:], *np.sqrt(spread.diagonal().clip(0.0))])
+        rows.append(
+            [middle[k - 1] + arrival[0], *arrival[1:], *np.sqrt(spread.diagonal().clip(0.0))]
+        )
         later = np.array([path.state(path.tau[0] + middle[k] - middle[k - 1]) for path in paths])
         mean, covariance = moments(later, weights)
         covariance += noise_covariance(c, orbit.tau[k], middle[k] - orbit.tau[k])
@@ -66,14 +76,14 @@ def unscented(scene, impacts):
     return table.reindex(range(1, impacts + 1))
 
 
-# %%
-# That is all: a function goes wherever the name of a closure goes. Its rows are judged as those of the others are.
+# %% That is all: a function goes wherever the name of a closure goes. Its rows are judged as those
+# of the others are.
 
 scene = Scene.from_gears(DAT21, sigma=0.02)
 print(validate(scene, closures=["saltation", unscented], paths=20_000, workers=2))
 
-# %%
-# Two random gear pairs beside DAT21, each at noise that is small against its drive and at larger noise:
+# %% Two random gear pairs beside DAT21, each at noise that is small against its drive and at larger
+# noise:
 
 random = np.random.default_rng(5)
 
@@ -84,17 +94,37 @@ def random_pair():
         random.uniform(*ends) for ends in ((0.8, 2.5), (0.05, 0.3, 2), (0, 0.1, 2))
     )
     epsilon, mu, gap2 = random.uniform((0.5, 0.3, 0.4), (0.95, 0.7, 0.8))
-    return Scene(alpha=alpha, epsilon=epsilon, beta1=beta1, beta2=beta2, gamma1=gamma1, gamma2=gamma2, mu=mu, gap2=gap2)
+    return Scene(
+        alpha=alpha,
+        epsilon=epsilon,
+        beta1=beta1,
+        beta2=beta2,
+        gamma1=gamma1,
+        gamma2=gamma2,
+        mu=mu,
+        gap2=gap2,
+    )
 
 
-IMPACTS, NOISE = 8, np.geomspace(5e-3, 0.3, 4)
-scenes = {"DAT21": Scene.from_gears(DAT21), "random pair 1": random_pair(), "random pair 2": random_pair()}
+IMPACTS = 8
+NOISE = np.geomspace(5e-3, 0.3, 4)
+scenes = {
+    "DAT21": Scene.from_gears(DAT21),
+    "random pair 1": random_pair(),
+    "random pair 2": random_pair(),
+}
 figure, axes = plt.subplots(2, 3, figsize=(9, 5), sharex=True, sharey=True, layout="constrained")
 for column, (name, scene) in zip(axes.T, scenes.items(), strict=True):
     sigmas = NOISE * np.sqrt(scene.alpha)
     found = find_validities(
         [
-            validate(scene.with_sigma(s), impacts=IMPACTS, closures=["saltation", unscented], paths=20_000, workers=2)
+            validate(
+                scene.with_sigma(s),
+                impacts=IMPACTS,
+                closures=["saltation", unscented],
+                paths=20_000,
+                workers=2,
+            )
             for s in sigmas
         ]
     )
@@ -102,7 +132,13 @@ for column, (name, scene) in zip(axes.T, scenes.items(), strict=True):
     for ax, (closure, rows) in zip(column, found.groupby("closure"), strict=True):
         color = STYLE[closure]["color"]
         ax.stairs(
-            rows["not_inaccurate"], edges, baseline=rows["accurate"], fill=True, fc="none", ec=color, hatch="////"
+            rows["not_inaccurate"],
+            edges,
+            baseline=rows["accurate"],
+            fill=True,
+            fc="none",
+            ec=color,
+            hatch="////",
         )
         ax.stairs(rows["accurate"], edges, fill=True, color=color)
         ax.set(xscale="log", ylim=(0, IMPACTS), title=f"{closure}, {name}")

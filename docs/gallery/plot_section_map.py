@@ -2,8 +2,9 @@ r"""
 The Poincaré section of the orbit
 =================================
 
-Flight time against velocity before the impact, at 20,000 impacts of the noise-free orbit: its strange attractor. In
-black 4,000 impacts of noisy paths at :math:`\sigma = 0.1` that have forgotten their start.
+Flight time against velocity before the impact, at 20,000 impacts of the noise-free orbit: its
+strange attractor. In black 4,000 impacts of noisy paths at :math:`\sigma = 0.1` that have forgotten
+their start.
 """
 
 import matplotlib.pyplot as plt
@@ -13,7 +14,9 @@ from rattle.closure.long_orbit import LongOrbit
 
 scene = Scene.from_gears(DAT21, sigma=0.1)
 orbit = LongOrbit(scene.noise_free).stretch(20_000, tangent=False)
-run = simulate(scene, paths=400, impacts=40, scheme="exact-flight", rng=7, workers=2, record=Record(raw=True))
+run = simulate(
+    scene, paths=400, impacts=40, scheme="exact-flight", rng=7, workers=2, record=Record(raw=True)
+)
 noisy = run.raw[:, 30:].reshape(-1, 7)
 
 figure, ax = plt.subplots(figsize=(6.5, 4), layout="constrained")

@@ -2,9 +2,9 @@ r"""
 What the step does
 ==================
 
-Error of the mean time of the fourth impact over the step: plain Euler-Maruyama finds each impact half a step late;
-located impacts have an error of the same order, and a smaller one. Exact flights have none that can be measured, so
-they are what the others are compared with.
+Error of the mean time of the fourth impact over the step: plain Euler-Maruyama finds each impact
+half a step late; located impacts have an error of the same order, and a smaller one. Exact flights
+have none that can be measured, so they are what the others are compared with.
 """
 
 import matplotlib.pyplot as plt

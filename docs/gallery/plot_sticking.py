@@ -2,8 +2,9 @@ r"""
 Chatter, sticking, release
 ==========================
 
-A single stage with little restitution: impacts accumulate (chatter), the mesh stays closed while its contact force
-pushes (shaded), and opens when it would have to pull. The orbit goes through all of it.
+A single stage with little restitution: impacts accumulate (chatter), the mesh stays closed while
+its contact force pushes (shaded), and opens when it would have to pull. The orbit goes through all
+of it.
 """
 
 from rattle import Scene, follow

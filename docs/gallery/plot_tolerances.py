@@ -2,9 +2,9 @@ r"""
 Noise or tolerances?
 ====================
 
-Backlashes from a drawing scatter from one gear set to the next. The standard deviation of the impact times of a scene
-with noise alone, with tolerances alone (0.4 % of the half gap), and with both: the closure ``saltation`` as lines, the
-simulation as points.
+Backlashes from a drawing scatter from one gear set to the next. The standard deviation of the
+impact times of a scene with noise alone, with tolerances alone (0.4 % of the half gap), and with
+both: the closure ``saltation`` as lines, the simulation as points.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@ r"""
 Verdicts on every moment
 ========================
 
-`rattle.compare.validation.validate.validate` compares every closure with a simulation and judges each moment at each
-impact: accurate (the whole interval of the error is within what is allowed), inaccurate (all of it is outside), or
-undecided.
+`rattle.compare.validation.validate.validate` compares every closure with a simulation and judges
+each moment at each impact: accurate (the whole interval of the error is within what is allowed),
+inaccurate (all of it is outside), or undecided.
 """
 
 import matplotlib.pyplot as plt
@@ -23,7 +23,15 @@ figure, axes = plt.subplots(1, 4, figsize=(9, 3), sharey=True, layout="constrain
 for ax, (closure, rows) in zip(axes, table.groupby("closure", sort=False), strict=True):
     rows = rows.assign(row=rows["moment"].replace("mean", "E") + " " + rows["quantity"])
     grid = rows.pivot(index="row", columns="impact", values="verdict").map(names.index)
-    ax.pcolormesh(grid.columns, range(len(grid)), grid, cmap=ListedColormap(colours), vmin=0, vmax=3, edgecolor="w")
+    ax.pcolormesh(
+        grid.columns,
+        range(len(grid)),
+        grid,
+        cmap=ListedColormap(colours),
+        vmin=0,
+        vmax=3,
+        edgecolor="w",
+    )
     ax.set(title=closure, xlabel="impact", xticks=range(1, 9))
     ax.set_yticks(range(len(grid)), grid.index)
 figure.legend(

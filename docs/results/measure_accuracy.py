@@ -1,7 +1,9 @@
-"""What an accuracy takes on unseen random gear sets, and whether it is kept: docs/results/accuracy_cells.csv.
+"""What an accuracy takes on unseen random gear sets, and whether it is kept:
+docs/results/accuracy_cells.csv.
 
-``python docs/results/measure_accuracy.py [CELL ...]`` measures these cells, or all (about ten minutes on one core),
-and keeps the other rows of the table.  The true error of a run is estimated from a finer one of another seed.
+``python docs/results/measure_accuracy.py [CELL ...]`` measures these cells, or all (about ten
+minutes on one core), and keeps the other rows of the table.  The true error of a run is estimated
+from a finer one of another seed.
 """
 
 import sys
@@ -24,27 +26,44 @@ from random_gears import gear_sets, noisy
 
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).parent / "accuracy_cells.csv"
-SEED, SETS, NOISE = 29, 8, (0.01, 0.03, 0.1, 0.3)
-BUDGET, FINER = 20.0, 4.0  # core-seconds of a run and of its reference
+SEED = 29
+SETS = 8
+NOISE = (0.01, 0.03, 0.1, 0.3)
+# core-seconds of a run and of its reference
+BUDGET = 20.0
+FINER = 4.0
 
 
 def cells():
     """Scenes and accuracies by name."""
     random = gear_sets(SEED, SETS)
-    found = {f"{i + 1}, {noise:g}": (noisy(random[i], noise), 0.02) for i in range(SETS) for noise in NOISE}
-    dat21, pair = Scene.from_gears(DAT21, sigma=0.1), Scene.load(ROOT / "tests/compare/cli/pair.toml")
-    return found | {"DAT21, 0.01": (dat21, 0.01), "DAT21, 0.001": (dat21, 0.001), "pair, 0.01": (pair, 0.01)}
+    found = {
+        f"{i + 1}, {noise:g}": (noisy(random[i], noise), 0.02)
+        for i in range(SETS)
+        for noise in NOISE
+    }
+    dat21 = Scene.from_gears(DAT21, sigma=0.1)
+    pair = Scene.load(ROOT / "tests/compare/cli/pair.toml")
+    return found | {
+        "DAT21, 0.01": (dat21, 0.01),
+        "DAT21, 0.001": (dat21, 0.001),
+        "pair, 0.01": (pair, 0.01),
+    }
 
 
 def distance(run, truth):
-    """Largest difference of two runs in units of the second, its standard error there, and that less two of them."""
-    unit, worst, least = units_by_quantity(truth), (0.0, 0.0), 0.0
+    """Largest difference of two runs in units of the second, its standard error there, and that
+    less two of them."""
+    unit = units_by_quantity(truth)
+    worst = (0.0, 0.0)
+    least = 0.0
     for q in SECTION:
         for p in ("", "sd_"):
             off = np.nan_to_num(np.abs(run.columns[p + q] - truth.columns[p + q]) / unit[q])
             error = np.nan_to_num(truth.columns[f"se_{p}{q}"] / unit[q])
             k = int(off.argmax())
-            worst, least = max(worst, (off[k], error[k])), max(least, float((off - 2.0 * error).max()))
+            worst = max(worst, (off[k], error[k]))
+            least = max(least, float((off - 2.0 * error).max()))
     return *worst, least
 
 
@@ -54,17 +73,30 @@ def measure(name, scene, accuracy):
     simulate_rare(scene, paths=8, impacts=1)
     began = time.process_time()
     run = simulate_to(scene, accuracy, rng=1, budget=BUDGET)
-    used, reached = time.process_time() - began, run.reach.reached
+    used = time.process_time() - began
+    reached = run.reach.reached
     row = {
-        "cell": name, "stages": scene.stages, "epsilon": scene.epsilon, "sigma": scene.sigma, "accuracy": accuracy,
-        "reached": reached, "counted": (cost_of(run, run.paths) if reached else cost_to(run, accuracy)).core_seconds,
-        "measured": used + run.reach.more_seconds, "paths": run.paths, "bound": run.reach.bound,
+        "cell": name,
+        "stages": scene.stages,
+        "epsilon": scene.epsilon,
+        "sigma": scene.sigma,
+        "accuracy": accuracy,
+        "reached": reached,
+        "counted": (cost_of(run, run.paths) if reached else cost_to(run, accuracy)).core_seconds,
+        "measured": used + run.reach.more_seconds,
+        "paths": run.paths,
+        "bound": run.reach.bound,
         "branches": 0 if run.plan.mixture is None else len(run.plan.mixture.unit),
-        "missed": len(run.reach.missed), "worst": run.reach.missed[0].sentence if run.reach.missed else "",
-    }  # fmt: skip
+        "missed": len(run.reach.missed),
+        "worst": run.reach.missed[0].sentence if run.reach.missed else "",
+    }
     truth = simulate_to(scene, 0.5 * accuracy, rng=2, budget=FINER)
     error, se, least = distance(run, truth)
-    return row | {"error": error, "se_reference": se, "kept": least <= (accuracy if reached else run.reach.bound)}
+    return row | {
+        "error": error,
+        "se_reference": se,
+        "kept": least <= (accuracy if reached else run.reach.bound),
+    }
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
-"""Whether searches find the boundary of `saltation` on DAT21, and at what cost: docs/results/boundary_seeds.csv.
+"""Whether searches find the boundary of `saltation` on DAT21, and at what cost:
+docs/results/boundary_seeds.csv.
 
-``python docs/results/measure_boundary.py`` takes ten minutes on one core and continues an interrupted
-run.  40 searches, each with its own seed; the true value is where the error of the worst row of 8 million paths at each
-of two values is its tolerance; and the path-steps of the study over the noise intensity, counted with fewer paths.
+``python docs/results/measure_boundary.py`` takes ten minutes on one core and continues an
+interrupted run.  40 searches, each with its own seed; the true value is where the error of the
+worst row of 8 million paths at each of two values is its tolerance; and the path-steps of the study
+over the noise intensity, counted with fewer paths.
 """
 
 import math
@@ -21,7 +23,11 @@ from rattle.compare.validation.verdict import JUDGED
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).parent / "boundary_seeds.csv"
 CELLS = Path(tempfile.gettempdir()) / "rattle-boundary-seeds"
-SEEDS, SIGMAS, PATHS, IMPACTS, COUNTED = range(40), (0.045, 0.048), 8_000_000, 12, 4096
+SEEDS = range(40)
+SIGMAS = (0.045, 0.048)
+PATHS = 8_000_000
+IMPACTS = 12
+COUNTED = 4096
 SCENE = Scene.from_gears(DAT21)
 
 
@@ -29,7 +35,9 @@ def shares(store, sigma):
     """The error of every judged row over its tolerance, and its standard error."""
     scene = SCENE.with_sigma(sigma)
     run = store.obtain(Sample(scene, IMPACTS, 2026, paths=PATHS))
-    rows = section_errors([mean_map(scene, impacts=IMPACTS, closure="saltation")], run, 1.0, Tolerances())
+    rows = section_errors(
+        [mean_map(scene, impacts=IMPACTS, closure="saltation")], run, 1.0, Tolerances()
+    )
     rows = rows[rows["verdict"].isin(JUDGED)].set_index(["quantity", "moment", "impact"])
     return rows["error"].abs() / rows["tolerance"], rows["noise"] / rows["tolerance"]
 
@@ -54,7 +62,14 @@ def main():
     for seed in SEEDS:
         found = boundary(SCENE, rng=seed, folder=CELLS)
         for edge in found.edges:
-            rows.append({"seed": seed, "accurate": edge.accurate, "wrong": edge.wrong, "path_steps": found.path_steps})
+            rows.append(
+                {
+                    "seed": seed,
+                    "accurate": edge.accurate,
+                    "wrong": edge.wrong,
+                    "path_steps": found.path_steps,
+                }
+            )
             print(rows[-1], flush=True)
     truth, error = true_boundary(store)
     table = pd.DataFrame(rows).assign(truth=truth, se_truth=error, study_path_steps=study)

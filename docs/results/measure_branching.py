@@ -1,4 +1,5 @@
-"""Measures the branching closure and its own error bound on the random gear sets, beside exact flights.
+"""Measures the branching closure and its own error bound on the random gear sets, beside exact
+flights.
 
 .. code-block:: none
 
@@ -6,9 +7,10 @@
     python docs/results/measure_branching.py errors FOLDER FIRST LAST
     python docs/results/measure_branching.py table FOLDER BEFORE
 
-The first writes the moments of exact flights, one csv per gear set and noise; the second compares the closure with
-them, and writes ``errors_N.csv``, one line per noise, for gear set N; the third puts them together as
-docs/results/branching.csv, beside those that earlier code gave against the same flights, in the folder BEFORE.
+The first writes the moments of exact flights, one csv per gear set and noise; the second compares
+the closure with them, and writes ``errors_N.csv``, one line per noise, for gear set N; the third
+puts them together as docs/results/branching.csv, beside those that earlier code gave against the
+same flights, in the folder BEFORE.
 """
 
 import sys
@@ -27,10 +29,14 @@ from rattle.scene import Scene
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
 
-SETS, TUNED = 30, 15  # random gear sets; the factors of the bounds were found on the first ones
+# random gear sets; the factors of the bounds were found on the first ones
+SETS = 30
+TUNED = 15
 NOISE = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 """``sigma / sqrt(alpha)``."""
-PATHS, IMPACTS, TOLERANCE = 200_000, 12, 0.05
+PATHS = 200_000
+IMPACTS = 12
+TOLERANCE = 0.05
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 LEEWAY = 3.0  # standard errors: the worst of six quantities is further off once in sixty rows
 TIMED = (500, 5_000)  # paths of the two simulations that give the time per path
@@ -49,45 +55,80 @@ def reference(scene: Scene, seed: int) -> pd.DataFrame:
     rows = []
     for impact, row in run.section.iterrows():
         for q in QUANTITIES[: 2 + 2 * scene.stages]:
-            found = {"mean": row[q], "se_mean": row[f"se_{q}"], "sd": row[f"sd_{q}"], "se_sd": row[f"se_sd_{q}"]}
+            found = {
+                "mean": row[q],
+                "se_mean": row[f"se_{q}"],
+                "sd": row[f"sd_{q}"],
+                "se_sd": row[f"se_sd_{q}"],
+            }
             rows.append({"impact": impact, "quantity": q, **found})
     return pd.DataFrame(rows)
 
 
 def compared(scene: Scene, truth: pd.DataFrame) -> dict[str, float]:
-    """One noise: worst errors of the closure, how right its estimates are, and what both sides cost."""
-    seconds, m = spent(lambda: mean_map(scene, impacts=IMPACTS, closure="branching", tolerance=TOLERANCE))
+    """One noise: worst errors of the closure, how right its estimates are, and what both sides
+    cost."""
+    seconds, m = spent(
+        lambda: mean_map(scene, impacts=IMPACTS, closure="branching", tolerance=TOLERANCE)
+    )
     truth = truth.copy()
-    truth["struck"] = [q == f"x{m.section['mesh'].loc[k]}" for k, q in zip(truth.impact, truth.quantity, strict=True)]
+    truth["struck"] = [
+        q == f"x{m.section['mesh'].loc[k]}"
+        for k, q in zip(truth.impact, truth.quantity, strict=True)
+    ]
     truth = truth[~truth["struck"] & (truth["impact"] <= m.trace.found)]
     found = {"noise": scene.sigma / scene.alpha**0.5, "stages": scene.stages}
     counts = dict.fromkeys(("rows", "exceeded", "factor", "wrong", "marked", "unmarked"), 0)
     for name, limit in (("mean", TOLERANCE), ("sd", 2.0 * TOLERANCE)):
         prefix = "" if name == "mean" else "sd_"
-        own = np.array([m.section[f"{prefix}{q}"].loc[k] for k, q in zip(truth.impact, truth.quantity, strict=True)])
-        error, se = (own - truth[name]).abs() / truth.sd, truth[f"se_{name}"] / truth.sd
+        own = np.array(
+            [
+                m.section[f"{prefix}{q}"].loc[k]
+                for k, q in zip(truth.impact, truth.quantity, strict=True)
+            ]
+        )
+        error = (own - truth[name]).abs() / truth.sd
+        se = truth[f"se_{name}"] / truth.sd
         by = pd.DataFrame({"impact": truth.impact, "error": error, "se": se}).groupby("impact")
-        worst, slack = by["error"].max(), LEEWAY * by["se"].max()
+        worst = by["error"].max()
+        slack = LEEWAY * by["se"].max()
         said = m.section[f"error_{name}"].reindex(worst.index)
-        wrong, marked = worst - slack > limit, said > limit
+        wrong = worst - slack > limit
+        marked = said > limit
         counts["rows"] += len(worst)
         counts["exceeded"] += int((worst > said + slack).sum())
-        counts["factor"] += int(((worst <= 2.0 * said + slack) & (worst >= 0.5 * said - slack)).sum())
+        counts["factor"] += int(
+            ((worst <= 2.0 * said + slack) & (worst >= 0.5 * said - slack)).sum()
+        )
         counts["wrong"] += int(wrong.sum())
         counts["marked"] += int(marked.sum())
         counts["unmarked"] += int((wrong & ~marked).sum())
-        found |= {f"error_{name}": worst.max(), f"se_{name}": by["se"].max().max(), f"bound_{name}": said.max()}
+        found |= {
+            f"error_{name}": worst.max(),
+            f"se_{name}": by["se"].max().max(),
+            f"bound_{name}": said.max(),
+        }
     found |= counts
     few, many = (
-        spent(lambda n=n: simulate(scene, paths=n, impacts=IMPACTS, scheme="exact-flight", rng=1, workers=1))[0]
+        spent(
+            lambda n=n: simulate(
+                scene, paths=n, impacts=IMPACTS, scheme="exact-flight", rng=1, workers=1
+            )
+        )[0]
         for n in TIMED
     )
     each = (many - few) / (TIMED[1] - TIMED[0])
-    own, se = max(found["error_mean"], found["error_sd"]), max(found["se_mean"], found["se_sd"])
-    every = widest(2 * len(truth)) * se  # the accuracy of the reference: what no row is off by more than
+    own = max(found["error_mean"], found["error_sd"])
+    se = max(found["se_mean"], found["se_sd"])
+    # the accuracy of the reference: what no row is off by more than
+    every = widest(2 * len(truth)) * se
     paths = (every / max(own, se)) ** 2 * PATHS
     found |= {"work": m.trace.work, "seconds": seconds}
-    found |= {"path_seconds": each, "ratio": (each * paths) / seconds, "resolved": own > LEEWAY * se}
+    found |= {
+        "path_seconds": each,
+        "ratio": (each * paths) / seconds,
+        "resolved": own > LEEWAY * se,
+    }
     return found | {"advice": "simulate" if m.advice.endswith("simulate") else "branching"}
 
 
@@ -111,12 +152,17 @@ def main(what: str, folder: Path, first: int, last: int) -> None:
         if what == "errors":  # load the compiled code before anything is timed
             compared(noisy(gears[i], NOISE[0]), pd.read_csv(folder / f"{i}_{NOISE[0]:g}.csv"))
         for noise in NOISE:
-            scene, to = noisy(gears[i], noise), folder / f"{i}_{noise:g}.csv"
+            scene = noisy(gears[i], noise)
+            to = folder / f"{i}_{noise:g}.csv"
             if what == "reference" and not to.exists():
                 reference(scene, 100 + i).to_csv(to, index=False, float_format="%.12g")
             elif what == "errors":
-                lines.append({"gears": i + 1, "seen": i < TUNED, **compared(scene, pd.read_csv(to))})
-                pd.DataFrame(lines).to_csv(folder / f"errors_{i}.csv", index=False, float_format="%.4g")
+                lines.append(
+                    {"gears": i + 1, "seen": i < TUNED, **compared(scene, pd.read_csv(to))}
+                )
+                pd.DataFrame(lines).to_csv(
+                    folder / f"errors_{i}.csv", index=False, float_format="%.4g"
+                )
 
 
 if __name__ == "__main__":

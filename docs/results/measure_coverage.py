@@ -1,7 +1,9 @@
-"""Measure how often stated 95 % intervals of the long run hold the truth; writes docs/results/coverage.csv.
+"""Measure how often stated 95 % intervals of the long run hold the truth; writes
+docs/results/coverage.csv.
 
-Run by hand: ``python docs/results/measure_coverage.py [seeds]``.  Every seed is a run of its own, with its
-own burn-in; the truth is the mean of all.  The naive interval treats impacts as independent.
+Run by hand: ``python docs/results/measure_coverage.py [seeds]``.  Every seed is a run of its own,
+with its own burn-in; the truth is the mean of all.  The naive interval treats impacts as
+independent.
 """
 
 import math
@@ -15,14 +17,24 @@ from rattle.montecarlo.long_run import long_run
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import DAT21, Scene
 
-SEEDS, SIGMA = 400, 0.01
+SEEDS = 400
+SIGMA = 0.01
 RUNS = ((256, 64), (64, 64), (256, 512))
 """Paths and periods of a run; the first paths are the default ones."""
-QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share", "sd_speed", "q05_speed", "q95_speed")
+QUANTITIES = (
+    "rate",
+    "speed",
+    "energy_per_period",
+    "slow_share",
+    "sd_speed",
+    "q05_speed",
+    "q95_speed",
+)
 
 
 def coverage(paths: int, periods: int, seeds: int = SEEDS) -> pd.DataFrame:
-    """Coverage of each quantity: share of seeds whose interval holds the mean of all, and that of naive intervals."""
+    """Coverage of each quantity: share of seeds whose interval holds the mean of all, and that of
+    naive intervals."""
     scene = Scene.from_gears(DAT21, sigma=SIGMA)
     found = {name: [] for name in QUANTITIES}
     for seed in range(seeds):
@@ -31,18 +43,32 @@ def coverage(paths: int, periods: int, seeds: int = SEEDS) -> pd.DataFrame:
             found[name].append(run.estimates[name])
     rows = []
     for name, every in found.items():
-        value, se = np.array([e.value for e in every]), np.array([e.se for e in every])
-        low, high = np.array([e.low for e in every]), np.array([e.high for e in every])
+        value = np.array([e.value for e in every])
+        se = np.array([e.se for e in every])
+        low = np.array([e.low for e in every])
+        high = np.array([e.high for e in every])
         memory = float(np.mean([e.autocorrelation for e in every]))
-        truth, inside = float(value.mean()), (low <= value.mean()) & (value.mean() <= high)
-        away, half = np.abs(value - truth), float(half_width(math.inf)) * se
+        truth = float(value.mean())
+        inside = (low <= value.mean()) & (value.mean() <= high)
+        away = np.abs(value - truth)
+        half = float(half_width(math.inf)) * se
         share = float(inside.mean())
-        rows.append({
-            "quantity": name, "sigma": SIGMA, "seeds": seeds, "paths": paths, "periods": periods, "value": truth,
-            "sd_of_estimates": float(value.std(ddof=1)), "stated_se": float(np.sqrt((se**2).mean())),
-            "coverage": share, "se_coverage": math.sqrt(share * (1.0 - share) / seeds), "autocorrelation": memory,
-            "naive_coverage": float((away <= half / math.sqrt(memory)).mean()),
-        })  # fmt: skip
+        rows.append(
+            {
+                "quantity": name,
+                "sigma": SIGMA,
+                "seeds": seeds,
+                "paths": paths,
+                "periods": periods,
+                "value": truth,
+                "sd_of_estimates": float(value.std(ddof=1)),
+                "stated_se": float(np.sqrt((se**2).mean())),
+                "coverage": share,
+                "se_coverage": math.sqrt(share * (1.0 - share) / seeds),
+                "autocorrelation": memory,
+                "naive_coverage": float((away <= half / math.sqrt(memory)).mean()),
+            }
+        )
     return pd.DataFrame(rows)
 
 

@@ -1,6 +1,8 @@
-"""How often the interval of `measure_drive` holds the noise of made measurements: docs/results/drive_noise.csv.
+"""How often the interval of `measure_drive` holds the noise of made measurements:
+docs/results/drive_noise.csv.
 
-``python docs/results/measure_drive_noise.py`` (about ten minutes on one core, with ``OPENBLAS_NUM_THREADS=1``).
+``python docs/results/measure_drive_noise.py`` (about ten minutes on one core, with
+``OPENBLAS_NUM_THREADS=1``).
 """
 
 import math
@@ -17,12 +19,15 @@ from measurements import QUANTITIES, measure
 
 TABLE = Path(__file__).parent / "drive_noise.csv"
 ORDERS = ((1, 1.0, -1.0), (4, 0.12, 0.5))
-OMEGA, PERIODS, SEEDS = 417.0, 60, 200
+OMEGA = 417.0
+PERIODS = 60
+SEEDS = 200
 SETTINGS = (
     (48, 0.0, (0.0005, 0.002, 0.05, 0.15)),
     (48, 0.001, (0.0, 0.05)),
 )
-"""Samples in a period, the sd of the noise of the measurement over the amplitude of order 1, and sigma over alpha."""
+"""Samples in a period, the sd of the noise of the measurement over the amplitude of order 1, and
+sigma over alpha."""
 PLANTED = 1.5  # times the true noise: what an interval should not hold
 
 
@@ -56,4 +61,6 @@ if __name__ == "__main__":
             for ratio in ratios:
                 rows.append(run(samples, noise, quantity, ratio))
                 print(rows[-1], flush=True)
-                pd.DataFrame(rows).to_csv(TABLE, index=False, float_format="%.4g", lineterminator="\n")
+                pd.DataFrame(rows).to_csv(
+                    TABLE, index=False, float_format="%.4g", lineterminator="\n"
+                )

@@ -1,8 +1,9 @@
-"""Measure what the first answer takes where no machine code is kept, in processor and wall seconds of all processes.
+"""Measure what the first answer takes where no machine code is kept, in processor and wall seconds
+of all processes.
 
-``python docs/results/measure_first_answer.py [OLDER]`` writes docs/results/first_answer.csv (about five minutes on two
-idle cores for each tree).  OLDER is the folder of an older checkout, which is measured in turn with this one; without
-it its rows are kept.
+``python docs/results/measure_first_answer.py [OLDER]`` writes docs/results/first_answer.csv (about
+five minutes on two idle cores for each tree).  OLDER is the folder of an older checkout, which is
+measured in turn with this one; without it its rows are kept.
 """
 
 import os
@@ -36,14 +37,21 @@ def commands() -> tuple[str, dict[str, list[str]]]:
 
 
 def measure(tree: Path, gears: str, words: list[str], kept: Path) -> tuple[float, float]:
-    """Processor and wall seconds of a process and of those that it starts, in a folder of its own."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("RATTLE_")}
+    """Processor and wall seconds of a process and of those that it starts, in a folder of its
+    own."""
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith("RATTLE_")
+    }
     environment |= {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(kept)}
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "gears.toml").write_text(gears, encoding="utf-8")
-        before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        subprocess.run([sys.executable, *words], cwd=folder, env=environment, check=True, capture_output=True)
-        took, after = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        began = time.perf_counter()
+        subprocess.run(
+            [sys.executable, *words], cwd=folder, env=environment, check=True, capture_output=True
+        )
+        took = time.perf_counter() - began
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, took
 
 
@@ -65,7 +73,17 @@ def main() -> None:
             with tempfile.TemporaryDirectory() as kept:
                 for state in ("nothing kept", "kept"):
                     cpu, wall = measure(tree, gears, words, Path(kept))
-                    rows.append((version, what, state, round(cpu, 1), round(wall, 1), os.cpu_count(), processor()))
+                    rows.append(
+                        (
+                            version,
+                            what,
+                            state,
+                            round(cpu, 1),
+                            round(wall, 1),
+                            os.cpu_count(),
+                            processor(),
+                        )
+                    )
                     print(*rows[-1], f"load {os.getloadavg()[0]:.1f}", flush=True)
     columns = ["version", "what", "state", "cpu_seconds", "wall_seconds", "cores", "processor"]
     found = pd.DataFrame(rows, columns=columns)

@@ -1,7 +1,7 @@
 """How far `branching` and `saltation` are off at fixed times: docs/results/fixed_times.csv.
 
-``python docs/results/measure_fixed_times.py`` (about five minutes on one core).  DAT21 and the first six gear sets
-were looked at while the closure was made, the others once.
+``python docs/results/measure_fixed_times.py`` (about five minutes on one core).  DAT21 and the
+first six gear sets were looked at while the closure was made, the others once.
 """
 
 import sys
@@ -20,7 +20,10 @@ sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import TUNED, gear_sets, noisy
 
 TABLE = Path(__file__).parent / "fixed_times.csv"
-SETS, NOISE, PATHS, IMPACTS = (0, 3, 5, 6, 8, 12), (0.01, 0.03, 0.1, 0.3), 200_000, 8
+SETS = (0, 3, 5, 6, 8, 12)
+NOISE = (0.01, 0.03, 0.1, 0.3)
+PATHS = 200_000
+IMPACTS = 8
 TOLD = 0.02  # standard error of an sd, relative to it, above which the sample cannot judge it
 
 
@@ -31,9 +34,12 @@ def times_of(scene: Scene) -> np.ndarray:
     return times[times > tau[0] + 0.1]
 
 
-def errors(predicted: pd.DataFrame, simulated: pd.DataFrame, stages: int) -> tuple[list[float], list[float]]:
+def errors(
+    predicted: pd.DataFrame, simulated: pd.DataFrame, stages: int
+) -> tuple[list[float], list[float]]:
     """Errors of means in sds, and relative ones of those sds that the sample tells."""
-    mean, sd = [], []
+    mean = []
+    sd = []
     for q in STATE[: 2 * stages]:
         variance = simulated[f"cov_{q}_{q}"]
         mean += list((predicted[q] - simulated[q]).abs() / variance**0.5)
@@ -49,16 +55,35 @@ def measure() -> pd.DataFrame:
         base = (gear_sets()[i - 1] if i else Scene.from_gears(DAT21)).phase_reduced
         for noise in NOISE:
             scene = noisy(base, noise)
-            maps = {name: mean_map(scene, impacts=IMPACTS, closure=name) for name in ("branching", "saltation")}
+            maps = {
+                name: mean_map(scene, impacts=IMPACTS, closure=name)
+                for name in ("branching", "saltation")
+            }
             last = min(m.trace.span[1] for m in maps.values())
             record = Record(times=[t for t in times_of(scene) if t <= last])
-            run = simulate(scene, paths=PATHS, impacts=IMPACTS, scheme="exact-flight", rng=150 + i, record=record)
+            run = simulate(
+                scene,
+                paths=PATHS,
+                impacts=IMPACTS,
+                scheme="exact-flight",
+                rng=150 + i,
+                record=record,
+            )
             simulated = run.at_times()
-            row = {"set": i, "seen": i <= TUNED, "stages": scene.stages, "noise": noise, "times": len(simulated)}
+            row = {
+                "set": i,
+                "seen": i <= TUNED,
+                "stages": scene.stages,
+                "noise": noise,
+                "times": len(simulated),
+            }
             for name, m in maps.items():
                 mean, sd = errors(m.at_times(simulated.index), simulated, scene.stages)
                 for of, found in (("mean", mean), ("sd", sd)):
-                    row |= {f"{name}_{of}_median": np.nanmedian(found), f"{name}_{of}_largest": np.nanmax(found)}
+                    row |= {
+                        f"{name}_{of}_median": np.nanmedian(found),
+                        f"{name}_{of}_largest": np.nanmax(found),
+                    }
             rows.append(row)
             print(row, flush=True)
     return pd.DataFrame(rows)

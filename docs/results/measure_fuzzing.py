@@ -1,7 +1,8 @@
 """Run a fuzzing campaign: ``PYTHONPATH=. python docs/results/measure_fuzzing.py [--scenes N]``.
 
-Every scene goes through one entry point, which is drawn with it.  Finished chunks are kept in a working folder, so that
-the same command continues an interrupted campaign.  The report has the counts, their figure and the slowest scenes.
+Every scene goes through one entry point, which is drawn with it.  Finished chunks are kept in a
+working folder, so that the same command continues an interrupted campaign.  The report has the
+counts, their figure and the slowest scenes.
 """
 
 import argparse
@@ -20,13 +21,20 @@ from rattle.compare.report import provenance
 from rattle.compare.report.folder import check_free, whole_folder
 from rattle.compare.report.json_text import json_text
 
-sys.path.extend(str(Path(__file__).parents[2] / "tests" / folder) for folder in ("helpers", "fuzz"))  # as pytest does
+# as pytest does
+sys.path.extend(str(Path(__file__).parents[2] / "tests" / folder) for folder in ("helpers", "fuzz"))
 from fuzz_checks import check
 from fuzz_plan import PLAN, job
 from fuzz_watched import BOUND, Watched
 
 CHUNK = 100  # scenes
-COLOURS = {"complete": "#0072b2", "stopped": "#e69f00", "refused": "#bbbbbb", "defect": "#000000"}  # for every eye
+# for every eye
+COLOURS = {
+    "complete": "#0072b2",
+    "stopped": "#e69f00",
+    "refused": "#bbbbbb",
+    "defect": "#000000",
+}
 NAMES = frozenset({"outcomes.csv", "summary.json", "outcomes.svg"})
 
 
@@ -41,7 +49,8 @@ def decade(data: dict[str, Any]) -> int:
 
 def run_chunk(seed: int, chunk: int, place: Path) -> pd.DataFrame:
     """One row a scene: entry, how it ended, why, decade, seconds, the job; kept in a file."""
-    watched, rows = Watched(check), []
+    watched = Watched(check)
+    rows = []
     for number in range(CHUNK * chunk, CHUNK * (chunk + 1)):
         entry, data, settings = job(seed, number)
         found = watched.run(entry, data, settings)
@@ -58,15 +67,23 @@ def run_chunk(seed: int, chunk: int, place: Path) -> pd.DataFrame:
 
 
 def drawn(table: pd.DataFrame) -> Any:
-    """Share of outcomes of each entry point over the time in which a typical path crosses the narrowest half gap."""
+    """Share of outcomes of each entry point over the time in which a typical path crosses the
+    narrowest half gap."""
     rows = -(-(len(PLAN) + 1) // 4)  # a place is left for the legend
-    figure, axes = plt.subplots(rows, 4, figsize=(11.0, 2.2 * rows), sharex=True, sharey=True, layout="constrained")
+    figure, axes = plt.subplots(
+        rows, 4, figsize=(11.0, 2.2 * rows), sharex=True, sharey=True, layout="constrained"
+    )
     for ax, entry in zip(axes.flat, PLAN, strict=False):
-        part = pd.crosstab(*(table.loc[table["entry"] == entry, name] for name in ("decade", "ended")))
-        shares, bottom = part.div(part.sum(axis=1), axis=0), 0.0 * part.sum(axis=1)
+        part = pd.crosstab(
+            *(table.loc[table["entry"] == entry, name] for name in ("decade", "ended"))
+        )
+        shares = part.div(part.sum(axis=1), axis=0)
+        bottom = 0.0 * part.sum(axis=1)
         for ended, colour in COLOURS.items():
             if ended in shares:
-                ax.bar(shares.index + 0.5, shares[ended], 1.0, bottom=bottom, color=colour, label=ended)
+                ax.bar(
+                    shares.index + 0.5, shares[ended], 1.0, bottom=bottom, color=colour, label=ended
+                )
                 bottom = bottom + shares[ended]
         ax.set_title(f"{entry} ({int(part.to_numpy().sum()):,})", fontsize=9)
     for ax in axes.flat[len(PLAN) :]:
@@ -83,16 +100,31 @@ def report(out: Path, table: pd.DataFrame, seed: int) -> dict[str, Any]:
     ended = table.groupby("ended").size().to_dict()
     slowest = table.loc[table.groupby("entry")["seconds"].idxmax()].set_index("entry")
     summary = {
-        "scenes": len(table), "ended": ended, "defects": ended.get("defect", 0),
-        "entries": {e: part.groupby("ended").size().to_dict() for e, part in table.groupby("entry")},
-        "seconds": table.groupby("entry")["seconds"].sum().round(1).to_dict(), "bound_seconds": BOUND,
-        "slowest": slowest[["seconds", "job"]].to_dict("index"), "seed": seed,
-        "commit": provenance.commit(), "versions": provenance.versions(),
-    }  # fmt: skip
-    counts = table.fillna("").groupby(["entry", "ended", "why", "decade"]).size().rename("scenes").reset_index()
+        "scenes": len(table),
+        "ended": ended,
+        "defects": ended.get("defect", 0),
+        "entries": {
+            e: part.groupby("ended").size().to_dict() for e, part in table.groupby("entry")
+        },
+        "seconds": table.groupby("entry")["seconds"].sum().round(1).to_dict(),
+        "bound_seconds": BOUND,
+        "slowest": slowest[["seconds", "job"]].to_dict("index"),
+        "seed": seed,
+        "commit": provenance.commit(),
+        "versions": provenance.versions(),
+    }
+    counts = (
+        table.fillna("")
+        .groupby(["entry", "ended", "why", "decade"])
+        .size()
+        .rename("scenes")
+        .reset_index()
+    )
     with whole_folder(out, NAMES, overwrite=True) as folder:
         counts.to_csv(folder / "outcomes.csv", index=False)
-        (folder / "summary.json").write_text(json_text(json.loads(json.dumps(summary, default=int))) + "\n")
+        (folder / "summary.json").write_text(
+            json_text(json.loads(json.dumps(summary, default=int))) + "\n"
+        )
         plt.rcParams["svg.hashsalt"] = "rattle"
         drawn(table).savefig(folder / "outcomes.svg", metadata={"Date": None})
     return summary
@@ -104,7 +136,9 @@ def main() -> int:
     options.add_argument("--scenes", type=int, default=20_000, help=f"in whole chunks of {CHUNK}")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--workers", type=int, default=2)
-    options.add_argument("--work", type=Path, default=Path("build/fuzz"), help="where finished chunks are kept")
+    options.add_argument(
+        "--work", type=Path, default=Path("build/fuzz"), help="where finished chunks are kept"
+    )
     options.add_argument("--out", type=Path, default=Path("reports/fuzz-wide"))
     asked = options.parse_args()
     check_free(asked.out, NAMES, overwrite=True)
@@ -112,15 +146,22 @@ def main() -> int:
     work.mkdir(parents=True, exist_ok=True)
     places = [work / f"{n}.csv" for n in range(-(-asked.scenes // CHUNK))]
     with ThreadPoolExecutor(asked.workers) as pool:
-        missing = [pool.submit(run_chunk, asked.seed, n, p) for n, p in enumerate(places) if not p.exists()]
+        missing = [
+            pool.submit(run_chunk, asked.seed, n, p) for n, p in enumerate(places) if not p.exists()
+        ]
         try:
-            for future in tqdm(as_completed(missing), total=len(missing), unit="chunk", disable=None):
+            for future in tqdm(
+                as_completed(missing), total=len(missing), unit="chunk", disable=None
+            ):
                 future.result()
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
     summary = report(asked.out, pd.concat(map(pd.read_csv, places), ignore_index=True), asked.seed)
-    print(f"{summary['scenes']:,} scenes: {summary['ended']}, {summary['defects']} defects; report in {asked.out}")
+    print(
+        f"{summary['scenes']:,} scenes: {summary['ended']}, {summary['defects']} defects; report in"
+        f" {asked.out}"
+    )
     return 1 if summary["defects"] else 0
 
 

@@ -1,11 +1,12 @@
 """How often the intervals of the probability of leaving hold it: docs/results/leaving_coverage.csv.
 
-``python docs/results/measure_leaving.py [SET ...]`` measures these gear sets, or all twelve (about twenty minutes on
-one core), and keeps the other rows.  The first six sets were looked at while the method was made, the others not.  Of
-each set the noise is taken at which an exit that is aimed at has about a given probability.  Truths come from a much
-longer run that is drawn otherwise, half of it plainly and the rest wider around points of other pilots, and from plain
-paths, by their errors; how far the two are apart is in the table.  The mean over the seeds, which no interval can
-shift, is known better, so how often it is held is told too.
+``python docs/results/measure_leaving.py [SET ...]`` measures these gear sets, or all twelve (about
+twenty minutes on one core), and keeps the other rows.  The first six sets were looked at while the
+method was made, the others not.  Of each set the noise is taken at which an exit that is aimed at
+has about a given probability.  Truths come from a much longer run that is drawn otherwise, half of
+it plainly and the rest wider around points of other pilots, and from plain paths, by their errors;
+how far the two are apart is in the table.  The mean over the seeds, which no interval can shift, is
+known better, so how often it is held is told too.
 """
 
 import math
@@ -28,12 +29,21 @@ sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
 
 TABLE = Path(__file__).parent / "leaving_coverage.csv"
-TUNED, UNSEEN = 42, 3042  # seeds of the gear sets
-IMPACTS, PATHS, SEEDS = 5, 1024, 200
+# seeds of the gear sets
+TUNED = 42
+UNSEEN = 3042
+IMPACTS = 5
+PATHS = 1024
+SEEDS = 200
 PROBABILITIES = (1e-3, 1e-4, 1e-5, 1e-6)  # one of each set in turn
 NOISES = np.geomspace(0.005, 0.3, 12)
-LEAST, GREATEST = 3e-7, 3e-3  # probabilities of the rows
-TRUTH_BLOCKS, TRUTH_NEAR, WIDER = 384, 0.5, 0.9  # blocks; share near exits; distance of their points, over the usual
+# probabilities of the rows
+LEAST = 3e-7
+GREATEST = 3e-3
+# blocks; share near exits; distance of their points, over the usual
+TRUTH_BLOCKS = 384
+TRUTH_NEAR = 0.5
+WIDER = 0.9
 PLAIN_PATHS = 1_000_000
 OTHER_SEED = 0xA14  # of the pilots of the truth
 
@@ -44,19 +54,24 @@ def gears():
 
 
 def choose_scene(number, gear_set):
-    """The noise at which the probability of an exit that is aimed at is nearest to what is wanted."""
-    wanted, best, found = PROBABILITIES[number % len(PROBABILITIES)], math.inf, None
+    """The noise at which the probability of an exit that is aimed at is nearest to what is
+    wanted."""
+    wanted = PROBABILITIES[number % len(PROBABILITIES)]
+    best = math.inf
+    found = None
     for noise in NOISES:
         scene = noisy(gear_set, noise)
         for one in aim.aim(scene.phase_reduced, IMPACTS, default_step(scene, EXACT)):
             off = abs(math.log(one.probability / wanted))
             if one.effective >= aim.ENOUGH and off < best:
-                best, found = off, (noise, scene)
+                best = off
+                found = (noise, scene)
     return found
 
 
 def find_truth(scene):
-    """Probabilities and their variances, from a run that is drawn otherwise; (impacts, codes) each."""
+    """Probabilities and their variances, from a run that is drawn otherwise; (impacts, codes)
+    each."""
     dt = default_step(scene, EXACT)
     with mock.patch.object(aim, "SEED", OTHER_SEED):
         exits = aim.aim.__wrapped__(scene.phase_reduced, IMPACTS, dt)
@@ -65,7 +80,8 @@ def find_truth(scene):
     shares = [scale * share for share in shares]
     mixture = mixture_of([WIDER * point for point in points], shares, np.zeros((IMPACTS, 6)), BLOCK)
     plan = plan_of(scene.phase_reduced, BLOCK, IMPACTS, dt, EXACT, OTHER_SEED)
-    left, orbit = np.zeros((3, IMPACTS, len(CODES))), np.array(plan.itineraries[NOISE_FREE], dtype=float)
+    left = np.zeros((3, IMPACTS, len(CODES)))
+    orbit = np.array(plan.itineraries[NOISE_FREE], dtype=float)
     for block in range(TRUTH_BLOCKS):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
         count_followed(rows, weights, orbit, np.zeros(BLOCK), left)
@@ -80,26 +96,44 @@ def measure(number, gear_set):
     apart = Record(on_itinerary=True)
     plain = simulate(scene, paths=PLAIN_PATHS, impacts=IMPACTS, rng=9, record=apart)
     counts = plain.result.followers[NOISE_FREE].left[0]
-    runs = [simulate(scene, paths=PATHS, impacts=IMPACTS, rng=seed, record=apart).leaving for seed in range(SEEDS)]
+    runs = [
+        simulate(scene, paths=PATHS, impacts=IMPACTS, rng=seed, record=apart).leaving
+        for seed in range(SEEDS)
+    ]
     found = pd.concat(runs).query("near")
     for (impact, mesh, side), rows in found.groupby(["impact", "mesh", "side"]):
         at = impact - 1, CODES.index(mesh * side)
-        wide, of_wide, of_plain = truths[at], variances[at], truths[at] / PLAIN_PATHS
-        p = (wide / of_wide + counts[at] / PLAIN_PATHS / of_plain) / (1.0 / of_wide + 1.0 / of_plain)
+        wide = truths[at]
+        of_wide = variances[at]
+        of_plain = truths[at] / PLAIN_PATHS
+        p = (wide / of_wide + counts[at] / PLAIN_PATHS / of_plain) / (
+            1.0 / of_wide + 1.0 / of_plain
+        )
         se = math.sqrt(1.0 / (1.0 / of_wide + 1.0 / of_plain))
         if not LEAST <= p <= GREATEST:
             continue
         mean = rows["probability"].mean()
         within = [((rows["low"] < one) & (one < rows["high"])).mean() for one in (p, mean)]
         yield {
-            "set": number + 1, "unseen": number >= 6, "stages": scene.stages, "noise": noise, "impact": impact,
-            "mesh": mesh, "side": side, "truth": p, "se_truth": se, "plain": counts[at] / PLAIN_PATHS,
+            "set": number + 1,
+            "unseen": number >= 6,
+            "stages": scene.stages,
+            "noise": noise,
+            "impact": impact,
+            "mesh": mesh,
+            "side": side,
+            "truth": p,
+            "se_truth": se,
+            "plain": counts[at] / PLAIN_PATHS,
             "plain_z": (counts[at] / PLAIN_PATHS - wide) / math.sqrt(of_wide + of_plain),
-            "seeds": len(rows), "mean": mean / p,
+            "seeds": len(rows),
+            "mean": mean / p,
             "se_mean": rows["probability"].std() / p / math.sqrt(len(rows)),
-            "scatter": rows["probability"].std() / mean, "effective": rows["paths"].median(),
-            "coverage": within[0], "coverage_of_mean": within[1],
-        }  # fmt: skip
+            "scatter": rows["probability"].std() / mean,
+            "effective": rows["paths"].median(),
+            "coverage": within[0],
+            "coverage_of_mean": within[1],
+        }
 
 
 if __name__ == "__main__":
@@ -110,4 +144,6 @@ if __name__ == "__main__":
         rows = pd.DataFrame(measure(number, gear_set))
         print(rows.to_string(), flush=True)
         table = pd.concat([one for one in (kept[kept["set"] != number + 1], rows) if len(one)])
-        table.sort_values(["set", "impact", "mesh", "side"]).to_csv(TABLE, index=False, float_format="%.4g")
+        table.sort_values(["set", "impact", "mesh", "side"]).to_csv(
+            TABLE, index=False, float_format="%.4g"
+        )

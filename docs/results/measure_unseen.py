@@ -1,8 +1,9 @@
-"""Measure how often an exactly right closure is called inaccurate, and whether an accuracy bounds the errors.
+"""Measure how often an exactly right closure is called inaccurate, and whether an accuracy bounds
+the errors.
 
-``python docs/results/measure_unseen.py [SCENE ...]`` measures these scenes, or all (about twenty minutes on one
-core), and keeps the other rows of docs/results/unseen.csv.  The stand-in of an exact closure is a much larger,
-independent ensemble of exact flights.
+``python docs/results/measure_unseen.py [SCENE ...]`` measures these scenes, or all (about twenty
+minutes on one core), and keeps the other rows of docs/results/unseen.csv.  The stand-in of an exact
+closure is a much larger, independent ensemble of exact flights.
 """
 
 import sys
@@ -29,25 +30,35 @@ sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import PAIR_B
 
 TABLE = Path(__file__).parent / "unseen.csv"
-IMPACTS, TRUTH, SEEDS = 4, 2_000_000, 400
+IMPACTS = 4
+TRUTH = 2_000_000
+SEEDS = 400
 PATHS = (4096, 32_768)
-ACCURACY, RUNS = 0.03, 50
+ACCURACY = 0.03
+RUNS = 50
 
 
 def scenes() -> dict[str, Scene]:
     """Four random gear sets at two noise intensities each, of one and two stages, and the pair."""
-    rng, found = np.random.default_rng(2026), {}
+    rng = np.random.default_rng(2026)
+    found = {}
     for name, stages in (("A", 2), ("B", 1), ("C", 2), ("D", 1)):
         alpha = float(np.exp(rng.uniform(np.log(0.5), np.log(3.0))))
         values = {
-            "alpha": alpha, "epsilon": float(rng.uniform(0.3, 0.95)), "beta1": float(rng.uniform(0.0, 0.3)),
-            "beta2": float(rng.uniform(0.0, 0.3)), "gamma1": float(rng.uniform(0.0, 0.2)),
-            "gamma2": float(rng.uniform(0.0, 0.2)), "mu": float(rng.uniform(0.2, 0.8)),
+            "alpha": alpha,
+            "epsilon": float(rng.uniform(0.3, 0.95)),
+            "beta1": float(rng.uniform(0.0, 0.3)),
+            "beta2": float(rng.uniform(0.0, 0.3)),
+            "gamma1": float(rng.uniform(0.0, 0.2)),
+            "gamma2": float(rng.uniform(0.0, 0.2)),
+            "mu": float(rng.uniform(0.2, 0.8)),
             "gap2": float(rng.uniform(0.2, 1.0)),
-        }  # fmt: skip
+        }
         for share in (0.05, 0.3):
             start = Start(mesh=1, x1=0.5, y1=2.0, x2=0.0, y2=0.5 * (stages - 1))
-            found[f"{name}, {share:g}"] = Scene(sigma=share * alpha**0.5, stages=stages, start=start, **values)
+            found[f"{name}, {share:g}"] = Scene(
+                sigma=share * alpha**0.5, stages=stages, start=start, **values
+            )
     return found | {"pair": PAIR_B}
 
 
@@ -56,17 +67,21 @@ def _nothing_unseen(impacts: int) -> Iterator[None]:
     """Context in which verdicts are as they were before rare branches and skewness counted."""
     nil = np.zeros((impacts, len(SECTION)))
     with (
-        mock.patch.object(errors, "unseen", return_value=Unseen(nil, nil, nil, nil, nil, nil, impacts)),
+        mock.patch.object(
+            errors, "unseen", return_value=Unseen(nil, nil, nil, nil, nil, nil, impacts)
+        ),
         mock.patch.object(errors, "widen_for_skewness", lambda _, steps, __: np.zeros(len(steps))),
     ):
         yield
 
 
 def _verdicts(scene: Scene, truth: pd.DataFrame, paths: int) -> list[pd.DataFrame]:
-    """Verdicts on an exact closure, one row for each seed: without what cannot be seen, with it, and judged again."""
+    """Verdicts on an exact closure, one row for each seed: without what cannot be seen, with it,
+    and judged again."""
     exact = SimpleNamespace(closure="exact", section=truth)
     checks = 2 * len(SECTION) * len(truth)
-    z, tables = widest(checks), list[list[pd.Series]]([[], [], []])
+    z = widest(checks)
+    tables = list[list[pd.Series]]([[], [], []])
     for seed in range(SEEDS):
         run = simulate(scene, paths=paths, impacts=len(truth), scheme="exact-flight", rng=seed)
         with _nothing_unseen(len(truth)):
@@ -84,11 +99,20 @@ def _covered(scene: Scene, truth: pd.DataFrame) -> tuple[int, int]:
     for seed in range(RUNS):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AccuracyWarning)
-            run = simulate_to(scene, ACCURACY, impacts=len(truth), scheme="exact-flight", rng=1000 + seed, budget=3.0)
+            run = simulate_to(
+                scene,
+                ACCURACY,
+                impacts=len(truth),
+                scheme="exact-flight",
+                rng=1000 + seed,
+                budget=3.0,
+            )
         unit = units(run)
         off = [
-            ((run.section[p + q] - truth[p + q]).abs() / unit[q]).max() for q in SECTION for p in ("", "sd_")
-        ]  # fmt: skip
+            ((run.section[p + q] - truth[p + q]).abs() / unit[q]).max()
+            for q in SECTION
+            for p in ("", "sd_")
+        ]
         reached += run.reach.reached
         held += run.reach.reached and float(np.nanmax(off)) <= ACCURACY
     return reached, held
@@ -97,15 +121,26 @@ def _covered(scene: Scene, truth: pd.DataFrame) -> tuple[int, int]:
 def measure(name: str, scene: Scene) -> Iterator[dict[str, object]]:
     """The rows of a scene."""
     pair = name == "pair"
-    truth = simulate(scene, paths=TRUTH * (4 if pair else 1), impacts=2 if pair else IMPACTS, rng=99)
+    truth = simulate(
+        scene, paths=TRUTH * (4 if pair else 1), impacts=2 if pair else IMPACTS, rng=99
+    )
     kurtosis = float(np.nanmax([truth.section[f"kurt_{q}"] for q in ("tau", "y1", "y2")]))
     for paths in PATHS:
-        found = {"scene": name, "stages": scene.stages, "epsilon": scene.epsilon, "sigma": scene.sigma}
+        found = {
+            "scene": name,
+            "stages": scene.stages,
+            "epsilon": scene.epsilon,
+            "sigma": scene.sigma,
+        }
         found |= {"kurtosis": kurtosis, "paths": paths, "seeds": SEEDS}
-        for suffix, table in zip(("_without", "", "_again"), _verdicts(scene, truth.section, paths), strict=True):
+        for suffix, table in zip(
+            ("_without", "", "_again"), _verdicts(scene, truth.section, paths), strict=True
+        ):
             found["inaccurate" + suffix] = int((table == "inaccurate").sum().max())
             found["wrong" + suffix] = int((table == "inaccurate").any(axis=1).sum())
-            found["decided" + suffix] = float(table.isin(["accurate", "inaccurate"]).to_numpy().mean())
+            found["decided" + suffix] = float(
+                table.isin(["accurate", "inaccurate"]).to_numpy().mean()
+            )
         if paths == PATHS[-1] and name in ("A, 0.3", "B, 0.3", "C, 0.3", "D, 0.3"):
             found["reached"], found["held"] = _covered(scene, truth.section)
         yield found
@@ -116,7 +151,11 @@ if __name__ == "__main__":
     for name in sys.argv[1:] or every:
         for found in measure(name, every[name]):
             print(found, flush=True)
-            known = {(row["scene"], row["paths"]): row for row in pd.read_csv(TABLE).to_dict("records")}
+            known = {
+                (row["scene"], row["paths"]): row for row in pd.read_csv(TABLE).to_dict("records")
+            }
             known[name, found["paths"]] = found
-            table = pd.DataFrame([known[one, paths] for one in every for paths in PATHS if (one, paths) in known])
+            table = pd.DataFrame(
+                [known[one, paths] for one in every for paths in PATHS if (one, paths) in known]
+            )
             table.to_csv(TABLE, index=False, float_format="%.6g", lineterminator="\n")

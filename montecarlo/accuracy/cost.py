@@ -1,11 +1,13 @@
-"""What paths cost, and how many an accuracy takes: the one estimate that every command, page and refusal states.
+"""What paths cost, and how many an accuracy takes: the one estimate that every command, page and
+refusal states.
 
-Work is counted - steps, impacts and sticking steps of paths - at the stated nanoseconds of each scheme.  No clock is
-asked, so that what a cost decides is the same on every machine and in every run.  Compiling is not counted.
+Work is counted - steps, impacts and sticking steps of paths - at the stated nanoseconds of each
+scheme.  No clock is asked, so that what a cost decides is the same on every machine and in every
+run.  Compiling is not counted.
 
-The step's bias is measured from dt, 2 dt and 4 dt on the same Brownian paths, or, where nothing is random, against the
-exact orbit; of exact flights it is the noise that a step leaves out.  Row by row there is the bound of each section
-mean and sd by itself, and the dearest of them.
+The step's bias is measured from dt, 2 dt and 4 dt on the same Brownian paths, or, where nothing is
+random, against the exact orbit; of exact flights it is the noise that a step leaves out.  Row by
+row there is the bound of each section mean and sd by itself, and the dearest of them.
 """
 
 from __future__ import annotations
@@ -55,20 +57,24 @@ class ExpectedPaths(NamedTuple):
     """Paths that an accuracy is expected to take."""
 
     paths: float  # number of paths
-    branch: str  # the rare branch for which most of them are needed, in words; empty if there is none
+    # the rare branch for which most of them are needed, in words; empty if there is none
+    branch: str
 
 
 def expect_paths(run: Ensemble, accuracy: float, share: float) -> ExpectedPaths:
     """Paths from which on `error_bound` is expected to be within an accuracy.
 
-    Errors of what was sampled fall with the square root of the number of paths.  A branch that the run cannot have seen
-    but that more paths will see adds to the variance and, by its fourth power, to the error of the sd; one that they
-    cannot see either shifts the bound.
+    Errors of what was sampled fall with the square root of the number of paths.  A branch that the
+    run cannot have seen but that more paths will see adds to the variance and, by its fourth power,
+    to the error of the sd; one that they cannot see either shifts the bound.
 
-    `accuracy`: Bound that is wanted for sampling and unseen branches, in units of each quantity's sd.
+    `accuracy`: Bound that is wanted for sampling and unseen branches, in units of each quantity's
+    sd.
     """
-    columns, drawn = run.columns, (run.plan.mixture, run.dt)
-    begun, error = count_paths(columns), absolute_errors(columns)
+    columns = run.columns
+    drawn = (run.plan.mixture, run.dt)
+    begun = count_paths(columns)
+    error = absolute_errors(columns)
     if not (error > 0.0).any():
         return ExpectedPaths(float(begun), "")
     unit = np.array(list(units_by_quantity(run).values()))
@@ -81,7 +87,8 @@ def expect_paths(run: Ensemble, accuracy: float, share: float) -> ExpectedPaths:
     def bound(paths: float) -> tuple[float, Added]:
         added = branches_between(run.scene, columns, begun, int(paths), *drawn)
         wider = np.sqrt(sd**2 + added.square.T)
-        size = np.where(unit == sd, wider, unit)  # displacements at a struck wall, and what does not vary
+        # displacements at a struck wall, and what does not vary
+        size = np.where(unit == sd, wider, unit)
         with np.errstate(divide="ignore", invalid="ignore"):
             shrunk = np.nan_to_num(sd / wider, nan=1.0)
             new = np.where(wider > varies, added.fourth.T / (4.0 * wider**2), 0.0)
@@ -92,8 +99,11 @@ def expect_paths(run: Ensemble, accuracy: float, share: float) -> ExpectedPaths:
 
     fewer = paths = max(plain, 1.0)
     while (found := bound(paths))[0] > TOUCH * accuracy and paths < MOST:
-        fewer, paths = paths, paths * min(found[0] / accuracy, STEP) ** 2
-    while paths > TOUCH * fewer:  # branches come into reach at once: the bound is not a power of the paths
+        fewer = paths
+        paths = paths * min(found[0] / accuracy, STEP) ** 2
+    while (
+        paths > TOUCH * fewer
+    ):  # branches come into reach at once: the bound is not a power of the paths
         middle = math.sqrt(paths * fewer)
         if bound(middle)[0] > TOUCH * accuracy:
             fewer = middle
@@ -104,27 +114,36 @@ def expect_paths(run: Ensemble, accuracy: float, share: float) -> ExpectedPaths:
         return ExpectedPaths(paths, "")
     if not added.probabilities.size:
         return ExpectedPaths(paths, "branches that are not known")
-    return ExpectedPaths(paths, f"a rare branch ({share_of(float(added.probabilities.min()))} paths)")
+    return ExpectedPaths(
+        paths, f"a rare branch ({share_of(float(added.probabilities.min()))} paths)"
+    )
 
 
 def cost_of(run: Ensemble, paths: int, dt: float | None = None) -> Candidate:
     """Work of a number of paths like those of a run, at its step or another one."""
-    kind, dt = SCHEMES[run.scheme], run.dt if dt is None else dt
-    finer, followed = run.dt / dt, run.plan.paths
+    kind = SCHEMES[run.scheme]
+    dt = run.dt if dt is None else dt
+    finer = run.dt / dt
+    followed = run.plan.paths
     steps = run.path_steps / followed * finer  # over all step sizes run side by side
     levels = 3.0 if run.plan.levels > 1 else 1.0
-    each = steps * kind.step_ns * (VECTOR_GAIN if followed == 1 else 1.0) + run.impacts * kind.impact_ns * levels
+    each = (
+        steps * kind.step_ns * (VECTOR_GAIN if followed == 1 else 1.0)
+        + run.impacts * kind.impact_ns * levels
+    )
     each += run.sticking_steps / followed * finer * STICKING_NS
     branches = 0 if run.plan.mixture is None else len(run.plan.mixture.unit)
     return Candidate(run.scheme, dt, paths, paths * steps, 1e-9 * paths * each, branches)
 
 
 def cost_to(run: Ensemble, accuracy: float) -> Candidate:
-    """Step, paths and work that `rattle.montecarlo.simulate_to` is expected to need with the scheme of a run.
+    """Step, paths and work that `rattle.montecarlo.simulate_to` is expected to need with the scheme
+    of a run.
 
     Where the run has a step bias, half of the accuracy is left to it: order 1 is asymptotic.
     """
-    biased, dt = SCHEMES[run.scheme].has_step_bias, run.dt
+    biased = SCHEMES[run.scheme].has_step_bias
+    dt = run.dt
     bias = step_error(run)[0] if biased else 0.0
     if biased:
         dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
@@ -134,10 +153,11 @@ def cost_to(run: Ensemble, accuracy: float) -> Candidate:
 
 
 def step_error(run: Ensemble) -> tuple[float, float]:
-    """Largest step bias of the section means and sds, in units of each quantity's sd, over the impacts that occurred.
+    """Largest step bias of the section means and sds, in units of each quantity's sd, over the
+    impacts that occurred.
 
-    Where nothing is random the exact orbit is known, and the bias is the difference from it: extrapolation cannot see
-    that a step strikes another mesh.
+    Where nothing is random the exact orbit is known, and the bias is the difference from it:
+    extrapolation cannot see that a step strikes another mesh.
     """
     if not SCHEMES[run.scheme].has_step_bias:
         return neglected_noise(run.scene, run.dt), 0.0
@@ -148,9 +168,12 @@ def step_error(run: Ensemble) -> tuple[float, float]:
 
 
 def _distance_from_orbit(run: Ensemble) -> float:
-    """Largest difference of a path without noise from the exact orbit; `NO_SUCH_IMPACT` where one of them has ended."""
-    exact, unit = exact_orbit(run.plan), units_by_quantity(run)
-    struck, columns = exact[:, 6] != 0.0, run.phase_reduced.columns
+    """Largest difference of a path without noise from the exact orbit; `NO_SUCH_IMPACT` where one
+    of them has ended."""
+    exact = exact_orbit(run.plan)
+    unit = units_by_quantity(run)
+    struck = exact[:, 6] != 0.0
+    columns = run.phase_reduced.columns
     if not (struck == (columns["mesh"] != 0)).all():
         return NO_SUCH_IMPACT
     exact[:, 0] = run.scene.phase_reduced.to_absolute_time(exact[:, 0])
@@ -162,11 +185,13 @@ def _distance_from_orbit(run: Ensemble) -> float:
 def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row, ...]:
     """The section means and sds whose own bound is above an accuracy, the worst first.
 
-    `share`: Probability of a wrong statement on all rows together; each has an equal part of it (Bonferroni).
+    `share`: Probability of a wrong statement on all rows together; each has an equal part of it
+    (Bonferroni).
     """
     if not is_random(run.scene):
         return ()
-    (error, shift, hidden), (bias, _) = errors_by_row(run), _biases(run)
+    error, shift, hidden = errors_by_row(run)
+    bias, _ = _biases(run)
     bound = shift + bias + _z(error, share) * error
     found = []
     for place in zip(*np.nonzero(bound > accuracy), strict=True):
@@ -181,7 +206,8 @@ def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row,
 
 
 def name_dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
-    """Which row takes most of the paths of an accuracy, and what the others take; empty where all are alike."""
+    """Which row takes most of the paths of an accuracy, and what the others take; empty where all
+    are alike."""
     if not is_random(run.scene):
         return ""
     error, shift, hidden = errors_by_row(run)
@@ -189,7 +215,10 @@ def name_dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
     if not varies.any():
         return ""
     with np.errstate(over="ignore"):
-        paths = count_paths(run.columns) * np.minimum(_z(error, share) * error / accuracy, MOST_ROOT) ** 2
+        paths = (
+            count_paths(run.columns)
+            * np.minimum(_z(error, share) * error / accuracy, MOST_ROOT) ** 2
+        )
     branch = np.broadcast_to(hidden.needed.T, error.shape)
     paths = np.where(shift > MOST_OF * accuracy, np.maximum(paths, branch), paths)
     dearest = np.unravel_index(np.argmax(np.where(varies, paths, 0.0)), paths.shape)
@@ -206,9 +235,15 @@ def _z(error: Floats, share: float) -> float:
 
 
 def _biases(run: Ensemble) -> Floats:
-    """Bias of the step of all rows and its standard error, in their units, shape (2, 2, 6, impacts)."""
-    unit, quantities = np.array(list(units_by_quantity(run).values())), 2 + 2 * run.scene.stages
+    """Bias of the step of all rows and its standard error, in their units, shape (2, 2, 6,
+    impacts)."""
+    unit = np.array(list(units_by_quantity(run).values()))
+    quantities = 2 + 2 * run.scene.stages
     found = np.zeros((2, len(MOMENTS), len(SECTION), run.impacts))
-    steps = run.step_bias[["bias", "se_bias"]].to_numpy().T.reshape(2, len(MOMENTS), quantities, run.impacts)
+    steps = (
+        run.step_bias[["bias", "se_bias"]]
+        .to_numpy()
+        .T.reshape(2, len(MOMENTS), quantities, run.impacts)
+    )
     found[:, :, :quantities] = np.nan_to_num(np.abs(steps)) / unit[:quantities]
     return found

@@ -1,7 +1,7 @@
 """Pilot runs: which scheme, what step and how many paths an accuracy takes.
 
-A pilot run is preceded by short probe runs that measure the time of a path, so that slow paths cannot use up the budget
-before their cost is known.
+A pilot run is preceded by short probe runs that measure the time of a path, so that slow paths
+cannot use up the budget before their cost is known.
 """
 
 from __future__ import annotations
@@ -22,30 +22,47 @@ from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, Budget, clock
-from rattle.montecarlo.schemes.step_size import COARSEST, LEFT_OUT, SCHEMES, largest_step, resolve_start
+from rattle.montecarlo.schemes.step_size import (
+    COARSEST,
+    LEFT_OUT,
+    SCHEMES,
+    largest_step,
+    resolve_start,
+)
 from rattle.montecarlo.settings import Record, Sampling, count_followed, default_horizon, is_random
 from rattle.scene import SECTION, Scene
 
-PROBES = (8, 256)  # paths of the probe runs before a pilot: each shows whether the next run fits the budget
+# paths of the probe runs before a pilot: each shows whether the next run fits the budget
+PROBES = (
+    8,
+    256,
+)
 PILOT = 4 * BLOCK  # paths of a pilot run
 FIRST_STEP = 0.01  # dt of the Euler-Maruyama pilots, where it is admissible
-ENOUGH = 5.0  # core-seconds of exact flights below which no other scheme is tried: its pilot would take as long
+# core-seconds of exact flights below which no other scheme is tried: its pilot would take as long
+ENOUGH = 5.0
 PROBE_SPAN = 0.01  # share of the horizon over which the first probe is run
 ROUGHEST = 1e3  # the least accuracy that is considered, in sds
-NEGLECT, LEAST_NEGLECT = 0.1, 1e-7  # share of an accuracy that noise left out by exact flights may take, and its least
+# share of an accuracy that noise left out by exact flights may take, and its least
+NEGLECT = 0.1
+LEAST_NEGLECT = 1e-7
 
 Simulate = Callable[..., Ensemble]
 
 
 def pilot(scene: Scene, scheme: str, simulate: Simulate) -> Ensemble:
-    """A small run that shows what an accuracy takes: the spread, and the step bias of a scheme that has one."""
+    """A small run that shows what an accuracy takes: the spread, and the step bias of a scheme that
+    has one."""
     return simulate(paths=PILOT, **_pilot_settings(scene, scheme))
 
 
 def _pilot_settings(scene: Scene, scheme: str, accuracy: float = math.inf) -> dict[str, Any]:
     exact = not SCHEMES[scheme].has_step_bias
     levels = 1 if exact else COARSEST
-    dt = min(SCHEMES[scheme].step if exact else FIRST_STEP, 0.99 * largest_step(scene, scheme)[0] / levels)
+    dt = min(
+        SCHEMES[scheme].step if exact else FIRST_STEP,
+        0.99 * largest_step(scene, scheme)[0] / levels,
+    )
     sampling = Sampling(control=exact and small_noise(scene))
     if exact:
         dt = resolve_start(scene, dt, min(LEFT_OUT, max(NEGLECT * accuracy, LEAST_NEGLECT)))
@@ -77,25 +94,34 @@ class PilotRun:
         return self._expected[accuracy]
 
     def within(self, core_seconds: float, accuracy: float) -> float:
-        """The finest accuracy, not below a given one, that an amount of work is expected to reach."""
+        """The finest accuracy, not below a given one, that an amount of work is expected to
+        reach."""
         while (share := self.at(accuracy).core_seconds / max(core_seconds, 1e-9)) > 1.0:
-            accuracy *= max(1.01, share ** (1.0 / 3.0))  # work ~ accuracy^-2 or ^-3: the cube root never overshoots
+            # work ~ accuracy^-2 or ^-3: the cube root never overshoots
+            accuracy *= max(1.01, share ** (1.0 / 3.0))
             if accuracy > ROUGHEST:
                 return math.inf
         return accuracy
 
 
-WAIT = 2.0  # core-seconds of plain paths from which on rare branches are sampled on purpose, where that takes less
+# core-seconds of plain paths from which on rare branches are sampled on purpose, where that takes
+# less
+WAIT = 2.0
 CHEAPER = 0.6  # share of the core-seconds of plain paths that it may take
 HEAVY = 20.0  # kurtosis of a row from which on a rare branch may be what an accuracy waits for
 
 
-def sample_branches(plain: PilotRun, accuracy: float, begin: Callable[[], Ensemble | None]) -> PilotRun:
-    """A pilot run that samples rare branches on purpose where an accuracy waits for them; else the same one.
+def sample_branches(
+    plain: PilotRun, accuracy: float, begin: Callable[[], Ensemble | None]
+) -> PilotRun:
+    """A pilot run that samples rare branches on purpose where an accuracy waits for them; else the
+    same one.
 
-    `begin`: Starts such a run, at least `LEAST` paths, see `begin_rare`; called only where plain paths are expensive.
+    `begin`: Starts such a run, at least `LEAST` paths, see `begin_rare`; called only where plain
+    paths are expensive.
     """
-    run, cost = plain.run, plain.at(accuracy).core_seconds
+    run = plain.run
+    cost = plain.at(accuracy).core_seconds
     if SCHEMES[run.scheme].has_step_bias or run.scene.sigma == 0.0 or cost < WAIT:
         return plain
     heavy = max(float(np.nanmax(run.columns["kurt_" + q], initial=0.0)) for q in SECTION)
@@ -108,7 +134,9 @@ def sample_branches(plain: PilotRun, accuracy: float, begin: Callable[[], Ensemb
     return found if found.at(accuracy).core_seconds < CHEAPER * cost else plain
 
 
-def _pilot_within(scene: Scene, scheme: str, accuracy: float, simulate: Simulate, budget: Budget) -> PilotRun:
+def _pilot_within(
+    scene: Scene, scheme: str, accuracy: float, simulate: Simulate, budget: Budget
+) -> PilotRun:
     """Probe runs and the pilot run of a scheme, each only if the budget is expected to cover it."""
     settings = _pilot_settings(scene, scheme, accuracy)
     one_step = replace(settings["sampling"], horizon=settings["dt"])
@@ -121,20 +149,24 @@ def _pilot_within(scene: Scene, scheme: str, accuracy: float, simulate: Simulate
 
     for _ in range(2):  # overhead of a run besides its paths; the second time its plan is cached
         run, before = time_run(paths=1, sampling=one_step)
-    horizon = default_horizon(run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1))
+    horizon = default_horizon(
+        run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1)
+    )
     early = replace(one_step, horizon=PROBE_SPAN * horizon)
     probe, _ = time_run(paths=count_followed(scene, PROBES[0]), sampling=early)
     slow = cost_of(probe, 1).core_seconds / PROBE_SPAN
     if probe.unfinished and slow * probe.paths > budget.remaining:
         return PilotRun(probe, slow, False)
-    followed, found = 0, None
+    followed = 0
+    found = None
     for paths in (*PROBES, PILOT) if is_random(scene) else (1,):
         if found is not None and found.path_seconds * paths > budget.remaining:
             break
         run, seconds = time_run(paths=paths)
         took = max(cost_of(run, 1).core_seconds, (seconds - before) / (paths - followed))
         found = PilotRun(run, took, run.paths == count_followed(scene, PILOT))
-        before, followed = seconds, paths
+        before = seconds
+        followed = paths
     assert found is not None
     return found
 
@@ -148,10 +180,11 @@ def choose_scheme(
     budget: Budget,
     progress: str | None = None,
 ) -> tuple[PilotRun, list[Candidate]]:
-    """The scheme that is expected to cost least at an accuracy, and what each that was tried is expected to cost.
+    """The scheme that is expected to cost least at an accuracy, and what each that was tried is
+    expected to cost.
 
-    Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget lasts.  Expensive exact
-    flights are drawn near rare branches where that takes less.
+    Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget
+    lasts.  Expensive exact flights are drawn near rare branches where that takes less.
     """
     pilots = [_pilot_within(scene, names[0], accuracy, simulate, budget)]
     if pilots[0].whole and pilots[0].at(accuracy).core_seconds > ENOUGH:
@@ -161,9 +194,15 @@ def choose_scheme(
     tried = [pilots[0], *(p for p in pilots[1:] if p.whole)]
     place = int(np.argmin([p.at(accuracy).core_seconds for p in tried]))
     best = tried[place]
-    if best.whole and not SCHEMES[best.run.scheme].has_step_bias and best.at(accuracy).core_seconds > WAIT:
+    if (
+        best.whole
+        and not SCHEMES[best.run.scheme].has_step_bias
+        and best.at(accuracy).core_seconds > WAIT
+    ):
         longer = extend(best.run, count_followed(scene, LEAST), blocks, progress)
         tried[place] = PilotRun(longer, best.path_seconds, True)
         if budget.remaining > 0.0:
-            tried[place] = sample_branches(tried[place], accuracy, partial(begin_rare, longer, LEAST, blocks))
+            tried[place] = sample_branches(
+                tried[place], accuracy, partial(begin_rare, longer, LEAST, blocks)
+            )
     return tried[place], [p.at(accuracy) for p in tried]

@@ -1,8 +1,10 @@
-"""Ask for accuracy, not for settings: scheme, step and number of paths from pilot runs, then paths until it is there.
+"""Ask for accuracy, not for settings: scheme, step and number of paths from pilot runs, then paths
+until it is there.
 
-Where nothing is random one path is the answer, and only the bias of the step is left to be made small.  A budget of
-processor time bounds all of it, and is looked at between runs and between blocks of paths.  Without one, an answer that
-is expected to cost more than an hour is refused as soon as pilots have shown it, or cut to an amount of counted work.
+Where nothing is random one path is the answer, and only the bias of the step is left to be made
+small.  A budget of processor time bounds all of it, and is looked at between runs and between
+blocks of paths.  Without one, an answer that is expected to cost more than an hour is refused as
+soon as pilots have shown it, or cut to an amount of counted work.
 """
 
 from __future__ import annotations
@@ -13,9 +15,27 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from rattle.montecarlo.accuracy.cost import cost_of, expect_paths, find_missed_rows, name_dearest_row, step_error
-from rattle.montecarlo.accuracy.pilots import ROUGHEST, PilotRun, Simulate, choose_scheme, sample_branches
-from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, sampling_error, share_of_look, small_noise
+from rattle.montecarlo.accuracy.cost import (
+    cost_of,
+    expect_paths,
+    find_missed_rows,
+    name_dearest_row,
+    step_error,
+)
+from rattle.montecarlo.accuracy.pilots import (
+    ROUGHEST,
+    PilotRun,
+    Simulate,
+    choose_scheme,
+    sample_branches,
+)
+from rattle.montecarlo.diagnostics.accuracy import (
+    LEAST,
+    error_bound,
+    sampling_error,
+    share_of_look,
+    small_noise,
+)
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import extend, simulate
@@ -39,27 +59,36 @@ from rattle.scene.progress import ESTIMATES
 
 MOST_BIAS = 0.6  # share of an accuracy that the bias of the step may take; pilots aim at half
 SPARE = 1.05  # paths that are run over those foreseen, so that the next look is the last
-INSTEAD = 20.0  # nominal core-seconds of an answer in place of one that would take more than an hour
+# nominal core-seconds of an answer in place of one that would take more than an hour
+INSTEAD = 20.0
 LEAST_ROOM = 0.2  # share that is left to the error of sampling while the step is too long
-GROWTH = 8  # most by which the number of paths grows at once: the spread of heavy tails is found late
+# most by which the number of paths grows at once: the spread of heavy tails is found late
+GROWTH = 8
 
 
 def _expect_seconds(pilot_run: PilotRun, accuracy: float) -> float:
-    """Core-seconds that an accuracy is expected to take; those of the fewest paths where there was no whole pilot."""
+    """Core-seconds that an accuracy is expected to take; those of the fewest paths where there was
+    no whole pilot."""
     expected = pilot_run.at(accuracy)
     return max(expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * LEAST)
 
 
 def _refuse(pilot_run: PilotRun, accuracy: float) -> None:
     """Refuse what is expected to take longer than an hour where no budget is given."""
-    expected, seconds = pilot_run.at(accuracy), _expect_seconds(pilot_run, accuracy)
+    expected = pilot_run.at(accuracy)
+    seconds = _expect_seconds(pilot_run, accuracy)
     gives = pilot_run.within(HOUR, accuracy) if pilot_run.whole else math.inf
-    instead = f"ask for {_round_up(gives):g}, which an hour is expected to give, or " if gives < math.inf else ""
+    instead = (
+        f"ask for {_round_up(gives):g}, which an hour is expected to give, or "
+        if gives < math.inf
+        else ""
+    )
     raise InputError(
         "accuracy",
         accuracy,
-        f"is expected to take {duration_text(seconds)} ({expected.sentence}), and without a budget "
-        f"the limit is one hour{_most_for(pilot_run, accuracy)}: {instead}give the seconds that it may take as budget",
+        f"is expected to take {duration_text(seconds)} ({expected.sentence}), and without a budget"
+        f" the limit is one hour{_most_for(pilot_run, accuracy)}: {instead}give the seconds that it"
+        " may take as budget",
     )
 
 
@@ -90,38 +119,43 @@ def simulate_to(
     sampling: Sampling | None = None,
     refuse: bool = True,
 ) -> Ensemble:
-    """Simulate until all section means and sds are known to an accuracy, with 95 % probability for all of them at once.
+    """Simulate until all section means and sds are known to an accuracy, with 95 % probability for
+    all of them at once.
 
     Parameters
     ----------
     scene : Scene
         What is modelled.
     accuracy : float
-        Largest error of all section means and sds, in units of each quantity's sd (absolute where it does not vary):
-        with 95 % probability none is larger.  Sampling, bias of the step and branches that the sample cannot have seen
-        count.
+        Largest error of all section means and sds, in units of each quantity's sd (absolute where
+        it does not vary): with 95 % probability none is larger.  Sampling, bias of the step and
+        branches that the sample cannot have seen count.
     impacts : int
         Impacts of each path after the start.
     scheme : str
-        Name of one of `rattle.montecarlo.SCHEMES`; by default the one that pilot runs expect to cost least.
+        Name of one of `rattle.montecarlo.SCHEMES`; by default the one that pilot runs expect to
+        cost least.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy gives a child of its
-        seed sequence, another one each time that it is passed.
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
+        gives a child of its seed sequence, another one each time that it is passed.
     workers : int
         Threads.
     budget : float
-        Seconds of processor time that it may take, all threads together, looked at between blocks of paths.  When they
-        are spent, the best answer so far is returned and `Ensemble.diagnostics` says what is missing.  Without it, what
-        pilot runs expect to take more than an hour is refused before the work.  Compiling is not counted.
+        Seconds of processor time that it may take, all threads together, looked at between blocks
+        of paths.  When they are spent, the best answer so far is returned and
+        `Ensemble.diagnostics` says what is missing.  Without it, what pilot runs expect to take
+        more than an hour is refused before the work.  Compiling is not counted.
     record : Record
         ``energy`` and ``batches`` are recorded where they are asked for; nothing else can be.
     progress : str
         Label of a progress bar on a terminal or in a notebook; none by default, and none in a pipe.
     sampling : Sampling
-        ``blocks`` alone can be given: who runs the blocks of paths; by default threads of this process.
+        ``blocks`` alone can be given: who runs the blocks of paths; by default threads of this
+        process.
     refuse : bool
-        Whether what is expected to take more than an hour is refused where no budget is given.  Otherwise the answer is
-        what about 20 seconds of counted work give, on every machine the same; `Ensemble.reach` has the rows that miss.
+        Whether what is expected to take more than an hour is refused where no budget is given.
+        Otherwise the answer is what about 20 seconds of counted work give, on every machine the
+        same; `Ensemble.reach` has the rows that miss.
 
     Returns
     -------
@@ -131,7 +165,8 @@ def simulate_to(
     Raises
     ------
     InputError
-        For a setting that cannot be run, and for an accuracy that is refused; no more than pilot runs has started then.
+        For a setting that cannot be run, and for an accuracy that is refused; no more than pilot
+        runs has started then.
 
     Warns
     -----
@@ -146,16 +181,23 @@ def simulate_to(
     ('exact-flight', True)
     """
     record = Record() if record is None else record
-    why = "cannot be recorded by simulate_to, which chooses its own runs; leave it out, or give paths to simulate"
+    why = (
+        "cannot be recorded by simulate_to, which chooses its own runs; leave it out, or give paths"
+        " to simulate"
+    )
     for name in ("times", "step_bias", "itineraries", "histogram", "raw"):
         value = getattr(record, name)
         if len(value) if name in ("times", "itineraries") else value:
             raise InputError(f"record.{name}", value, why)
     sampling = Sampling() if sampling is None else sampling
     if not isinstance(sampling, Sampling) or sampling != Sampling(blocks=sampling.blocks):
-        raise InputError("sampling", sampling, "give a Sampling with blocks alone: simulate_to chooses the rest")
+        raise InputError(
+            "sampling", sampling, "give a Sampling with blocks alone: simulate_to chooses the rest"
+        )
     rng = read_seed(rng)
-    check_settings(scene, 1, impacts, None, "exact-flight" if scheme is None else scheme, rng, workers)
+    check_settings(
+        scene, 1, impacts, None, "exact-flight" if scheme is None else scheme, rng, workers
+    )
     accuracy = float(positive("accuracy", accuracy))
     if budget is not None and budget != math.inf:
         budget = float(positive("budget", budget))
@@ -165,28 +207,49 @@ def simulate_to(
     def again(**settings: Any) -> Ensemble:
         step_bias = settings.pop("record", record).step_bias
         sampled = replace(settings.pop("sampling", Sampling()), blocks=blocks)
-        given: dict[str, Any] = {"impacts": impacts, "record": replace(record, step_bias=step_bias), **settings}
+        given: dict[str, Any] = {
+            "impacts": impacts,
+            "record": replace(record, step_bias=step_bias),
+            **settings,
+        }
         return simulate(scene, rng=rng, sampling=sampled, **given)
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     pilot_run, candidates = choose_scheme(scene, names, accuracy, again, blocks, left, progress)
     dearest = name_dearest_row(pilot_run.run, accuracy, share_of_look(1)) if pilot_run.whole else ""
-    said = pilot_run.at(accuracy).sentence + _most_for(pilot_run, accuracy) + (f"; {dearest}" if dearest else "")
+    said = (
+        pilot_run.at(accuracy).sentence
+        + _most_for(pilot_run, accuracy)
+        + (f"; {dearest}" if dearest else "")
+    )
     short = budget is None and _expect_seconds(pilot_run, accuracy) > HOUR
     if short and refuse:
         _refuse(pilot_run, accuracy)
     if short:
-        said += f". That is more than an hour: the answer is what about {INSTEAD:g} s give, or give a budget in seconds"
+        said += (
+            f". That is more than an hour: the answer is what about {INSTEAD:g} s give, or give a"
+            " budget in seconds"
+        )
     ESTIMATES.info("Accuracy %g sd: %s.", accuracy, said)
     if budget is None:
         left.ends = math.inf  # from here on no clock decides
-    run, more, look = (_cut_short if short else _follow_up)(pilot_run, again, blocks, accuracy, left, progress)
+    run, more, look = (_cut_short if short else _follow_up)(
+        pilot_run, again, blocks, accuracy, left, progress
+    )
     bound = error_bound(run, share_of_look(look))
     step = step_error(run)[0]
     worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
     enough = pilot_run.whole and run.paths >= count_followed(scene, LEAST)
     reach = Reach(
-        accuracy, sampling_error(run)[0], step, bound.error + step, worst, candidates, more, enough, bound.remark
+        accuracy,
+        sampling_error(run)[0],
+        step,
+        bound.error + step,
+        worst,
+        candidates,
+        more,
+        enough,
+        bound.remark,
     )
     if not reach.reached:
         reach = reach._replace(missed=find_missed_rows(run, accuracy, share_of_look(look)))
@@ -202,10 +265,16 @@ def _extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None) -> 
 
 
 def _cut_short(
-    pilot_run: PilotRun, simulate: Simulate, blocks: Blocks, accuracy: float, budget: Budget, progress: str | None
+    pilot_run: PilotRun,
+    simulate: Simulate,
+    blocks: Blocks,
+    accuracy: float,
+    budget: Budget,
+    progress: str | None,
 ) -> tuple[Ensemble, float, int]:
     """As `_follow_up`, but what `INSTEAD` core-seconds of counted work give."""
-    run, more = pilot_run.run, _expect_seconds(pilot_run, accuracy)
+    run = pilot_run.run
+    more = _expect_seconds(pilot_run, accuracy)
     if not pilot_run.whole:
         return run, more, 1
     if SCHEMES[run.scheme].has_step_bias:
@@ -218,15 +287,24 @@ def _cut_short(
 
 
 def _follow_up(
-    pilot_run: PilotRun, simulate: Simulate, blocks: Blocks, accuracy: float, budget: Budget, progress: str | None
+    pilot_run: PilotRun,
+    simulate: Simulate,
+    blocks: Blocks,
+    accuracy: float,
+    budget: Budget,
+    progress: str | None,
 ) -> tuple[Ensemble, float, int]:
-    """The pilot's scheme until its errors are within the accuracy, or the budget is spent; seconds missing, looks."""
-    run, scene, expected = pilot_run.run, pilot_run.run.scene, pilot_run.at(accuracy)
+    """The pilot's scheme until its errors are within the accuracy, or the budget is spent; seconds
+    missing, looks."""
+    run = pilot_run.run
+    scene = pilot_run.run.scene
+    expected = pilot_run.at(accuracy)
     if not pilot_run.whole or budget.remaining <= 0.0:
         missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths)
         return run, missing, 1
     exact = not SCHEMES[run.scheme].has_step_bias
-    fewest, grain = count_followed(scene, LEAST), count_followed(scene, BLOCK)
+    fewest = count_followed(scene, LEAST)
+    grain = count_followed(scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
     settings = {
@@ -235,7 +313,10 @@ def _follow_up(
         "progress": progress,
         "sampling": Sampling(control=exact and small_noise(scene), horizon=horizon),
     }
-    began, before, look, tried = clock(), 0, 0, run.paths
+    began = clock()
+    before = 0
+    look = 0
+    tried = run.paths
     if not exact:
         aim = min(pilot_run.within(budget.remaining, accuracy), ROUGHEST)
         run = simulate(paths=fewest, dt=max(pilot_run.at(aim).dt, shortest), **settings)
@@ -251,14 +332,19 @@ def _follow_up(
         wanted = run.paths
         shorten = not exact and step > MOST_BIAS * accuracy and step > 3.0 * se_step
         if bound.error + step > accuracy:
-            foreseen = SPARE * expect_paths(run, room, share_of_look(look + 1)).paths  # when it will be looked at
-            wanted = math.ceil(max(foreseen, 1.1 * run.paths) / grain) * grain  # more also where a bias may be noise
+            # when it will be looked at
+            foreseen = SPARE * expect_paths(run, room, share_of_look(look + 1)).paths
+            # more also where a bias may be noise
+            wanted = math.ceil(max(foreseen, 1.1 * run.paths) / grain) * grain
         late = exact and run.plan.mixture is None and run.paths > GROWTH * tried
         if late and budget.remaining > 0.0:  # a spread that was found late
-            begin, tried = partial(begin_rare, run, run.paths, blocks), run.paths
+            begin = partial(begin_rare, run, run.paths, blocks)
+            tried = run.paths
             rare = sample_branches(PilotRun(run, seconds_per_path, True), accuracy, begin)
             if rare.run is not run:
-                run, before, began = rare.run, 0, clock()
+                run = rare.run
+                before = 0
+                began = clock()
                 continue
         more = 2 * run.paths if shorten else max(wanted - run.paths, fewest - run.paths, 0)
         if shorten and 0.5 * run.dt < shortest:
@@ -267,8 +353,12 @@ def _follow_up(
         if more == 0 or affordable <= 0 or (shorten and affordable < more):
             missing = 0.0 if exact or more == 0 else expected.core_seconds
             return run, max(more * seconds_per_path, missing), look
-        began, before = clock(), run.paths
+        began = clock()
+        before = run.paths
         if shorten:
-            run, before = simulate(paths=run.paths, dt=0.5 * run.dt, **settings), 0
+            run = simulate(paths=run.paths, dt=0.5 * run.dt, **settings)
+            before = 0
         else:
-            run = _extend(run, run.paths + min(more, affordable, (GROWTH - 1) * run.paths), blocks, progress)
+            run = _extend(
+                run, run.paths + min(more, affordable, (GROWTH - 1) * run.paths), blocks, progress
+            )

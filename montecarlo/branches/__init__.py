@@ -1,1 +1,2 @@
-"""Branches of the motion beside the noise-free orbit: the search for them, and how rare they are."""
+"""Branches of the motion beside the noise-free orbit: the search for them, and how rare they
+are."""

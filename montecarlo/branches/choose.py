@@ -1,7 +1,8 @@
-"""Which rare branches are worth paths of their own: each is probed by a block of paths near its design point.
+"""Which rare branches are worth paths of their own: each is probed by a block of paths near its
+design point.
 
-A probe estimates without bias what a branch adds to the kurtosis of each row, however far the first-order estimate of
-its probability is off.
+A probe estimates without bias what a branch adds to the kurtosis of each row, however far the
+first-order estimate of its probability is off.
 """
 
 import math
@@ -16,15 +17,20 @@ from rattle.montecarlo.kernel.mixture import SPLIT, BranchMixture, mixture_of, t
 from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.scene import SECTION, Floats
 
-LONGEST = 2048  # steps whose noise is searched for design points: later impacts have plain paths alone
+# steps whose noise is searched for design points: later impacts have plain paths alone
+LONGEST = 2048
 PROBES = 12  # branches that are probed
 LIKELY = 0.02  # probability from which plain paths take a branch often enough
 LEAST = 12.0  # kurtosis added to a row below which a branch is not worth it
-GRAIN, MOST_OF_ONE, MOST = 0.01, 0.2, 0.5  # share of the paths by which parts grow; largest of a part, and of all
+# share of the paths by which parts grow; largest of a part, and of all
+GRAIN = 0.01
+MOST_OF_ONE = 0.2
+MOST = 0.5
 LEAST_OF_ONE = 0.04  # share of a part: fewer paths know too little of their own error
 KNOWN = 100.0  # paths in a part from which on plain paths know what it adds
 FEW = 10.0  # paths that make up a kurtosis, below which it is known within a factor of ten alone
-WORTH = 1.5  # ratio of the largest kurtosis without parts to that with them from which on they are worth it
+# ratio of the largest kurtosis without parts to that with them from which on they are worth it
+WORTH = 1.5
 ALIKE = 0.9  # cosine from which two design points are one
 PROBE = 0x9170  # spawn key of the probes' random numbers
 
@@ -37,12 +43,16 @@ def steps_of(run: Any) -> int:
 
 
 def choose_mixture(run: Any) -> BranchMixture | None:
-    """The mixture from which the paths of a scene are better drawn than plainly; None where no branch is worth it.
+    """The mixture from which the paths of a scene are better drawn than plainly; None where no
+    branch is worth it.
 
     `run`: Of plain paths by exact flights.
     """
-    columns, plan = run.phase_reduced.columns, run.plan
-    found = search_of(plan.scene.phase_reduced, plan.impacts, steps_of(run), plan.dt).until(SMALLEST)
+    columns = run.phase_reduced.columns
+    plan = run.plan
+    found = search_of(plan.scene.phase_reduced, plan.impacts, steps_of(run), plan.dt).until(
+        SMALLEST
+    )
     centre = np.nan_to_num(np.column_stack([columns[q] for q in SECTION]).astype(float))
     sd = np.column_stack([columns["sd_" + q] for q in SECTION]).astype(float)
     for mesh in (1, 2):
@@ -54,25 +64,34 @@ def choose_mixture(run: Any) -> BranchMixture | None:
     added = [_probe(plan, centre, sd, branch, number) for number, branch in enumerate(probed, 1)]
     kurtosis = np.column_stack([columns["kurt_" + q] for q in SECTION]).astype(float)
     kurtosis = 3.0 + np.where(np.isfinite(sd), np.nan_to_num(kurtosis), 0.0)
-    shares = _share_out(kurtosis, added, np.array([tail(math.sqrt(float(s @ s))) for s in shifts]), run.paths)
+    shares = _share_out(
+        kurtosis, added, np.array([tail(math.sqrt(float(s @ s))) for s in shifts]), run.paths
+    )
     kept = np.flatnonzero(shares)
-    return mixture_of([shifts[i] for i in kept], shares[kept].tolist(), centre, BLOCK) if kept.size else None
+    return (
+        mixture_of([shifts[i] for i in kept], shares[kept].tolist(), centre, BLOCK)
+        if kept.size
+        else None
+    )
 
 
 def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int) -> Floats:
-    """Share of the paths for each part, such that the largest kurtosis of a row becomes small; 0 where nothing helps.
+    """Share of the paths for each part, such that the largest kurtosis of a row becomes small; 0
+    where nothing helps.
 
     Parts grow by `GRAIN`, always the one that lowers it most.
 
-    `kurtosis`: Of so many plain paths. Shapes: `kurtosis` (impacts, 6); `added`, each (impacts, 6), of each branch.
+    `kurtosis`: Of so many plain paths. Shapes: `kurtosis` (impacts, 6); `added`, each (impacts, 6),
+    of each branch.
     """
-    shares, each = np.zeros(len(added)), np.array(added).reshape(len(added), *kurtosis.shape)
+    shares = np.zeros(len(added))
+    each = np.array(added).reshape(len(added), *kurtosis.shape)
     # branches that plain paths have taken: together they add at most the kurtosis that was measured
     seen = tails * paths > KNOWN
     each[seen] *= np.minimum(1.0, kurtosis / np.maximum(each[seen].sum(axis=0), 1e-300))
     rest = np.maximum(kurtosis - each[seen].sum(axis=0), 3.0)
-    # where the other branches are expected to make much of the measured kurtosis, it may come from a few chance visits
-    # to them: the rest then counts as normal, with a kurtosis of 3
+    # where the other branches are expected to make much of the measured kurtosis, it may come from
+    # a few chance visits to them: the rest then counts as normal, with a kurtosis of 3
     rest[each[~seen].sum(axis=0) > np.where(kurtosis * FEW > paths, 0.03, 0.3) * kurtosis] = 3.0
 
     def largest(shares: Floats) -> float:
@@ -83,7 +102,9 @@ def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int)
     before = best = largest(shares)
     while added and shares.sum() < MOST:
         tried = [
-            (largest(shares + GRAIN * one), i) for i, one in enumerate(np.eye(len(added))) if shares[i] < MOST_OF_ONE
+            (largest(shares + GRAIN * one), i)
+            for i, one in enumerate(np.eye(len(added)))
+            if shares[i] < MOST_OF_ONE
         ]
         if not tried or min(tried)[0] > 0.999 * best:
             break
@@ -102,7 +123,8 @@ def list_distinct(branches: Iterable[Branch], most: int) -> list[Branch]:
 
 
 def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
-    """Rare branches by what they are expected to add to the kurtosis of a row, the most influential first."""
+    """Rare branches by what they are expected to add to the kurtosis of a row, the most influential
+    first."""
     rare = [b for b in branches if b.probability < LIKELY and b.shift.any()]
     added = [(float((np.abs(b.fourth) / sd**4).max()), b) for b in rare]
     return [b for most, b in sorted(added, key=lambda one: -one[0]) if most > 0.1 * LEAST]
@@ -111,16 +133,23 @@ def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
 def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, number: int) -> Floats:
     """What paths beyond a design point's thresholds add to the kurtosis of each row.
 
-    Where none of them leaves the orbit as far as it was predicted, what so few paths may have missed.
+    Where none of them leaves the orbit as far as it was predicted, what so few paths may have
+    missed.
     """
     mixture = mixture_of([branch.shift], [0.75], centre, BLOCK)
-    seed = np.random.SeedSequence(plan.seed.entropy, spawn_key=(*plan.seed.spawn_key, PROBE, number))
+    seed = np.random.SeedSequence(
+        plan.seed.entropy, spawn_key=(*plan.seed.spawn_key, PROBE, number)
+    )
     rows, weights, _, _ = sample_mixture(plan._replace(seed=seed), mixture, 0)
     near = int(mixture.counts[:-1].sum())
     fourth = weights[:near, :, None] * ((rows[:near, :, :6] - centre) / sd) ** 4
     predicted = np.abs(branch.fourth) / sd**4
     missed = 3.0 * tail(float(mixture.level[0, -1])) / (near * SPLIT[-1])
-    return np.asarray(np.maximum(np.nansum(fourth, axis=0) / BLOCK, predicted * min(1.0, missed / branch.probability)))
+    return np.asarray(
+        np.maximum(
+            np.nansum(fourth, axis=0) / BLOCK, predicted * min(1.0, missed / branch.probability)
+        )
+    )
 
 
 def _cosine(a: Floats, b: Floats) -> float:

@@ -1,12 +1,14 @@
-"""Rare events along the noise-free orbit: which other impact may come instead of, or before, its next one.
+"""Rare events along the noise-free orbit: which other impact may come instead of, or before, its
+next one.
 
-A flight is linear, so that around the orbit its state is Gaussian with a covariance that the saltation matrices carry
-from impact to impact.  The distance from a wall, in its own sds, is smallest at the *design point*: the most probable
-noise that brings the other impact about (first-order reliability method; Hasofer and Lind 1974).  Its distance is the
-reliability index beta.  The velocity is the rate of the displacement, so a wall met during a flight has the mean number
-of upcrossings as its probability (Rice 1944), which is ``Phi(-beta)`` corrected to second order in the time.
-Two kinds are looked for in every flight: another wall that is met before the orbit's next impact, on the way or just
-before, and an impact that all but grazes and is missed.
+A flight is linear, so that around the orbit its state is Gaussian with a covariance that the
+saltation matrices carry from impact to impact.  The distance from a wall, in its own sds, is
+smallest at the *design point*: the most probable noise that brings the other impact about
+(first-order reliability method; Hasofer and Lind 1974).  Its distance is the reliability index
+beta.  The velocity is the rate of the displacement, so a wall met during a flight has the mean
+number of upcrossings as its probability (Rice 1944), which is ``Phi(-beta)`` corrected to second
+order in the time. Two kinds are looked for in every flight: another wall that is met before the
+orbit's next impact, on the way or just before, and an impact that all but grazes and is missed.
 """
 
 import math
@@ -27,7 +29,8 @@ FURTHEST = 6.0
 NO_SD = 1e-150  # sd or speed that stands for none: a quotient by it does not overflow
 GRID = 64  # points of a flight at which the walls' distances are looked at
 PLACES = (0.5 + np.arange(1, 13) * np.array([[0.8191725134], [0.6710436067], [0.5497004779]])) % 1.0
-"""Twelve points of the unit cube, an additive recurrence of low discrepancy: time, room and speed of a branch."""
+"""Twelve points of the unit cube, an additive recurrence of low discrepancy: time, room and speed
+of a branch."""
 TURN = 2.0  # time within which a grazing path turns
 SAMPLE = 2000  # Gaussian paths around the design point of a missed impact
 LONGEST = 100.0  # flight; a longer one ends the search
@@ -35,21 +38,34 @@ RAREST = math.log(1e-9)  # logarithm of a probability below which a branch is no
 FAINT = -20.0  # logarithm of the flux, over that of its peak, from which on it is neglected
 NEVER = -1e300  # logarithm of no flux; differences of it are finite
 ROUNDS = 12  # of fourfold narrowing, at most, in which a peak of the flux is found
-LATEST = 1.0  # time after the orbit's own impact up to which another may still come before that of a path
-STRATA = np.array([0.6, 0.35, 0.05])  # of the depth by which a missed impact is missed; each has one representative
+# time after the orbit's own impact up to which another may still come before that of a path
+LATEST = 1.0
+# of the depth by which a missed impact is missed; each has one representative
+STRATA = np.array([0.6, 0.35, 0.05])
 MIDDLES = np.cumsum(STRATA) - 0.5 * STRATA
 
 
 @jit
 def _covariances(
-    c: Constants, tau: float, after: Floats, start: Floats, times: Floats, means: Floats, spread: Floats
+    c: Constants,
+    tau: float,
+    after: Floats,
+    start: Floats,
+    times: Floats,
+    means: Floats,
+    spread: Floats,
 ) -> None:
-    """Mean state and covariance of a flight at each time since its start, `start` the covariance there."""
+    """Mean state and covariance of a flight at each time since its start, `start` the covariance
+    there."""
     for n in range(times.size):
         t = times[n]
         x1, y1, x2, y2 = flow(c, tau, after[0], after[1], after[2], after[3], t)
-        means[n, 0], means[n, 1], means[n, 2], means[n, 3] = x1, y1, x2, y2
-        j, q = jacobian(c, t), noise_covariance(c, tau, t)
+        means[n, 0] = x1
+        means[n, 1] = y1
+        means[n, 2] = x2
+        means[n, 3] = y2
+        j = jacobian(c, t)
+        q = noise_covariance(c, tau, t)
         for a in range(4):
             for b in range(4):
                 total = q[a, b]
@@ -61,9 +77,18 @@ def _covariances(
 
 @jit
 def onward(
-    c: Constants, tau: float, x1: float, y1: float, x2: float, y2: float, mesh: int, first: int, rows: Floats
+    c: Constants,
+    tau: float,
+    x1: float,
+    y1: float,
+    x2: float,
+    y2: float,
+    mesh: int,
+    first: int,
+    rows: Floats,
 ) -> None:
-    """Follow a noise-free path from an impact, whose row is written already, through the rows after it."""
+    """Follow a noise-free path from an impact, whose row is written already, through the rows after
+    it."""
     for k in range(first, rows.shape[0]):
         if mesh > 0:
             y1, y2 = struck(c, mesh, y1, y2)
@@ -71,29 +96,42 @@ def onward(
         if mesh <= 0:
             return
         tau += t
-        rows[k, 0], rows[k, 1] = tau, t
-        rows[k, 2], rows[k, 3], rows[k, 4], rows[k, 5] = x1, y1, x2, y2
+        rows[k, 0] = tau
+        rows[k, 1] = t
+        rows[k, 2] = x1
+        rows[k, 3] = y1
+        rows[k, 4] = x2
+        rows[k, 5] = y2
 
 
 @jit
-def _add_noise(c: Constants, grid: tuple[float, float], tau: float, t: float, cross: Floats) -> None:
-    """Add what the increments of a step grid (its begin and step) do to the state within a flight of time t.
+def _add_noise(
+    c: Constants, grid: tuple[float, float], tau: float, t: float, cross: Floats
+) -> None:
+    """Add what the increments of a step grid (its begin and step) do to the state within a flight
+    of time t.
 
-    Increments are in units of their sd; the area of a step, a part in a hundred of its effect, is left out.
-    Shapes: `cross` (4, steps).
+    Increments are in units of their sd; the area of a step, a part in a hundred of its effect, is
+    left out. Shapes: `cross` (4, steps).
     """
     begin, dt = grid
-    for n in range(max(0, int((tau - begin) / dt)), min(cross.shape[1], int((tau + t - begin) / dt) + 1)):
-        first, last = max(tau, begin + n * dt), min(tau + t, begin + (n + 1) * dt)
+    for n in range(
+        max(0, int((tau - begin) / dt)), min(cross.shape[1], int((tau + t - begin) / dt) + 1)
+    ):
+        first = max(tau, begin + n * dt)
+        last = min(tau + t, begin + (n + 1) * dt)
         if last > first:
             push = kick(c, first, last - first, (last - first) / math.sqrt(dt), 0.0)
             j = jacobian(c, tau + t - last)
             for a in range(4):
-                cross[a, n] += j[a, 0] * push[0] + j[a, 1] * push[1] + j[a, 2] * push[2] + j[a, 3] * push[3]
+                cross[a, n] += (
+                    j[a, 0] * push[0] + j[a, 1] * push[1] + j[a, 2] * push[2] + j[a, 3] * push[3]
+                )
 
 
 class Gaussian(NamedTuple):
-    """A Gaussian state, and the noise that it comes from: increments of steps in units of their sd."""
+    """A Gaussian state, and the noise that it comes from: increments of steps in units of their
+    sd."""
 
     mean: Floats  # (4,)
     spread: Floats  # covariance; (4, 4)
@@ -104,40 +142,54 @@ class Gaussian(NamedTuple):
         """The same, given one component of the state."""
         if self.spread[i, i] <= 0.0:
             return self
-        gain, off = self.spread[:, i] / self.spread[i, i], value - self.mean[i]
+        gain = self.spread[:, i] / self.spread[i, i]
+        off = value - self.mean[i]
         moved = self.mean + gain * off
         moved[i] = value
         along = self.cross[i].copy()
-        noise, cross = self.noise + along * (off / self.spread[i, i]), self.cross - np.outer(gain, along)
+        noise = self.noise + along * (off / self.spread[i, i])
+        cross = self.cross - np.outer(gain, along)
         return Gaussian(moved, self.spread - np.outer(gain, self.spread[i]), noise, cross)
 
     def across(self, c: Constants, mesh: int, tau: float) -> "Gaussian":
         """The same after an impact of the mean, to first order."""
-        carry, mean = saltation_matrix(c, mesh, tau, self.mean[1], self.mean[3]), self.mean.copy()
+        carry = saltation_matrix(c, mesh, tau, self.mean[1], self.mean[3])
+        mean = self.mean.copy()
         mean[1], mean[3] = struck(c, mesh, mean[1], mean[3])
         return Gaussian(mean, carry @ self.spread @ carry.T, self.noise, carry @ self.cross)
 
 
 class SearchedFlight:
-    """A flight with its Gaussian state around a noise-free path, to or beyond that path's next impact.
+    """A flight with its Gaussian state around a noise-free path, to or beyond that path's next
+    impact.
 
     `grid`: Begin and step of the noise that is followed too.
     """
 
-    def __init__(self, c: Constants, tau: float, start: Gaussian, grid: tuple[float, float] = (0.0, 1.0)) -> None:
-        self.c, self.tau, self.start, self.grid, after = c, tau, start, grid, start.mean
-        self.time, self.mesh, self.side, *before = next_impact(c, tau, after[0], after[1], after[2], after[3], LONGEST)
+    def __init__(
+        self, c: Constants, tau: float, start: Gaussian, grid: tuple[float, float] = (0.0, 1.0)
+    ) -> None:
+        self.c = c
+        self.tau = tau
+        self.start = start
+        self.grid = grid
+        after = start.mean
+        self.time, self.mesh, self.side, *before = next_impact(
+            c, tau, after[0], after[1], after[2], after[3], LONGEST
+        )
         self.before = np.array(before)
 
     def at(self, times: Floats) -> tuple[Floats, Floats]:
         """Mean and covariance at times since the start."""
-        means, spread = np.empty((times.size, 4)), np.empty((times.size, 4, 4))
+        means = np.empty((times.size, 4))
+        spread = np.empty((times.size, 4, 4))
         _covariances(self.c, self.tau, self.start.mean, self.start.spread, times, means, spread)
         return means, spread
 
     def states(self, times: Floats) -> list[Gaussian]:
         """State and noise at times since the start."""
-        found, crosses = [], np.zeros((times.size, *self.start.cross.shape))
+        found = []
+        crosses = np.zeros((times.size, *self.start.cross.shape))
         if self.start.noise.size:
             for t, cross in zip(times, crosses, strict=True):
                 cross += jacobian(self.c, t) @ self.start.cross
@@ -153,7 +205,8 @@ def _wall(c: Constants, mesh: int) -> float:
 
 
 class Event(NamedTuple):
-    """An event: its kind, its probability within the flight, and per stratum the state before the branch's impact."""
+    """An event: its kind, its probability within the flight, and per stratum the state before the
+    branch's impact."""
 
     mesh: int
     side: int
@@ -161,26 +214,36 @@ class Event(NamedTuple):
     beta: float
     probability: float
     weights: Floats
-    states: list[tuple[float, Gaussian, int]]  # time since the start, state there, mesh struck (or 0)
+    # time since the start, state there, mesh struck (or 0)
+    states: list[tuple[float, Gaussian, int]]
 
     @property
     def shift(self) -> Floats:
         """Mean noise that brings it about: about its design point; (steps,)."""
-        return np.asarray(sum(w * state.noise for w, (_, state, _) in zip(self.weights, self.states, strict=True)))
+        return np.asarray(
+            sum(w * state.noise for w, (_, state, _) in zip(self.weights, self.states, strict=True))
+        )
 
 
 def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Floats:
-    """Logarithm of the rate at which paths meet a wall that have not met the orbit's own: Rice's formula."""
+    """Logarithm of the rate at which paths meet a wall that have not met the orbit's own: Rice's
+    formula."""
     means, spread = flight.at(times)
-    i, own = 2 * (mesh - 1), 2 * (flight.mesh - 1)
-    var, cov, rate = spread[:, i, i], spread[:, i, i + 1], spread[:, i + 1, i + 1]
+    i = 2 * (mesh - 1)
+    own = 2 * (flight.mesh - 1)
+    var = spread[:, i, i]
+    cov = spread[:, i, i + 1]
+    rate = spread[:, i + 1, i + 1]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         gap = _wall(flight.c, mesh) - side * means[:, i]
         sd = np.sqrt(np.maximum(rate - cov**2 / var, 1e-300))
-        u = (side * means[:, i + 1] + cov / var * gap) / sd  # speed towards the wall of a path that is there, in sds
+        # speed towards the wall of a path that is there, in sds
+        u = (side * means[:, i + 1] + cov / var * gap) / sd
         normal = -0.5 * u * u - 0.5 * math.log(2.0 * math.pi)
         # E max(u + N, 0) = phi(u) + u Phi(u), which cancels where u is far below zero
-        outward = np.where(u > -6.0, np.log(np.exp(normal) + u * ndtr(u)), normal - np.log(2.0 + u * u))
+        outward = np.where(
+            u > -6.0, np.log(np.exp(normal) + u * ndtr(u)), normal - np.log(2.0 + u * u)
+        )
         found = np.log(sd) + outward - 0.5 * (gap**2 / var + np.log(2.0 * math.pi * var))
         if own != i:
             cross = spread[:, own, i] / var
@@ -191,7 +254,8 @@ def _log_flux(flight: SearchedFlight, times: Floats, mesh: int, side: int) -> Fl
 
 
 def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
-    """Another wall that is met before the orbit's own: an event for each peak of the flux of paths that meet it."""
+    """Another wall that is met before the orbit's own: an event for each peak of the flux of paths
+    that meet it."""
     same = mesh == flight.mesh
     end = flight.time if same else flight.time + min(flight.time, LATEST)
     times = np.linspace(0.0, end, GRID + 1)[1:]
@@ -201,10 +265,13 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
     found = []
     if same and side == flight.side:  # the last peak may be the orbit's own impact
         i = 2 * (mesh - 1)
-        late = math.sqrt(max(flight.at(times[-1:])[1][0, i, i], 0.0)) / max(abs(flight.before[i + 1]), NO_SD)
+        late = math.sqrt(max(flight.at(times[-1:])[1][0, i, i], 0.0)) / max(
+            abs(flight.before[i + 1]), NO_SD
+        )
         peaks = peaks[times[peaks] < flight.time - FURTHEST * late]
     for peak in peaks:
-        at, log = times[peak - 1 : peak + 2], flux[peak - 1 : peak + 2]
+        at = times[peak - 1 : peak + 2]
+        log = flux[peak - 1 : peak + 2]
         for n in range(ROUNDS):  # narrow the bracket
             highest = 2.0 * log[1] - log.min()  # bound of a log-concave flux within it
             rare = highest + math.log(end) < RAREST
@@ -213,27 +280,40 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
             fine = np.linspace(at[0], at[2], 9)
             log = _log_flux(flight, fine, mesh, side)
             best = int(np.clip(log.argmax(), 1, 7))
-            at, log = fine[best - 1 : best + 2], log[best - 1 : best + 2]
+            at = fine[best - 1 : best + 2]
+            log = log[best - 1 : best + 2]
         if rare:
             continue
         bend = 2.0 * log[1] - log[0] - log[2]
         width = 6.0 * (at[1] - at[0]) / math.sqrt(bend) if bend > 0.0 else end
-        faint = np.flatnonzero(valley | (flux < log[1] + FAINT))  # the peak may be far from symmetric
-        low, high = times[faint[faint < peak].max(initial=0)], times[faint[faint > peak].min(initial=GRID - 1)]
+        # the peak may be far from symmetric
+        faint = np.flatnonzero(valley | (flux < log[1] + FAINT))
+        low = times[faint[faint < peak].max(initial=0)]
+        high = times[faint[faint > peak].min(initial=GRID - 1)]
         near = np.linspace(max(at[1] - width, low), min(at[1] + width, high), 65)
         around = np.unique(np.concatenate([near, np.linspace(low, high, 65)]))
         density = np.exp(_log_flux(flight, around, mesh, side))
-        mass = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(around))])
+        mass = np.concatenate(
+            [[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(around))]
+        )
         probability = min(float(mass[-1]), 1.0)
         if probability > ndtr(-FURTHEST):
-            found.append(_meet(flight, mesh, side, probability, np.interp(PLACES[0], mass / mass[-1], around)))
+            found.append(
+                _meet(
+                    flight, mesh, side, probability, np.interp(PLACES[0], mass / mass[-1], around)
+                )
+            )
     return found
 
 
 def _meet(flight: SearchedFlight, mesh: int, side: int, probability: float, times: Floats) -> Event:
-    """An event with representatives at given times: how near the own wall is, and the speed, are spread as they are."""
-    i, own, wall = 2 * (mesh - 1), 2 * (flight.mesh - 1), side * _wall(flight.c, mesh)
-    states, weights = [], np.empty(times.size)
+    """An event with representatives at given times: how near the own wall is, and the speed, are
+    spread as they are."""
+    i = 2 * (mesh - 1)
+    own = 2 * (flight.mesh - 1)
+    wall = side * _wall(flight.c, mesh)
+    states = []
+    weights = np.empty(times.size)
     for n, (t, state) in enumerate(zip(times, flight.states(times), strict=True)):
         state = state.given(i, wall)
         if own != i:
@@ -243,20 +323,27 @@ def _meet(flight: SearchedFlight, mesh: int, side: int, probability: float, time
             state = state.given(own, state.mean[own] + flight.side * at * sd)
         sd = math.sqrt(max(state.spread[i + 1, i + 1], 0.0))
         least = -side * state.mean[i + 1] / max(sd, NO_SD)
-        speed = side * state.mean[i + 1] - sd * float(ndtri_exp(log_ndtr(-least) + math.log(PLACES[2, n])))
+        speed = side * state.mean[i + 1] - sd * float(
+            ndtri_exp(log_ndtr(-least) + math.log(PLACES[2, n]))
+        )
         weights[n] = max(speed, 0.0)
         states.append((float(t), state.given(i + 1, side * speed), mesh))
-    weights = weights / weights.sum() if weights.sum() > 0.0 else np.full(times.size, 1.0 / times.size)
+    weights = (
+        weights / weights.sum() if weights.sum() > 0.0 else np.full(times.size, 1.0 / times.size)
+    )
     return Event(mesh, side, False, float(-ndtri(probability)), probability, weights, states)
 
 
 def _miss(flight: SearchedFlight) -> Event | None:
     """The orbit's own impact, if it all but grazes: paths that stay within the wall.
 
-    The design point is the time at which the orbit is furthest beyond the wall, in sds.  Whether a path that is within
-    the wall then has been within it all along is found from a small sample of Gaussian paths around the design point.
+    The design point is the time at which the orbit is furthest beyond the wall, in sds.  Whether a
+    path that is within the wall then has been within it all along is found from a small sample of
+    Gaussian paths around the design point.
     """
-    mesh, side, i = flight.mesh, flight.side, 2 * (flight.mesh - 1)
+    mesh = flight.mesh
+    side = flight.side
+    i = 2 * (flight.mesh - 1)
     wall = _wall(flight.c, mesh)
     times = flight.time + np.linspace(0.0, TURN, 2 * GRID)
     means, spread = flight.at(times)
@@ -266,9 +353,13 @@ def _miss(flight: SearchedFlight) -> Event | None:
     best = int(falls[0]) if falls.size else 0
     if best == 0 or not beta[best] < FURTHEST:
         return None
-    if flight.c.stages == 2 and (np.abs(means[: best + 1, 2 - i]) > _wall(flight.c, 3 - mesh)).any():
+    if (
+        flight.c.stages == 2
+        and (np.abs(means[: best + 1, 2 - i]) > _wall(flight.c, 3 - mesh)).any()
+    ):
         return None  # the other mesh is struck first: `_swapped`
-    top, nearest = float(times[best]), float(beta[best])
+    top = float(times[best])
+    nearest = float(beta[best])
     around = np.linspace(flight.time, top + (top - flight.time), 13)  # the seventh is the top
     means, spread = flight.at(around)
     joint = np.empty((13, 13))
@@ -280,10 +371,14 @@ def _miss(flight: SearchedFlight) -> Event | None:
     size, axes = np.linalg.eigh(rest)
     root = (axes * np.sqrt(np.maximum(size, 0.0))) @ axes.T
     depths = -ndtri(ndtr(-nearest) * (1.0 - (np.arange(SAMPLE) + 0.5) / SAMPLE))
-    paths = rng.standard_normal((SAMPLE, 13)) @ root.T - depths[:, None] * joint[6] / math.sqrt(joint[6, 6])
+    paths = rng.standard_normal((SAMPLE, 13)) @ root.T - depths[:, None] * joint[6] / math.sqrt(
+        joint[6, 6]
+    )
     within = (paths + side * means[:, i] < wall).all(axis=1)
     share = max(within.mean(), 1.0 / SAMPLE)
-    sd, states, (state,) = math.sqrt(joint[6, 6]), [], flight.states(np.array([top]))
+    sd = math.sqrt(joint[6, 6])
+    states = []
+    (state,) = flight.states(np.array([top]))
     for depth in np.quantile(depths[within] if within.any() else depths, MIDDLES):
         states.append((top, state.given(i, means[6, i] - side * depth * sd), 0))
     return Event(mesh, side, True, nearest, float(ndtr(-nearest) * share), STRATA, states)

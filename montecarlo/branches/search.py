@@ -1,8 +1,9 @@
-"""The branches of the noise-free orbit: paths that leave it, or another branch, by one other event each.
+"""The branches of the noise-free orbit: paths that leave it, or another branch, by one other event
+each.
 
-The orbit is searched first (`rattle.montecarlo.branches.rare_events`), then representatives of its branches, the
-most probable first.  Every path that was searched stands for all smaller probabilities too, so that one search serves
-all of them.
+The orbit is searched first (`rattle.montecarlo.branches.rare_events`), then representatives of its
+branches, the most probable first.  Every path that was searched stands for all smaller
+probabilities too, so that one search serves all of them.
 """
 
 import threading
@@ -18,11 +19,13 @@ from rattle.montecarlo.schemes.short_flight import first_state
 from rattle.scene import Constants, Floats, Scene
 
 MOST = 12  # paths that are searched: the orbit, and the most probable branches
-FLIGHTS = 300  # flights that are searched, so that orbits of many impacts take no more than about a second
+# flights that are searched, so that orbits of many impacts take no more than about a second
+FLIGHTS = 300
 SMALLEST = 1e-9
 """Probability down to which branches are known, and searched for branches of their own."""
 AT_WALL = 1e-9  # distance from a wall, over that from the middle, of what strikes it: rounding
-GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial speeds, below which the orbit grazes
+# impact speed, over the largest of alpha, gamma1 and initial speeds, below which the orbit grazes
+GRAZE = 1e-6
 
 
 class Branch(NamedTuple):
@@ -35,24 +38,29 @@ class Branch(NamedTuple):
     beta: float  # reliability index: distance of the design point in sds
     probability: float  # of the branch
     weights: Floats  # probabilities of its strata, by depth beyond the design point; (strata,)
-    # ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those of the parent
-    # before `impact`, NaN where it has ended; (strata, impacts, 6)
+    # ``tau, flight, x1, y1, x2, y2`` before each impact of a representative of each stratum; those
+    # of the parent before `impact`, NaN where it has ended; (strata, impacts, 6)
     section: Floats
-    # mean, square, fourth: what the branch adds to the mean deviation from the orbit, to its square and to its fourth
-    # power, in place of the path that it leaves; (impacts, 6)
+    # mean, square, fourth: what the branch adds to the mean deviation from the orbit, to its square
+    # and to its fourth power, in place of the path that it leaves; (impacts, 6)
     mean: Floats
     square: Floats
     fourth: Floats
-    shift: Floats  # mean of the noise that brings it about, increments in units of their sd; (steps,) or none
+    # mean of the noise that brings it about, increments in units of their sd; (steps,) or none
+    shift: Floats
 
 
 @dataclass(frozen=True)
 class RareEvents:
     """The branches of an orbit."""
 
-    orbit: Floats  # ``tau, flight, x1, y1, x2, y2`` before each impact; NaN where the orbit has ended; (impacts, 6)
-    branches: tuple[Branch, ...]  # in the order of their discovery; of equal distance or not, each is an own branch
-    known: int  # number of impacts up to which the search was complete: later ones have unknown branches
+    # ``tau, flight, x1, y1, x2, y2`` before each impact; NaN where the orbit has ended; (impacts,
+    # 6)
+    orbit: Floats
+    # in the order of their discovery; of equal distance or not, each is an own branch
+    branches: tuple[Branch, ...]
+    # number of impacts up to which the search was complete: later ones have unknown branches
+    known: int
     why: str  # what ended the search before the last impact; else empty
 
     @cached_property
@@ -62,15 +70,21 @@ class RareEvents:
 
     @cached_property
     def additions(self) -> Floats:
-        """What each branch adds to mean, square and fourth power, shape (3, branches, impacts, 6)."""
-        parts = [[getattr(branch, name) for branch in self.branches] for name in ("mean", "square", "fourth")]
+        """What each branch adds to mean, square and fourth power, shape (3, branches, impacts,
+        6)."""
+        parts = [
+            [getattr(branch, name) for branch in self.branches]
+            for name in ("mean", "square", "fourth")
+        ]
         return np.array(parts).reshape(3, len(self.branches), *self.orbit.shape)
 
     def additions_on(self, itinerary: Sequence[int], c: Constants) -> Floats:
-        """As `additions`, of what still has the meshes and sides of an itinerary, in place of nothing."""
+        """As `additions`, of what still has the meshes and sides of an itinerary, in place of
+        nothing."""
         added = np.zeros((3, len(self.branches), *self.orbit.shape))
         for sums, branch in zip(added.swapaxes(0, 1), self.branches, strict=True):
-            x1, x2 = branch.section[..., 2], branch.section[..., 4]
+            x1 = branch.section[..., 2]
+            x2 = branch.section[..., 4]
             code = np.where(np.abs(x1) > (1.0 - AT_WALL) * c.wall1, np.sign(x1), 2.0 * np.sign(x2))
             follows = np.logical_and.accumulate(code == np.array(itinerary), axis=1)
             away = np.where(follows[..., None], branch.section - self.orbit, 0.0)
@@ -80,7 +94,8 @@ class RareEvents:
 
 
 class _Parent(NamedTuple):
-    """A path whose flights are to be searched from an impact on, with the covariance after that impact."""
+    """A path whose flights are to be searched from an impact on, with the covariance after that
+    impact."""
 
     probability: float
     tau: float
@@ -90,13 +105,16 @@ class _Parent(NamedTuple):
 
 
 class BranchSearch:
-    """A search of the orbit and of its branches for other events, which goes on where less probable ones are wanted.
+    """A search of the orbit and of its branches for other events, which goes on where less probable
+    ones are wanted.
 
-    `steps`, `dt`: Number and length of the steps whose noise is told for each branch; none by default.
+    `steps`, `dt`: Number and length of the steps whose noise is told for each branch; none by
+    default.
     """
 
     def __init__(self, scene: Scene, impacts: int, steps: int = 0, dt: float = 1.0) -> None:
-        c, state = scene.constants, np.array(first_state(scene))
+        c = scene.constants
+        state = np.array(first_state(scene))
         self.constants, self.impacts, self.orbit = c, impacts, np.full((impacts, 6), np.nan)
         onward(c, scene.phase, state[0], state[1], state[2], state[3], 0, 0, self.orbit)
         self._slowest = GRAZE * max(c.alpha, c.gamma1, abs(state[1]), abs(state[3]))
@@ -104,12 +122,15 @@ class BranchSearch:
         self._queue = [_Parent(1.0, scene.phase, begin, 0, self.orbit)]  # the most probable last
         self._grid = scene.phase, dt
         self._branches: list[Branch] = []
-        self.responses: list[Floats] = []  # of the state before each impact of the orbit to the noise; (4, steps) each
-        self._searched: list[tuple[float, int]] = []  # probability of each path, and number of branches after it
+        # of the state before each impact of the orbit to the noise; (4, steps) each
+        self.responses: list[Floats] = []
+        # probability of each path, and number of branches after it
+        self._searched: list[tuple[float, int]] = []
         self._flights, self._found = 0, dict[int, RareEvents]()
         self._known, self._why, self._one_at_a_time = impacts, "", threading.Lock()
         if scene.correlation_time:  # flights of such noise are not independent of each other
-            self._queue, self._why = [], "branches are searched for with white noise only"
+            self._queue = []
+            self._why = "branches are searched for with white noise only"
 
     def until(self, least: float) -> RareEvents:
         """Branches of the orbit, and of those of its branches that are at least so probable."""
@@ -120,10 +141,13 @@ class BranchSearch:
                 parent = self._queue.pop()
                 known, why = self._search(parent)
                 if not self._searched:
-                    self._known, self._why = known, why
+                    self._known = known
+                    self._why = why
                 self._searched.append((parent.probability, len(self._branches)))
                 self._queue = sorted(self._queue, key=lambda one: one.probability)[-MOST:]
-            number = max(n for k, (p, n) in enumerate([*self._searched, (0.0, 0)]) if k == 0 or p >= least)
+            number = max(
+                n for k, (p, n) in enumerate([*self._searched, (0.0, 0)]) if k == 0 or p >= least
+            )
             if number not in self._found:
                 branches = tuple(self._branches[:number])
                 self._found[number] = RareEvents(self.orbit, branches, self._known, self._why)
@@ -131,7 +155,9 @@ class BranchSearch:
 
     def _search(self, parent: _Parent) -> tuple[int, str]:
         """Search the flights of a path; gives the impacts that were reached, and why not all."""
-        c, tau, start = self.constants, parent.tau, parent.start
+        c = self.constants
+        tau = parent.tau
+        start = parent.start
         for k in range(parent.first, self.impacts):
             if self._flights == FLIGHTS:
                 return k, f"{FLIGHTS} flights were searched"
@@ -151,11 +177,14 @@ class BranchSearch:
         return self.impacts, ""
 
     def _add(self, parent: _Parent, tau: float, k: int, event: Event) -> None:
-        """Follow the representatives of a branch that leaves in the flight before impact `k`, counted from 0."""
-        c, probability = self.constants, parent.probability * event.probability
+        """Follow the representatives of a branch that leaves in the flight before impact `k`,
+        counted from 0."""
+        c = self.constants
+        probability = parent.probability * event.probability
         rows = np.repeat(parent.rows[None], len(event.states), axis=0)
         rows[:, k:] = np.nan
-        rarest = self._queue[0].probability if len(self._queue) >= MOST else 0.0  # rarer ones are never searched
+        # rarer ones are never searched
+        rarest = self._queue[0].probability if len(self._queue) >= MOST else 0.0
         for j, (t, state, mesh) in enumerate(event.states):
             if mesh:
                 rows[j, k] = [tau + t, t, *state.mean]
@@ -174,22 +203,28 @@ class BranchSearch:
                 self._queue.append(_Parent(share, tau + t, after, k + 1, rows[j]))
         shares = probability * event.weights
         added = np.zeros((3, *self.orbit.shape))
-        gap, before = rows[:, k:] - self.orbit[k:], parent.rows[k:] - self.orbit[k:]
+        gap = rows[:, k:] - self.orbit[k:]
+        before = parent.rows[k:] - self.orbit[k:]
         for n in range(3):  # powers 1, 2 and 4
             added[n, k:] = np.nan_to_num(shares[:, None, None] * (gap - before)).sum(axis=0)
-            gap, before = gap * gap, before * before
+            gap = gap * gap
+            before = before * before
         what = event.mesh, event.side, event.missed, event.beta
         mean, square, fourth = added
-        self._branches.append(Branch(k + 1, *what, probability, shares, rows, mean, square, fourth, event.shift))
+        self._branches.append(
+            Branch(k + 1, *what, probability, shares, rows, mean, square, fourth, event.shift)
+        )
 
 
 search_of = lru_cache(maxsize=32)(BranchSearch)
-"""The search for the branches of a scene over a number of impacts, remembered with what it has found."""
+"""The search for the branches of a scene over a number of impacts, remembered with what it has
+found."""
 
 
 def rare_events(scene: Scene, impacts: int, least: float = 1.0) -> RareEvents:
     """Search the orbit, and the branches that are more probable than `least`, for other events.
 
-    `least`: Probability from which on a representative of a branch is searched for branches of its own.
+    `least`: Probability from which on a representative of a branch is searched for branches of its
+    own.
     """
     return BranchSearch(scene, impacts).until(least)

@@ -1,9 +1,11 @@
-"""Paths on a shared Brownian tree: one over as many impacts as wanted, and two of them on the same noise.
+"""Paths on a shared Brownian tree: one over as many impacts as wanted, and two of them on the same
+noise.
 
-The **long path** is followed a stretch at a time, with the growth of a frame under the **linearisation of the drift**:
-the exact Jacobian of the flight, and the saltation matrix with the drift's rates at the path's own impacts.  The
-distance of two noisy paths is not proportional to their initial one, however small (docs/model.md section 8).  Of **two
-paths**: how far apart an impact leaves them, and how fast they diverge, the noise resolved to times of 1e-9.
+The **long path** is followed a stretch at a time, with the growth of a frame under the
+**linearisation of the drift**: the exact Jacobian of the flight, and the saltation matrix with the
+drift's rates at the path's own impacts.  The distance of two noisy paths is not proportional to
+their initial one, however small (docs/model.md section 8).  Of **two paths**: how far apart an
+impact leaves them, and how fast they diverge, the noise resolved to times of 1e-9.
 """
 
 import math
@@ -21,23 +23,43 @@ from rattle.scene.linear_algebra import put_row
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
 DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3.5e-3 sigma in one
-EARLIEST, LATEST = 0.2, 0.6  # shares of a step between which an impact is used: the partner's is in the same step
+# shares of a step between which an impact is used: the partner's is in the same step
+EARLIEST = 0.2
+LATEST = 0.6
 PATH = Word(0)  # whose random numbers both paths share
 TINY = 1e-16  # least distance of two paths, for logarithms
 
 
 @jit
 def _stretch(
-    tree: Tree, path: Word, tangent: bool, step: int, most: int, at: Floats, frame: Floats, s: Stretch, velocity: Floats
+    tree: Tree,
+    path: Word,
+    tangent: bool,
+    step: int,
+    most: int,
+    at: Floats,
+    frame: Floats,
+    s: Stretch,
+    velocity: Floats,
 ) -> tuple[int, int, int]:
-    """Fill the arrays from ``at = (x1, y1, x2, y2, time since last impact)`` on; returns impacts, steps, sticking."""
-    c, w, hits, room = tree.c, tree.clock, np.empty((MOST_IN_A_STEP, HIT)), new_room(tree.clock.depth)
+    """Fill the arrays from ``at = (x1, y1, x2, y2, time since last impact)`` on; returns impacts,
+    steps, sticking."""
+    c = tree.c
+    w = tree.clock
+    hits = np.empty((MOST_IN_A_STEP, HIT))
+    room = new_room(tree.clock.depth)
     state = at[:4]
-    n, taken, sticking = 0, 0, 0
-    z0, z1, z2, z3 = 0.0, 0.0, 0.0, 0.0
+    n = 0
+    taken = 0
+    sticking = 0
+    z0 = 0.0
+    z1 = 0.0
+    z2 = 0.0
+    z3 = 0.0
     while taken < most and n + MOST_IN_A_STEP <= s.flight.size:
         if len(velocity) > 0:
-            velocity[taken, 0], velocity[taken, 1] = state[1], state[3]
+            velocity[taken, 0] = state[1]
+            velocity[taken, 1] = state[3]
         if c.sigma > 0.0:
             if taken == 0 or step % 2 == 0:
                 z0, z1, z2, z3 = normals(tree.key, path, Word(step // 2), Word(STEP))
@@ -51,12 +73,15 @@ def _stretch(
             flight = at[4] + hits[i, 0] - last
             code = int(hits[i, 1])
             tau = (step % len(w.forcing)) * w.h + hits[i, 0]
-            s.flight[n], s.phase[n], s.code[n] = flight, tau, code
+            s.flight[n] = flight
+            s.phase[n] = tau
+            s.code[n] = code
             put_row(s.before[n], hits[i, 2:])
             if tangent:
                 carry_frame(c, flight, frame)
                 strike_frame(c, abs(code), tau, hits[i, 3], hits[i, 5], frame, s.growth[n])
-            at[4], last = 0.0, hits[i, 0]
+            at[4] = 0.0
+            last = hits[i, 0]
             n += 1
         at[4] += w.h - last
         step += 1
@@ -67,9 +92,9 @@ def _stretch(
 class LongPath:
     """One path of a scene, to be followed a stretch at a time.
 
-    `step`: time between the velocities that `stretch` returns. `steps`: number of the next step, counted from
-    time 0 (modulo the period at the start). `sticking_steps`: steps with more impacts than there is space for;
-    the path stays as it is to their end.
+    `step`: time between the velocities that `stretch` returns. `steps`: number of the next step,
+    counted from time 0 (modulo the period at the start). `sticking_steps`: steps with more impacts
+    than there is space for; the path stays as it is to their end.
     """
 
     def __init__(self, scene: Scene, seed: int, path: int = 0, depth: int = DEPTH) -> None:
@@ -78,14 +103,18 @@ class LongPath:
         self.steps = round(scene.phase % (2.0 * np.pi) / self.step)
         self.at, self.frame = np.array([*first_state(scene), 0.0]), np.eye(4)
 
-    def stretch(self, steps: int, tangent: bool = True, velocities: bool = True) -> tuple[Stretch, Floats]:
+    def stretch(
+        self, steps: int, tangent: bool = True, velocities: bool = True
+    ) -> tuple[Stretch, Floats]:
         """The impacts of the next steps.
 
-        A path that has more impacts than there is space for (one in two steps) ends its stretch early.
+        A path that has more impacts than there is space for (one in two steps) ends its stretch
+        early.
 
         Shapes: `velocity` (steps taken, 2).
         """
-        s, velocity = Stretch.empty(steps // 2 + MOST_IN_A_STEP), np.empty((steps if velocities else 0, 2))
+        s = Stretch.empty(steps // 2 + MOST_IN_A_STEP)
+        velocity = np.empty((steps if velocities else 0, 2))
         n, taken, sticking = _stretch(
             self.tree, self.path, tangent, self.steps, steps, self.at, self.frame, s, velocity
         )
@@ -104,18 +133,32 @@ def _two_normals(tree: Tree, step: int) -> tuple[float, float]:
 
 @jit
 def _after_impact(
-    tree: Tree, steps: int, settle: int, state: Floats, least: float, deltas: Floats, apart: Floats, place: Floats
+    tree: Tree,
+    steps: int,
+    settle: int,
+    state: Floats,
+    least: float,
+    deltas: Floats,
+    apart: Floats,
+    place: Floats,
 ) -> tuple[int, int]:
-    hits, other, c, w = np.empty((MOST_IN_A_STEP, HIT)), np.empty((MOST_IN_A_STEP, HIT)), tree.c, tree.clock
-    begin, partner, room = np.empty(4), np.empty(4), new_room(w.depth)
-    n, missed = 0, 0
+    hits = np.empty((MOST_IN_A_STEP, HIT))
+    other = np.empty((MOST_IN_A_STEP, HIT))
+    c = tree.c
+    w = tree.clock
+    begin = np.empty(4)
+    partner = np.empty(4)
+    room = new_room(w.depth)
+    n = 0
+    missed = 0
     for k in range(steps):
         put_row(begin, state)
         z = _two_normals(tree, k)
         found, _ = walk_step(tree, room, PATH, k, z, state, hits)
         if k < settle or found != 1 or abs(hits[0, 1]) != 1:
             continue
-        share, speed = hits[0, 0] / w.h, abs(hits[0, 3])
+        share = hits[0, 0] / w.h
+        speed = abs(hits[0, 3])
         if not (EARLIEST < share < LATEST and speed > least):
             continue
         whole = True
@@ -126,7 +169,8 @@ def _after_impact(
             if met != 1 or other[0, 1] != hits[0, 1]:
                 whole = False
                 break
-            # after both impacts the difference obeys the noise-free linear flight: carry it back to the later impact
+            # after both impacts the difference obeys the noise-free linear flight: carry it back to
+            # the later impact
             back = jacobian(c, other[0, 0] - w.h)
             apart[n, i] = 0.0
             for j in range(4):
@@ -143,15 +187,26 @@ def _after_impact(
 
 
 def after_impact(
-    scene: Scene, deltas: Floats, impacts: int, seed: int, *, least: float = 0.25, settle: int = 5000
+    scene: Scene,
+    deltas: Floats,
+    impacts: int,
+    seed: int,
+    *,
+    least: float = 0.25,
+    settle: int = 5000,
 ) -> tuple[Floats, Floats, int]:
-    """Difference in ``y1`` after an impact at mesh 1, of two paths that reach the wall some distance apart.
+    """Difference in ``y1`` after an impact at mesh 1, of two paths that reach the wall some
+    distance apart.
 
     Shapes: `apart` (impacts, deltas); `place` (impacts, 3).
     """
     tree = tree_of(scene, seed, DEEPEST)
-    apart, place, steps = np.empty((impacts, deltas.size)), np.empty((impacts, 3)), settle + 2000 * impacts
-    n, missed = _after_impact(tree, steps, settle, np.array(first_state(scene)), least, deltas, apart, place)
+    apart = np.empty((impacts, deltas.size))
+    place = np.empty((impacts, 3))
+    steps = settle + 2000 * impacts
+    n, missed = _after_impact(
+        tree, steps, settle, np.array(first_state(scene)), least, deltas, apart, place
+    )
     return apart[:n], place[:n], missed
 
 
@@ -166,7 +221,8 @@ def _distance(c: Constants, a: Floats, b: Floats) -> float:
 
 @internal
 def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
-    """Put b at the distance `delta` from a, in its present direction or opposite to it; False if walls forbid both."""
+    """Put b at the distance `delta` from a, in its present direction or opposite to it; False if
+    walls forbid both."""
     d = _distance(c, a, b)
     for sign in (1.0, -1.0):
         x1 = a[0] + sign * (b[0] - a[0]) * delta / d
@@ -180,11 +236,23 @@ def _place(c: Constants, a: Floats, b: Floats, delta: float) -> bool:
 
 @jit
 def _growths(
-    tree: Tree, settle: int, wait: int, steps: int, a: Floats, delta: float, ratio: float, found: Floats
+    tree: Tree,
+    settle: int,
+    wait: int,
+    steps: int,
+    a: Floats,
+    delta: float,
+    ratio: float,
+    found: Floats,
 ) -> int:
-    c, hits, room = tree.c, np.empty((MOST_IN_A_STEP, HIT)), new_room(tree.clock.depth)
+    c = tree.c
+    hits = np.empty((MOST_IN_A_STEP, HIT))
+    room = new_room(tree.clock.depth)
     b = a.copy()
-    n, waited, last, together = 0, 0, 0.0, True
+    n = 0
+    waited = 0
+    last = 0.0
+    together = True
     for k in range(steps):
         z = _two_normals(tree, k)
         walk_step(tree, room, PATH, k, z, a, hits)
@@ -194,12 +262,14 @@ def _growths(
             for i in range(2 * c.stages):
                 b[i] = a[i] + delta / math.sqrt(2.0 * c.stages)
             together = not _place(c, a, b, delta)
-            waited, last = 0, delta
+            waited = 0
+            last = delta
             continue
         walk_step(tree, room, PATH, k, z, b, hits)
         waited += 1
         now = _distance(c, a, b)
-        far = min(now, last)  # the smaller of two: between both paths' impacts distance does not count
+        # the smaller of two: between both paths' impacts distance does not count
+        far = min(now, last)
         last = now
         if far >= ratio * delta or waited >= wait:
             found[0, n], found[1, n] = waited * tree.clock.h, math.log(max(far, TINY) / delta)
@@ -207,7 +277,8 @@ def _growths(
             if n == found.shape[1]:
                 break
             together = now < 1e-3 * delta or not _place(c, a, b, delta)
-            waited, last = 0, delta
+            waited = 0
+            last = delta
     return n
 
 
@@ -221,14 +292,26 @@ def growths(
     patience: float = 200.0,
     settle: int = 5000,
 ) -> tuple[Floats, Floats]:
-    """Time in which two paths on a shared Brownian tree diverge from `delta` to `ratio` times that, and the growth.
+    """Time in which two paths on a shared Brownian tree diverge from `delta` to `ratio` times that,
+    and the growth.
 
-    The distance is looked at once a step (2 pi / 128 or less); after each growth the partner is put back to `delta` in
-    its present direction.  The distance is that of ``(x1, y1, x2, y2)``, the smaller one of two successive steps.
+    The distance is looked at once a step (2 pi / 128 or less); after each growth the partner is put
+    back to `delta` in its present direction.  The distance is that of ``(x1, y1, x2, y2)``, the
+    smaller one of two successive steps.
 
     `patience`: Time after which a growth is given up; it is returned as it is then.
     """
     tree = tree_of(scene, seed, DEEPEST)
-    wait, found = max(2, int(patience / tree.clock.h)), np.empty((2, events))
-    n = _growths(tree, settle, wait, settle + wait * events, np.array(first_state(scene)), delta, ratio, found)
+    wait = max(2, int(patience / tree.clock.h))
+    found = np.empty((2, events))
+    n = _growths(
+        tree,
+        settle,
+        wait,
+        settle + wait * events,
+        np.array(first_state(scene)),
+        delta,
+        ratio,
+        found,
+    )
     return found[0, :n], found[1, :n]

@@ -1,9 +1,11 @@
-"""How accurate an answer is: a 95 % bound of the error of all section means and sds (docs/theory/statistics.md).
+"""How accurate an answer is: a 95 % bound of the error of all section means and sds
+(docs/theory/statistics.md).
 
-The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %.  Errors are larger
-where the sampling distribution of a row is skewed (`skewness_gain`), and by what branches that the sample cannot have
-seen could change (`rattle.montecarlo.diagnostics.unseen`).  They are in units of each quantity's sd, and absolute where
-the sd is no scale: where nothing varies, and for the displacement at the mesh that most paths strike.
+The bound of `error_bound` is where the probabilities that the rows' errors exceed it add up to 5 %.
+Errors are larger where the sampling distribution of a row is skewed (`skewness_gain`), and by what
+branches that the sample cannot have seen could change (`rattle.montecarlo.diagnostics.unseen`).
+They are in units of each quantity's sd, and absolute where the sd is no scale: where nothing
+varies, and for the displacement at the mesh that most paths strike.
 """
 
 from collections.abc import Mapping
@@ -21,21 +23,30 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONFIDENCE = 0.95
-"""Probability with which an accuracy that is said to be reached bounds all errors of section means and sds."""
+"""Probability with which an accuracy that is said to be reached bounds all errors of section means
+and sds."""
 
-LEAST = 32 * BLOCK  # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be sampled
-SMALL_NOISE = 0.2  # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
+LEAST = (
+    32 * BLOCK
+    # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be
+    # sampled
+)
+# sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
+SMALL_NOISE = 0.2
 Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
 MOMENTS = ("mean", "sd")
 Place = tuple[np.intp, ...]
 """Indices of a moment in `MOMENTS`, of a quantity in `SECTION`, and of an impact."""
-ROUNDED = 2.0**-40  # sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
+# sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
+ROUNDED = 2.0**-40
 
 
 def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
-    """Smallest sd of each quantity, shape (impacts,), that doubles resolve: below it the quantity counts as constant.
+    """Smallest sd of each quantity, shape (impacts,), that doubles resolve: below it the quantity
+    counts as constant.
 
-    It is `ROUNDED` times a size: of times their own, of displacements and velocities the largest over the impacts.
+    It is `ROUNDED` times a size: of times their own, of displacements and velocities the largest
+    over the impacts.
     """
     tau = ROUNDED * np.abs(np.asarray(columns["tau"], float))
     found = dict.fromkeys(SECTION[:2], tau)
@@ -67,8 +78,11 @@ def units(run: Any) -> "pd.DataFrame":
 
 def sampling_error(run: Any) -> tuple[float, str]:
     """Largest standard error of the section means and sds, in units of each quantity's sd."""
-    unit, columns = units_by_quantity(run), run.columns
-    errors = np.nan_to_num([[columns[prefix + q] / unit[q] for prefix in ("se_", "se_sd_")] for q in SECTION])
+    unit = units_by_quantity(run)
+    columns = run.columns
+    errors = np.nan_to_num(
+        [[columns[prefix + q] / unit[q] for prefix in ("se_", "se_sd_")] for q in SECTION]
+    )
     if not errors.any():
         return 0.0, "nothing varies" if np.isfinite(columns["tau"]).any() else "no impact was seen"
     i, moment, k = np.unravel_index(errors.argmax(), errors.shape)
@@ -76,29 +90,32 @@ def sampling_error(run: Any) -> tuple[float, str]:
 
 
 class Bound(NamedTuple):
-    """A simultaneous bound of all errors of section means and sds, in units of each quantity's sd."""
+    """A simultaneous bound of all errors of section means and sds, in units of each quantity's
+    sd."""
 
     error: float  # the bound, with what the sample cannot have seen
-    sampled: float  # the bound without it: this part falls with the square root of the number of paths
+    # the bound without it: this part falls with the square root of the number of paths
+    sampled: float
     where: str  # moment, quantity and impact that matter most
     remark: str  # the unseen branch that matters most, in words; empty if none does
     rare: str  # moment, quantity and impact that it could change most
 
 
 def share_of_look(look: int) -> float:
-    """Probability of a wrong statement that a look may spend; over all looks they add up to 1 - `CONFIDENCE`."""
+    """Probability of a wrong statement that a look may spend; over all looks they add up to 1 -
+    `CONFIDENCE`."""
     return (1.0 - CONFIDENCE) / (look * (look + 1.0))
 
 
 def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, z: float) -> Floats:
     """By how much an interval of a mean or an sd is longer on one side, in units of its half width.
 
-    Hall's (1992) correction of a studentised mean, ``gamma (2 z^2 + 1) / (6 z sqrt(n))``, with the skewness gamma of
-    what is averaged: the quantity for its mean, its squared deviation for its sd.  Ten paths that carry most of a
-    variance are nearly a Poisson count, whose upper limit this is.
+    Hall's (1992) correction of a studentised mean, ``gamma (2 z^2 + 1) / (6 z sqrt(n))``, with the
+    skewness gamma of what is averaged: the quantity for its mean, its squared deviation for its sd.
+    Ten paths that carry most of a variance are nearly a Poisson count, whose upper limit this is.
 
-    Returns: Positive where the true value may lie further above than below; 0 where it is not known. Shapes:
-    result (impacts,).
+    Returns: Positive where the true value may lie further above than below; 0 where it is not
+    known. Shapes: result (impacts,).
     """
     if "lean_tau" in columns:  # weighted paths: measured
         lean = np.asarray(columns[f"lean_{'sd_' if sd else ''}{quantity}"], float)
@@ -119,8 +136,8 @@ def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, 
 def absolute_errors(columns: Mapping[str, NDArray[Any]]) -> Floats:
     """Standard errors of section means and sds, longer where their sampling distribution is skewed.
 
-    Returns: Of the mean and of the sd of ``tau, flight, x1, y1, x2, y2``, in the quantity's own unit; 0 where not
-    known. Shapes: result (2, 6, impacts).
+    Returns: Of the mean and of the sd of ``tau, flight, x1, y1, x2, y2``, in the quantity's own
+    unit; 0 where not known. Shapes: result (2, 6, impacts).
     """
     found = []
     for prefix in ("se_", "se_sd_"):
@@ -140,8 +157,10 @@ def unseen_shifts(hidden: Unseen) -> Floats:
 
 
 def find_exceedance(error: Floats, shift: Floats, share: float) -> float:
-    """Where the probabilities that normal errors exceed it, less a shift each, add up to `share`."""
-    low, high = float(shift.max()), float((shift + 40.0 * error).max())
+    """Where the probabilities that normal errors exceed it, less a shift each, add up to
+    `share`."""
+    low = float(shift.max())
+    high = float((shift + 40.0 * error).max())
     for _ in range(60):
         middle = 0.5 * (low + high)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -156,7 +175,8 @@ def count_paths(columns: Mapping[str, NDArray[Any]]) -> int:
 
 
 def errors_by_row(run: Any) -> tuple[Floats, Floats, Unseen]:
-    """Standard errors and shifts by unseen branches of all rows, in their units, shape (2, 6, impacts)."""
+    """Standard errors and shifts by unseen branches of all rows, in their units, shape (2, 6,
+    impacts)."""
     unit = np.array(list(units_by_quantity(run).values()))
     hidden = unseen(run.scene, run.columns, count_paths(run.columns))
     return absolute_errors(run.columns) / unit, unseen_shifts(hidden) / unit, hidden
@@ -171,14 +191,18 @@ def explain_shift(hidden: Unseen, shift: Floats, row: Place) -> str:
 def error_bound(run: Any, share: float = 1.0 - CONFIDENCE) -> Bound:
     """Bound all errors of section means and sds at once, except for the bias of the step."""
     error, shift, hidden = errors_by_row(run)
-    sampled, bound = find_exceedance(error, 0.0 * shift, share), find_exceedance(error, shift, share)
+    sampled = find_exceedance(error, 0.0 * shift, share)
+    bound = find_exceedance(error, shift, share)
     if bound == 0.0:
         return Bound(0.0, 0.0, sampling_error(run)[1], "", "")
     weight = shift + error * (sampled / max(error.max(), 1e-300))
-    where, remark, rare = name_row(np.unravel_index(np.argmax(weight), error.shape)), "", ""
+    where = name_row(np.unravel_index(np.argmax(weight), error.shape))
+    remark = ""
+    rare = ""
     if bound > 1.05 * sampled:
         furthest = np.unravel_index(np.argmax(shift), error.shape)
-        rare, remark = name_row(furthest), explain_shift(hidden, shift, furthest)
+        rare = name_row(furthest)
+        remark = explain_shift(hidden, shift, furthest)
     return Bound(bound, sampled, where, remark, rare)
 
 
@@ -189,5 +213,6 @@ def name_row(row: Place) -> str:
 
 
 def small_noise(scene: Scene) -> bool:
-    """Whether the noise is white, and weak enough for the linearised path to be worth its time as a control variate."""
+    """Whether the noise is white, and weak enough for the linearised path to be worth its time as a
+    control variate."""
     return not scene.correlation_time and scene.sigma <= SMALL_NOISE * scene.alpha

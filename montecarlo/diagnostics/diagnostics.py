@@ -1,4 +1,5 @@
-"""Diagnostics of a run: sentences that say where its numbers may be wrong, and what to do about it."""
+"""Diagnostics of a run: sentences that say where its numbers may be wrong, and what to do about
+it."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -15,20 +16,27 @@ from rattle.scene import SECTION, Floats, Scene
 
 UNSEEN = 0.1
 """Largest error from branches that were not sampled, in sds, that is not diagnosed."""
-UNSEARCHED = "Rare branches are searched for with white noise only: whether this sample misses one is not known."
+UNSEARCHED = (
+    "Rare branches are searched for with white noise only: whether this sample misses one is not"
+    " known."
+)
 SEARCHED = 60  # most impacts for which rare branches are looked for: a second
 TOLERANCE = 0.05
 """Largest bias that is not diagnosed, in `motion_units`."""
 
 SMALLEST = 0.01  # an error unit is at least this share of the scale of the motion
-FINER = 4  # dt over the step of the comparison; for order 1, dt against dt / 4 shows 3/4 of the bias: times 4/3
+# dt over the step of the comparison; for order 1, dt against dt / 4 shows 3/4 of the bias: times
+# 4/3
+FINER = 4
 UNBIASED = "exact-flight, which has no such bias"
 COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
-"""Restitution below which white noise makes impacts accumulate: inelastic collapse (Cornell, Swift, Bray 1998)."""
+"""Restitution below which white noise makes impacts accumulate: inelastic collapse (Cornell, Swift,
+Bray 1998)."""
 
 
 def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str, Floats]:
-    """Unit of each section quantity's errors: its sd, or 1 % of flight time, half gap or speed where that is more.
+    """Unit of each section quantity's errors: its sd, or 1 % of flight time, half gap or speed
+    where that is more.
 
     Shapes: result (impacts,).
     """
@@ -37,22 +45,37 @@ def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str,
     if scene.stages == 2:
         speed = np.maximum(speed, np.hypot(columns["y2"], columns["sd_y2"]))
     fastest = np.full_like(flight, np.nanmax(speed, initial=0.0))
-    scale = {"tau": flight, "flight": flight, "x1": scene.gap1, "y1": fastest, "x2": scene.gap2, "y2": fastest}
+    scale = {
+        "tau": flight,
+        "flight": flight,
+        "x1": scene.gap1,
+        "y1": fastest,
+        "x2": scene.gap2,
+        "y2": fastest,
+    }
     return {q: np.fmax(columns["sd_" + q], SMALLEST * scale[q]) for q in SECTION}
 
 
 def orbit_shift(run: Any) -> tuple[float, str]:
     """How far the step shifts the noise-free path, in `motion_units` of the run, and where most.
 
-    The noise-free path is followed at dt and at dt / 4, as long as at least half of the paths share its itinerary.  A
-    scheme that detects impacts at the end of a step is late by half a step on average, at every impact.
+    The noise-free path is followed at dt and at dt / 4, as long as at least half of the paths share
+    its itinerary.  A scheme that detects impacts at the end of a step is late by half a step on
+    average, at every impact.
     """
-    unit, columns = motion_units(run.columns, run.scene), run.columns
-    coarse, fine = (noise_free_path(run.plan, run.plan.scheme, run.plan.dt / times) for times in (1, FINER))
-    worst, where = 0.0, "nothing moves"
+    unit = motion_units(run.columns, run.scene)
+    columns = run.columns
+    coarse, fine = (
+        noise_free_path(run.plan, run.plan.scheme, run.plan.dt / times) for times in (1, FINER)
+    )
+    worst = 0.0
+    where = "nothing moves"
     if run.plan.scheme == "euler-maruyama":
-        late = np.nan_to_num(_share(0.5 * run.plan.dt * np.arange(1, run.plan.impacts + 1), unit["tau"]))
-        worst, where = float(late.max()), f"tau at impact {int(late.argmax()) + 1}"
+        late = np.nan_to_num(
+            _share(0.5 * run.plan.dt * np.arange(1, run.plan.impacts + 1), unit["tau"])
+        )
+        worst = float(late.max())
+        where = f"tau at impact {int(late.argmax()) + 1}"
     for k in range(run.plan.impacts):
         if not columns["agreement"][k] >= 0.5:
             break
@@ -63,7 +86,8 @@ def orbit_shift(run: Any) -> tuple[float, str]:
                 continue
             shift = float(_share(abs(coarse[k, i] - fine[k, i]), unit[q][k])) * FINER / (FINER - 1)
             if shift > worst:
-                worst, where = shift, f"{q} at impact {k + 1}"
+                worst = shift
+                where = f"{q} at impact {k + 1}"
     return worst, where
 
 
@@ -76,7 +100,13 @@ def _share(of: NDArray[np.floating[Any]], unit: Floats) -> Floats:
 def diagnose(run: Any) -> tuple[str, ...]:
     """What may be wrong with the numbers of a run."""
     accuracy, *impacts = _list_counted(run)
-    found = (accuracy, diagnose_short_step(run), *_of_step(run), *impacts, diagnose_rare_branch(run))
+    found = (
+        accuracy,
+        diagnose_short_step(run),
+        *_of_step(run),
+        *impacts,
+        diagnose_rare_branch(run),
+    )
     return tuple(line for line in found if line)
 
 
@@ -88,7 +118,8 @@ def list_counted(run: Any) -> tuple[str, ...]:
 def diagnose_rare_branch(run: Any) -> str:
     """The diagnostic of a rare branch that may be missing from the sample.
 
-    Returns: Empty if no such branch matters, and where an accuracy was asked for, which counts them.
+    Returns: Empty if no such branch matters, and where an accuracy was asked for, which counts
+    them.
     """
     if run.reach is not None or run.plan.impacts > SEARCHED:
         return ""
@@ -101,15 +132,18 @@ def diagnose_rare_branch(run: Any) -> str:
 
 
 def diagnose_short_step(run: Any) -> str:
-    """The diagnostic of a step that is shorter than the scheme's default because the scene requires it."""
-    (allowed, why), usual = usual_step(run.scene, run.plan.scheme, run.plan.levels > 1), SCHEMES[run.plan.scheme].step
+    """The diagnostic of a step that is shorter than the scheme's default because the scene requires
+    it."""
+    allowed, why = usual_step(run.scene, run.plan.scheme, run.plan.levels > 1)
+    usual = SCHEMES[run.plan.scheme].step
     if not run.plan.dt == allowed < usual:
         return ""
     return f"dt = {allowed:.3g} in place of the scheme's {usual:.3g}: {why}."
 
 
 def _of_step(run: Any) -> Iterator[str]:
-    scene, scheme = run.scene, run.plan.scheme
+    scene = run.scene
+    scheme = run.plan.scheme
     if not SCHEMES[scheme].has_step_bias:
         return
     if run.plan.levels > 1:
@@ -122,39 +156,47 @@ def _of_step(run: Any) -> Iterator[str]:
     shift, where = orbit_shift(run)
     if shift > TOLERANCE:
         by = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST * shift:.2%}"
-        yield f"The step moves the noise-free path by {by} ({where}): shorten it, or take {UNBIASED}."
+        yield (
+            f"The step moves the noise-free path by {by} ({where}): shorten it, or take {UNBIASED}."
+        )
 
 
 def _of_measured_bias(run: Any) -> str:
     """The largest measured step bias, where it is more than `TOLERANCE` and its own error."""
-    unit, steps = motion_units(run.columns, run.scene), run.step_bias
-    scale = np.array([unit[q][k - 1] for k, q in zip(steps["impact"], steps["quantity"], strict=True)])
-    bias, error = steps["bias"].abs().to_numpy(float), np.nan_to_num(steps["se_bias"].to_numpy(float))
+    unit = motion_units(run.columns, run.scene)
+    steps = run.step_bias
+    scale = np.array(
+        [unit[q][k - 1] for k, q in zip(steps["impact"], steps["quantity"], strict=True)]
+    )
+    bias = steps["bias"].abs().to_numpy(float)
+    error = np.nan_to_num(steps["se_bias"].to_numpy(float))
     shares = np.where(bias > 3.0 * error, _share(np.nan_to_num(bias), scale), 0.0)
-    share, worst = float(shares.max()), steps.iloc[int(shares.argmax())]
+    share = float(shares.max())
+    worst = steps.iloc[int(shares.argmax())]
     if share <= TOLERANCE:
         return ""
     where = f"{worst['moment']} of {worst['quantity']} at impact {worst['impact']}"
     return (
-        f"The step biases the {where} by {share:.2g} sd, as measured (columns bias_...; the moments are not "
-        f"corrected): shorten the step, or take {UNBIASED}."
+        f"The step biases the {where} by {share:.2g} sd, as measured (columns bias_...; the moments"
+        f" are not corrected): shorten the step, or take {UNBIASED}."
     )
 
 
 def _list_counted(run: Any) -> Iterator[str]:
     """First what an accuracy is missed by, or nothing."""
-    scene, plan = run.scene, run.plan
+    scene = run.scene
+    plan = run.plan
     yield "" if run.reach is None or run.reach.reached else run.reach.sentence
     if scene.sigma > 0.0 and scene.epsilon < COLLAPSE:
         yield (
-            f"Noise at a restitution below {COLLAPSE:.3f} lets impacts accumulate without end: the later an impact, "
-            "the more its number depends on the step."
+            f"Noise at a restitution below {COLLAPSE:.3f} lets impacts accumulate without end: the"
+            " later an impact, the more its number depends on the step."
         )
     # else the path has had all its impacts by then
     if run.sticking_steps and (plan.impacts > MOST_IN_A_STEP or plan.fixed_steps.size):
         yield (
-            f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end of the step: completed chatter, or "
-            "a sticking phase."
+            f"In {run.sticking_steps:,} path-steps a mesh stayed closed to the end of the step:"
+            " completed chatter, or a sticking phase."
         )
     if run.unfinished:
         yield (

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rattle.scene import duration_text
 
-if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
+if (
+    TYPE_CHECKING
+):  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
 
 
@@ -28,14 +30,22 @@ class Candidate(NamedTuple):
     def sentence(self) -> str:
         """The expected cost as text."""
         time = duration_text(self.core_seconds, 2)
-        paths = (f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}") + " path" + "s" * (self.paths > 1)
+        paths = (
+            (f"{self.paths:,}" if self.paths < 1e12 else f"{self.paths:.2g}")
+            + " path"
+            + "s" * (self.paths > 1)
+        )
         paths += near_text(self.branches)
         return f"about {time} of processor time: {self.scheme}, dt = {self.dt:.3g}, {paths}"
 
 
 def near_text(branches: int) -> str:
     """What is said beside a number of paths of which a part is drawn near rare branches."""
-    return f", a part of them near {branches} rare branch{'es' if branches > 1 else ''}" if branches else ""
+    return (
+        f", a part of them near {branches} rare branch{'es' if branches > 1 else ''}"
+        if branches
+        else ""
+    )
 
 
 class Row(NamedTuple):
@@ -50,15 +60,18 @@ class Row(NamedTuple):
     @property
     def sentence(self) -> str:
         """The row with its bound and the reason."""
-        return f"{self.moment} of {self.quantity} at impact {self.impact}: {self.bound:.2g} sd ({self.why})"
+        return (
+            f"{self.moment} of {self.quantity} at impact {self.impact}: {self.bound:.2g} sd"
+            f" ({self.why})"
+        )
 
 
 class Reach(NamedTuple):
     """The accuracy that a run reached, compared with the accuracy asked for.
 
-    Errors are the largest over all section means and sds, in units of each quantity's sd (absolute where nothing
-    varies).  An accuracy is a statement on all of them at once: with 95 % probability none is larger, whatever the
-    number of looks after which the run stopped.
+    Errors are the largest over all section means and sds, in units of each quantity's sd (absolute
+    where nothing varies).  An accuracy is a statement on all of them at once: with 95 % probability
+    none is larger, whatever the number of looks after which the run stopped.
 
     Attributes
     ----------
@@ -67,24 +80,27 @@ class Reach(NamedTuple):
     sampling : float
         Largest standard error.
     step : float
-        Largest step bias; of ``exact-flight`` the largest share of an sd that the noise left out by a step has.
+        Largest step bias; of ``exact-flight`` the largest share of an sd that the noise left out by
+        a step has.
     bound : float
-        95 % bound of all errors at once: sampling, skewness, branches that the sample cannot have seen, and the bias of
-        the step.
+        95 % bound of all errors at once: sampling, skewness, branches that the sample cannot have
+        seen, and the bias of the step.
     worst : str
         Which error matters most.
     candidates : sequence of Candidate
         What each scheme that was tried was expected to cost.
     more_seconds : float
-        Estimated time still missing where the budget was spent first; 0 where the accuracy was reached, infinite where
-        no shorter step can be taken.
+        Estimated time still missing where the budget was spent first; 0 where the accuracy was
+        reached, infinite where no shorter step can be taken.
     enough : bool
-        Whether there are enough paths, over the full horizon, for events of probability 1e-4 to be sampled.
+        Whether there are enough paths, over the full horizon, for events of probability 1e-4 to be
+        sampled.
     remark : str
         The unseen branch that matters most, in words; empty if none does.
     missed : tuple
-        Where the accuracy was not reached, the rows that miss it, the worst first: each has ``moment, quantity,
-        impact, bound, why`` and a ``sentence``.  All others are as accurate as was asked for.
+        Where the accuracy was not reached, the rows that miss it, the worst first: each has
+        ``moment, quantity, impact, bound, why`` and a ``sentence``.  All others are as accurate as
+        was asked for.
 
     Examples
     --------
@@ -110,7 +126,8 @@ class Reach(NamedTuple):
 
     @property
     def schemes(self) -> "pd.DataFrame":
-        """The candidates as a table: index ``scheme``, columns ``dt, paths, path_steps, core_seconds``."""
+        """The candidates as a table: index ``scheme``, columns ``dt, paths, path_steps,
+        core_seconds``."""
         import pandas as pd
 
         return pd.DataFrame(self.candidates).set_index("scheme")
@@ -129,13 +146,16 @@ class Reach(NamedTuple):
     def sentence(self) -> str:
         """What was reached, as text."""
         errors = (
-            f"with 95 % probability no section mean or sd is off by more than {self.bound:.2g} sd ({self.worst}; "
-            f"largest standard error {self.sampling:.2g} sd, bias of the step {self.step:.2g} sd)"
+            f"with 95 % probability no section mean or sd is off by more than {self.bound:.2g} sd"
+            f" ({self.worst}; largest standard error {self.sampling:.2g} sd, bias of the step"
+            f" {self.step:.2g} sd)"
         )
         if self.reached:
             return f"Accuracy {self.asked:g} sd reached: {errors}."
         if math.isinf(self.more_seconds):
-            return f"Accuracy {self.asked:g} sd NOT reached: {errors}; no shorter step can be taken."
+            return (
+                f"Accuracy {self.asked:g} sd NOT reached: {errors}; no shorter step can be taken."
+            )
         errors += f"; {self.remark}" if self.remark else ""
         few = "" if self.enough else ", from fewer paths or a shorter time than an answer needs"
         more = f"{duration_text(self.more_seconds)} of processor time more"

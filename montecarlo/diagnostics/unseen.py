@@ -1,4 +1,5 @@
-"""What a sample cannot have seen: how far branches with few or no sampled paths could move its means and sds."""
+"""What a sample cannot have seen: how far branches with few or no sampled paths could move its
+means and sds."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -13,30 +14,34 @@ from rattle.scene import SECTION, Floats, Scene
 from rattle.scene.text import percent
 
 SEEN = 10.0
-"""Expected number of sampled paths from which on a branch is in the sample; below, it may be missing."""
+"""Expected number of sampled paths from which on a branch is in the sample; below, it may be
+missing."""
 
 
 class Unseen(NamedTuple):
-    """How far the true means and sds could lie beyond the sampled ones for want of paths on rare branches.
+    """How far the true means and sds could lie beyond the sampled ones for want of paths on rare
+    branches.
 
     All arrays have the shape (impacts, 6), for ``tau, flight, x1, y1, x2, y2``.
     """
 
-    # mean_up, mean_down, sd_up, sd_down: largest shifts of the mean and of the sd, upwards and downwards; not
-    # negative
+    # mean_up, mean_down, sd_up, sd_down: largest shifts of the mean and of the sd, upwards and
+    # downwards; not negative
     mean_up: Floats
     mean_down: Floats
     sd_up: Floats
     sd_down: Floats
     # of the branches that make the shift of the sd, the most influential first: its own probability
     probability: Floats
-    needed: Floats  # paths of which `SEEN` are expected on each branch that matters; 0 where there is none
-    # impacts up to which branches were searched for; beyond, one of up to `SEEN` paths with the motion's whole range
-    # is assumed
+    # paths of which `SEEN` are expected on each branch that matters; 0 where there is none
+    needed: Floats
+    # impacts up to which branches were searched for; beyond, one of up to `SEEN` paths with the
+    # motion's whole range is assumed
     known: int
 
 
-MATTERS = 0.1  # share of the largest influence on a row from which on a branch counts for the paths needed
+# share of the largest influence on a row from which on a branch counts for the paths needed
+MATTERS = 0.1
 
 
 def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Unseen:
@@ -49,15 +54,20 @@ def unseen(scene: Scene, columns: Mapping[str, NDArray[Any]], paths: int) -> Uns
     if "unseen_tau" not in columns:
         return find_unseen(scene, columns, paths)
     parts = ("", "sd_", "share_", "paths_")
-    mean, sd, share, needed = (np.column_stack([columns[f"unseen_{name}{q}"] for q in SECTION]) for name in parts)
+    mean, sd, share, needed = (
+        np.column_stack([columns[f"unseen_{name}{q}"] for q in SECTION]) for name in parts
+    )
     return Unseen(mean, mean, sd, sd, share, needed, len(mean))
 
 
 def unseen_columns(hidden: Unseen) -> dict[str, Floats]:
     """The columns from which `unseen` restores it, whichever way a moment may be off further."""
-    mean, sd = np.maximum(hidden.mean_up, hidden.mean_down), np.maximum(hidden.sd_up, hidden.sd_down)
+    mean = np.maximum(hidden.mean_up, hidden.mean_down)
+    sd = np.maximum(hidden.sd_up, hidden.sd_down)
     parts = (("", mean), ("sd_", sd), ("share_", hidden.probability), ("paths_", hidden.needed))
-    return {f"unseen_{name}{q}": values[:, i] for name, values in parts for i, q in enumerate(SECTION)}
+    return {
+        f"unseen_{name}{q}": values[:, i] for name, values in parts for i, q in enumerate(SECTION)
+    }
 
 
 def find_unseen(
@@ -70,8 +80,8 @@ def find_unseen(
 ) -> Unseen:
     """Bound what branches with fewer than `SEEN` expected paths could change, by a search.
 
-    `mixture`, `dt`: From which the paths are drawn, if not plainly; and its step. `itinerary`: Of the paths alone
-    that `columns` are about. Shapes: `columns` (impacts,).
+    `mixture`, `dt`: From which the paths are drawn, if not plainly; and its step. `itinerary`: Of
+    the paths alone that `columns` are about. Shapes: `columns` (impacts,).
     """
     impacts = len(columns["tau"])
     sd = np.column_stack([columns["sd_" + q] for q in SECTION])
@@ -83,12 +93,17 @@ def find_unseen(
     expected = often * paths
     rare = (expected < SEEN) & (expected >= 1e-6)
     added = found.additions if itinerary is None else found.additions_on(itinerary, scene.constants)
-    often, probability, (mean, square, _) = often[rare], found.probabilities[rare], added[:, rare]
-    up, down = np.maximum(mean, 0.0).sum(axis=0), np.maximum(-mean, 0.0).sum(axis=0)
-    more, less = np.maximum(square, 0.0).sum(axis=0), np.maximum(-square, 0.0).sum(axis=0)
+    often = often[rare]
+    probability = found.probabilities[rare]
+    mean, square, _ = added[:, rare]
+    up = np.maximum(mean, 0.0).sum(axis=0)
+    down = np.maximum(-mean, 0.0).sum(axis=0)
+    more = np.maximum(square, 0.0).sum(axis=0)
+    less = np.maximum(-square, 0.0).sum(axis=0)
     influence = np.abs(square)
     largest = influence.max(axis=0, initial=0.0)
-    chance, needed = nil.copy(), nil.copy()
+    chance = nil.copy()
+    needed = nil.copy()
     # of equals the first that was found
     for one, rate, its in zip(probability[::-1], often[::-1], influence[::-1], strict=True):
         chance = np.where((its == largest) & (its > 0.0), one, chance)
@@ -100,17 +115,24 @@ def find_unseen(
         share = SEEN / (paths if mixture is None else paths * mixture.plain)
         up, down = (np.where(beyond, np.maximum(a, share * widest), a) for a in (up, down))
         more = np.where(beyond, np.maximum(more, share * widest**2), more)
-        chance, needed = np.where(beyond, share, chance), np.where(beyond, np.inf, needed)
+        chance = np.where(beyond, share, chance)
+        needed = np.where(beyond, np.inf, needed)
     sd_up = np.sqrt(sd**2 + more) - sd
     sd_down = sd - np.sqrt(np.maximum(sd**2 - less, 0.0))
-    return Unseen(up, down, np.nan_to_num(sd_up), np.nan_to_num(sd_down), chance, needed, found.known)
+    return Unseen(
+        up, down, np.nan_to_num(sd_up), np.nan_to_num(sd_down), chance, needed, found.known
+    )
 
 
-def _branches(scene: Scene, impacts: int, paths: int, mixture: BranchMixture | None, dt: float) -> RareEvents:
+def _branches(
+    scene: Scene, impacts: int, paths: int, mixture: BranchMixture | None, dt: float
+) -> RareEvents:
     """Branches of the orbit, and of those branches of which about `SEEN` paths are expected."""
     if mixture is not None:
         return search_of(scene.phase_reduced, impacts, mixture.unit.shape[1], dt).until(SMALLEST)
-    return search_of(scene.phase_reduced, impacts).until(float(2.0 ** np.ceil(np.log2(SEEN / paths))))
+    return search_of(scene.phase_reduced, impacts).until(
+        float(2.0 ** np.ceil(np.log2(SEEN / paths)))
+    )
 
 
 def _boosts(found: RareEvents, mixture: BranchMixture | None) -> Floats:
@@ -119,11 +141,13 @@ def _boosts(found: RareEvents, mixture: BranchMixture | None) -> Floats:
 
 
 class Added(NamedTuple):
-    """What branches add to the moments of the section that more paths will see and fewer cannot have seen."""
+    """What branches add to the moments of the section that more paths will see and fewer cannot
+    have seen."""
 
     square: Floats  # added to the mean squared deviation from the orbit; not negative; (impacts, 6)
-    # noise, fourth: added to the variance of a path's deviation and of its square as the paths are drawn: to the mean
-    # square and fourth power, less where branches are sampled on purpose; (impacts, 6)
+    # noise, fourth: added to the variance of a path's deviation and of its square as the paths are
+    # drawn: to the mean square and fourth power, less where branches are sampled on purpose;
+    # (impacts, 6)
     noise: Floats
     fourth: Floats
     probabilities: Floats  # of these branches
@@ -147,7 +171,9 @@ def branches_between(
         return Added(nil, nil, nil, np.zeros(0))
     found = _branches(scene, impacts, more, mixture, dt)
     boosts = _boosts(found, mixture)
-    between = (found.probabilities * boosts >= SEEN / more) & (found.probabilities * boosts < SEEN / fewer)
+    between = (found.probabilities * boosts >= SEEN / more) & (
+        found.probabilities * boosts < SEEN / fewer
+    )
     added = np.maximum(found.additions[1:, between], 0.0)
     noise, fourth = (added / boosts[between, None, None]).sum(axis=1)
     return Added(added[0].sum(axis=0), noise, fourth, found.probabilities[between])
@@ -170,8 +196,9 @@ def unseen_text(moment: str, probability: float, change: float, needed: float) -
             f"{moment} by {percent(change)}"
         )
     return (
-        f"a rare branch ({share_of(probability)} paths) is missing from the sample: it could change this {moment} by "
-        f"{percent(change)}{' of an sd' if moment == 'mean' else ''}; {_count(needed)} paths would settle it"
+        f"a rare branch ({share_of(probability)} paths) is missing from the sample: it could change"
+        f" this {moment} by {percent(change)}{' of an sd' if moment == 'mean' else ''};"
+        f" {_count(needed)} paths would settle it"
     )
 
 

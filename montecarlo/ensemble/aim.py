@@ -1,12 +1,15 @@
-"""Where to draw the paths that leave the noise-free itinerary: pilot paths tell which noise makes them leave.
+"""Where to draw the paths that leave the noise-free itinerary: pilot paths tell which noise makes
+them leave.
 
-The design points of the search are first order in the noise: where a branch is curved they may be far from the noise
-that paths leave with.  So they only begin a search by paths.  Pilots with amplified noise, and paths near the design
-points, leave by each exit (an impact, and the wall that is struck there instead); the mean noise of those that left, in
-proportion to how probable it is, is where the next pilot's paths are drawn (cross-entropy method; Rubinstein 1999).
-What matters of the noise has few dimensions: the response of the state before each impact, to first order.
+The design points of the search are first order in the noise: where a branch is curved they may be
+far from the noise that paths leave with.  So they only begin a search by paths.  Pilots with
+amplified noise, and paths near the design points, leave by each exit (an impact, and the wall that
+is struck there instead); the mean noise of those that left, in proportion to how probable it is, is
+where the next pilot's paths are drawn (cross-entropy method; Rubinstein 1999). What matters of the
+noise has few dimensions: the response of the state before each impact, to first order.
 
-The pilots depend on the scene alone.  What is counted later has no influence on where its paths are drawn.
+The pilots depend on the scene alone.  What is counted later has no influence on where its paths are
+drawn.
 """
 
 import math
@@ -34,18 +37,23 @@ ROUNDS = 8  # pilots, at most, each aimed by the one before
 BLOCKS = 4  # blocks of paths of a pilot, at least; one for each exit if that is more
 ENOUGH = 50.0  # effective paths of a pilot from which on an exit is aimed at
 PLENTY = 100.0  # effective paths from which on no further pilot is wanted
-FEW = 10.0  # effective paths below which probabilities are levelled, so that more than one path decides the aim
+# effective paths below which probabilities are levelled, so that more than one path decides the aim
+FEW = 10.0
 MOST_POINTS = 3  # points of the noise of an exit near which paths are drawn
-HELPS = 0.5  # second moment of the weights, over that without a further point, below which that point is taken
+# second moment of the weights, over that without a further point, below which that point is taken
+HELPS = 0.5
 REACH = 0.3  # share of what left that a point's distance leaves behind
-SAME = 0.03  # sd of a response, over its own, within the responses before it: below that it is nothing new
+# sd of a response, over its own, within the responses before it: below that it is nothing new
+SAME = 0.03
 SEED = 0xA13  # of the pilots' random numbers
 
 
 class Exit(NamedTuple):
     """A way to leave the itinerary, as pilots know it."""
 
-    impact: int  # impact, code: number of the impact at which it is left, and ``mesh * side`` of what is struck instead
+    # impact, code: number of the impact at which it is left, and ``mesh * side`` of what is struck
+    # instead
+    impact: int
     code: int
     probability: float  # as pilots have it, those of amplified noise only where no others have
     effective: float  # effective number of their paths that took it, with the noise as it is
@@ -59,7 +67,8 @@ class _Pilot(NamedTuple):
     along: Floats  # unit vectors of its parts along the directions; (parts, directions)
     amplified: float  # times the noise of the scene
     paths: int
-    left: dict[tuple[int, int], list[Floats]]  # noise of those that left, by impact and ``mesh * side``
+    # noise of those that left, by impact and ``mesh * side``
+    left: dict[tuple[int, int], list[Floats]]
 
     def expect(self, noise: Floats) -> Floats:
         """How many of its paths have a noise, over its plain probability.
@@ -67,10 +76,14 @@ class _Pilot(NamedTuple):
         Shapes: `noise` (points, directions of the first impacts).
         """
         known = noise.shape[1]
-        ratio = np.exp(0.5 * (noise**2).sum(axis=1) * (1.0 - self.amplified**-2)) * self.amplified**-known
+        ratio = (
+            np.exp(0.5 * (noise**2).sum(axis=1) * (1.0 - self.amplified**-2))
+            * self.amplified**-known
+        )
         if len(self.along):
             along = self.along[:, :known]
-            rest = np.sqrt(np.maximum(1.0 - (along**2).sum(axis=1), 1e-12))  # of later noise, not known here
+            # of later noise, not known here
+            rest = np.sqrt(np.maximum(1.0 - (along**2).sum(axis=1), 1e-12))
             beyond = (noise @ along.T)[:, :, None] - self.mixture.level[: len(along)]
             chance = ndtr(beyond / rest[:, None]) * self.mixture.rate[: len(along)]
             ratio = self.mixture.plain + chance.sum(axis=(1, 2))
@@ -79,9 +92,13 @@ class _Pilot(NamedTuple):
 
 @lru_cache(maxsize=32)
 def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
-    """The exits from the noise-free itinerary that are rarer than `LIKELY`, the most probable first."""
+    """The exits from the noise-free itinerary that are rarer than `LIKELY`, the most probable
+    first."""
     orbit = search_of(scene, impacts).orbit
-    steps = min(math.ceil((np.nanmax(orbit[:, 0], initial=scene.phase) + LATEST - scene.phase) / dt), LONGEST)
+    steps = min(
+        math.ceil((np.nanmax(orbit[:, 0], initial=scene.phase) + LATEST - scene.phase) / dt),
+        LONGEST,
+    )
     search = search_of(scene, impacts, steps, dt)
     branches = [branch for branch in search.until(1.0).branches if branch.shift.any()]
     if not search.responses:
@@ -90,8 +107,11 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
     plan = plan_of(scene, BLOCK, impacts, dt, EXACT, SEED)
     pilots = list[_Pilot]()
 
-    def run_pilot(points: Sequence[Floats], shares: Sequence[float], blocks: int, amplified: float = 1.0) -> None:
-        zeros, centre = [0.0] * len(directions), np.zeros((impacts, 6))
+    def run_pilot(
+        points: Sequence[Floats], shares: Sequence[float], blocks: int, amplified: float = 1.0
+    ) -> None:
+        zeros = [0.0] * len(directions)
+        centre = np.zeros((impacts, 6))
         mixture = mixture_of([*points, *directions], [*shares, *zeros], centre, BLOCK)
         seed = np.random.SeedSequence(SEED, spawn_key=(len(pilots),))
         one = plan._replace(seed=seed, scene=replace(scene, sigma=amplified * scene.sigma))
@@ -124,11 +144,13 @@ def share_out(exits: Sequence[Exit]) -> tuple[list[Floats], list[float]]:
 def _list_rare(pilots: list[_Pilot], directions: Floats) -> list[Exit]:
     """Exits that are rare, as the pilots have it.
 
-    Those of amplified noise, which is so beside the directions too, serve where the others have too few paths.
+    Those of amplified noise, which is so beside the directions too, serve where the others have too
+    few paths.
     """
     exits = []
     plain = [pilot for pilot in pilots if pilot.amplified == 1.0]
-    most = 2.0 * LIKELY * pilots[0].paths  # of the first, plain pilot: what more paths take is not rare
+    # of the first, plain pilot: what more paths take is not rare
+    most = 2.0 * LIKELY * pilots[0].paths
     taken = {key: None for pilot in pilots for key in pilot.left}
     for impact, code in (key for key in taken if sum(map(len, pilots[0].left.get(key, ()))) < most):
         noise, weights = _weigh(plain, (impact, code))
@@ -144,7 +166,8 @@ def _list_rare(pilots: list[_Pilot], directions: Floats) -> list[Exit]:
 
 
 def _weigh(pilots: list[_Pilot], key: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Noise and weights of all paths that left by an exit: each counts the less, the more such the pilots expect."""
+    """Noise and weights of all paths that left by an exit: each counts the less, the more such the
+    pilots expect."""
     each = [one for pilot in pilots for one in pilot.left.get(key, ())]
     if not each:
         return np.zeros((0, 0)), np.zeros(0)
@@ -153,11 +176,13 @@ def _weigh(pilots: list[_Pilot], key: tuple[int, int]) -> tuple[Floats, Floats]:
 
 
 def _list_directions(responses: Sequence[Floats]) -> tuple[Floats, list[int]]:
-    """Orthonormal directions of the noise to which states before impacts respond, and how many are known by each.
+    """Orthonormal directions of the noise to which states before impacts respond, and how many are
+    known by each.
 
     Shapes: `responses`, each (4, steps); result (directions, steps).
     """
-    directions, known = np.zeros((0, responses[0].shape[1])), []
+    directions = np.zeros((0, responses[0].shape[1]))
+    known = []
     for response in responses:
         sd = np.linalg.norm(response, axis=1)
         own = response[sd > 1e-9 * sd.max(initial=0.0)]
@@ -189,10 +214,12 @@ def _list_left(plan: Plan, pilot: _Pilot, known: Sequence[int], block: int) -> N
 def _find_points(noise: Floats, weights: Floats) -> list[Floats]:
     """Points near which paths that left with such noise are drawn with weights that vary little.
 
-    A further point is for those whose weights are the largest so far: for a second mechanism, or a curved branch.
+    A further point is for those whose weights are the largest so far: for a second mechanism, or a
+    curved branch.
     """
     weights = _level(weights)
-    often, found = np.ones(weights.size), list[Floats]()
+    often = np.ones(weights.size)
+    found = list[Floats]()
     while len(found) < MOST_POINTS:
         heavy = weights / often
         direction = noise[heavy.argmax()]
@@ -224,7 +251,8 @@ def _expect_near(noise: Floats, point: Floats) -> Floats:
 
 def _level(weights: Floats) -> Floats:
     """Weights, levelled by a power where few paths have nearly all of them."""
-    power, weights = 1.0, weights / weights.max()
+    power = 1.0
+    weights = weights / weights.max()
     while _count_effective(weights**power) < min(FEW, 0.5 * weights.size):
         power *= 0.7
     return np.asarray(weights**power)

@@ -1,13 +1,15 @@
-"""Probability of leaving the noise-free itinerary, by exit: from a run, and from paths drawn near rare exits.
+"""Probability of leaving the noise-free itinerary, by exit: from a run, and from paths drawn near
+rare exits.
 
-Which of the two an exit is known from is settled before anything is counted, by pilots that depend on the scene alone
-(`rattle.montecarlo.ensemble.aim`): paths are drawn near exits of which the run is expected to have few, and which the
-pilots know well enough to aim at; elsewhere the paths of the run are counted, though there be none.  An exit that the
-pilots do not know is in no row unless a path of the run has taken it.
+Which of the two an exit is known from is settled before anything is counted, by pilots that depend
+on the scene alone (`rattle.montecarlo.ensemble.aim`): paths are drawn near exits of which the run
+is expected to have few, and which the pilots know well enough to aim at; elsewhere the paths of the
+run are counted, though there be none.  An exit that the pilots do not know is in no row unless a
+path of the run has taken it.
 
-An interval is that of a weighted sum of Poisson counts (Fay and Feuer 1997); with equal weights it is the exact one of
-Garwood (1936).  Weights are bounded and their sums unbiased, whichever exits were aimed at
-(`rattle.montecarlo.kernel.mixture`).
+An interval is that of a weighted sum of Poisson counts (Fay and Feuer 1997); with equal weights it
+is the exact one of Garwood (1936).  Weights are bounded and their sums unbiased, whichever exits
+were aimed at (`rattle.montecarlo.kernel.mixture`).
 """
 
 import math
@@ -29,7 +31,9 @@ from rattle.montecarlo.settings import EXACT, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats
 
-BLOCKS, LEAST_BLOCKS = 4, 16  # blocks of paths for each exit, and for all
+# blocks of paths for each exit, and for all
+BLOCKS = 4
+LEAST_BLOCKS = 16
 KNOWN = 100.0  # expected paths of a run that leave by an exit from which on they are enough
 LEFT = 0x1EA  # spawn key of the random numbers of these paths
 COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "near")
@@ -37,14 +41,25 @@ COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "nea
 
 def find_leaving(run: Any, followers: Mapping[str, Followers]) -> pd.DataFrame:
     """`Ensemble.leaving` of a run, from what it summed over the paths that follow an itinerary."""
-    name = next(n for n in run.plan.apart if begins(run.plan.itineraries[NOISE_FREE], run.plan.itineraries[n]))
-    plain, exits = _share(followers[name].left, run.paths), _list_exits(run)
-    aimed = [one for one in exits if one.effective >= ENOUGH and one.probability < min(LIKELY, KNOWN / run.paths)]
-    near, one_path = _sample_near(run, aimed), 1.0 / run.paths
+    name = next(
+        n
+        for n in run.plan.apart
+        if begins(run.plan.itineraries[NOISE_FREE], run.plan.itineraries[n])
+    )
+    plain = _share(followers[name].left, run.paths)
+    exits = _list_exits(run)
+    aimed = [
+        one
+        for one in exits
+        if one.effective >= ENOUGH and one.probability < min(LIKELY, KNOWN / run.paths)
+    ]
+    near = _sample_near(run, aimed)
+    one_path = 1.0 / run.paths
     listed, near_ones = ({(one.impact, one.code) for one in some} for some in (exits, aimed))
     rows = []
     for k, i in np.ndindex(plain.shape[1:]):
-        key, is_near = (k + 1, CODES[i]), (k + 1, CODES[i]) in near_ones
+        key = (k + 1, CODES[i])
+        is_near = (k + 1, CODES[i]) in near_ones
         total, squares, largest = near[:, k, i] if is_near else plain[:, k, i]
         if key not in listed and total == 0.0:
             continue
@@ -60,17 +75,26 @@ def _share(left: Floats, paths: int) -> Floats:
 
 
 def interval(total: float, squares: float, largest: float) -> tuple[float, float]:
-    """Interval of a weighted sum of Poisson counts, from the sum of the weights, of their squares, and the largest."""
-    tail, more, wide = 0.5 - 0.5 * CONFIDENCE, total + largest, squares + largest**2
-    low = 0.5 * squares / total * chdtri(2.0 * total**2 / squares, 1.0 - tail) if squares > 0.0 else 0.0
+    """Interval of a weighted sum of Poisson counts, from the sum of the weights, of their squares,
+    and the largest."""
+    tail = 0.5 - 0.5 * CONFIDENCE
+    more = total + largest
+    wide = squares + largest**2
+    low = (
+        0.5 * squares / total * chdtri(2.0 * total**2 / squares, 1.0 - tail)
+        if squares > 0.0
+        else 0.0
+    )
     high = 0.5 * wide / more * chdtri(2.0 * more**2 / wide, tail) if wide > 0.0 else 0.0
     return float(low), float(high)
 
 
 def expect_leaving(run: Any, impacts: int) -> float:
-    """Share of paths that is expected to leave the noise-free itinerary by an impact, to first order in the noise.
+    """Share of paths that is expected to leave the noise-free itinerary by an impact, to first
+    order in the noise.
 
-    It is that of the search for branches and depends on the scene alone, not on what is counted later.
+    It is that of the search for branches and depends on the scene alone, not on what is counted
+    later.
     """
     scene = run.plan.scene
     if scene.sigma == 0.0:

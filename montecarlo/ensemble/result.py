@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rattle.montecarlo.diagnostics.reach import Reach
-from rattle.montecarlo.kernel.block import CODES, CROSS, PAIRS, SECTION_OF, SECTION_PAIRS, BlockResult, Plan
+from rattle.montecarlo.kernel.block import (
+    CODES,
+    CROSS,
+    PAIRS,
+    SECTION_OF,
+    SECTION_PAIRS,
+    BlockResult,
+    Plan,
+)
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
@@ -21,7 +29,9 @@ from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.section_result import SectionResult
 from rattle.scene.units import at_times_in
 
-if TYPE_CHECKING:  # tables are made when they are asked for: loading pandas takes as long as all the rest
+if (
+    TYPE_CHECKING
+):  # tables are made when they are asked for: loading pandas takes as long as all the rest
     import pandas as pd
 
 
@@ -44,9 +54,9 @@ class Ensemble(SectionResult):
     histograms : Histograms or None
         Section histograms, if asked for.
     raw : ndarray or None
-        ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths, impacts, 7), if
-        asked for; here and in the histograms tau is counted from the start's phase (`Scene.phase`).  `records` has
-        them with names.
+        ``tau, flight, x1, y1, x2, y2, mesh * side`` of every impact of every path, shape (paths,
+        impacts, 7), if asked for; here and in the histograms tau is counted from the start's phase
+        (`Scene.phase`).  `records` has them with names.
     wall_seconds : float
         Time the run took.
     batches : Batches or None
@@ -54,7 +64,8 @@ class Ensemble(SectionResult):
     reach : Reach or None
         How far it got, if an accuracy was asked for.
     unseen : dict of str to ndarray
-        Where rare branches were sampled on purpose: columns of `section` that say how far others could move a moment.
+        Where rare branches were sampled on purpose: columns of `section` that say how far others
+        could move a moment.
 
     Examples
     --------
@@ -80,12 +91,24 @@ class Ensemble(SectionResult):
 
         last = {name: self.columns[name][-1] for name in ("tau", "se_tau", "sd_tau", "agreement")}
         lines = [
-            f"Ensemble: {self.paths:,} paths, impacts 1 to {self.impacts}, sigma = {self.scene.sigma:.4g}",
-            f"  {self.scheme}, dt = {self.dt:.4g}, seed {str(self.seed.entropy)[:40]}, {self.wall_seconds:.1f} s",
-            f"  at impact {self.impacts}: tau = {last['tau']:.6g}, standard error {last['se_tau']:.2g}, "
-            f"sd {last['sd_tau']:.4g}; {last['agreement']:.1%} of the paths on the noise-free itinerary",
+            (
+                f"Ensemble: {self.paths:,} paths, impacts 1 to {self.impacts}, sigma ="
+                f" {self.scene.sigma:.4g}"
+            ),
+            (
+                f"  {self.scheme}, dt = {self.dt:.4g}, seed {str(self.seed.entropy)[:40]},"
+                f" {self.wall_seconds:.1f} s"
+            ),
+            (
+                f"  at impact {self.impacts}: tau = {last['tau']:.6g}, standard error"
+                f" {last['se_tau']:.2g}, sd {last['sd_tau']:.4g}; {last['agreement']:.1%} of the"
+                " paths on the noise-free itinerary"
+            ),
             *(f"  {sentence}" for sentence in list_counted(self)),
-            "  diagnostics also looks for rare branches that are missing, and for the bias of the step",
+            (
+                "  diagnostics also looks for rare branches that are missing, and for the bias of"
+                " the step"
+            ),
         ]
         return "\n".join(lines)
 
@@ -93,8 +116,9 @@ class Ensemble(SectionResult):
     def records(self) -> pd.DataFrame:
         """Every impact of every path, recorded with ``record=Record(raw=True)``.
 
-        Index ``path`` (from 0) and ``impact`` (from 1); columns ``tau, flight, x1, y1, x2, y2, mesh, side``, tau in
-        absolute time.  NaN, and mesh and side 0, where a path had no such impact.
+        Index ``path`` (from 0) and ``impact`` (from 1); columns ``tau, flight, x1, y1, x2, y2,
+        mesh, side``, tau in absolute time.  NaN, and mesh and side 0, where a path had no such
+        impact.
 
         Raises
         ------
@@ -104,16 +128,22 @@ class Ensemble(SectionResult):
         Examples
         --------
         >>> from rattle import DAT21, Record, Scene, simulate
-        >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=64, impacts=3, record=Record(raw=True))
+        >>> run = simulate(
+        ...     Scene.from_gears(DAT21, sigma=0.1), paths=64, impacts=3, record=Record(raw=True)
+        ... )
         >>> run.records.loc[(0, 1), ["mesh", "side"]].tolist()
         [1, -1]
         """
         import pandas as pd
 
         if self.raw is None:
-            raise InputError("record.raw", False, "ask for it: simulate(..., record=Record(raw=True))")
+            raise InputError(
+                "record.raw", False, "ask for it: simulate(..., record=Record(raw=True))"
+            )
         paths, impacts, _ = self.raw.shape
-        index = pd.MultiIndex.from_product([range(paths), range(1, impacts + 1)], names=["path", "impact"])
+        index = pd.MultiIndex.from_product(
+            [range(paths), range(1, impacts + 1)], names=["path", "impact"]
+        )
         rows = self.raw.reshape(paths * impacts, -1)
         table = pd.DataFrame(rows[:, : len(SECTION)], index, list(SECTION))
         table["tau"] = self.scene.to_absolute_time(table["tau"].to_numpy())
@@ -122,7 +152,8 @@ class Ensemble(SectionResult):
 
     @cached_property
     def phase_reduced(self) -> Ensemble:
-        """The same result for the phase-reduced scene (`Scene.phase_reduced`): tau has all its digits, however late."""
+        """The same result for the phase-reduced scene (`Scene.phase_reduced`): tau has all its
+        digits, however late."""
         scene = self.scene.phase_reduced
         return self if scene is self.scene else replace(self, plan=self.plan._replace(scene=scene))
 
@@ -163,21 +194,23 @@ class Ensemble(SectionResult):
 
     @property
     def unfinished(self) -> int:
-        """Paths that had not had all their impacts at the horizon; they count in the rows they reached."""
+        """Paths that had not had all their impacts at the horizon; they count in the rows they
+        reached."""
         return round(self.result.unfinished * self._copies)
 
     @property
     def sticking_steps(self) -> int:
         """Path-steps in which a mesh stayed closed: completed chatter, or a sticking phase
-        (`rattle.montecarlo.schemes.sticking`).
-        """
+        (`rattle.montecarlo.schemes.sticking`)."""
         return self.result.sticking_steps
 
     @cached_property
     def diagnostics(self) -> tuple[str, ...]:
-        """What may be wrong with these numbers, a sentence each: see `rattle.montecarlo.diagnostics.diagnostics`.
+        """What may be wrong with these numbers, a sentence each: see
+        `rattle.montecarlo.diagnostics.diagnostics`.
 
-        It looks for rare branches that may be missing, and follows the noise-free path at a shorter step.
+        It looks for rare branches that may be missing, and follows the noise-free path at a shorter
+        step.
         """
         from rattle.montecarlo.diagnostics.diagnostics import diagnose
 
@@ -187,14 +220,16 @@ class Ensemble(SectionResult):
     def section(self) -> pd.DataFrame:
         """Moments of each path's own k-th impact, just before it (dimensionless), index ``impact``.
 
-        Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and ``side`` of most paths,
-        ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units of the sd) of each quantity, the standard
-        error of each of these under ``se_`` + its name (NaN where fewer than
-        `rattle.montecarlo.statistics.section_statistics.FEWEST` paths tell none), ``rho1, rho2``, ``paths`` that
-        reached the impact, and ``agreement``: the share that has followed the noise-free itinerary up to there.  With a
-        control variate, means and sds and their errors are the controlled ones.  Where the bias of the step was
-        measured it stands under ``bias_`` + the name of the mean or sd, which is not corrected (`step_bias`).  If asked
-        for, ``energy`` and ``se_energy``: mean loss at the impact, see `rattle.scene.impact.energy_loss`.
+        Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and
+        ``side`` of most paths, ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units
+        of the sd) of each quantity, the standard error of each of these under ``se_`` + its name
+        (NaN where fewer than `rattle.montecarlo.statistics.section_statistics.FEWEST` paths tell
+        none), ``rho1, rho2``, ``paths`` that reached the impact, and ``agreement``: the share that
+        has followed the noise-free itinerary up to there.  With a control variate, means and sds
+        and their errors are the controlled ones.  Where the bias of the step was measured it stands
+        under ``bias_`` + the name of the mean or sd, which is not corrected (`step_bias`).  If
+        asked for, ``energy`` and ``se_energy``: mean loss at the impact, see
+        `rattle.scene.impact.energy_loss`.
         """
         import pandas as pd
 
@@ -207,7 +242,8 @@ class Ensemble(SectionResult):
     @cached_property
     def columns(self) -> dict[str, Floats | Ints]:
         """The columns of `section`, each of shape (impacts,)."""
-        s, weighted = self._statistics, self.result.sums.get("weighted")
+        s = self._statistics
+        weighted = self.result.sums.get("weighted")
         if "control" in self.result.sums:
             s = s | estimate_controlled(self.result.sums["control"], self.plan.control.variance)
         columns: dict[str, Floats | Ints] = {}
@@ -219,7 +255,9 @@ class Ensemble(SectionResult):
                 columns[prefix + quantity] = s[name][:, i] * blank
                 columns["se_" + prefix + quantity] = s["se_" + name][:, i] * estimable * blank
                 if name in self._step_biases:
-                    columns["bias_" + prefix + quantity] = self._step_biases[name].bias[:, i] * blank
+                    columns["bias_" + prefix + quantity] = (
+                        self._step_biases[name].bias[:, i] * blank
+                    )
                 if prefix + quantity == "flight":
                     columns |= {"mesh": np.abs(most), "side": np.sign(most)}
         columns["tau"] = self.scene.to_absolute_time(s["mean"][:, 0])
@@ -228,7 +266,8 @@ class Ensemble(SectionResult):
             j = 2 * stage - 1
             with np.errstate(invalid="ignore", divide="ignore"):
                 scale = np.sqrt(covariance[:, j, j]) * np.sqrt(covariance[:, j + 1, j + 1])
-                rho = np.clip(covariance[:, j, j + 1] / scale, -1.0, 1.0)  # rounding of few paths can pass 1
+                # rounding of few paths can pass 1
+                rho = np.clip(covariance[:, j, j + 1] / scale, -1.0, 1.0)
                 columns[f"rho{stage}"] = np.where(scale > 0.0, rho, np.nan)
         energy = self.result.sums.get("energy")
         if energy is not None:
@@ -238,9 +277,11 @@ class Ensemble(SectionResult):
             columns["se_energy"] = se * self._estimable(self._arrivals, "mean")
         if weighted is not None:
             for i, quantity in enumerate(SECTION):
-                columns["lean_" + quantity], columns["lean_sd_" + quantity] = s["lean_mean"][:, i], s["lean_sd"][:, i]
+                columns["lean_" + quantity] = s["lean_mean"][:, i]
+                columns["lean_sd_" + quantity] = s["lean_sd"][:, i]
             if self.plan.energy:
-                columns["energy"], columns["se_energy"] = s["mean"][:, -1], s["se_mean"][:, -1]
+                columns["energy"] = s["mean"][:, -1]
+                columns["se_energy"] = s["se_mean"][:, -1]
         columns |= self.unseen
         columns["paths"] = (self._arrivals * self._copies).astype(int)
         columns["agreement"] = self._share(self.result.agreeing[NOISE_FREE])
@@ -256,7 +297,8 @@ class Ensemble(SectionResult):
 
     @cached_property
     def agreement(self) -> pd.DataFrame:
-        """Share of paths whose impacts so far had the meshes and sides of each itinerary given (columns)."""
+        """Share of paths whose impacts so far had the meshes and sides of each itinerary given
+        (columns)."""
         import pandas as pd
 
         shares = {name: self._share(a) for name, a in self.result.agreeing.items()}
@@ -265,13 +307,14 @@ class Ensemble(SectionResult):
     def on_itinerary(self, name: str = NOISE_FREE) -> Ensemble:
         """The same result for the paths alone that have followed an itinerary up to each impact.
 
-        Moments, errors and ``paths`` of its `section` are those of these paths; ``agreement`` says which share of all
-        they are.  There is no control variate, and no histogram, among them.
+        Moments, errors and ``paths`` of its `section` are those of these paths; ``agreement`` says
+        which share of all they are.  There is no control variate, and no histogram, among them.
 
         Parameters
         ----------
         name : str
-            That of an itinerary of ``Record(itineraries=...)``; by default that of the noise-free path.
+            That of an itinerary of ``Record(itineraries=...)``; by default that of the noise-free
+            path.
 
         Returns
         -------
@@ -285,7 +328,8 @@ class Ensemble(SectionResult):
         Examples
         --------
         >>> from rattle import DAT21, Record, Scene, simulate
-        >>> run = simulate(Scene.from_gears(DAT21, sigma=0.1), paths=4096, impacts=3, record=Record(on_itinerary=True))
+        >>> scene = Scene.from_gears(DAT21, sigma=0.1)
+        >>> run = simulate(scene, paths=4096, impacts=3, record=Record(on_itinerary=True))
         >>> bool(run.on_itinerary().section["sd_y2"][3] < 0.9 * run.section["sd_y2"][3])
         True
         """
@@ -293,7 +337,9 @@ class Ensemble(SectionResult):
             raise InputError("record.on_itinerary", False, NOT_APART)
         itineraries = self.plan.itineraries
         own = itineraries[choice("name", name, itineraries)]
-        followers = self.result.followers[next(n for n in self.plan.apart if begins(own, itineraries[n]))]
+        followers = self.result.followers[
+            next(n for n in self.plan.apart if begins(own, itineraries[n]))
+        ]
         codes = np.equal.outer(own, CODES) * self.result.agreeing[name][:, None]
         sums = {of: s.until(np.count_nonzero(own)) for of, s in followers.sums.items()}
         result = replace(self.result, sums=sums, codes=codes, followers={})
@@ -303,11 +349,13 @@ class Ensemble(SectionResult):
     def leaving(self) -> pd.DataFrame:
         """Probability of leaving the noise-free itinerary at an impact, by what is struck instead.
 
-        Columns ``impact, mesh, side`` (the wall that is struck in place of the itinerary's), ``probability`` with a
-        95 % interval ``low, high``, ``paths`` that it rests on, and ``near``: whether these were drawn near this exit,
-        at which pilots have aimed (``rattle.montecarlo.ensemble.leaving``), or are those of this run.  Which of the two
-        depends on the scene and the number of paths alone.  An exit that the pilots know is listed even where no path
-        of this run took it.  What fewer than one in a billion paths do is left out.
+        Columns ``impact, mesh, side`` (the wall that is struck in place of the itinerary's),
+        ``probability`` with a 95 % interval ``low, high``, ``paths`` that it rests on, and
+        ``near``: whether these were drawn near this exit, at which pilots have aimed
+        (``rattle.montecarlo.ensemble.leaving``), or are those of this run.  Which of the two
+        depends on the scene and the number of paths alone.  An exit that the pilots know is listed
+        even where no path of this run took it.  What fewer than one in a billion paths do is left
+        out.
 
         Raises
         ------
@@ -317,7 +365,8 @@ class Ensemble(SectionResult):
         Examples
         --------
         >>> from rattle import DAT21, Record, Scene, simulate
-        >>> run = simulate(Scene.from_gears(DAT21, sigma=0.07), paths=4096, impacts=1, record=Record(on_itinerary=True))
+        >>> scene = Scene.from_gears(DAT21, sigma=0.07)
+        >>> run = simulate(scene, paths=4096, impacts=1, record=Record(on_itinerary=True))
         >>> first = run.leaving.iloc[0]
         >>> int(first["mesh"]), bool(first["near"]), bool(1e-6 < first["probability"] < 2e-6)
         (2, True, True)
@@ -331,12 +380,14 @@ class Ensemble(SectionResult):
     @cached_property
     def covariance(self) -> Floats:
         """Covariance of ``tau, x1, y1, x2, y2`` at each impact, shape (impacts, 5, 5)."""
-        out, sums = np.empty((self.impacts, 5, 5)), self.result.sums
+        out = np.empty((self.impacts, 5, 5))
+        sums = self.result.sums
         if "weighted" in sums:
             moment = sums["weighted"].pair_moment(SECTION_PAIRS)
             variance = self._statistics["sd"][:, SECTION_OF] ** 2
         else:
-            moment, variance = sums["section_pairs"].moment(1, 1), sums["section"].moment(2, 0)[:, SECTION_OF]
+            moment = sums["section_pairs"].moment(1, 1)
+            variance = sums["section"].moment(2, 0)[:, SECTION_OF]
         for k, (i, j) in enumerate(PAIRS):
             out[:, i, j] = out[:, j, i] = moment[:, k]
         out[:, range(5), range(5)] = variance
@@ -344,12 +395,16 @@ class Ensemble(SectionResult):
             out[:, 3:, :] = out[:, :, 3:] = np.nan
         return out
 
-    def at_times(self, times: Sequence[float] | Floats | None = None, units: str = "dimensionless") -> pd.DataFrame:
-        """Moments of all paths at fixed times, index ``time`` (on the grid of the coarsest step, so within half of it).
+    def at_times(
+        self, times: Sequence[float] | Floats | None = None, units: str = "dimensionless"
+    ) -> pd.DataFrame:
+        """Moments of all paths at fixed times, index ``time`` (on the grid of the coarsest step, so
+        within half of it).
 
-        Columns as in `rattle.closure.MeanMap.at_times`, with ``se_`` beside each mean and covariance, and for each
-        ``rho`` its standard error ``se_rho``, that of Fisher's artanh rho ``se_z_rho``, and ``coarse_rho``, the value
-        at twice the step, if step bias was asked for.  Errors are NaN as in `section`.
+        Columns as in `rattle.closure.MeanMap.at_times`, with ``se_`` beside each mean and
+        covariance, and for each ``rho`` its standard error ``se_rho``, that of Fisher's artanh rho
+        ``se_z_rho``, and ``coarse_rho``, the value at twice the step, if step bias was asked for.
+        Errors are NaN as in `section`.
 
         Parameters
         ----------
@@ -367,26 +422,33 @@ class Ensemble(SectionResult):
         Raises
         ------
         InputError
-            If a time was not among those given to `simulate`, for unknown units, or physical ones of a scene without
-            gears.
+            If a time was not among those given to `simulate`, for unknown units, or physical ones
+            of a scene without gears.
 
         Examples
         --------
         >>> from rattle.montecarlo import Record, simulate
         >>> from rattle.scene import DAT21, Scene
-        >>> run = simulate(Scene.from_gears(DAT21), paths=1, impacts=1, dt=0.03, record=Record(times=[0.3]))
+        >>> run = simulate(
+        ...     Scene.from_gears(DAT21), paths=1, impacts=1, dt=0.03, record=Record(times=[0.3])
+        ... )
         >>> run.at_times(units="physical").index
         Index([1.0], dtype='float64', name='time_ms')
         """
         table = at_times_in(self._fixed_table, self.scene.gears, units)
         if times is None:
             return table
-        rows, grid = [], self.dt * (COARSEST if "fine_coarse" in self.result.sums else 1)
+        rows = []
+        grid = self.dt * (COARSEST if "fine_coarse" in self.result.sums else 1)
         for t in np.asarray(times, dtype=float):
             away = np.abs(self.plan.fixed_steps * self.dt - (t - self.scene.start.tau))
             near = np.flatnonzero(away <= 0.5001 * grid)
             if near.size == 0:
-                raise InputError("times", float(t), "was not recorded; give it to simulate: record=Record(times=...)")
+                raise InputError(
+                    "times",
+                    float(t),
+                    "was not recorded; give it to simulate: record=Record(times=...)",
+                )
             rows.append(int(near[np.argmin(away[near])]))
         return table.iloc[rows]
 
@@ -396,7 +458,8 @@ class Ensemble(SectionResult):
 
         if "fixed" not in self.result.sums:
             return pd.DataFrame(index=pd.Index([], name="time"))
-        sums, coarse = self.result.sums["fixed"], self.result.sums.get("coarse_fixed")
+        sums = self.result.sums["fixed"]
+        coarse = self.result.sums.get("coarse_fixed")
         s = statistics.pair_statistics(sums)
         absent = [self.scene.stages == 1 and (i >= 2 or j >= 2) for i, j in CROSS]
         blank = np.where(absent, np.nan, 1.0)
@@ -404,28 +467,38 @@ class Ensemble(SectionResult):
         columns: dict[str, Floats] = {}
         for k, (i, j) in enumerate(CROSS):
             if i == j:
-                columns[STATE[i]] = np.where(sums.n[:, k] > 0, sums.mean[0][:, k], np.nan) * blank[k]
+                columns[STATE[i]] = (
+                    np.where(sums.n[:, k] > 0, sums.mean[0][:, k], np.nan) * blank[k]
+                )
                 with np.errstate(invalid="ignore", divide="ignore"):
-                    columns[f"se_{STATE[i]}"] = np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k] * estimable["mean"]
+                    columns[f"se_{STATE[i]}"] = (
+                        np.sqrt(s["cov"][:, k] / sums.n[:, k]) * blank[k] * estimable["mean"]
+                    )
         for k, (i, j) in enumerate(CROSS):
             columns[f"cov_{STATE[i]}_{STATE[j]}"] = s["cov"][:, k] * blank[k]
-            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = s["se_cov"][:, k] * blank[k] * estimable["cov"]
+            columns[f"se_cov_{STATE[i]}_{STATE[j]}"] = (
+                s["se_cov"][:, k] * blank[k] * estimable["cov"]
+            )
         for stage, k in ((1, CROSS.index((0, 1))), (2, CROSS.index((2, 3)))):
             columns[f"rho{stage}"] = s["rho"][:, k] * blank[k]
             columns[f"se_rho{stage}"] = s["se_rho"][:, k] * blank[k] * estimable["rho"]
             columns[f"se_z_rho{stage}"] = s["se_z"][:, k] * blank[k] * estimable["rho"]
             if coarse is not None:
-                columns[f"coarse_rho{stage}"] = statistics.pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
+                columns[f"coarse_rho{stage}"] = (
+                    statistics.pair_statistics(coarse)["rho"][:, stage - 1] * blank[k]
+                )
         return pd.DataFrame(columns, index=pd.Index(self.fixed_times, name="time"))
 
     @cached_property
     def step_bias(self) -> pd.DataFrame:
-        """What the step size does to section means and sds, from dt, 2 dt and 4 dt on the same noise; tidy.
+        """What the step size does to section means and sds, from dt, 2 dt and 4 dt on the same
+        noise; tidy.
 
-        Columns ``impact, quantity, moment, bias, se_bias, corrected, se_corrected, rest``.  ``bias`` is the
-        first-order estimate of (this run - limit): the change from dt to 2 dt; ``corrected = value - bias`` is
-        Richardson's extrapolation; ``rest`` estimates what is left: a third of the change from the same
-        extrapolation of 2 dt and 4 dt, and more of it where the changes fall more slowly than the step.
+        Columns ``impact, quantity, moment, bias, se_bias, corrected, se_corrected, rest``.
+        ``bias`` is the first-order estimate of (this run - limit): the change from dt to 2 dt;
+        ``corrected = value - bias`` is Richardson's extrapolation; ``rest`` estimates what is left:
+        a third of the change from the same extrapolation of 2 dt and 4 dt, and more of it where the
+        changes fall more slowly than the step.
 
         A scheme without a bias in the step has 0, and its own values.
 
@@ -437,7 +510,11 @@ class Ensemble(SectionResult):
         import pandas as pd
 
         if not self._step_biases and SCHEMES[self.scheme].has_step_bias:
-            raise InputError("record.step_bias", False, "ask for it: simulate(..., record=Record(step_bias=True))")
+            raise InputError(
+                "record.step_bias",
+                False,
+                "ask for it: simulate(..., record=Record(step_bias=True))",
+            )
         rows = [
             {"impact": np.arange(1, self.impacts + 1), "quantity": quantity, "moment": moment}
             | self._bias_of(prefix + quantity, moment, i)
@@ -449,12 +526,21 @@ class Ensemble(SectionResult):
     def _bias_of(self, name: str, moment: str, i: int) -> dict[str, Any]:
         """Columns of `step_bias` for the mean or the sd that a column of `section` has."""
         if not self._step_biases:
-            value, se = self.columns[name], self.columns["se_" + name]
-            return {"bias": 0.0, "se_bias": 0.0, "corrected": value, "se_corrected": se, "rest": 0.0}
+            value = self.columns[name]
+            se = self.columns["se_" + name]
+            return {
+                "bias": 0.0,
+                "se_bias": 0.0,
+                "corrected": value,
+                "se_corrected": se,
+                "rest": 0.0,
+            }
         estimable = self._estimable(self._arrivals, moment)
         every = self._step_biases[moment]._asdict()
         found = {n: v[:, i] * (estimable if n.startswith("se_") else 1.0) for n, v in every.items()}
-        if self.plan.apart and not self.result.followers:  # paths that follow at one step may not at another
+        if (
+            self.plan.apart and not self.result.followers
+        ):  # paths that follow at one step may not at another
             own = self._statistics[moment][:, i]
             found["rest"] = found["rest"] + 2.0 * np.abs(own - found["corrected"] - found["bias"])
             found["corrected"] = own - found["bias"]
@@ -466,7 +552,11 @@ class Ensemble(SectionResult):
     def _step_biases(self) -> dict[str, statistics.StepBias]:
         """Measured step bias of means and sds; empty where none was measured."""
         sums = self.result.sums
-        return statistics.extrapolate(sums["fine_coarse"], sums["coarse_coarser"]) if "fine_coarse" in sums else {}
+        return (
+            statistics.extrapolate(sums["fine_coarse"], sums["coarse_coarser"])
+            if "fine_coarse" in sums
+            else {}
+        )
 
     @property
     def _arrivals(self) -> Floats:

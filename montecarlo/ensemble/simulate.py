@@ -46,14 +46,15 @@ def simulate(
     impacts : int
         Impacts of each path after the start.
     dt : float
-        Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (pi / 96 for exact flights, 0.002
-        for Euler-Maruyama), shortened where the scene demands it.  `Ensemble.diagnostics` says what it may do.
+        Step, at most `rattle.montecarlo.largest_step`; by default that of the scheme (pi / 96 for
+        exact flights, 0.002 for Euler-Maruyama), shortened where the scene demands it.
+        `Ensemble.diagnostics` says what it may do.
     scheme : {"exact-flight", "euler-maruyama-located", "euler-maruyama"}
-        Name of one of `rattle.montecarlo.SCHEMES`.  The bias of an Euler-Maruyama step is measured and stands beside
-        the moments, unless ``record=Record(step_bias=False)``.
+        Name of one of `rattle.montecarlo.SCHEMES`.  The bias of an Euler-Maruyama step is measured
+        and stands beside the moments, unless ``record=Record(step_bias=False)``.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy gives a child of its
-        seed sequence, another one each time that it is passed.
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
+        gives a child of its seed sequence, another one each time that it is passed.
     workers : int
         Threads.
     record : Record
@@ -61,7 +62,8 @@ def simulate(
     progress : str
         Label of a progress bar on a terminal or in a notebook; none by default, and none in a pipe.
     sampling : Sampling
-        What few runs need: a control variate, two-point increments, a time limit, or who runs blocks of paths.
+        What few runs need: a control variate, two-point increments, a time limit, or who runs
+        blocks of paths.
 
     Returns
     -------
@@ -87,7 +89,9 @@ def simulate(
     scheme = choice("scheme", scheme, SCHEMES)
     sampling = Sampling() if sampling is None else sampling
     if not isinstance(sampling, Sampling):
-        raise InputError("sampling", sampling, "give a Sampling, as in sampling=Sampling(control=True)")
+        raise InputError(
+            "sampling", sampling, "give a Sampling, as in sampling=Sampling(control=True)"
+        )
     if record.step_bias is None and SCHEMES[scheme].has_step_bias:
         record = replace(record, step_bias=dt is None or is_admissible(scene, dt, scheme, COARSEST))
     dt = default_step(scene, scheme, bool(record.step_bias)) if dt is None else dt
@@ -105,12 +109,19 @@ def _gather(
     begun: Ensemble | None = None,
 ) -> Ensemble:
     """Merge the results of blocks of paths, in order, with those of a run that was begun."""
-    started, done = time.perf_counter(), 0 if begun is None else begun.plan.blocks
+    started = time.perf_counter()
+    done = 0 if begun is None else begun.plan.blocks
     merged = begun.result if begun is not None and done else None
-    batched = (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts)) if record.batches else None
+    batched = (
+        (deepcopy(begun.batches) if begun else Batches.empty(plan.impacts))
+        if record.batches
+        else None
+    )
     histograms: Histograms | None = None
     kept = []
-    with ProgressBar(label=progress, total=plan.paths - done * BLOCK, unit="path", unit_scale=True) as bar:
+    with ProgressBar(
+        label=progress, total=plan.paths - done * BLOCK, unit="path", unit_scale=True
+    ) as bar:
         for result, rows in results:
             merged = result if merged is None else merged.merge(result)
             if batched is not None:
@@ -138,7 +149,8 @@ def extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = Non
 
     Where nothing is random, the one path that is there stands for the others too.
 
-    Returns: Equal bit for bit to a run of that many paths from the start; without histograms and single paths.
+    Returns: Equal bit for bit to a run of that many paths from the start; without histograms and
+    single paths.
     """
     plan = run.plan._replace(paths=count_followed(run.scene, paths))
     record = Record(batches=run.batches is not None)

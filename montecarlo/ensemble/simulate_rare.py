@@ -23,8 +23,11 @@ PILOT = 32 * BLOCK  # plain paths from which branches are chosen
 SAMPLED = 0x7A5  # spawn key of the random numbers of a run that samples rare branches
 
 
-def begin_rare(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble | None:
-    """A run that samples on purpose the rare branches that matter to a plain run; None where none is worth it."""
+def begin_rare(
+    run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None
+) -> Ensemble | None:
+    """A run that samples on purpose the rare branches that matter to a plain run; None where none
+    is worth it."""
     mixture = choose_mixture(run)
     if mixture is None:
         return None
@@ -37,28 +40,34 @@ def begin_rare(run: Ensemble, paths: int, blocks: Blocks, progress: str | None =
 def extend_rare(run: Ensemble, paths: int, blocks: Blocks, progress: str | None = None) -> Ensemble:
     """Add paths to such a run, and say what branches it may still miss could change."""
     run = extend(run, -(-paths // BLOCK) * BLOCK, blocks, progress)
-    hidden = find_unseen(run.scene, replace(run, unseen={}).columns, run.paths, run.plan.mixture, run.dt)
+    hidden = find_unseen(
+        run.scene, replace(run, unseen={}).columns, run.paths, run.plan.mixture, run.dt
+    )
     return replace(run, unseen=unseen_columns(hidden))
 
 
 @numpy_defaults
-def simulate_rare(scene: Scene, *, paths: int, impacts: int = 12, rng: Rng = 0, workers: int = 1) -> Ensemble:
+def simulate_rare(
+    scene: Scene, *, paths: int, impacts: int = 12, rng: Rng = 0, workers: int = 1
+) -> Ensemble:
     """Simulate exact flights of which a part is drawn near the rare branches that matter.
 
-    `rattle.montecarlo.simulate_to` does so by itself where an accuracy waits for such branches.  The step, and the
-    distribution that is sampled, are those of `simulate` with ``scheme="exact-flight"``.
+    `rattle.montecarlo.simulate_to` does so by itself where an accuracy waits for such branches.
+    The step, and the distribution that is sampled, are those of `simulate` with
+    ``scheme="exact-flight"``.
 
     Parameters
     ----------
     scene : Scene
         What is modelled.
     paths : int
-        Number of paths, rounded up to whole blocks of 1024.  A plain run of 32 blocks chooses the branches.
+        Number of paths, rounded up to whole blocks of 1024.  A plain run of 32 blocks chooses the
+        branches.
     impacts : int
         Impacts of each path.
     rng : int, SeedSequence, Generator or BitGenerator
-        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy gives a child of its
-        seed sequence, another one each time that it is passed.
+        Seed.  The result is the same bit for bit for any number of workers.  A generator of numpy
+        gives a child of its seed sequence, another one each time that it is passed.
     workers : int
         Threads.
 

@@ -1,4 +1,5 @@
-"""One block of paths: random streams, walls and initial states, run through the kernel and reduced to sums."""
+"""One block of paths: random streams, walls and initial states, run through the kernel and reduced
+to sums."""
 
 import threading
 from collections.abc import Sequence
@@ -16,13 +17,20 @@ from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.control_variate import LinearPath, no_control
 from rattle.montecarlo.schemes.step_size import SCHEMES
-from rattle.montecarlo.statistics.central_sums import PAIR, VARIANCE, CentralSums, Orders, columns_of
+from rattle.montecarlo.statistics.central_sums import (
+    PAIR,
+    VARIANCE,
+    CentralSums,
+    Orders,
+    columns_of,
+)
 from rattle.scene import SECTION, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean
 from rattle.scene.impact import energy_loss, struck
 
 BLOCK = 1024
-"""Paths of a block: small enough for the caches, large enough that few lanes idle while the last paths finish."""
+"""Paths of a block: small enough for the caches, large enough that few lanes idle while the last
+paths finish."""
 
 PAIRS = tuple((i, j) for i in range(5) for j in range(i))
 """Pairs among tau, x1, y1, x2, y2 whose covariance is kept."""
@@ -45,12 +53,14 @@ class Plan(NamedTuple):
     seed: np.random.SeedSequence  # of all random numbers
     most_steps: int  # finest steps after which a path is given up
     fixed_steps: Ints  # finest steps after which states are recorded: the fixed times
-    itineraries: dict[str, tuple[int, ...]]  # named sequences of ``mesh * side``, one for each impact
+    # named sequences of ``mesh * side``, one for each impact
+    itineraries: dict[str, tuple[int, ...]]
     levels: int  # number of step sizes on the same Brownian paths: dt, 2 dt,
     control: LinearPath = no_control()  # control variate; empty for none
     keep: bool = False  # whether all impacts are kept
     two_point: bool = False  # whether increments are two-point
-    mirrored: bool = False  # whether to run the antithetic partner of each path: all noise negated, backlashes the same
+    # whether to run the antithetic partner of each path: all noise negated, backlashes the same
+    mirrored: bool = False
     energy: bool = False  # whether the energy loss of impacts is recorded
     mixture: BranchMixture | None = None  # from which paths are drawn, if not all are plain
     apart: tuple[str, ...] = ()  # names of the itineraries whose paths are summed apart too
@@ -66,7 +76,8 @@ class Raw(NamedTuple):
 
     rows: Floats  # impacts; NaN where a path did not reach one; (levels, paths, impacts, COLUMNS)
     fixed: Floats  # states at fixed times; (levels, paths, times, 4)
-    # section quantities of the linearised path; no paths without a control variate; (paths, impacts, COLUMNS)
+    # section quantities of the linearised path; no paths without a control variate; (paths,
+    # impacts, COLUMNS)
     controls: Floats
     path_steps: int  # steps taken, over all paths
     sticking_steps: int  # those of them in which a mesh stayed closed to the end
@@ -76,14 +87,15 @@ class Raw(NamedTuple):
 def start_state(scene: Scene, walls: Floats) -> Floats:
     """Initial states, after the impact at the start if there is one.
 
-    `scene`: Its start; a coordinate on a flank is put on each path's own flank. Shapes: `walls` (4, paths);
-    result (4, paths).
+    `scene`: Its start; a coordinate on a flank is put on each path's own flank. Shapes: `walls` (4,
+    paths); result (4, paths).
     """
     s = scene.start
     state = np.empty((4, walls.shape[1]))
     for i, (x, gap) in enumerate(((s.x1, scene.gap1), (s.x2, scene.gap2))):
         state[2 * i] = x if abs(x) != gap else (walls[2 * i] if x > 0.0 else -walls[2 * i + 1])
-    state[1], state[3] = s.y1, s.y2
+    state[1] = s.y1
+    state[3] = s.y2
     if s.mesh:
         state[1], state[3] = struck(scene.constants, s.mesh, s.y1, s.y2)
     return state
@@ -93,7 +105,8 @@ _own = threading.local()
 
 
 def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Floats:
-    """A filled array; with `reuse` in the same memory for all blocks of a thread (fresh pages cost a fifth)."""
+    """A filled array; with `reuse` in the same memory for all blocks of a thread (fresh pages cost
+    a fifth)."""
     array: Floats | None = getattr(_own, name, None) if reuse else None
     if array is None or array.shape != shape:
         array = np.empty(shape)
@@ -104,16 +117,23 @@ def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Float
 
 
 def begin_block(plan: Plan, first: int, paths: int, carried: int = 5) -> tuple[Job, Lanes, Room]:
-    """Settings, paths side by side, at their start, and buffers of a block that begins with path `first`."""
-    scene, c, key, backlash = plan.scene, plan.scene.constants, key_of(plan.seed), backlash_of(plan.scene)
+    """Settings, paths side by side, at their start, and buffers of a block that begins with path
+    `first`."""
+    scene = plan.scene
+    c = plan.scene.constants
+    key = key_of(plan.seed)
+    backlash = backlash_of(plan.scene)
     walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
     if backlash.random:
         draw_walls(backlash, key, first, walls)
     if plan.mirrored:
         c = c._replace(sigma=-c.sigma)
-    code, memory = SCHEMES[plan.scheme].code, memory_of(scene.correlation_time, plan.dt)
+    code = SCHEMES[plan.scheme].code
+    memory = memory_of(scene.correlation_time, plan.dt)
     job = Job(c, backlash, key, scene.phase, plan.dt, code, plan.two_point, plan.most_steps, memory)
-    every, room = lanes_of(plan.levels, first, start_state(scene, walls), walls, scene.phase, carried)
+    every, room = lanes_of(
+        plan.levels, first, start_state(scene, walls), walls, scene.phase, carried
+    )
     if scene.correlation_time:
         begin_memory(scene.correlation_time, key, first, room.eta)
     return job, every, room
@@ -139,8 +159,8 @@ class Followers:
     """Sums over the paths that have followed an itinerary so far, and how the others left it."""
 
     sums: dict[str, Any]  # as in `BlockResult`, of these paths alone
-    # weight of the paths that left at an impact by each of `CODES` (in plain runs their number), sum of its squares,
-    # and the largest weight of one; (3, impacts, CODES)
+    # weight of the paths that left at an impact by each of `CODES` (in plain runs their number),
+    # sum of its squares, and the largest weight of one; (3, impacts, CODES)
     left: Floats
 
     def merge(self, other: "Followers") -> "Followers":
@@ -154,14 +174,16 @@ class Followers:
 class BlockResult:
     """A block reduced to mergeable sums and counts."""
 
-    # ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`); ``fixed`` over (time,
-    # pair of `CROSS`).  With step bias also ``fine_coarse`` and ``coarse_coarser`` over (impact, quantity), the same
-    # quantity at two step sizes, and ``coarse_fixed`` over (time, stage), displacement with velocity at 2 dt.  With a
-    # control variate ``control`` over (impact, quantity), the quantity with that of the linearised path.  If asked
-    # for, ``energy`` over (impact, 1), the energy loss.  Of a mixture ``weighted`` alone
+    # ``section`` over (impact, quantity); ``section_pairs`` over (impact, pair of `PAIRS`);
+    # ``fixed`` over (time, pair of `CROSS`).  With step bias also ``fine_coarse`` and
+    # ``coarse_coarser`` over (impact, quantity), the same quantity at two step sizes, and
+    # ``coarse_fixed`` over (time, stage), displacement with velocity at 2 dt.  With a control
+    # variate ``control`` over (impact, quantity), the quantity with that of the linearised path.
+    # If asked for, ``energy`` over (impact, 1), the energy loss.  Of a mixture ``weighted`` alone
     sums: dict[str, Any]
     codes: Floats  # counts of mesh and side of each impact; (impacts, CODES)
-    agreeing: dict[str, Floats]  # number of paths that have followed each itinerary up to each impact; (impacts,)
+    # number of paths that have followed each itinerary up to each impact; (impacts,)
+    agreeing: dict[str, Floats]
     path_steps: int  # as in `Raw`, also the next two
     sticking_steps: int
     unfinished: int
@@ -188,12 +210,19 @@ CROSS = tuple((i, j) for i in range(4) for j in range(i, 4))
 
 
 def _pairs(
-    groups: int, values: Floats, pairs: Sequence[tuple[int, int]], orders: Orders, other: Floats | None = None
+    groups: int,
+    values: Floats,
+    pairs: Sequence[tuple[int, int]],
+    orders: Orders,
+    other: Floats | None = None,
 ) -> CentralSums:
-    """Sums over pairs of variables of (groups * variables, paths), the second of each pair from `other` if given."""
+    """Sums over pairs of variables of (groups * variables, paths), the second of each pair from
+    `other` if given."""
     base = len(values) // groups * np.arange(groups)[:, None]
     cells = np.ascontiguousarray((base + np.array(pairs).T[:, None]).reshape(2, -1))
-    return CentralSums.of_columns(values, values if other is None else other, cells, orders, (groups, len(pairs)))
+    return CentralSums.of_columns(
+        values, values if other is None else other, cells, orders, (groups, len(pairs))
+    )
 
 
 JOINT = ("section", "section_pairs", "fine_coarse", "coarse_coarser")
@@ -216,12 +245,15 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
     Shapes: `rows` (paths, impacts, COLUMNS), or None.
     """
     raw = sample(plan, block, reuse=True)
-    section, times = partial(_pairs, plan.impacts), partial(_pairs, plan.fixed_steps.size)
+    section = partial(_pairs, plan.impacts)
+    times = partial(_pairs, plan.fixed_steps.size)
     rows = [columns_of(level) for level in raw.rows]
     fixed = [columns_of(level) for level in raw.fixed] if plan.fixed_steps.size else []
     sums = _section_sums(plan.impacts, rows)
     if plan.energy:
-        sums["energy"] = section(columns_of(energy_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE)
+        sums["energy"] = section(
+            columns_of(energy_losses(plan.scene.constants, raw.rows[0])), [(0, 0)], VARIANCE
+        )
     if plan.control.at_step.size:
         sums["control"] = section(rows[0], OWN, PAIR, columns_of(raw.controls))
     if plan.fixed_steps.size:
@@ -229,21 +261,33 @@ def run(plan: Plan, block: int) -> tuple[BlockResult, Floats | None]:
         if plan.levels > 1:
             sums["coarse_fixed"] = times(fixed[1], ((0, 1), (2, 3)), PAIR)
     codes, followed = tally(plan, raw.rows[0], np.ones(raw.rows.shape[1:3]))
-    followers = {name: _followers(plan, plan.itineraries[name], raw.rows, rows, sums) for name in plan.apart}
+    followers = {
+        name: _followers(plan, plan.itineraries[name], raw.rows, rows, sums) for name in plan.apart
+    }
     kept = raw.rows[0].copy() if plan.keep else None
     if kept is not None and plan.scene.stages == 1:
         kept[:, :, 4:6] = np.nan  # a single stage leaves these columns undefined
-    return BlockResult(sums, codes, followed, raw.path_steps, raw.sticking_steps, raw.unfinished, followers), kept
+    return (
+        BlockResult(
+            sums, codes, followed, raw.path_steps, raw.sticking_steps, raw.unfinished, followers
+        ),
+        kept,
+    )
 
 
 def _followers(
     plan: Plan, itinerary: tuple[int, ...], raw: Floats, levels: list[Floats], every: dict[str, Any]
 ) -> Followers:
-    """Sums over the paths of a block that follow an itinerary; those over all, `every`, where none leaves it."""
-    codes, ones = np.array(itinerary, dtype=float), np.ones(raw.shape[1:3])
-    left, stays = np.zeros((3, plan.impacts, len(CODES))), np.zeros(raw.shape[:2])
+    """Sums over the paths of a block that follow an itinerary; those over all, `every`, where none
+    leaves it."""
+    codes = np.array(itinerary, dtype=float)
+    ones = np.ones(raw.shape[1:3])
+    left = np.zeros((3, plan.impacts, len(CODES)))
+    stays = np.zeros(raw.shape[:2])
     for level in range(len(levels)):
-        count_followed(raw[level], ones, codes, stays[level], left if level == 0 else np.zeros_like(left))
+        count_followed(
+            raw[level], ones, codes, stays[level], left if level == 0 else np.zeros_like(left)
+        )
     if (stays == plan.impacts).all():
         return Followers({name: every[name] for name in JOINT if name in every}, left)
     kept = []
@@ -255,14 +299,20 @@ def _followers(
 
 
 def energy_losses(c: Constants, rows: Floats) -> Floats:
-    """Energy loss of each impact of each path, shape (paths, impacts, 1); NaN where there was none."""
-    y1, y2, first = rows[..., 3:4], rows[..., 5:6], np.abs(rows[..., 6:]) == 1.0
+    """Energy loss of each impact of each path, shape (paths, impacts, 1); NaN where there was
+    none."""
+    y1 = rows[..., 3:4]
+    y2 = rows[..., 5:6]
+    first = np.abs(rows[..., 6:]) == 1.0
     return np.where(first, energy_loss(c, 1, y1, y2), energy_loss(c, 2, y1, y2))
 
 
 @lean
-def count_followed(rows: Floats, weights: Floats, itinerary: Floats, stays: Floats, left: Floats) -> None:
-    """Up to which impact each path has followed an itinerary, and what its next impact was: see `Followers.left`.
+def count_followed(
+    rows: Floats, weights: Floats, itinerary: Floats, stays: Floats, left: Floats
+) -> None:
+    """Up to which impact each path has followed an itinerary, and what its next impact was: see
+    `Followers.left`.
 
     Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); `stays` (paths,).
     """
@@ -282,18 +332,23 @@ def count_followed(rows: Floats, weights: Floats, itinerary: Floats, stays: Floa
 
 
 def tally(plan: Plan, rows: Floats, weights: Floats) -> tuple[Floats, dict[str, Floats]]:
-    """Weight of each of `CODES` per impact, and of the paths that have followed each itinerary so far.
+    """Weight of each of `CODES` per impact, and of the paths that have followed each itinerary so
+    far.
 
-    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); result (impacts, CODES), each (impacts,).
+    Shapes: `rows` (paths, impacts, COLUMNS); `weights` (paths, impacts); result (impacts, CODES),
+    each (impacts,).
     """
     listed = np.array(list(plan.itineraries.values()), dtype=float).reshape(-1, plan.impacts)
-    codes, agreeing = np.zeros((plan.impacts, len(CODES))), np.zeros(listed.shape)
+    codes = np.zeros((plan.impacts, len(CODES)))
+    agreeing = np.zeros(listed.shape)
     _tally(rows, weights, listed, codes, agreeing)
     return codes, dict(zip(plan.itineraries, agreeing, strict=True))
 
 
 @lean
-def _tally(rows: Floats, weights: Floats, itineraries: Floats, codes: Floats, agreeing: Floats) -> None:
+def _tally(
+    rows: Floats, weights: Floats, itineraries: Floats, codes: Floats, agreeing: Floats
+) -> None:
     paths, impacts = rows.shape[:2]
     for p in range(paths):
         for k in range(impacts):

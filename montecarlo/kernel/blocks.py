@@ -1,4 +1,5 @@
-"""Who runs the blocks of a plan, threads of this process or workers that other runs share, and for how long.
+"""Who runs the blocks of a plan, threads of this process or workers that other runs share, and for
+how long.
 
 A time budget is in seconds of processor time, and is looked at between blocks.
 """
@@ -18,7 +19,8 @@ HOUR = 3600.0
 """Seconds that an accuracy may take where no budget is given."""
 
 Blocks = Callable[[Plan, int], Iterator[tuple[BlockResult, Floats | None]]]
-"""Runs the blocks of a plan from one on, and gives their results in block order; may end before the last."""
+"""Runs the blocks of a plan from one on, and gives their results in block order; may end before the
+last."""
 
 
 def in_threads(workers: int) -> Blocks:
@@ -32,7 +34,8 @@ def in_threads(workers: int) -> Blocks:
 
 
 def in_tasks(submit: Callable[..., Future[Any]], workers: int, share: int = 1) -> Blocks:
-    """Run blocks in tasks of `share` blocks on workers that other runs may share; `submit` hands them a call."""
+    """Run blocks in tasks of `share` blocks on workers that other runs may share; `submit` hands
+    them a call."""
 
     def blocks(plan: Plan, first: int) -> Iterator[tuple[BlockResult, Floats | None]]:
         starts = iter(range(first, plan.blocks, share))
@@ -53,13 +56,18 @@ def in_tasks(submit: Callable[..., Future[Any]], workers: int, share: int = 1) -
 
 
 def run_blocks(plan: Plan, first: int, end: int) -> list[tuple[BlockResult, Floats | None]]:
-    """On a worker: the results of blocks `first` to `end`, one each, so that they can be merged in order."""
+    """On a worker: the results of blocks `first` to `end`, one each, so that they can be merged in
+    order."""
     mixture = plan.mixture
-    return [run(plan, n) if mixture is None else run_mixture(plan, mixture, n) for n in range(first, end)]
+    return [
+        run(plan, n) if mixture is None else run_mixture(plan, mixture, n)
+        for n in range(first, end)
+    ]
 
 
 def clock() -> float:
-    """Processor time of this process so far, all threads together, in seconds: other work on the machine is none."""
+    """Processor time of this process so far, all threads together, in seconds: other work on the
+    machine is none."""
     return time.process_time()
 
 

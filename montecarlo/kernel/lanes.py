@@ -1,4 +1,5 @@
-"""Vector lanes: paths side by side in arrays, lists of marked lanes, and the retirement of finished paths."""
+"""Vector lanes: paths side by side in arrays, lists of marked lanes, and the retirement of finished
+paths."""
 
 import math
 from typing import NamedTuple
@@ -11,7 +12,9 @@ from rattle.montecarlo.schemes.exact_flight import PARTS
 from rattle.scene import Bools, Floats, Ints
 from rattle.scene.compiled import lean_internal, splice, widest_vectors
 
-CHUNK = 16  # finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest step)
+# finest steps between retirements of finished paths; a multiple of 4 (steps of a draw, coarsest
+# step)
+CHUNK = 16
 ROOT_HALF = math.sqrt(0.5)
 APART = 256  # lanes beyond those in use, so that rows do not share lines of the cache
 
@@ -22,10 +25,12 @@ class Lanes(NamedTuple):
     A level is a step size: dt, 2 dt, 4 dt.
     """
 
-    state: Floats  # state, before: present state, and the state at the start of the step; (levels, 4, lanes)
+    # state, before: present state, and the state at the start of the step; (levels, 4, lanes)
+    state: Floats
     before: Floats
     walls: Floats  # distances of the flanks +1, -1, +2, -2 from the middle; (levels, 4, lanes)
-    w: Floats  # w, area: increment and area of the step's noise, in units of their sd; (levels, lanes)
+    # w, area: increment and area of the step's noise, in units of their sd; (levels, lanes)
+    w: Floats
     area: Floats
     last: Floats  # time of the last impact; (levels, lanes)
     impacts: Ints  # number of impacts so far; (levels, lanes)
@@ -41,27 +46,41 @@ class Room(NamedTuple):
     bits: NDArray[Word]  # random bits of two-point increments; (lanes,)
     eta: Floats  # noise with a memory, at the end of the last step; (lanes,)
     z: Floats  # four normals; the fifth row stays zero; (5, lanes)
-    carried: Floats  # what else goes with a path: perturbations of the linearised path, as a rule; (5, lanes)
+    # what else goes with a path: perturbations of the linearised path, as a rule; (5, lanes)
+    carried: Floats
     marks: Bools  # lanes that may have an impact in this step; (lanes,)
     groups: Ints  # groups, hits: scratch and output of `list_marked`
     hits: Ints
     ahead: Floats  # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (PARTS, 3)
 
 
-def lanes_of(levels: int, first: int, start: Floats, walls: Floats, tau: float, carried: int) -> tuple[Lanes, Room]:
-    """Lanes and buffers of a block; allocated outside compiled code, which takes longer to compile if it allocates.
+def lanes_of(
+    levels: int, first: int, start: Floats, walls: Floats, tau: float, carried: int
+) -> tuple[Lanes, Room]:
+    """Lanes and buffers of a block; allocated outside compiled code, which takes longer to compile
+    if it allocates.
 
     `carried`: Rows of `Room.carried`. Shapes: `start` (4, paths); `walls` (4, paths).
     """
     paths = start.shape[1]
-    lanes = (paths + 7) // 8 * 8 + APART  # whole vectors; results of lanes without a path are ignored
-    state, wall = np.zeros((levels, 4, lanes)), np.ones((levels, 4, lanes))
-    state[:, :, :paths], wall[:, :, :paths] = start, walls
-    (w, area), impacts = np.zeros((2, levels, lanes)), np.zeros((levels, lanes), np.int64)
+    # whole vectors; results of lanes without a path are ignored
+    lanes = (paths + 7) // 8 * 8 + APART
+    state = np.zeros((levels, 4, lanes))
+    wall = np.ones((levels, 4, lanes))
+    state[:, :, :paths] = start
+    wall[:, :, :paths] = walls
+    w, area = np.zeros((2, levels, lanes))
+    impacts = np.zeros((levels, lanes), np.int64)
     every = Lanes(state, state.copy(), wall, w, area, np.full((levels, lanes), tau), impacts)
-    path, bits = np.arange(first, first + lanes, dtype=np.uint64), np.zeros(lanes, np.uint64)
-    eta, z, own, marks = np.zeros(lanes), np.zeros((5, lanes)), np.zeros((carried, lanes)), np.zeros(lanes, np.bool_)
-    groups, hits, ahead = np.empty(lanes // 8 + 1, np.int64), np.empty(lanes + 1, np.int64), np.empty((PARTS, 3))
+    path = np.arange(first, first + lanes, dtype=np.uint64)
+    bits = np.zeros(lanes, np.uint64)
+    eta = np.zeros(lanes)
+    z = np.zeros((5, lanes))
+    own = np.zeros((carried, lanes))
+    marks = np.zeros(lanes, np.bool_)
+    groups = np.empty(lanes // 8 + 1, np.int64)
+    hits = np.empty(lanes + 1, np.int64)
+    ahead = np.empty((PARTS, 3))
     return every, Room(path, bits, eta, z, own, marks, groups, hits, ahead)
 
 
@@ -72,7 +91,13 @@ def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
     Shapes: `w`, `area` (lanes,).
     """
     return Lanes(
-        every.state[level], every.before[level], every.walls[level], w, area, every.last[level], every.impacts[level]
+        every.state[level],
+        every.before[level],
+        every.walls[level],
+        w,
+        area,
+        every.last[level],
+        every.impacts[level],
     )
 
 
@@ -80,8 +105,8 @@ def of_level(every: Lanes, level: int, w: Floats, area: Floats) -> Lanes:
 def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
     """List the marked lanes, by groups of eight first since marks are rare.
 
-    There is no branch on a mark, which would be mispredicted: every index is written, and overwritten if it is not
-    marked.
+    There is no branch on a mark, which would be mispredicted: every index is written, and
+    overwritten if it is not marked.
     """
     words = marks.view(np.int64)
     # unsigned, for numba checks every signed index for being negative
@@ -103,15 +128,20 @@ def list_marked(marks: Bools, lanes: int, groups: Ints, out: Ints) -> int:
 
 
 @lean_internal
-def join_halves(fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int) -> None:
-    """Noise of a coarse step from that of its halves, in units of the sd (`rattle.montecarlo.noise.brownian.join`).
+def join_halves(
+    fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int
+) -> None:
+    """Noise of a coarse step from that of its halves, in units of the sd
+    (`rattle.montecarlo.noise.brownian.join`).
 
-    `w`, `area`: Of the coarse step; hold the first half until the second is taken.  Output. Shapes: `fine_w`,
-    `fine_area` (lanes,); `w`, `area` (lanes,).
+    `w`, `area`: Of the coarse step; hold the first half until the second is taken.  Output. Shapes:
+    `fine_w`, `fine_area` (lanes,); `w`, `area` (lanes,).
     """
-    root2, root3 = math.sqrt(2.0), math.sqrt(3.0)
+    root2 = math.sqrt(2.0)
+    root3 = math.sqrt(3.0)
     for p in range(live):
-        w1, w2 = w[p], fine_w[p]
+        w1 = w[p]
+        w2 = fine_w[p]
         if second:
             w[p] = (w1 + w2) / root2
             area[p] = (root3 * (w2 - w1) + area[p] + fine_area[p]) / (2.0 * root2)
@@ -133,7 +163,12 @@ def retire(every: Lanes, room: Room, impacts: int, live: int) -> int:
 
     `every`: Of all levels; a path is finished once it has had its impacts at all of them.
     """
-    path, bits, own, marks, groups, hits = room.path, room.bits, room.carried, room.marks, room.groups, room.hits
+    path = room.path
+    bits = room.bits
+    own = room.carried
+    marks = room.marks
+    groups = room.groups
+    hits = room.hits
     widest_vectors()
     for p in range(live):
         marks[p] = every.impacts[0, p] >= impacts

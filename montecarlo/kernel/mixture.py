@@ -1,9 +1,11 @@
-"""The distribution that paths are drawn from: mostly the plain one, and a few parts conditioned on a rare branch.
+"""The distribution that paths are drawn from: mostly the plain one, and a few parts conditioned on
+a rare branch.
 
-A part draws its noise conditionally on ``u z > b``: z the standard normals of all steps, u the unit vector towards a
-design point, b a threshold before it.  The likelihood ratio to the plain distribution is ``1{u z > b} / Phi(-b)``, and
-given the steps so far ``Phi((r - b) / sqrt(s)) / Phi(-b)``, with r what they add to ``u z`` and s the squared norm of u
-over the steps ahead.  A path's weight is the inverse of the mixture's ratio (docs/theory/statistics.md).
+A part draws its noise conditionally on ``u z > b``: z the standard normals of all steps, u the unit
+vector towards a design point, b a threshold before it.  The likelihood ratio to the plain
+distribution is ``1{u z > b} / Phi(-b)``, and given the steps so far ``Phi((r - b) / sqrt(s)) /
+Phi(-b)``, with r what they add to ``u z`` and s the squared norm of u over the steps ahead.  A
+path's weight is the inverse of the mixture's ratio (docs/theory/statistics.md).
 """
 
 import math
@@ -15,8 +17,8 @@ import numpy as np
 
 from rattle.scene import Floats, Ints
 
-# thresholds before a design point, in sds: its boundary is curved, and further away where the noise is strong; the
-# share of a part's paths that each has
+# thresholds before a design point, in sds: its boundary is curved, and further away where the noise
+# is strong; the share of a part's paths that each has
 BEFORE = np.array([2.0, 1.2, 0.6, 0.2])
 SPLIT = np.array([0.15, 0.25, 0.3, 0.3])
 TARGETS = 0x7A6  # spawn key of the random numbers of `draw_targets`
@@ -30,7 +32,8 @@ class BranchMixture(NamedTuple):
     level: Floats  # thresholds b; (branches, thresholds)
     rate: Floats  # share of the paths over ``Phi(-b)``; (branches, thresholds)
     plain: float  # share of plain paths
-    # paths of each part in a block: those of the first branch, by threshold, come first and the plain ones last
+    # paths of each part in a block: those of the first branch, by threshold, come first and the
+    # plain ones last
     counts: Ints
     centre: Floats  # about which the moments of the section quantities are summed; (impacts, 6)
 
@@ -46,8 +49,11 @@ def tail(b: float) -> float:
     return 0.5 * math.erfc(b / math.sqrt(2.0))
 
 
-def mixture_of(shifts: Sequence[Floats], shares: Sequence[float], centre: Floats, block: int) -> BranchMixture:
-    """Mixture of plain paths and of parts with given design points and shares of the paths of a block."""
+def mixture_of(
+    shifts: Sequence[Floats], shares: Sequence[float], centre: Floats, block: int
+) -> BranchMixture:
+    """Mixture of plain paths and of parts with given design points and shares of the paths of a
+    block."""
     unit = np.zeros((len(shifts), max(s.size for s in shifts)))
     for row, s in zip(unit, shifts, strict=True):
         row[: s.size] = s / math.sqrt(float(s @ s))
@@ -57,17 +63,28 @@ def mixture_of(shifts: Sequence[Floats], shares: Sequence[float], centre: Floats
     counts = np.floor(block * np.outer(shares, SPLIT) + 0.5).astype(np.int64)
     rate = counts / block / np.vectorize(tail)(level)
     plain = block - int(counts.sum())
-    return BranchMixture(unit, rest, level, rate, plain / block, np.append(counts.ravel(), plain), centre)
+    return BranchMixture(
+        unit, rest, level, rate, plain / block, np.append(counts.ravel(), plain), centre
+    )
 
 
-def draw_targets(mixture: BranchMixture, seed: np.random.SeedSequence, block: int) -> tuple[Ints, Floats]:
+def draw_targets(
+    mixture: BranchMixture, seed: np.random.SeedSequence, block: int
+) -> tuple[Ints, Floats]:
     """What the conditioned paths of a block have to reach along their unit vector.
 
-    Returns: The branch of each path, -1 for a plain one, and its ``u z``. Shapes: result (paths of a block,) each.
+    Returns: The branch of each path, -1 for a plain one, and its ``u z``. Shapes: result (paths of
+    a block,) each.
     """
-    paths, thresholds = int(mixture.counts.sum()), mixture.level.shape[1]
-    part, ahead, at, normal = np.full(paths, -1), np.zeros(paths), 0, NormalDist()
-    rng = np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, TARGETS, block)))
+    paths = int(mixture.counts.sum())
+    thresholds = mixture.level.shape[1]
+    part = np.full(paths, -1)
+    ahead = np.zeros(paths)
+    at = 0
+    normal = NormalDist()
+    rng = np.random.default_rng(
+        np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, TARGETS, block))
+    )
     for i, n in enumerate(mixture.counts[:-1].tolist()):
         beyond = tail(mixture.level.flat[i])
         ahead[at : at + n] = [-normal.inv_cdf(beyond * u) for u in 1.0 - rng.random(n)]

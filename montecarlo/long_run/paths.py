@@ -15,18 +15,21 @@ from rattle.scene.progress import ProgressBar
 BATCHES = 64
 """Batches of each path; when they are full, each two become one."""
 AT_ONCE = 8  # batches between two looks at the progress
-TOGETHER, MANY = 4, 128  # paths that share a histogram, and paths from which on they do
+# paths that share a histogram, and paths from which on they do
+TOGETHER = 4
+MANY = 128
 LEAST = 64  # periods of the stationary motion
 IMPACT_SECONDS = 1.5e-6
-"""Nominal processor time of an impact, steps included: what is refused does not depend on the machine."""
+"""Nominal processor time of an impact, steps included: what is refused does not depend on the
+machine."""
 
 
 class LongPaths:
     """All blocks of paths, and the batches that they are filling.
 
-    `seed`: of all random numbers. `slow`: speed below which an impact is slow. `limit`: time that following them may
-    take. `bar`: counts periods. `sums`: of each block. `length`, `periods`: periods of a batch, and in all batches.
-    `pace`: processor time of a period, as measured last.
+    `seed`: of all random numbers. `slow`: speed below which an impact is slow. `limit`: time that
+    following them may take. `bar`: counts periods. `sums`: of each block. `length`, `periods`:
+    periods of a batch, and in all batches. `pace`: processor time of a period, as measured last.
     """
 
     def __init__(
@@ -39,20 +42,32 @@ class LongPaths:
         pool: ThreadPoolExecutor,
         bar: ProgressBar,
     ) -> None:
-        self._walks = [Walk(scene, seed, first, min(LANES, paths - first)) for first in range(0, paths, LANES)]
+        self._walks = [
+            Walk(scene, seed, first, min(LANES, paths - first)) for first in range(0, paths, LANES)
+        ]
         self._together = TOGETHER if paths >= MANY else 1
-        self.scene, self.slow, self.limit, self.pace = scene, slow, limit, math.nan
-        self._pool, self._bar = pool, bar
+        self.scene = scene
+        self.slow = slow
+        self.limit = limit
+        self.pace = math.nan
+        self._pool = pool
+        self._bar = bar
         self.begin()
 
     def begin(self, scales: Scales | None = None) -> None:
-        """Begin to sum anew from here; distributions too, where a pilot run has set their scales."""
-        own, detail = scales or tally.no_scales(self.slow), scales is not None
-        self.sums = [tally.new_sums(walk.paths, BATCHES, own, detail, self._together) for walk in self._walks]
-        self.length, self.periods = 1, 0
+        """Begin to sum anew from here; distributions too, where a pilot run has set their
+        scales."""
+        own = scales or tally.no_scales(self.slow)
+        detail = scales is not None
+        self.sums = [
+            tally.new_sums(walk.paths, BATCHES, own, detail, self._together) for walk in self._walks
+        ]
+        self.length = 1
+        self.periods = 0
 
     def follow(self, until: int, seen: list[Floats] | None = None) -> None:
-        """Follow all paths for at least `until` periods since the sums began, to the end of a batch.
+        """Follow all paths for at least `until` periods since the sums began, to the end of a
+        batch.
 
         Less where the budget has no room for the next batch. `seen`: Takes every impact.
         """
@@ -64,7 +79,8 @@ class LongPaths:
             batches = min(missing, BATCHES - batch, AT_ONCE, self._affordable())
             if batches == 0:
                 return
-            began, periods = clock(), batches * self.length
+            began = clock()
+            periods = batches * self.length
             self._advance(batch, periods, seen)
             self.pace = (clock() - began) / periods
 
@@ -76,7 +92,9 @@ class LongPaths:
         """Batches for which the budget has room; one where no period has been measured yet."""
         if math.isnan(self.pace):
             return 1
-        return int(min(max(self.limit.remaining, 0.0) / max(self.pace * self.length, 1e-9), AT_ONCE))
+        return int(
+            min(max(self.limit.remaining, 0.0) / max(self.pace * self.length, 1e-9), AT_ONCE)
+        )
 
     def _advance(self, batch: int, periods: int, seen: list[Floats] | None) -> None:
         def one(walk: Walk, sums: Sums) -> list[Floats]:
@@ -100,7 +118,9 @@ class LongPaths:
     def at_rest(self) -> bool:
         """Whether a mesh of every path is closed at all instants of the last half."""
         main = self.main
-        half = main[:, main.shape[1] // 2 :, tally.CONTACT : tally.CONTACT + 2].sum(axis=1).max(axis=1)
+        half = (
+            main[:, main.shape[1] // 2 :, tally.CONTACT : tally.CONTACT + 2].sum(axis=1).max(axis=1)
+        )
         return bool((half >= 0.5 * tally.SAMPLES * self.periods - 0.5).all())
 
     @property
@@ -126,7 +146,8 @@ class LongPaths:
         return IMPACT_SECONDS * float(self.main[:, :, tally.NUMBER].sum()) / self.periods
 
     def is_refused(self, periods: float) -> bool:
-        """Whether so many periods more are expected to take more than an hour, and no budget is given."""
+        """Whether so many periods more are expected to take more than an hour, and no budget is
+        given."""
         return math.isinf(self.limit.seconds) and periods * self.nominal > HOUR
 
     def unaffordable(self, what: str, periods: int) -> InputError:
@@ -137,11 +158,14 @@ class LongPaths:
 
     def collect(self) -> Collected:
         """Everything that was summed."""
-        return tally.collect(self.sums, self.periods // self.length, self.periods, self.scene.stages)
+        return tally.collect(
+            self.sums, self.periods // self.length, self.periods, self.scene.stages
+        )
 
 
 def warm_up(scene: Scene, slow: float) -> None:
     """Compile everything."""
-    walk, scales = Walk(scene, np.random.SeedSequence(0), 0, 1), tally.no_scales(slow)
+    walk = Walk(scene, np.random.SeedSequence(0), 0, 1)
+    scales = tally.no_scales(slow)
     walk.follow(tally.new_sums(1, 1, scales, False), seen=[])
     walk.follow(tally.new_sums(1, 1, scales))

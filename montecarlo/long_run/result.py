@@ -1,4 +1,5 @@
-"""The result of a long run: its quantities, the density of its section, its energy balance, its burn-in and reach."""
+"""The result of a long run: its quantities, the density of its section, its energy balance, its
+burn-in and reach."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +10,16 @@ import numpy as np
 import pandas as pd
 
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
-from rattle.montecarlo.long_run.sums import ENERGY, NOISE, NUMBER, PERIOD, PHASES, VELOCITIES, WORK, Collected
+from rattle.montecarlo.long_run.sums import (
+    ENERGY,
+    NOISE,
+    NUMBER,
+    PERIOD,
+    PHASES,
+    VELOCITIES,
+    WORK,
+    Collected,
+)
 from rattle.scene import Floats, Scene, duration_text
 from rattle.scene.drive import mean_square
 
@@ -18,7 +28,8 @@ class Contrast(NamedTuple):
     """The largest difference between two parts of a run, or between its paths."""
 
     quantity: str  # where it is largest
-    size: float  # in standard errors; or the variance between paths over that expected from the parts of each
+    # in standard errors; or the variance between paths over that expected from the parts of each
+    size: float
     allowed: float  # the largest that is put down to chance
     share: float = math.nan  # difference between the parts over the mean
 
@@ -65,7 +76,10 @@ class LongReach(NamedTuple):
         if self.reached:
             return f"Accuracy {self.asked:g} reached: {found}."
         more = f"{duration_text(self.more_seconds)} of processor time more"
-        return f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would suffice."
+        return (
+            f"Accuracy {self.asked:g} NOT reached within the budget: {found}; about {more} would"
+            " suffice."
+        )
 
 
 @dataclass(frozen=True)
@@ -75,8 +89,8 @@ class SectionDensity:
     mesh: int  # mesh that is struck
     phase: Floats  # phase, velocity: edges of the cells; phases in [0, 2 pi]; (cells + 1,)
     velocity: Floats
-    # density, se: probability density of the section, and its standard error from the variation between paths;
-    # (phases, velocities)
+    # density, se: probability density of the section, and its standard error from the variation
+    # between paths; (phases, velocities)
     density: Floats
     se: Floats
     outside: float  # share of the impacts with a velocity beyond the edges
@@ -86,12 +100,18 @@ class SectionDensity:
         """Cells that are not empty: ``mesh, phase, velocity`` (middles), ``density, se``."""
         i, j = np.nonzero(self.density)
         phase, velocity = (0.5 * (edges[1:] + edges[:-1]) for edges in (self.phase, self.velocity))
-        columns = {"mesh": self.mesh, "phase": phase[i], "velocity": velocity[j], "density": self.density[i, j]}
+        columns = {
+            "mesh": self.mesh,
+            "phase": phase[i],
+            "velocity": velocity[j],
+            "density": self.density[i, j],
+        }
         return pd.DataFrame(columns | {"se": self.se[i, j]})
 
 
 def _shares(counts: Floats, n: Floats) -> tuple[Floats, Floats]:
-    """Shares of counts, shape (units, ...), in n of each unit, and their standard errors over units."""
+    """Shares of counts, shape (units, ...), in n of each unit, and their standard errors over
+    units."""
     share = counts.sum(axis=0) / n.sum()
     rest = counts - share * n.reshape(-1, *[1] * (counts.ndim - 1))
     return share, np.sqrt((rest**2).sum(axis=0) * len(n) / (len(n) - 1)) / n.sum()
@@ -133,37 +153,51 @@ class LongRun:
     @cached_property
     def densities(self) -> tuple[SectionDensity, ...]:
         """Density of the section at each mesh that is struck."""
-        found, r = [], self.sums.scales
+        found = []
+        r = self.sums.scales
         for mesh in range(1, self.scene.stages + 1):
-            n, low, high = self.sums.impacts_at(mesh), r.low[mesh - 1], r.high[mesh - 1]
+            n = self.sums.impacts_at(mesh)
+            low = r.low[mesh - 1]
+            high = r.high[mesh - 1]
             if n.sum() > 0.0:
                 area = PERIOD / PHASES * (high - low) / VELOCITIES
                 share, se = _shares(self.sums.section[:, mesh - 1].astype(float), n)
                 edges = np.linspace(0.0, PERIOD, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
-                found.append(SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum())))
+                found.append(
+                    SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum()))
+                )
         return tuple(found)
 
     def velocity_density(self, mesh: int) -> tuple[Floats, Floats]:
-        """Density of the velocity before an impact at a mesh, and its standard error, in the cells of the section.
+        """Density of the velocity before an impact at a mesh, and its standard error, in the cells
+        of the section.
 
         Shapes: result (velocities,).
         """
-        counts, r = self.sums.section[:, mesh - 1].sum(axis=1).astype(float), self.sums.scales
+        counts = self.sums.section[:, mesh - 1].sum(axis=1).astype(float)
+        r = self.sums.scales
         share, se = _shares(counts, self.sums.impacts_at(mesh))
         width = (r.high[mesh - 1] - r.low[mesh - 1]) / VELOCITIES
         return share / width, se / width
 
     def energy_balance(self) -> tuple[Floats, Floats]:
-        """Energy lost in impacts, and energy supplied, per unit of time on each path (docs/model.md section 10).
+        """Energy lost in impacts, and energy supplied, per unit of time on each path (docs/model.md
+        section 10).
 
-        Returns: Their means agree within the standard error of the mean of their difference, as long as no mesh is
-        closed. Shapes: result (paths,).
+        Returns: Their means agree within the standard error of the mean of their difference, as
+        long as no mesh is closed. Shapes: result (paths,).
         """
         c = self.scene.constants
-        y1, v2, drive1, drive2 = (self.sums.main[:, :, WORK:NOISE].sum(axis=1) / self.sums.samples).T
+        y1, v2, drive1, drive2 = (
+            self.sums.main[:, :, WORK:NOISE].sum(axis=1) / self.sums.samples
+        ).T
         lost = self.sums.main[:, :, ENERGY].sum(axis=1) / self.sums.time
-        supplied = 0.5 * c.sigma**2 * mean_square(c.drive, c.beta1) - c.beta1 * y1 + c.alpha * drive1
+        supplied = (
+            0.5 * c.sigma**2 * mean_square(c.drive, c.beta1) - c.beta1 * y1 + c.alpha * drive1
+        )
         if c.stages == 2:
             mass = c.mu / (1.0 - c.mu)
-            supplied += mass * (0.5 * c.sigma**2 * mean_square(c.drive, c.beta2) - c.beta2 * v2 - c.alpha * drive2)
+            supplied += mass * (
+                0.5 * c.sigma**2 * mean_square(c.drive, c.beta2) - c.beta2 * v2 - c.alpha * drive2
+            )
         return lost, supplied

@@ -1,8 +1,9 @@
-"""Ensembles of long paths: burn-in, pilot run, and as much of the stationary motion as an accuracy takes.
+"""Ensembles of long paths: burn-in, pilot run, and as much of the stationary motion as an accuracy
+takes.
 
-Whether a run has forgotten its start is tested over independent paths: parts of the time so far are compared path by
-path by Student's t (Geweke 1992), and the variance between paths with that within them by an F test (Gelman and Rubin
-1992), as docs/guide/stationary.md says.
+Whether a run has forgotten its start is tested over independent paths: parts of the time so far are
+compared path by path by Student's t (Geweke 1992), and the variance between paths with that within
+them by an F test (Gelman and Rubin 1992), as docs/guide/stationary.md says.
 """
 
 import math
@@ -35,9 +36,11 @@ PILOT_SHARE = 0.25  # of the budget that is left, for the pilot run
 FEWEST = 8  # periods of the stationary motion, where the budget ends before more
 GROWTH = 4  # most by which a run grows at once
 SPARE = 1.1  # more than what an accuracy is expected to take
-FIRST, MOST = 32, 2**15
+FIRST = 32
+MOST = 2**15
 """Periods after which a run is tested for the first time, and the longest burn-in that is tried."""
-LEAST_IMPACTS = 20.0  # of a path in the last half, on average, without which there is nothing to compare
+# of a path in the last half, on average, without which there is nothing to compare
+LEAST_IMPACTS = 20.0
 FALSE_ALARM = 1e-3  # probability that a run that is stationary fails a test
 TOO_FAR = 4.0  # ratio of variances between and within paths from which paths count as kept apart
 PARTS = 4  # of the last half, within each path
@@ -67,8 +70,10 @@ def drift(main: Floats, early: slice, late: slice) -> Contrast:
     Shapes: `main` (paths, batches, MAIN).
     """
     a, b = (main[:, part, : CONTACT + 2].mean(axis=1) for part in (early, late))
-    difference, n = b - a, len(main)
-    mean, se = difference.mean(axis=0), difference.std(axis=0, ddof=1) / math.sqrt(n)
+    difference = b - a
+    n = len(main)
+    mean = difference.mean(axis=0)
+    se = difference.std(axis=0, ddof=1) / math.sqrt(n)
     with np.errstate(invalid="ignore", divide="ignore"):
         z = np.where(se > 0.0, mean / se, np.where(mean == 0.0, 0.0, np.inf))
         share = mean / np.abs(b.mean(axis=0))
@@ -84,7 +89,8 @@ def apart(main: Floats, late: slice) -> Contrast:
     """
     own = main[:, late, : CONTACT + 2]
     parts = own.reshape(len(own), PARTS, -1, own.shape[2]).mean(axis=2)
-    within, between = parts.var(axis=1, ddof=1).mean(axis=0) / PARTS, parts.mean(axis=1).var(axis=0, ddof=1)
+    within = parts.var(axis=1, ddof=1).mean(axis=0) / PARTS
+    between = parts.mean(axis=1).var(axis=0, ddof=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(between > 1e-24, between / within, 0.0)
     ratio = np.where(np.isnan(ratio), 0.0, ratio)
@@ -93,7 +99,8 @@ def apart(main: Floats, late: slice) -> Contrast:
 
 
 def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
-    """Follow the paths until two tests say that they have forgotten their start, or for a given time."""
+    """Follow the paths until two tests say that they have forgotten their start, or for a given
+    time."""
     until = FIRST if burn_in is None else burn_in
     paths.begin()
     before: Contrast | None = None
@@ -107,17 +114,36 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         quarter = main.shape[1] // 4
         late = slice(main.shape[1] - 2 * quarter, main.shape[1])
         impacts = float(main[:, late, NUMBER].sum()) / len(main)
-        moved = drift(main, slice(quarter, 2 * quarter), late) if quarter else Contrast("", 0.0, math.inf, 0.0)
-        differ = apart(main, late) if quarter * 2 % PARTS == 0 and quarter and not paths.own_walls else None
-        if burn_in is not None or (moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS):
+        moved = (
+            drift(main, slice(quarter, 2 * quarter), late)
+            if quarter
+            else Contrast("", 0.0, math.inf, 0.0)
+        )
+        differ = (
+            apart(main, late)
+            if quarter * 2 % PARTS == 0 and quarter and not paths.own_walls
+            else None
+        )
+        if burn_in is not None or (
+            moved.reached and (differ is None or differ.reached) and impacts >= LEAST_IMPACTS
+        ):
             return BurnIn(paths.periods, moved, differ)
         if impacts == 0.0 and paths.at_rest():
-            rest = AtRest("scene", paths.scene.sigma, "comes to rest: a mesh stays closed, and no impact was seen")
+            rest = AtRest(
+                "scene",
+                paths.scene.sigma,
+                "comes to rest: a mesh stays closed, and no impact was seen",
+            )
             rest.watched = len(main), 2 * quarter * paths.length
             raise rest
-        if until >= MOST or paths.limit.remaining < 2.0 * (clock() - began) or paths.is_refused(until):
+        if (
+            until >= MOST
+            or paths.limit.remaining < 2.0 * (clock() - began)
+            or paths.is_refused(until)
+        ):
             raise refusal(paths.elapsed, moved, differ, before, impacts)
-        before, until = moved, 2 * until
+        before = moved
+        until = 2 * until
 
 
 def refusal(
@@ -129,23 +155,39 @@ def refusal(
 ) -> BurnInError:
     """The error for a burn-in that was not reached in `done` periods."""
     must = 4 * done
-    if before is not None and abs(moved.share) < 0.9 * abs(before.share) and moved.share * before.share > 0.0:
-        fall = math.log(abs(before.share / moved.share))  # of an exponential decay, over half of the run
-        must = min(max(math.ceil(done + 0.5 * done * math.log(abs(moved.size)) / fall), 2 * done), 64 * done)
+    if (
+        before is not None
+        and abs(moved.share) < 0.9 * abs(before.share)
+        and moved.share * before.share > 0.0
+    ):
+        # of an exponential decay, over half of the run
+        fall = math.log(abs(before.share / moved.share))
+        must = min(
+            max(math.ceil(done + 0.5 * done * math.log(abs(moved.size)) / fall), 2 * done),
+            64 * done,
+        )
     if impacts < LEAST_IMPACTS:
-        why = f"a path had {impacts:.3g} impacts in the last half, and {LEAST_IMPACTS:g} are the least"
+        why = (
+            f"a path had {impacts:.3g} impacts in the last half, and {LEAST_IMPACTS:g} are the"
+            " least"
+        )
     elif not moved.reached:
         why = (
-            f"{moved.quantity} still changes by {moved.share:+.2%}, {abs(moved.size):.1f} standard errors, over the "
-            f"second half ({moved.allowed:.1f} are put down to chance)"
+            f"{moved.quantity} still changes by {moved.share:+.2%}, {abs(moved.size):.1f} standard"
+            f" errors, over the second half ({moved.allowed:.1f} are put down to chance)"
         )
     else:
         assert differ is not None
         why = (
-            f"{differ.quantity} differs {differ.size:.3g} times more between paths (in variance) than within "
-            "them: there are several attractors that the noise does not connect in this time"
+            f"{differ.quantity} differs {differ.size:.3g} times more between paths (in variance)"
+            " than within them: there are several attractors that the noise does not connect in"
+            " this time"
         )
-    return BurnInError("burn_in", done, f"periods are not enough: {why}; give at least {must:,}, and the budget for it")
+    return BurnInError(
+        "burn_in",
+        done,
+        f"periods are not enough: {why}; give at least {must:,}, and the budget for it",
+    )
 
 
 def _pilot(paths: LongPaths) -> None:
@@ -167,8 +209,11 @@ def _pilot_periods(rate: float) -> float:
     return min(max(PILOT / max(rate, 1e-9), 2.0), MOST_PILOT)
 
 
-def _gather(paths: LongPaths, goal: float | None, periods: int | None, asked: tuple[str, ...]) -> LongReach | None:
-    """Follow the stationary motion for a number of periods, or until the intervals are narrow enough."""
+def _gather(
+    paths: LongPaths, goal: float | None, periods: int | None, asked: tuple[str, ...]
+) -> LongReach | None:
+    """Follow the stationary motion for a number of periods, or until the intervals are narrow
+    enough."""
     wanted = LEAST if periods is None else periods
     paths.expect(wanted)
     paths.follow(wanted)
@@ -183,8 +228,14 @@ def _gather(paths: LongPaths, goal: float | None, periods: int | None, asked: tu
             return LongReach(goal, worst, width, 0.0)
         if paths.is_refused(more):
             gives = width * math.sqrt(before * paths.nominal / HOUR)
-            why = f"is expected to take {duration_text(more * paths.nominal)} of processor time, and without a budget "
-            why += f"the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take as budget"
+            why = (
+                f"is expected to take {duration_text(more * paths.nominal)} of processor time, and"
+                " without a budget "
+            )
+            why += (
+                f"the limit is one hour: ask for {gives:.2g}, or give the seconds that it may take"
+                " as budget"
+            )
             raise InputError("accuracy", goal, why)
         paths.expect(SPARE * more)
         paths.follow(int(min(SPARE * need + 1.0, GROWTH * before)))
@@ -196,7 +247,13 @@ def _gather(paths: LongPaths, goal: float | None, periods: int | None, asked: tu
 def _find_widest(found: dict[str, StationaryEstimate]) -> tuple[float, str]:
     """Find the widest interval."""
     widths = {
-        name: 0.0 if e.se == 0.0 else 0.5 * (e.high - e.low) / abs(e.value) if e.value != 0.0 else math.inf
+        name: (
+            0.0
+            if e.se == 0.0
+            else 0.5 * (e.high - e.low) / abs(e.value)
+            if e.value != 0.0
+            else math.inf
+        )
         for name, e in found.items()
     }
     worst = max(widths, key=lambda name: (not math.isfinite(widths[name]), widths[name]))
@@ -215,11 +272,17 @@ class ExpectedRun(NamedTuple):
 
 
 def expect_run(
-    scene: Scene, paths: int, periods: int | None = None, burn_in: int | None = None, slow: float = 0.1
+    scene: Scene,
+    paths: int,
+    periods: int | None = None,
+    burn_in: int | None = None,
+    slow: float = 0.1,
 ) -> ExpectedRun:
-    """Expect what a long run takes at the least, from the time of a few of its paths once they have left their start.
+    """Expect what a long run takes at the least, from the time of a few of its paths once they have
+    left their start.
 
-    It takes more where paths forget their start late, or where an accuracy needs more than `LEAST` periods.
+    It takes more where paths forget their start late, or where an accuracy needs more than `LEAST`
+    periods.
     """
     warm_up(scene, slow)
     walk = Walk(scene, np.random.SeedSequence(0), 0, PROBED)
@@ -289,10 +352,10 @@ def long_run(
 
     Path 0 starts where the scene says, all others anywhere between the walls.
 
-    `accuracy`: Largest half width of the 95 % intervals of `quantities`, over their value; 0.01 by default.
-    `budget`: Seconds of processor time that it may take, all threads together; compiling is not counted.  Without
-    it, what is expected to take more than an hour is refused. `rng`: Seed.  The result is the same bit for bit
-    for any number of workers.
+    `accuracy`: Largest half width of the 95 % intervals of `quantities`, over their value; 0.01 by
+    default. `budget`: Seconds of processor time that it may take, all threads together; compiling
+    is not counted.  Without it, what is expected to take more than an hour is refused. `rng`: Seed.
+    The result is the same bit for bit for any number of workers.
     """
     check_long_run(scene, accuracy, periods, quantities, paths, burn_in, slow, rng, workers)
     goal = None if periods is not None else ACCURACY if accuracy is None else float(accuracy)
@@ -312,10 +375,14 @@ def long_run(
             _pilot(followed)
             reach = _gather(followed, goal, periods, tuple(quantities))
             main = followed.main
-            late = drift(main, slice(0, main.shape[1] // 4), slice(main.shape[1] // 2, main.shape[1]))
+            late = drift(
+                main, slice(0, main.shape[1] // 4), slice(main.shape[1] // 2, main.shape[1])
+            )
             if late.reached or burn_in is not None:
                 break
         if not late.reached:
             raise refusal(followed.elapsed, late)
     left_out = found._replace(periods=followed.elapsed - followed.periods)
-    return LongRun(scene, followed.collect(), left_out, reach, late, slow, time.perf_counter() - began)
+    return LongRun(
+        scene, followed.collect(), left_out, reach, late, slow, time.perf_counter() - began
+    )

@@ -1,8 +1,9 @@
 """The sums that a long run keeps of each path: their size does not depend on how long it is.
 
-Impacts are counted in groups: all, and with two stages those at mesh 1 and at mesh 2; the flight of a group is the time
-since its last impact.  Distributions are histograms over edges that a pilot run has set, with power sums about its
-mean; those of the speed are the same for all groups, so that all impacts are the sum of both meshes.
+Impacts are counted in groups: all, and with two stages those at mesh 1 and at mesh 2; the flight of
+a group is the time since its last impact.  Distributions are histograms over edges that a pilot run
+has set, with power sums about its mean; those of the speed are the same for all groups, so that all
+impacts are the sum of both meshes.
 """
 
 import math
@@ -23,27 +24,36 @@ Counts = NDArray[np.uint32]
 GROUPS = 3
 """All impacts, those at mesh 1, those at mesh 2."""
 NUMBER, SPEED, ENERGY, SLOW = range(4)
-"""Columns of a group in `Sums.main`: number of impacts, sums of speed and of energy lost, number of slow impacts."""
+"""Columns of a group in `Sums.main`: number of impacts, sums of speed and of energy lost, number of
+slow impacts."""
 CONTACT = 4 * GROUPS
 """Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is closed."""
 OPEN = CONTACT + 2
-"""Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is open: no flank is as near as `NEAR`."""
+"""Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is open: no flank is as
+near as `NEAR`."""
 NEAR = 0.01  # of the backlash
 WORK = OPEN + 2
-"""Columns of `Sums.main` from here: sums over the samples of y1^2, v2^2, m1 y1 and m2 v2 (docs/model.md section 10)."""
+"""Columns of `Sums.main` from here: sums over the samples of y1^2, v2^2, m1 y1 and m2 v2
+(docs/model.md section 10)."""
 NOISE = WORK + 4
-"""Columns of `Sums.main` from here: the control variates of `rattle.montecarlo.long_run.noise_work`."""
+"""Columns of `Sums.main` from here: the control variates of
+`rattle.montecarlo.long_run.noise_work`."""
 MAIN = NOISE + CONTROLS
-FLIGHT, ABOVE, KINDS = 0, 2, 3
-"""Distributions: flight, `SPEED` (1 there too), and the speed of impacts that are not slow; how many these are."""
+FLIGHT = 0
+ABOVE = 2
+KINDS = 3
+"""Distributions: flight, `SPEED` (1 there too), and the speed of impacts that are not slow; how
+many these are."""
 PERIOD = 2.0 * math.pi
 SAMPLES = 64
 """Instants of a period at which states are taken for averages over time."""
 POWERS = 7  # power sums of order 0 to 6
 BINS = 400
 CELLS = 2048
-"""Of equal width between the outermost edges; a bin is searched only among those that begin in the value's cell."""
-PHASES, VELOCITIES = 64, 64
+"""Of equal width between the outermost edges; a bin is searched only among those that begin in the
+value's cell."""
+PHASES = 64
+VELOCITIES = 64
 """Cells of the section along the phase and along the velocity."""
 TAILS = 8.0  # outermost edges at the probabilities expit(+-8), 3e-4, of the pilot run
 MARGIN = 0.05  # of the range of velocities, at each end of the section
@@ -54,7 +64,9 @@ class Scales(NamedTuple):
 
     centre: Floats  # centre, scale: of the power sums of flight and speeds; (GROUPS, KINDS)
     scale: Floats
-    edges: Floats  # inner edges of the bins, ascending; the first and the last bin are open; (GROUPS, KINDS, BINS - 1)
+    # inner edges of the bins, ascending; the first and the last bin are open; (GROUPS, KINDS, BINS
+    # - 1)
+    edges: Floats
     first: NDArray[np.int16]  # number of edges in lower cells; (GROUPS, KINDS, CELLS + 1)
     low: Floats  # low, high: velocities between which the section of each mesh is counted; (2,)
     high: Floats
@@ -62,27 +74,35 @@ class Scales(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """The sums of a block of paths; all but `main` are empty before a pilot run has set what they need."""
+    """The sums of a block of paths; all but `main` are empty before a pilot run has set what they
+    need."""
 
     main: Floats  # sums in each batch of time; (paths, batches, MAIN)
     batch: Ints  # the batch that is being filled; (1,)
     power: Floats  # power sums of flight and speeds; (paths, GROUPS, KINDS, POWERS)
-    # sums of the squared energy loss, of the energy loss times the flight, and of flights to impacts that are not
-    # slow; (paths, GROUPS, 3)
+    # sums of the squared energy loss, of the energy loss times the flight, and of flights to
+    # impacts that are not slow; (paths, GROUPS, 3)
     products: Floats
-    # counts of flight and speeds, of `together` successive paths each.  With two stages the speeds, and the squared
-    # energy loss, are counted for each mesh only (also in `power` and `products`); (units, GROUPS, KINDS, BINS)
+    # counts of flight and speeds, of `together` successive paths each.  With two stages the speeds,
+    # and the squared energy loss, are counted for each mesh only (also in `power` and `products`);
+    # (units, GROUPS, KINDS, BINS)
     histogram: Counts
-    section: Counts  # impacts at each mesh by phase and velocity before them; (units, 2, PHASES, VELOCITIES)
+    # impacts at each mesh by phase and velocity before them; (units, 2, PHASES, VELOCITIES)
+    section: Counts
     together: int  # paths that share a unit: counts of fewer units stay in the cache of a core
     scales: Scales  # set by the pilot run
 
 
-def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, together: int = 1) -> Sums:
+def new_sums(
+    paths: int, batches: int, scales: Scales, detail: bool = True, together: int = 1
+) -> Sums:
     """Sums of nothing yet; `detail`: whether distributions are counted too."""
     n = paths if detail else 0
-    main, batch, units = np.zeros((paths, batches, MAIN)), np.zeros(1, np.int64), -(-n // together)
-    power, products = np.zeros((n, GROUPS, KINDS, POWERS)), np.zeros((n, GROUPS, 3))
+    main = np.zeros((paths, batches, MAIN))
+    batch = np.zeros(1, np.int64)
+    units = -(-n // together)
+    power = np.zeros((n, GROUPS, KINDS, POWERS))
+    products = np.zeros((n, GROUPS, 3))
     histogram = np.zeros((units, GROUPS, KINDS, BINS), np.uint32)
     section = np.zeros((units, 2, PHASES, VELOCITIES), np.uint32)
     return Sums(main, batch, power, products, histogram, section, together, scales)
@@ -90,7 +110,8 @@ def new_sums(paths: int, batches: int, scales: Scales, detail: bool = True, toge
 
 @shared_inline
 def cell_of(edges: Floats, value: float) -> int:
-    """The cell of a value between the outermost edges; values in order are in cells in order, whatever is rounded."""
+    """The cell of a value between the outermost edges; values in order are in cells in order,
+    whatever is rounded."""
     return min(int((value - edges[0]) / (edges[edges.size - 1] - edges[0]) * CELLS), CELLS - 1)
 
 
@@ -98,8 +119,8 @@ def cell_of(edges: Floats, value: float) -> int:
 def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
     """Number of edges at or below a value.
 
-    `first`: Number of edges in lower cells (`cell_of`), for each of the cells of equal width between the
-    outermost edges. Shapes: `first` (CELLS + 1,).
+    `first`: Number of edges in lower cells (`cell_of`), for each of the cells of equal width
+    between the outermost edges. Shapes: `first` (CELLS + 1,).
     """
     n = edges.size
     if value < edges[0]:
@@ -107,7 +128,8 @@ def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
     if value >= edges[n - 1]:
         return n
     cell = cell_of(edges, value)
-    low, high = int(first[cell]), int(first[cell + 1])
+    low = int(first[cell])
+    high = int(first[cell + 1])
     while low < high:
         middle = (low + high) // 2
         if edges[middle] <= value:
@@ -120,7 +142,8 @@ def bin_of(edges: Floats, first: NDArray[np.int16], value: float) -> int:
 @inline
 def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
     """Add the flight or the speed of an impact to a distribution of a group."""
-    scales, power = s.scales, s.power[p, g, i]
+    scales = s.scales
+    power = s.power[p, g, i]
     u = (value - scales.centre[g, i]) / scales.scale[g, i]
     square = u * u
     cube = square * u
@@ -132,7 +155,9 @@ def _add_value(s: Sums, p: int, g: int, i: int, value: float) -> None:
     power[5] += cube * square
     power[6] += cube * cube
     at = g if i == FLIGHT else 0  # speeds have the same edges in all groups
-    s.histogram[p // s.together, g, i, bin_of(scales.edges[at, i], scales.first[at, i], value)] += np.uint32(1)
+    s.histogram[p // s.together, g, i, bin_of(scales.edges[at, i], scales.first[at, i], value)] += (
+        np.uint32(1)
+    )
 
 
 @inline
@@ -140,7 +165,8 @@ def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
     """Count an impact by the phase and the velocity before it."""
     turns = tau / PERIOD
     phase = min(int((turns - math.floor(turns)) * PHASES), PHASES - 1)
-    low, high = s.scales.low[mesh - 1], s.scales.high[mesh - 1]
+    low = s.scales.low[mesh - 1]
+    high = s.scales.high[mesh - 1]
     place = (y - low) / (high - low)
     if 0.0 <= place < 1.0:
         s.section[p // s.together, mesh - 1, phase, int(place * VELOCITIES)] += np.uint32(1)
@@ -151,7 +177,8 @@ def _add_states(
     c: Constants, states: Floats, sine: Floats, cosine: Floats, walls: Floats, p: int, main: Floats
 ) -> None:
     """Add the states of a path, and their work."""
-    near1, near2 = 2.0 * NEAR * c.wall1, 2.0 * NEAR * c.wall2
+    near1 = 2.0 * NEAR * c.wall1
+    near2 = 2.0 * NEAR * c.wall2
     open1 = open2 = closed1 = closed2 = squared1 = squared2 = moved1 = moved2 = 0.0
     for k in range(len(states)):
         y1 = states[k, 1]
@@ -182,7 +209,8 @@ def _phases(drive: Any, tau: float, apart: float, n: int) -> tuple[Floats, Float
     """Sine and cosine of n times, or ``-f''`` and ``f'`` of several orders."""
     if len(drive) == 0:
         return np.sin(tau + apart * np.arange(n)), np.cos(tau + apart * np.arange(n))
-    sine, cosine = np.empty(n), np.empty(n)
+    sine = np.empty(n)
+    cosine = np.empty(n)
     for k in range(n):
         cosine[k], second = velocity_acceleration(drive, tau + apart * k)
         sine[k] = -second
@@ -203,15 +231,19 @@ def add_stretch(
 ) -> None:
     """Add the impacts and the states of a stretch to the sums of each path.
 
-    Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths or more,); `struck` (paths, 2); `states`
-    (paths, samples, 4); `walls` (4, paths or more), as they are at its end.
+    Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths or more,); `struck` (paths,
+    2); `states` (paths, samples, 4); `walls` (4, paths or more), as they are at its end.
     """
-    n, two, detail = states.shape[1], c.stages == 2, len(s.power) > 0
+    n = states.shape[1]
+    two = c.stages == 2
+    detail = len(s.power) > 0
     sine, cosine = _phases(c.drive, tau, apart, n)
     for p in range(len(rows)):
-        main, last = s.main[p, s.batch[0]], struck[p]
+        main = s.main[p, s.batch[0]]
+        last = struck[p]
         for k in range(impacts[p]):
-            now, mesh = rows[p, k, 0], abs(int(rows[p, k, 6]))
+            now = rows[p, k, 0]
+            mesh = abs(int(rows[p, k, 6]))
             y = rows[p, k, 2 * mesh + 1]
             slow = abs(y) < s.scales.slow
             lost = energy_loss(c, mesh, rows[p, k, 3], rows[p, k, 5])
@@ -221,7 +253,8 @@ def add_stretch(
             main[4 * g + ENERGY] += lost
             main[4 * g + SLOW] += slow
             if detail:
-                flight, own = now - max(last[0], last[1]), now - last[mesh - 1]
+                flight = now - max(last[0], last[1])
+                own = now - last[mesh - 1]
                 _add_value(s, p, 0, FLIGHT, flight)
                 s.products[p, 0, 1] += lost * flight
                 if two:
@@ -253,8 +286,9 @@ def no_scales(slow: float) -> Scales:
 def scales_of_pilot(seen: Floats, slow: float) -> Scales:
     """Scales from the impacts of a pilot run.
 
-    The edges of the bins are quantiles of the pilot run, densest in the tails, so that every quantile that is asked for
-    lies among bins of little probability, whatever the distribution looks like.
+    The edges of the bins are quantiles of the pilot run, densest in the tails, so that every
+    quantile that is asked for lies among bins of little probability, whatever the distribution
+    looks like.
 
     Shapes: `seen` (impacts, 4).
     """
@@ -265,7 +299,11 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
         if len(own) == 0:
             continue
         speed = np.abs(own[:, 3])
-        for i, values in ((FLIGHT, own[:, 1 if g == 0 else 2]), (SPEED, speed), (ABOVE, speed[speed >= slow])):
+        for i, values in (
+            (FLIGHT, own[:, 1 if g == 0 else 2]),
+            (SPEED, speed),
+            (ABOVE, speed[speed >= slow]),
+        ):
             if values.size == 0:
                 continue
             if g > 0 and i != FLIGHT:  # as for all impacts, which are the sum of both meshes
@@ -282,7 +320,8 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
         if g > 0:
             low, high = np.quantile(own[:, 3], [1e-4, 1.0 - 1e-4])
             room = MARGIN * (high - low) + 1e-9 * max(abs(low), abs(high), 1e-30)
-            s.low[g - 1], s.high[g - 1] = low - room, high + room
+            s.low[g - 1] = low - room
+            s.high[g - 1] = high + room
     return s
 
 
@@ -323,9 +362,14 @@ class Collected(NamedTuple):
 def collect(parts: list[Sums], batches: int, periods: int, stages: int) -> Collected:
     """Join the sums of all blocks of paths."""
     names = ("main", "power", "products", "histogram", "section")
-    main, power, products, *counts = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    main, power, products, *counts = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in names
+    )
     if stages == 2:  # all impacts: those at either mesh
         for sums in (power[:, :, SPEED:], products[:, :, 0], counts[0][:, :, SPEED:]):
             sums[:, 0] = sums[:, 1] + sums[:, 2]
-    together, scales = parts[0].together, parts[0].scales
-    return Collected(main[:, :batches], periods, power, products, counts[0], counts[1], together, scales, stages)
+    together = parts[0].together
+    scales = parts[0].scales
+    return Collected(
+        main[:, :batches], periods, power, products, counts[0], counts[1], together, scales, stages
+    )

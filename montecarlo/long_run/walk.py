@@ -1,8 +1,9 @@
-"""Paths followed without end: the kernel of `simulate`, then the sums, a stretch of steps at a time.
+"""Paths followed without end: the kernel of `simulate`, then the sums, a stretch of steps at a
+time.
 
-A block of paths goes through the compiled kernel of the exact flights for a part of a period; its impacts are added to
-sums, and it goes on.  Many stretches are one call, over which its overhead is spread.  A stretch has random numbers of
-its own: in stretch s path p has the number ``s 2^32 + p``.
+A block of paths goes through the compiled kernel of the exact flights for a part of a period; its
+impacts are added to sums, and it goes on.  Many stretches are one call, over which its overhead is
+spread.  A stretch has random numbers of its own: in stretch s path p has the number ``s 2^32 + p``.
 """
 
 import math
@@ -24,14 +25,15 @@ from rattle.scene.linear_algebra import put, put_row
 
 LANES = 128
 """Paths of a block: what all paths of a step share is computed once for so many."""
-ROOM = 33  # impacts of a path in a stretch for which there is space at first: little space stays in the cache
+# impacts of a path in a stretch for which there is space at first: little space stays in the cache
+ROOM = 33
 SHORTEST = 8  # stretches of a period at the most
 APART = 2**32  # between the numbers of a path in two stretches
 MANY = 256  # impacts of a path in a stretch from which on stretches become shorter
 RUN = block_kernel(EXACT)
 BEGIN, PERIODS, STRETCHES, LONG = range(4)
-"""Entries of `Block.counters`: step of the period at which the next stretch begins; periods and stretches followed so
-far; stretches of the period in which a path had very many impacts."""
+"""Entries of `Block.counters`: step of the period at which the next stretch begins; periods and
+stretches followed so far; stretches of the period in which a path had very many impacts."""
 
 
 class Block(NamedTuple):
@@ -46,8 +48,8 @@ class Block(NamedTuple):
     room: Room
     state: Floats  # states at the end of the last stretch; (paths, 4)
     struck: Floats  # time of the last impact at each mesh; (paths, 2)
-    # buffer of recorded states.  One more than is used: at powers of two, paths would share lines of the cache; (1,
-    # paths, samples + 1, 4)
+    # buffer of recorded states.  One more than is used: at powers of two, paths would share lines
+    # of the cache; (1, paths, samples + 1, 4)
     samples: Floats
     none: Floats  # output of no control variate; (0, 1, COLUMNS)
     counters: Ints  # of what `BEGIN` to `LONG` say
@@ -57,17 +59,20 @@ class Block(NamedTuple):
 def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     """The impacts of a stretch one below the other.
 
-    Returns: Mesh, time since the last impact and since the last one at this mesh, velocity at this mesh. Shapes:
-    result (impacts, 4).
+    Returns: Mesh, time since the last impact and since the last one at this mesh, velocity at this
+    mesh. Shapes: result (impacts, 4).
     """
     total = 0
     for p in range(len(rows)):
         total += impacts[p]
-    out, n = np.empty((total, 4)), 0
+    out = np.empty((total, 4))
+    n = 0
     for p in range(len(rows)):
         for k in range(impacts[p]):
-            mesh, tau = int(abs(rows[p, k, 6])), rows[p, k, 0]
-            out[n, 0], out[n, 3] = mesh, rows[p, k, 2 * mesh + 1]
+            mesh = int(abs(rows[p, k, 6]))
+            tau = rows[p, k, 0]
+            out[n, 0] = mesh
+            out[n, 3] = rows[p, k, 2 * mesh + 1]
             out[n, 1] = tau - max(struck[p, 0], struck[p, 1])
             out[n, 2] = tau - struck[p, mesh - 1]
             struck[p, mesh - 1] = tau
@@ -76,27 +81,45 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
 
 
 @jit
-def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until: int, length: int, sums: Sums) -> int:
+def follow_stretches(
+    b: Block, rows: Floats, fixed: Ints, stretches: int, until: int, length: int, sums: Sums
+) -> int:
     """Follow a block for some stretches.
 
-    `fixed`: Steps of a stretch after which states are recorded, and one beyond its end: the kernel retires no
-    path before all are past, and a path that it retires is overwritten by another. `stretches`, `until`, `length`:
-    Stretches to follow at most, the number of periods to end at: the end of a batch, and the periods of a batch.
-    Returns: 0; or, where a path had more impacts in a stretch than there is space for, how many.  The block is then
-    as before that stretch. Shapes: `rows` (1, paths, impacts, COLUMNS).
+    `fixed`: Steps of a stretch after which states are recorded, and one beyond its end: the kernel
+    retires no path before all are past, and a path that it retires is overwritten by another.
+    `stretches`, `until`, `length`: Stretches to follow at most, the number of periods to end at:
+    the end of a batch, and the periods of a batch. Returns: 0; or, where a path had more impacts in
+    a stretch than there is space for, how many.  The block is then as before that stretch. Shapes:
+    `rows` (1, paths, impacts, COLUMNS).
     """
-    count, samples = b.counters, fixed.size - 1
-    part, apart = fixed[samples - 1], fixed[0]
+    count = b.counters
+    samples = fixed.size - 1
+    part = fixed[samples - 1]
+    apart = fixed[0]
     between = apart * b.job.dt
     for _ in range(stretches):
         if count[PERIODS] == until:
             break
-        tau, number = b.job.tau + count[BEGIN] * b.job.dt, count[STRETCHES] * APART + b.first
+        tau = b.job.tau + count[BEGIN] * b.job.dt
+        number = count[STRETCHES] * APART + b.first
         for i in range(b.room.path.size):
             b.room.path[i] = Word(number + i)
-        walls, last, eta = b.every.walls[0].copy(), b.every.last.copy(), b.room.eta.copy()
+        walls = b.every.walls[0].copy()
+        last = b.every.last.copy()
+        eta = b.room.eta.copy()
         b.every.impacts[:] = 0
-        job = Job(b.job.c, b.job.backlash, b.job.key, tau, b.job.dt, b.job.scheme, b.job.two_point, part, b.job.memory)
+        job = Job(
+            b.job.c,
+            b.job.backlash,
+            b.job.key,
+            tau,
+            b.job.dt,
+            b.job.scheme,
+            b.job.two_point,
+            part,
+            b.job.memory,
+        )
         RUN(job, b.control, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
         own = b.every.impacts[0, : len(b.state)]
         most = 0
@@ -108,7 +131,8 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
             put_row(b.room.eta, eta)
             put(b.every.state[0, :, : own.size], b.state.T)
             return int(most)
-        states, at = b.samples[0, :, :samples], tau + between
+        states = b.samples[0, :, :samples]
+        at = tau + between
         if b.controls and len(sums.power) > 0:
             out = sums.main[:, sums.batch[0], NOISE:]
             add_noise_work(b.job.c, rows[0], own, b.state, states, at, between, out)
@@ -133,24 +157,29 @@ def follow_stretches(b: Block, rows: Floats, fixed: Ints, stretches: int, until:
 
 
 def steps_per_period(scene: Scene) -> int:
-    """Steps in a period of the excitation, a multiple of `SAMPLES`: those of exact flights or a little shorter."""
+    """Steps in a period of the excitation, a multiple of `SAMPLES`: those of exact flights or a
+    little shorter."""
     return SAMPLES * math.ceil(PERIOD / default_step(scene, "exact-flight") / SAMPLES - 1e-9)
 
 
-def _spread_starts(scene: Scene, state: Floats, walls: Floats, seed: np.random.SeedSequence, first: int) -> None:
+def _spread_starts(
+    scene: Scene, state: Floats, walls: Floats, seed: np.random.SeedSequence, first: int
+) -> None:
     """Put all paths but path 0, which has the scene's own start, anywhere between their walls.
 
     What all paths have in common at the end is then not what they had in common at the start.
 
     Shapes: `state`, `walls` (4, paths).
     """
-    c, others = scene.constants, slice(1 if first == 0 else 0, None)
+    c = scene.constants
+    others = slice(1 if first == 0 else 0, None)
     speed = min(c.wall1, c.wall2 if scene.stages == 2 else c.wall1) / time_scales(scene).crossing
     speed = speed if 0.0 < speed < math.inf else 1.0
     rng = np.random.default_rng(np.random.SeedSequence([*seed.generate_state(4), first]))
     u = rng.uniform(size=(4, walls.shape[1]))
     for stage in range(scene.stages):
-        high, low = walls[2 * stage], walls[2 * stage + 1]
+        high = walls[2 * stage]
+        low = walls[2 * stage + 1]
         state[2 * stage, others] = (-low + (0.01 + 0.98 * u[2 * stage]) * (high + low))[others]
         state[2 * stage + 1, others] = (speed * (2.0 * u[2 * stage + 1] - 1.0))[others]
 
@@ -160,14 +189,39 @@ class Walk:
 
     def __init__(self, scene: Scene, seed: np.random.SeedSequence, first: int, paths: int) -> None:
         self.paths, self.steps = paths, steps_per_period(scene)
-        plan = Plan(scene, paths, 0, PERIOD / self.steps, "exact-flight", seed, 0, np.empty(0, np.int64), {}, 1)
+        plan = Plan(
+            scene,
+            paths,
+            0,
+            PERIOD / self.steps,
+            "exact-flight",
+            seed,
+            0,
+            np.empty(0, np.int64),
+            {},
+            1,
+        )
         job, every, room = begin_block(plan, first, paths)
         state = every.state[0, :, :paths]
         _spread_starts(scene, state, every.walls[0, :, :paths], seed, first)
-        controls, struck = has_controls(scene.constants), np.full((paths, 2), scene.phase)
-        samples, none, counters = np.empty((1, paths, SAMPLES + 1, 4)), np.zeros((0, 1, COLUMNS)), np.zeros(4, np.int64)
+        controls = has_controls(scene.constants)
+        struck = np.full((paths, 2), scene.phase)
+        samples = np.empty((1, paths, SAMPLES + 1, 4))
+        none = np.zeros((0, 1, COLUMNS))
+        counters = np.zeros(4, np.int64)
         self._block = Block(
-            job, plan.control, controls, first, self.steps, every, room, state.T.copy(), struck, samples, none, counters
+            job,
+            plan.control,
+            controls,
+            first,
+            self.steps,
+            every,
+            room,
+            state.T.copy(),
+            struck,
+            samples,
+            none,
+            counters,
         )
         self._fixed, self._rows = self._instants(self.steps), np.empty((1, paths, ROOM, COLUMNS))
 
@@ -176,12 +230,17 @@ class Walk:
         """Periods followed so far."""
         return int(self._block.counters[PERIODS])
 
-    def follow(self, sums: Sums, periods: int = 1, length: int = 1, seen: list[Floats] | None = None) -> None:
+    def follow(
+        self, sums: Sums, periods: int = 1, length: int = 1, seen: list[Floats] | None = None
+    ) -> None:
         """Follow all paths for some periods, batches of a given length, and add what they do.
 
         `seen`: Takes every impact.
         """
-        b, rows, until, batch = self._block, self._rows, self.periods + periods, sums.batch[0]
+        b = self._block
+        rows = self._rows
+        until = self.periods + periods
+        batch = sums.batch[0]
         while self.periods < until:
             at_once = SHORTEST * periods if seen is None and rows is self._rows else 1
             struck = b.struck.copy()
@@ -199,11 +258,13 @@ class Walk:
         sums.batch[0] = batch
 
     def _shorten(self) -> None:
-        """Take shorter stretches from the next period on if some of this period had very many impacts.
+        """Take shorter stretches from the next period on if some of this period had very many
+        impacts.
 
         What happens in a stretch must not choose its own end.
         """
-        part, least = int(self._fixed[-2]), self.steps // SHORTEST
+        part = int(self._fixed[-2])
+        least = self.steps // SHORTEST
         for _ in range(int(self._block.counters[LONG])):
             part = part // 2 if part > least else part
         self._block.counters[LONG] = 0

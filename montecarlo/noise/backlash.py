@@ -1,4 +1,5 @@
-"""Random half gaps: the flank positions of each path at the start and after a redraw (docs/model.md section 4)."""
+"""Random half gaps: the flank positions of each path at the start and after a redraw (docs/model.md
+section 4)."""
 
 from typing import NamedTuple
 
@@ -26,8 +27,11 @@ class Backlash(NamedTuple):
 def backlash_of(scene: Scene) -> Backlash:
     """Backlash of a scene."""
     t = scene.tolerance or Tolerance(distribution="fixed")
-    kind, random = DISTRIBUTIONS[t.distribution], t.distribution != "fixed"
-    return Backlash(scene.gap1, scene.gap2, t.c1_max, t.c2_max, kind, random, random and t.draw == "contact")
+    kind = DISTRIBUTIONS[t.distribution]
+    random = t.distribution != "fixed"
+    return Backlash(
+        scene.gap1, scene.gap2, t.c1_max, t.c2_max, kind, random, random and t.draw == "contact"
+    )
 
 
 @lean_internal
@@ -35,7 +39,8 @@ def _deviation(key: Key, path: Word, contact: Word, distribution: int) -> float:
     """Deviation number `contact` of a path, in units of c_max."""
     if distribution == 0:
         return 1.0
-    first, purpose = contact * ATTEMPTS, Word(CONTACT)
+    first = contact * ATTEMPTS
+    purpose = Word(CONTACT)
     if distribution == 1:
         return 2.0 * uniforms(key, path, first, purpose)[0] - 1.0
     for attempt in range(ATTEMPTS):
@@ -54,16 +59,19 @@ def half_gap(b: Backlash, key: Key, path: Word, contact: Word, mesh: int) -> flo
 
 @lean_internal
 def first_half_gap(b: Backlash, key: Key, path: Word, flank: int) -> float:
-    """Half gap of a flank at the start; both flanks of a mesh share a draw unless impacts redraw them."""
+    """Half gap of a flank at the start; both flanks of a mesh share a draw unless impacts redraw
+    them."""
     draw = flank if b.redrawn else 2 * (flank // 2)
     return half_gap(b, key, path, Word(draw), 1 + flank // 2)
 
 
 @lean
 def draw_walls(b: Backlash, key: Key, first: int, walls: Floats) -> None:
-    """Distances of the flanks +1, -1, +2, -2 from the middle of their gap at the start, into `walls`.
+    """Distances of the flanks +1, -1, +2, -2 from the middle of their gap at the start, into
+    `walls`.
 
-    `walls`: Output.  Draws 0 to 3 belong to the flanks; impact k uses draw 4 + k. Shapes: `walls` (4, paths).
+    `walls`: Output.  Draws 0 to 3 belong to the flanks; impact k uses draw 4 + k. Shapes: `walls`
+    (4, paths).
     """
     for flank in range(4):
         for p in range(walls.shape[1]):

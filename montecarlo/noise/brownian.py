@@ -1,8 +1,10 @@
-"""Brownian motion on an interval as its increment and space-time Lévy area: exact splitting and joining.
+"""Brownian motion on an interval as its increment and space-time Lévy area: exact splitting and
+joining.
 
-On a time h the increment W and the area ``A = int (s / h - 1/2) dB`` are independent with variances h and h / 12: the
-first two coefficients of the noise in shifted Legendre polynomials.  (A is minus the space-time Lévy area of Foster,
-Lyons and Oberhauser.)  Given both, those of two subintervals are Gaussian: a rotation of four standard normals.
+On a time h the increment W and the area ``A = int (s / h - 1/2) dB`` are independent with variances
+h and h / 12: the first two coefficients of the noise in shifted Legendre polynomials.  (A is minus
+the space-time Lévy area of Foster, Lyons and Oberhauser.)  Given both, those of two subintervals
+are Gaussian: a rotation of four standard normals.
 
 References
 ----------
@@ -21,8 +23,8 @@ class Noise(NamedTuple):
     """Brownian motion on a time h."""
 
     increment: float  # of variance h
-    # ``int (s / h - 1/2) dB``, of variance h / 12: minus the space-time Lévy area.  The Euler-Maruyama schemes do not
-    # use it and leave it zero
+    # ``int (s / h - 1/2) dB``, of variance h / 12: minus the space-time Lévy area.  The
+    # Euler-Maruyama schemes do not use it and leave it zero
     area: float
 
 
@@ -36,7 +38,8 @@ def split(whole: Noise, h: float, share: float, z1: float, z2: float) -> tuple[N
     inside = 1.0 - 3.0 * share * rest
     spread = math.sqrt(h * share * rest / inside)
     first = share * (whole.increment - 6.0 * rest * whole.area) + spread * inside * z1
-    common, apart = whole.area + 0.5 * spread * z1, spread * ROOT12_INVERSE * z2
+    common = whole.area + 0.5 * spread * z1
+    apart = spread * ROOT12_INVERSE * z2
     return (
         Noise(first, share * share * common + rest * apart),
         Noise(whole.increment - first, rest * rest * common - share * apart),
@@ -49,5 +52,7 @@ def join(first: Noise, second: Noise, share: float) -> Noise:
     rest = 1.0 - share
     return Noise(
         first.increment + second.increment,
-        share * first.area + rest * second.area + 0.5 * (share * second.increment - rest * first.increment),
+        share * first.area
+        + rest * second.area
+        + 0.5 * (share * second.increment - rest * first.increment),
     )

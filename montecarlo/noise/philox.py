@@ -1,7 +1,8 @@
-"""Random numbers as a function of (seed, path, index, purpose): Philox 4x32-10 and the Box-Muller transform.
+"""Random numbers as a function of (seed, path, index, purpose): Philox 4x32-10 and the Box-Muller
+transform.
 
-There is no generator state.  What a path draws depends on the seed and on its own number only: not on workers, blocks,
-lanes or other paths.
+There is no generator state.  What a path draws depends on the seed and on its own number only: not
+on workers, blocks, lanes or other paths.
 
 References
 ----------
@@ -20,23 +21,37 @@ from rattle.scene.compiled import float_of, fma, inline, lean, widest_vectors, w
 
 LEVELS = 3  # dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)
 
-STEP, CONTACT, BRIDGE, MEMORY = 0, 1, 2, 100
-"""Purposes, that is, substreams: noise of the steps; half gaps; splits within a step (`BRIDGE` + level); noise with a
-memory at the start."""
+STEP = 0
+CONTACT = 1
+BRIDGE = 2
+MEMORY = 100
+"""Purposes, that is, substreams: noise of the steps; half gaps; splits within a step (`BRIDGE` +
+level); noise with a memory at the start."""
 
 Word = np.uint64
-LOW, HALF = Word(0xFFFFFFFF), Word(32)
-FACTOR_0, FACTOR_1 = Word(0xD2511F53), Word(0xCD9E8D57)
-WEYL_0, WEYL_1 = Word(0x9E3779B9), Word(0xBB67AE85)
-INDEX_BITS = Word(24)  # the index has the lower 24 bits of the fourth counter word, the purpose the upper 8
+LOW = Word(0xFFFFFFFF)
+HALF = Word(32)
+FACTOR_0 = Word(0xD2511F53)
+FACTOR_1 = Word(0xCD9E8D57)
+WEYL_0 = Word(0x9E3779B9)
+WEYL_1 = Word(0xBB67AE85)
+# the index has the lower 24 bits of the fourth counter word, the purpose the upper 8
+INDEX_BITS = Word(24)
 
-RADIUS, ANGLE, SIGN = Word(2**40 - 1), Word(0x7FFFFF00), Word(2**63)
-"""The 64 bits of a Box-Muller pair: of the radius (32 of one word, 8 of the other), of the angle, of its half plane."""
-TWO_52, ONE = Word(0x4330000000000000), Word(0x3FF0000000000000)  # bits of 2^52, below which integers n fit as 2^52 + n
-MANTISSA, EXPONENT = Word(2**52 - 1), Word(52)
+RADIUS = Word(2**40 - 1)
+ANGLE = Word(0x7FFFFF00)
+SIGN = Word(2**63)
+"""The 64 bits of a Box-Muller pair: of the radius (32 of one word, 8 of the other), of the angle,
+of its half plane."""
+# bits of 2^52, below which integers n fit as 2^52 + n
+TWO_52 = Word(0x4330000000000000)
+ONE = Word(0x3FF0000000000000)
+MANTISSA = Word(2**52 - 1)
+EXPONENT = Word(52)
 LN2 = math.log(2.0)
 
-# Minimax polynomials: -2 log(1 - g / 2) / g on (0, 1]; sin(pi t / 2) / t and cos(pi t / 2) in t^2 on (-1, 1)
+# Minimax polynomials: -2 log(1 - g / 2) / g on (0, 1]; sin(pi t / 2) / t and cos(pi t / 2) in t^2
+# on (-1, 1)
 LOG = (
     1.0000000005554142,
     0.24999986889612788,
@@ -86,14 +101,23 @@ def key_of(seed: np.random.SeedSequence) -> Key:
 
 @inline
 def words(key: Key, path: Word, index: Word, purpose: Word) -> tuple[Word, Word, Word, Word]:
-    """Four random 32-bit words (each in a uint64): Philox 4x32-10 of the counter (path, index, purpose)."""
-    c0, c1, c2 = path, path >> HALF, index
+    """Four random 32-bit words (each in a uint64): Philox 4x32-10 of the counter (path, index,
+    purpose)."""
+    c0 = path
+    c1 = path >> HALF
+    c2 = index
     c3 = (index >> HALF) | (purpose << INDEX_BITS)
-    k0, k1 = key.low, key.high
+    k0 = key.low
+    k1 = key.high
     for _ in range(10):
-        p0, p1 = FACTOR_0 * (c0 & LOW), FACTOR_1 * (c2 & LOW)
-        c0, c1, c2, c3 = (p1 >> HALF) ^ c1 ^ k0, p1, (p0 >> HALF) ^ c3 ^ k1, p0
-        k0, k1 = k0 + WEYL_0, k1 + WEYL_1
+        p0 = FACTOR_0 * (c0 & LOW)
+        p1 = FACTOR_1 * (c2 & LOW)
+        c0 = (p1 >> HALF) ^ c1 ^ k0
+        c1 = p1
+        c2 = (p0 >> HALF) ^ c3 ^ k1
+        c3 = p0
+        k0 = k0 + WEYL_0
+        k1 = k1 + WEYL_1
     return c0 & LOW, c1 & LOW, c2 & LOW, c3 & LOW
 
 
@@ -110,10 +134,11 @@ def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, f
 
 @inline
 def _square_of_radius(bits: Word) -> float:
-    """``-2 log u`` for ``u = (bits + 1/2) / 2^40``, to 8e-10 of it; vectorises, and has no division.
+    """``-2 log u`` for ``u = (bits + 1/2) / 2^40``, to 8e-10 of it; vectorises, and has no
+    division.
 
-    With ``bits + 1/2 = 2^e (2 - g)``, g in (0, 1], it is ``2 log 2 (39 - e) - 2 log(1 - g / 2)``; the second term is g
-    times a polynomial.
+    With ``bits + 1/2 = 2^e (2 - g)``, g in (0, 1], it is ``2 log 2 (39 - e) - 2 log(1 - g / 2)``;
+    the second term is g times a polynomial.
     """
     v = float_of(bits | TWO_52) - (2.0**52 - 0.5)
     seen = word_of(v)
@@ -127,10 +152,12 @@ def _square_of_radius(bits: Word) -> float:
 
 @inline
 def _half_circle(angle: Word) -> tuple[float, float]:
-    """Cosine and sine of ``pi / 2 t``, ``t = (a + 1/2) / 2^22 - 1`` where ``angle = 256 a``, a below 2^23; to 3e-11."""
+    """Cosine and sine of ``pi / 2 t``, ``t = (a + 1/2) / 2^22 - 1`` where ``angle = 256 a``, a
+    below 2^23; to 3e-11."""
     t = float_of(angle | TWO_52) - (2.0**52 + 2.0**30 - 128.0)  # in units of 2^-30
     z = t * t
-    sine, cosine = SINE[-1], COSINE[-1]
+    sine = SINE[-1]
+    cosine = COSINE[-1]
     for i in range(len(SINE) - 2, -1, -1):
         sine = fma(z, sine, SINE[i])
     for i in range(len(COSINE) - 2, -1, -1):
@@ -140,11 +167,12 @@ def _half_circle(angle: Word) -> tuple[float, float]:
 
 @inline
 def _pair(high: Word, low: Word) -> tuple[float, float]:
-    """Two independent standard normals from 64 bits by Box-Muller: 40 bits for the radius, 24 for the angle.
+    """Two independent standard normals from 64 bits by Box-Muller: 40 bits for the radius, 24 for
+    the angle.
 
-    The radius is at most 7.5, which truncates a probability of 1e-12.  The 2^24 angles are equally spaced, so that low
-    moments of the direction are exact: 2^23 of them on the right half of the circle, and a bit for the left half.
-    Normals are within 5e-10 of those of the exact functions.
+    The radius is at most 7.5, which truncates a probability of 1e-12.  The 2^24 angles are equally
+    spaced, so that low moments of the direction are exact: 2^23 of them on the right half of the
+    circle, and a bit for the left half. Normals are within 5e-10 of those of the exact functions.
     """
     bits = (high | (low << HALF)) & RADIUS
     radius = math.sqrt(_square_of_radius(bits))
@@ -166,13 +194,16 @@ def normals(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, fl
 def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z: Floats) -> None:
     """Four standard normals of every lane for one index of the substream `STEP`; vectorises.
 
-    In three loops, with the words where their normals will be: in one, a processor waits for the words of a vector
-    before it can begin with the next.
+    In three loops, with the words where their normals will be: in one, a processor waits for the
+    words of a vector before it can begin with the next.
 
     Shapes: `paths` (lanes or more,); `z` (4, lanes or more).
     """
     widest_vectors()
-    z0, z1, z2, z3 = z[0], z[1], z[2], z[3]
+    z0 = z[0]
+    z1 = z[1]
+    z2 = z[2]
+    z3 = z[3]
     for p in range(lanes):
         a, b, c, d = words(key, paths[p], index, Word(STEP))
         z0[p], z1[p], z2[p], z3[p] = float_of(a), float_of(b), float_of(c), float_of(d)
@@ -191,7 +222,8 @@ def bits_of(key: Key, path: Word, index: Word) -> Word:
 
 @inline
 def sign_of(bits: Word, place: int) -> float:
-    """Two-point increment +1 or -1 from one bit; its first three moments are those of a standard normal."""
+    """Two-point increment +1 or -1 from one bit; its first three moments are those of a standard
+    normal."""
     return float_of(((bits << Word(63 - place)) & SIGN) | ONE)
 
 

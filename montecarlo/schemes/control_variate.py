@@ -1,9 +1,11 @@
-"""The linearised path as a control variate: first order in the noise, driven by the path's own noise.
+"""The linearised path as a control variate: first order in the noise, driven by the path's own
+noise.
 
-A perturbation of the noise-free orbit obeys the linear flight, and at each impact the saltation matrix (docs/model.md
-section 6); at a path's own impact it changes the time by ``-xi_i / y_i`` and the state by ``(I - F- g' / (g' F-)) xi``.
-Step by step this is a linear map of the normals: its mean is zero and its variance is known without sampling, so it
-never adds a bias, however bad the approximation is.
+A perturbation of the noise-free orbit obeys the linear flight, and at each impact the saltation
+matrix (docs/model.md section 6); at a path's own impact it changes the time by ``-xi_i / y_i`` and
+the state by ``(I - F- g' / (g' F-)) xi``. Step by step this is a linear map of the normals: its
+mean is zero and its variance is known without sampling, so it never adds a bias, however bad the
+approximation is.
 """
 
 from functools import lru_cache
@@ -24,7 +26,8 @@ from rattle.scene.linear_algebra import image, product, transform
 MOST_STEPS = 100_000  # of the linearised path; later impacts have no control variate
 LONGEST = 1e3  # flight of the orbit; after a longer one it is not followed
 FEWEST = 32  # paths of a regression; with three its residuals would be zero
-GRAZE = 1e-6  # impact speed, over the largest of alpha, gamma1 and initial speeds, below which it is grazing
+# impact speed, over the largest of alpha, gamma1 and initial speeds, below which it is grazing
+GRAZE = 1e-6
 
 
 class LinearPath(NamedTuple):
@@ -35,12 +38,15 @@ class LinearPath(NamedTuple):
 
     carry: Floats  # propagator of the perturbation over a step; (steps, 5, 5)
     noise: Floats  # effect of the two standard normals of a step; (steps, 2, 5)
-    at_step: Ints  # step in which the orbit has each impact; impacts that it does not have are left out; (impacts,)
-    # read, read_noise: from the perturbation at the start of that step, and from its normals, to the section
-    # quantities; (impacts, 6, 5) and (impacts, 2, 6)
+    # step in which the orbit has each impact; impacts that it does not have are left out;
+    # (impacts,)
+    at_step: Ints
+    # read, read_noise: from the perturbation at the start of that step, and from its normals, to
+    # the section quantities; (impacts, 6, 5) and (impacts, 2, 6)
     read: Floats
     read_noise: Floats
-    variance: Floats  # of the section quantities; zero at impacts that the orbit does not have; (all impacts, 6)
+    # of the section quantities; zero at impacts that the orbit does not have; (all impacts, 6)
+    variance: Floats
 
 
 def no_control() -> LinearPath:
@@ -50,12 +56,22 @@ def no_control() -> LinearPath:
 
 def _blank_path(steps: int, found: int, impacts: int) -> LinearPath:
     """A linearised path to be filled, of so many steps and impacts of the orbit."""
-    carry, noise, at_step = np.empty((steps, 5, 5)), np.empty((steps, 2, 5)), np.empty(found, np.int64)
-    return LinearPath(carry, noise, at_step, np.empty((found, 6, 5)), np.empty((found, 2, 6)), np.zeros((impacts, 6)))
+    carry = np.empty((steps, 5, 5))
+    noise = np.empty((steps, 2, 5))
+    at_step = np.empty(found, np.int64)
+    return LinearPath(
+        carry,
+        noise,
+        at_step,
+        np.empty((found, 6, 5)),
+        np.empty((found, 2, 6)),
+        np.zeros((impacts, 6)),
+    )
 
 
 class LinearImpact(NamedTuple):
-    """An impact of the orbit, as linear maps of the perturbation and of the time of the impact before."""
+    """An impact of the orbit, as linear maps of the perturbation and of the time of the impact
+    before."""
 
     tau: float
     read: Floats  # to the section quantities; (6, 5)
@@ -64,7 +80,9 @@ class LinearImpact(NamedTuple):
 
 def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
     """The orbit's impacts, until it grazes or ends."""
-    c, tau, found = scene.constants, scene.phase, []
+    c = scene.constants
+    tau = scene.phase
+    found = []
     x1, y1, x2, y2 = first_state(scene)
     fastest = max(c.alpha, c.gamma1, abs(y1), abs(y2))
     for _ in range(impacts):
@@ -93,13 +111,22 @@ def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
 
 
 def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tuple[Floats, Floats]:
-    """Propagator over a part of a step of length h, from `begin` for `span`, and the effect of the step's normals."""
-    carry, noise = np.eye(5), np.zeros((2, 5))
+    """Propagator over a part of a step of length h, from `begin` for `span`, and the effect of the
+    step's normals."""
+    carry = np.eye(5)
+    noise = np.zeros((2, 5))
     carry[:4, :4] = jacobian(c, span)
     part = span / h
-    increment, area = np.sqrt(h), np.sqrt(h / 12.0)
+    increment = np.sqrt(h)
+    area = np.sqrt(h / 12.0)
     noise[0, :4] = kick(c, tau + begin, span, increment * part, 0.0)
-    noise[1, :4] = kick(c, tau + begin, span, 12.0 * area * part * ((begin + 0.5 * span) / h - 0.5), area * part * part)
+    noise[1, :4] = kick(
+        c,
+        tau + begin,
+        span,
+        12.0 * area * part * ((begin + 0.5 * span) / h - 0.5),
+        area * part * part,
+    )
     return carry, noise
 
 
@@ -107,29 +134,48 @@ def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tu
 def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     """The linearised path of a scene at a step."""
     c = scene.constants
-    orbit = [impact for impact in orbit_impacts(scene, impacts) if impact.tau - scene.phase < MOST_STEPS * dt]
+    orbit = [
+        impact
+        for impact in orbit_impacts(scene, impacts)
+        if impact.tau - scene.phase < MOST_STEPS * dt
+    ]
     steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
     program = _blank_path(steps, len(orbit), impacts)
-    covariance, k = np.zeros((5, 5)), 0
+    covariance = np.zeros((5, 5))
+    k = 0
     for n in range(steps):
-        tau, at = scene.phase + n * dt, 0.0
-        carry, noise, first = np.eye(5), np.zeros((2, 5)), k
-        while k < len(orbit) and (orbit[k].tau < tau + dt or n == steps - 1):  # the last in spite of rounding
+        tau = scene.phase + n * dt
+        at = 0.0
+        carry = np.eye(5)
+        noise = np.zeros((2, 5))
+        first = k
+        while k < len(orbit) and (
+            orbit[k].tau < tau + dt or n == steps - 1
+        ):  # the last in spite of rounding
             span = orbit[k].tau - tau - at
             linear, pushed = _flight(c, tau, at, dt, span)
-            carry, noise = product(linear, carry), product(noise, linear.T) + pushed
+            carry = product(linear, carry)
+            noise = product(noise, linear.T) + pushed
             program.at_step[k] = n
-            program.read[k], program.read_noise[k] = product(orbit[k].read, carry), product(noise, orbit[k].read.T)
+            program.read[k], program.read_noise[k] = (
+                product(orbit[k].read, carry),
+                product(noise, orbit[k].read.T),
+            )
             program.variance[k] = np.diagonal(transform(program.read[k], covariance))
             program.variance[k] += (program.read_noise[k] ** 2).sum(axis=0)
-            carry, noise = product(orbit[k].carry, carry), product(noise, orbit[k].carry.T)
-            at, k = at + span, k + 1
+            carry = product(orbit[k].carry, carry)
+            noise = product(noise, orbit[k].carry.T)
+            at = at + span
+            k = k + 1
         linear, pushed = _flight(c, tau, at, dt, dt - at)
         if k > first:
             linear, pushed = product(linear, carry), product(noise, linear.T) + pushed
-        program.carry[n], program.noise[n] = linear, pushed
+        program.carry[n] = linear
+        program.noise[n] = pushed
         drawn = program.noise[n]
-        covariance = transform(program.carry[n], covariance) + sum(np.multiply.outer(v, v) for v in drawn)
+        covariance = transform(program.carry[n], covariance) + sum(
+            np.multiply.outer(v, v) for v in drawn
+        )
     return program
 
 
@@ -148,10 +194,12 @@ def carry_along(
 ) -> int:
     """Carry the perturbations of all lanes through step n.
 
-    Shapes: `numbers` (lanes,); `xi` (5, lanes); `w`, `area` (lanes,); `controls` (paths, impacts, COLUMNS).
+    Shapes: `numbers` (lanes,); `xi` (5, lanes); `w`, `area` (lanes,); `controls` (paths, impacts,
+    COLUMNS).
     """
     while done < path.at_step.size and path.at_step[done] == n:
-        read, noise = path.read[done], path.read_noise[done]
+        read = path.read[done]
+        noise = path.read_noise[done]
         for p in range(live):
             row = int(numbers[p]) - first
             for i in range(6):
@@ -161,15 +209,30 @@ def carry_along(
                 controls[row, done, i] = total
         done += 1
     if done < path.at_step.size:
-        carry, noise = path.carry[n], path.noise[n]
-        x1, y1, x2, y2, last = xi[0], xi[1], xi[2], xi[3], xi[4]
+        carry = path.carry[n]
+        noise = path.noise[n]
+        x1 = xi[0]
+        y1 = xi[1]
+        x2 = xi[2]
+        y2 = xi[3]
+        last = xi[4]
         for p in range(live):
-            a, b, c, d, e = x1[p], y1[p], x2[p], y2[p], last[p]
+            a = x1[p]
+            b = y1[p]
+            c = x2[p]
+            d = y2[p]
+            e = last[p]
             x1[p] = carry[0, 0] * a + carry[0, 1] * b + carry[0, 2] * c + carry[0, 3] * d
             y1[p] = carry[1, 0] * a + carry[1, 1] * b + carry[1, 2] * c + carry[1, 3] * d
             x2[p] = carry[2, 0] * a + carry[2, 1] * b + carry[2, 2] * c + carry[2, 3] * d
             y2[p] = carry[3, 0] * a + carry[3, 1] * b + carry[3, 2] * c + carry[3, 3] * d
-            last[p] = carry[4, 0] * a + carry[4, 1] * b + carry[4, 2] * c + carry[4, 3] * d + carry[4, 4] * e
+            last[p] = (
+                carry[4, 0] * a
+                + carry[4, 1] * b
+                + carry[4, 2] * c
+                + carry[4, 3] * d
+                + carry[4, 4] * e
+            )
         for i in range(5):
             for p in range(live):
                 xi[i, p] += noise[0, i] * w[p] + noise[1, i] * area[p]
@@ -177,21 +240,27 @@ def carry_along(
 
 
 def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats]:
-    """Mean and sd of a quantity with standard errors, by regression on a control variate of known variance.
+    """Mean and sd of a quantity with standard errors, by regression on a control variate of known
+    variance.
 
-    The quantity and its square are regressed on the control variate l and on ``l^2``, whose expectations are known
-    (Glasserman 2003, section 4.1), but not in cells where l does not vary, which some paths have not reached, or which
-    fewer than `FEWEST` have.  Nor where that gives something impossible, as it may with few paths: a variance that is
-    not positive, or (then for all times and flights together) mean impact times out of order or negative mean flights.
+    The quantity and its square are regressed on the control variate l and on ``l^2``, whose
+    expectations are known (Glasserman 2003, section 4.1), but not in cells where l does not vary,
+    which some paths have not reached, or which fewer than `FEWEST` have.  Nor where that gives
+    something impossible, as it may with few paths: a variance that is not positive, or (then for
+    all times and flights together) mean impact times out of order or negative mean flights.
 
-    `sums`: Of the quantity (first) and the control variate (second), orders `PAIR`, shape (impacts, quantities of
-    `SECTION`). Shapes: `variance` (impacts, quantities); result (impacts, quantities).
+    `sums`: Of the quantity (first) and the control variate (second), orders `PAIR`, shape (impacts,
+    quantities of `SECTION`). Shapes: `variance` (impacts, quantities); result (impacts,
+    quantities).
     """
-    n, m = sums.n, sums.moment
+    n = sums.n
+    m = sums.moment
     reached = n == n.max()
     usable = (variance > 0.0) & reached & (n >= FEWEST) & (m(0, 2) > 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        m02, m03, m20 = m(0, 2), m(0, 3), m(2, 0)
+        m02 = m(0, 2)
+        m03 = m(0, 3)
+        m20 = m(2, 0)
         m04 = m(0, 4) - m02**2
         determinant = m02 * m04 - m03**2
         usable &= determinant > 0.0
@@ -201,7 +270,8 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
         off_square = variance + sums.mean[1] ** 2 - m02
 
         def regress(g1: Floats, g2: Floats, spread: Floats) -> tuple[Floats, Floats]:
-            b1, b2 = (m04 * g1 - m03 * g2) / determinant, (m02 * g2 - m03 * g1) / determinant
+            b1 = (m04 * g1 - m03 * g2) / determinant
+            b2 = (m02 * g2 - m03 * g1) / determinant
             return b1 * off + b2 * off_square, np.maximum(spread - b1 * g1 - b2 * g2, 0.0)
 
         square = m(4, 0) - m20**2
@@ -209,7 +279,8 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
         change, left_square = regress(m(2, 1), m(2, 2) - m20 * m02, square)
         usable &= m20 + change - shift**2 > 0.0
         usable[:, :2] &= _in_order(sums.mean[0] + np.where(usable, shift, 0.0), reached)
-        shift, change = np.where(usable, shift, 0.0), np.where(usable, change, 0.0)
+        shift = np.where(usable, shift, 0.0)
+        change = np.where(usable, change, 0.0)
         se_mean = np.sqrt(np.where(usable, left, np.maximum(m20, 0.0)) / n)
         se_square = np.sqrt(np.where(usable, left_square, np.maximum(square, 0.0)) / n)
         sd = np.sqrt(np.maximum(m20 + change - shift**2, 0.0))
@@ -222,6 +293,8 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
 
 
 def _in_order(mean: Floats, reached: Bools) -> bool:
-    """Whether mean impact times ascend and no mean flight is negative, over the impacts that all paths have reached."""
-    tau, flight = mean[reached[:, 0], 0], mean[reached[:, 1], 1]
+    """Whether mean impact times ascend and no mean flight is negative, over the impacts that all
+    paths have reached."""
+    tau = mean[reached[:, 0], 0]
+    flight = mean[reached[:, 1], 1]
     return bool((np.diff(tau) >= 0.0).all() and (flight >= 0.0).all())

@@ -1,9 +1,11 @@
-"""Where a path may meet a wall between two known states: the cubic between them and the noise about it.
+"""Where a path may meet a wall between two known states: the cubic between them and the noise about
+it.
 
-Given both end states of a time h and the noise's increment and area, the displacement inside deviates from the cubic
-Hermite interpolant by a Gaussian of sd at most ``sigma m h^(3/2) (s (1 - s))^(3/2) / sqrt(3)`` at the share s of the
-time, m the modulation of the noise.  A cubic lies between its Bernstein coefficients, and one that stays away from the
-walls by `MARGIN_SDS` such sds has no impact.
+Given both end states of a time h and the noise's increment and area, the displacement inside
+deviates from the cubic Hermite interpolant by a Gaussian of sd at most ``sigma m h^(3/2) (s (1 -
+s))^(3/2) / sqrt(3)`` at the share s of the time, m the modulation of the noise.  A cubic lies
+between its Bernstein coefficients, and one that stays away from the walls by `MARGIN_SDS` such sds
+has no impact.
 """
 
 import math
@@ -12,11 +14,19 @@ from rattle.montecarlo.schemes.short_flight import Phase, State
 from rattle.montecarlo.schemes.step_state import Walls
 from rattle.scene import Constants
 from rattle.scene.compiled import inline, lean, lean_internal
-from rattle.scene.drive import highest_order, most_acceleration, most_modulation, most_modulation_rate, most_velocity
+from rattle.scene.drive import (
+    highest_order,
+    most_acceleration,
+    most_modulation,
+    most_modulation_rate,
+    most_velocity,
+)
 
-MARGIN_SDS = 6.0  # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
+# bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
+MARGIN_SDS = 6.0
 CLOSE = 1e-10  # distance to the wall, in half gaps, at which an impact is accepted at any speed
-SCALE = 1.0 / (6.0 * math.sqrt(3.0))  # margin on the inner Bernstein coefficients that covers (s (1-s))^1.5 / sqrt(3)
+# margin on the inner Bernstein coefficients that covers (s (1-s))^1.5 / sqrt(3)
+SCALE = 1.0 / (6.0 * math.sqrt(3.0))
 SHORTEST = 1e-12  # share at which a trial is cut
 SETTLED = 1e-8  # relative change of a root at which its search ends
 PIECES = 8  # of the interval in which the first zero of a cubic that turns is looked for
@@ -24,50 +34,65 @@ PIECES = 8  # of the interval in which the first zero of a cubic that turns is l
 
 @lean
 def margins(c: Constants, sine: float, cosine: float, h: float) -> tuple[float, float]:
-    """Margins on the inner Bernstein coefficients of both stages' cubics, for noise and for the interpolation error.
+    """Margins on the inner Bernstein coefficients of both stages' cubics, for noise and for the
+    interpolation error.
 
-    A stage has no impact if its coefficients stay away from the walls by its margin.  The noise is taken at its largest
-    modulation in this time, not at its largest ever: where the modulation vanishes, a path that sticks to its wall must
-    not be cut as if it were noisy.
+    A stage has no impact if its coefficients stay away from the walls by its margin.  The noise is
+    taken at its largest modulation in this time, not at its largest ever: where the modulation
+    vanishes, a path that sticks to its wall must not be cut as if it were noisy.
     """
     spread = MARGIN_SDS * abs(c.sigma) * h * math.sqrt(h) * SCALE
     most = most_modulation(c.drive, c.beta1)  # of y1
     first = min(most, abs(c.beta1 * cosine - sine) + h * most_modulation_rate(c.drive, c.beta1))
     driver = min(most_velocity(c.drive), abs(cosine) + h * most_acceleration(c.drive))
-    second = abs(c.beta1 - c.beta2) * (driver + h * first)  # the last term: noise of y1 acting on y2
+    # the last term: noise of y1 acting on y2
+    second = abs(c.beta1 - c.beta2) * (driver + h * first)
     force = c.alpha * most + c.gamma1 + c.gamma2
-    stiff, square = highest_order(c.drive) + max(c.beta1, c.beta2), h * h
-    bend = square * square / 96.0 * force * (stiff * stiff)  # Hermite error: h^4 / 384 times the 4th derivative
+    stiff = highest_order(c.drive) + max(c.beta1, c.beta2)
+    square = h * h
+    # Hermite error: h^4 / 384 times the 4th derivative
+    bend = square * square / 96.0 * force * (stiff * stiff)
     return spread * first + bend, spread * second + bend
 
 
 @inline
-def near_wall(third: float, x0: float, y0: float, x: float, y: float, high: float, low: float, margin: float) -> bool:
+def near_wall(
+    third: float, x0: float, y0: float, x: float, y: float, high: float, low: float, margin: float
+) -> bool:
     """Whether the cubic through both end states of a stage comes within its margin of a wall.
 
     That is, whether an inner Bernstein coefficient a, b of it is, or its end is beyond one.
     """
-    a, b = x0 + third * y0, x - third * y
+    a = x0 + third * y0
+    b = x - third * y
     return (max(a, b) > high - margin) | (min(a, b) < margin - low) | (x > high) | (x < -low)
 
 
 @lean_internal
 def first_root(a: float, b: float, c: float, d: float) -> float:
-    """First zero in (0, 1] of a cubic, by safeguarded Newton steps on the first of eight pieces that ends below zero.
+    """First zero in (0, 1] of a cubic, by safeguarded Newton steps on the first of eight pieces
+    that ends below zero.
 
-    A cubic that falls all the way, as that of a transversal impact does, has one zero and needs no pieces.  The error
-    is about the square of the last Newton step, which is below `SETTLED`.
+    A cubic that falls all the way, as that of a transversal impact does, has one zero and needs no
+    pieces.  The error is about the square of the last Newton step, which is below `SETTLED`.
     """
-    p1, p2, p3 = 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), (d - a) + 3.0 * (b - c)
-    low, high = 0.0, 1.0
+    p1 = 3.0 * (b - a)
+    p2 = 3.0 * (a - 2.0 * b + c)
+    p3 = (d - a) + 3.0 * (b - c)
+    low = 0.0
+    high = 1.0
     falling = a > b > c > d and d < 0.0
     if not falling:
         part = 1
-        while part <= PIECES and a + part / PIECES * (p1 + part / PIECES * (p2 + part / PIECES * p3)) >= 0.0:
+        while (
+            part <= PIECES
+            and a + part / PIECES * (p1 + part / PIECES * (p2 + part / PIECES * p3)) >= 0.0
+        ):
             part += 1
         if part > PIECES:
             return 2.0
-        low, high = (part - 1) / PIECES, part / PIECES
+        low = (part - 1) / PIECES
+        high = part / PIECES
     guess = a / (a - d) if falling else 0.5 * (low + high)
     for _ in range(60):
         value = a + guess * (p1 + guess * (p2 + guess * p3))
@@ -76,7 +101,8 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
             high = guess
         else:
             low = guess
-        last, newton = guess, guess - value / slope if slope < 0.0 else -1.0
+        last = guess
+        newton = guess - value / slope if slope < 0.0 else -1.0
         guess = newton if low <= newton <= high else 0.5 * (low + high)
         if abs(guess - last) <= SETTLED * guess:
             break
@@ -85,12 +111,23 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
 
 @lean_internal
 def _cut_at(
-    gap0: float, rate0: float, gap1: float, rate1: float, h: float, margin: float, rest: float, close: float
+    gap0: float,
+    rate0: float,
+    gap1: float,
+    rate1: float,
+    h: float,
+    margin: float,
+    rest: float,
+    close: float,
 ) -> float:
-    """Share of the time h after which a wall must be looked at again: 1 if there can be no impact before its end."""
+    """Share of the time h after which a wall must be looked at again: 1 if there can be no impact
+    before its end."""
     third = h * (1.0 / 3.0)
-    b, c = gap0 + rate0 * third, gap1 - rate1 * third
-    if b > margin - rest and c > margin - rest and gap1 >= -close:  # `rest` lets a path at rest on its wall start
+    b = gap0 + rate0 * third
+    c = gap1 - rate1 * third
+    if (
+        b > margin - rest and c > margin - rest and gap1 >= -close
+    ):  # `rest` lets a path at rest on its wall start
         return 1.0
     root = first_root(max(gap0, 0.0), b, c, gap1)
     return max(root, SHORTEST) if root < 1.0 else 0.5
@@ -98,21 +135,65 @@ def _cut_at(
 
 @inline
 def cut_share(
-    c: Constants, phase: Phase, s: State, end: State, h: float, walls: Walls, close1: float, close2: float
+    c: Constants,
+    phase: Phase,
+    s: State,
+    end: State,
+    h: float,
+    walls: Walls,
+    close1: float,
+    close2: float,
 ) -> float:
     """Share of a trial at which to cut it, over all walls.
 
-    `close1`, `close2`: Distances from the walls of both meshes within which the end counts as an impact.
+    `close1`, `close2`: Distances from the walls of both meshes within which the end counts as an
+    impact.
     """
     margin1, margin2 = margins(c, phase[0], phase[1], h)
     cut = min(
-        _cut_at(walls.high1 - s[0], -s[1], walls.high1 - end[0], -end[1], h, margin1, CLOSE * c.wall1, close1),
-        _cut_at(walls.low1 + s[0], s[1], walls.low1 + end[0], end[1], h, margin1, CLOSE * c.wall1, close1),
+        _cut_at(
+            walls.high1 - s[0],
+            -s[1],
+            walls.high1 - end[0],
+            -end[1],
+            h,
+            margin1,
+            CLOSE * c.wall1,
+            close1,
+        ),
+        _cut_at(
+            walls.low1 + s[0],
+            s[1],
+            walls.low1 + end[0],
+            end[1],
+            h,
+            margin1,
+            CLOSE * c.wall1,
+            close1,
+        ),
     )
     if c.stages == 2:
         cut = min(
             cut,
-            _cut_at(walls.high2 - s[2], -s[3], walls.high2 - end[2], -end[3], h, margin2, CLOSE * c.wall2, close2),
-            _cut_at(walls.low2 + s[2], s[3], walls.low2 + end[2], end[3], h, margin2, CLOSE * c.wall2, close2),
+            _cut_at(
+                walls.high2 - s[2],
+                -s[3],
+                walls.high2 - end[2],
+                -end[3],
+                h,
+                margin2,
+                CLOSE * c.wall2,
+                close2,
+            ),
+            _cut_at(
+                walls.low2 + s[2],
+                s[3],
+                walls.low2 + end[2],
+                end[3],
+                h,
+                margin2,
+                CLOSE * c.wall2,
+                close2,
+            ),
         )
     return cut

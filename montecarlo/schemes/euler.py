@@ -1,6 +1,8 @@
-"""``euler-maruyama``: Eq. 5 by the Euler-Maruyama scheme, with impacts detected at the end of a step.
+"""``euler-maruyama``: Eq. 5 by the Euler-Maruyama scheme, with impacts detected at the end of a
+step.
 
-A path that ends a step beyond a wall and moves outward is put back on the wall, and the impact rule is applied.
+A path that ends a step beyond a wall and moves outward is put back on the wall, and the impact rule
+is applied.
 """
 
 import math
@@ -14,7 +16,8 @@ from rattle.scene.flight import noise_rate
 
 
 class StepForcing(NamedTuple):
-    """The part of a step that is the same for every path: ``y_i += push_i + kick_i z``, z standard normal."""
+    """The part of a step that is the same for every path: ``y_i += push_i + kick_i z``, z standard
+    normal."""
 
     push1: float  # push1, push2: drift by excitation and drag, over the step
     kick1: float  # kick1, kick2: effect of a unit normal
@@ -27,7 +30,12 @@ def step_forcing(c: Constants, tau: float, h: float) -> StepForcing:
     """Forcing of an Euler-Maruyama step of length h at `tau` (Eq. 5)."""
     m1, m2 = noise_rate(c, tau)
     root = c.sigma * math.sqrt(h)
-    return StepForcing(h * (c.gamma1 + c.alpha * m1), root * m1, h * (c.gamma1 - c.gamma2 + c.alpha * m2), root * m2)
+    return StepForcing(
+        h * (c.gamma1 + c.alpha * m1),
+        root * m1,
+        h * (c.gamma1 - c.gamma2 + c.alpha * m2),
+        root * m2,
+    )
 
 
 @inline
@@ -35,7 +43,9 @@ def euler_step(
     c: Constants, f: StepForcing, h: float, x1: float, y1: float, x2: float, y2: float, z: float
 ) -> tuple[float, float, float, float]:
     """One Euler-Maruyama step of Eq. 5 without walls."""
-    keep1, keep2, pull = 1.0 - h * c.beta1, 1.0 - h * c.beta2, h * (c.beta2 - c.beta1)
+    keep1 = 1.0 - h * c.beta1
+    keep2 = 1.0 - h * c.beta2
+    pull = h * (c.beta2 - c.beta1)
     return (
         fma(h, y1, x1),
         fma(keep1, y1, fma(f.kick1, z, f.push1)),
@@ -46,15 +56,30 @@ def euler_step(
 
 @lean_internal
 def plain_lanes(
-    c: Constants, f: StepForcing, h: float, toleranced: bool, walls: Floats, state: Floats, z: Floats, beyond: Bools
+    c: Constants,
+    f: StepForcing,
+    h: float,
+    toleranced: bool,
+    walls: Floats,
+    state: Floats,
+    z: Floats,
+    beyond: Bools,
 ) -> None:
-    """One step of as many lanes as `beyond` has, in place; marks those that are beyond a wall at its end.  Vectorises.
+    """One step of as many lanes as `beyond` has, in place; marks those that are beyond a wall at
+    its end.  Vectorises.
 
-    `walls` is read only if they are toleranced. Shapes: `walls`, `state` (4, lanes or more); `z` (lanes or more,).
+    `walls` is read only if they are toleranced. Shapes: `walls`, `state` (4, lanes or more); `z`
+    (lanes or more,).
     """
     widest_vectors()
-    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
-    high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
+    x1 = state[0]
+    y1 = state[1]
+    x2 = state[2]
+    y2 = state[3]
+    high1 = walls[0]
+    low1 = walls[1]
+    high2 = walls[2]
+    low2 = walls[3]
     if c.stages == 1:
         for p in range(beyond.size):
             x1[p], y1[p], _, _ = euler_step(c, f, h, x1[p], y1[p], 0.0, 0.0, z[p])
@@ -71,7 +96,8 @@ def plain_lanes(
 
 @splice
 def at_end(c: Constants, at: Progress, walls: Walls) -> Progress:
-    """The path with the impact that is due at the end of its step: put back on the wall that it is beyond, outward.
+    """The path with the impact that is due at the end of its step: put back on the wall that it is
+    beyond, outward.
 
     Mesh 1 before mesh 2.  Branch-free.
     """

@@ -1,8 +1,8 @@
 """``euler-maruyama-located``: Euler-Maruyama steps that are cut where the path meets a wall.
 
-The displacement of an Euler step is linear in time, so the impact time is exact for the scheme.  The Brownian increment
-is split there by its bridge, and the scheme goes on with what is left of the step, through all impacts of both meshes
-in their true order.
+The displacement of an Euler step is linear in time, so the impact time is exact for the scheme.
+The Brownian increment is split there by its bridge, and the scheme goes on with what is left of the
+step, through all impacts of both meshes in their true order.
 """
 
 import math
@@ -22,13 +22,21 @@ def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
 
 
 @lean
-def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools, lanes: int) -> None:
+def leaving(
+    c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools, lanes: int
+) -> None:
     """Mark the lanes whose next step ends beyond a wall; vectorises.
 
     Shapes: `walls`, `state` (4, lanes or more).
     """
-    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
-    high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
+    x1 = state[0]
+    y1 = state[1]
+    x2 = state[2]
+    y2 = state[3]
+    high1 = walls[0]
+    low1 = walls[1]
+    high2 = walls[2]
+    low2 = walls[3]
     for p in range(lanes):
         beyond[p] = leaves(h, x1[p], y1[p], high1[p], low1[p])
     if c.stages == 2:
@@ -37,12 +45,17 @@ def leaving(c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools,
 
 
 @lean_internal
-def step_located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int) -> None:
+def step_located_lanes(
+    c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int
+) -> None:
     """One step of all lanes in place, ignoring the walls; vectorises.
 
     Shapes: `state` (4, lanes or more).
     """
-    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
+    x1 = state[0]
+    y1 = state[1]
+    x2 = state[2]
+    y2 = state[3]
     for p in range(lanes):
         x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
 
@@ -51,7 +64,8 @@ def step_located_lanes(c: Constants, f: StepForcing, h: float, state: Floats, z:
 def _part_of_step(
     c: Constants, tau: float, s: float, increment: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float, float, float]:
-    """State after an Euler step of length s with a given Brownian increment; as it is for s <= 0."""
+    """State after an Euler step of length s with a given Brownian increment; as it is for s <=
+    0."""
     if s <= 0.0:
         return x1, y1, x2, y2
     return euler_step(c, step_forcing(c, tau, s), s, x1, y1, x2, y2, increment / math.sqrt(s))
@@ -59,7 +73,8 @@ def _part_of_step(
 
 @lean
 def _reach(x: float, y: float, high: float, low: float) -> float:
-    """Time in which a straight line from x at speed y meets ``high`` or ``-low``; infinite for y = 0."""
+    """Time in which a straight line from x at speed y meets ``high`` or ``-low``; infinite for y =
+    0."""
     if y > 0.0:
         return max(high - x, 0.0) / y
     if y < 0.0:
@@ -71,10 +86,13 @@ def _reach(x: float, y: float, high: float, low: float) -> float:
 def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> Progress:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
-    `normal`: A fresh standard normal for every call: it splits the increment at the wall (Brownian bridge);
-    0 for noise with a memory, whose integral is nearly straight.
+    `normal`: A fresh standard normal for every call: it splits the increment at the wall (Brownian
+    bridge); 0 for noise with a memory, whose integral is nearly straight.
     """
-    x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
+    x1 = at.x1
+    y1 = at.y1
+    x2 = at.x2
+    y2 = at.y2
     whole = at.noise.increment
     s1 = _reach(x1, y1, walls.high1, walls.low1)
     s2 = _reach(x2, y2, walls.high2, walls.low2) if c.stages == 2 else math.inf

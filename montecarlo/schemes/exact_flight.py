@@ -1,10 +1,13 @@
-"""``exact-flight``: the exact Gaussian distribution of the flight, and impacts located by refining the Brownian path.
+"""``exact-flight``: the exact Gaussian distribution of the flight, and impacts located by refining
+the Brownian path.
 
-A whole step is taken of all paths side by side (`flight_lanes`): Eq. 5 is linear, so the state after it is the flight
-of Eq. 3 plus the noise's increment and area (`rattle.montecarlo.noise.brownian`) times vectors that all paths share.
-Projections on higher Legendre polynomials are neglected: about ``h^4 / 720`` of the variance.  A step that may have an
-impact (`rattle.montecarlo.schemes.crossing`) is cut where the cubic through its ends meets the wall, its noise is split
-there, its first part is flown as a trial, and so on (docs/theory/schemes.md).
+A whole step is taken of all paths side by side (`flight_lanes`): Eq. 5 is linear, so the state
+after it is the flight of Eq. 3 plus the noise's increment and area
+(`rattle.montecarlo.noise.brownian`) times vectors that all paths share. Projections on higher
+Legendre polynomials are neglected: about ``h^4 / 720`` of the variance.  A step that may have an
+impact (`rattle.montecarlo.schemes.crossing`) is cut where the cubic through its ends meets the
+wall, its noise is split there, its first part is flown as a trial, and so on
+(docs/theory/schemes.md).
 """
 
 import math
@@ -13,7 +16,15 @@ from typing import Any, NamedTuple
 from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import Key, Word, normals
 from rattle.montecarlo.schemes.crossing import CLOSE, cut_share, margins, near_wall
-from rattle.montecarlo.schemes.short_flight import Phase, State, kick, phase_at, shift_phase, short_flight, third_of
+from rattle.montecarlo.schemes.short_flight import (
+    Phase,
+    State,
+    kick,
+    phase_at,
+    shift_phase,
+    short_flight,
+    third_of,
+)
 from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
 from rattle.scene import Bools, Constants, Floats
 from rattle.scene.compiled import inline, lean, lean_internal, splice
@@ -24,19 +35,23 @@ NEAR = 1e-6  # distance to the wall, in half gaps, that a fast path flies withou
 STEADY = 30.0  # least speed of such a path, in sds of what the noise makes of it on the way
 STRAIGHT = 1e-4  # and largest relative change of that speed by excitation and drag
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
-TICK = 5e-16  # shortest trial, relative to the time: two units in its last place, so that time goes on
+# shortest trial, relative to the time: two units in its last place, so that time goes on
+TICK = 5e-16
 PARTS = 200  # most parts of a step that wait at once: the depth of the stack of cuts
 
 
 class FlightForcing(NamedTuple):
-    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the walls."""
+    """A step of all lanes: ``s' = J s + drift + z_w along + z_a across``, and the margins of the
+    walls."""
 
-    # entries of the flight's Jacobian J that are neither 0 nor 1: of x1 and y1 by y1, x2 by y1 and y2, y2 by y1 and y2
+    # entries of the flight's Jacobian J that are neither 0 nor 1: of x1 and y1 by y1, x2 by y1 and
+    # y2, y2 by y1 and y2
     carry: tuple[float, float, float, float, float, float]
     drift: State  # effect of excitation and drag on ``(x1, y1, x2, y2)``
     along: State  # along, across: effect of a unit normal for the increment, and for the area
     across: State
-    margin1: float  # margin1, margin2: of both stages, see `rattle.montecarlo.schemes.crossing.margins`
+    # margin1, margin2: of both stages, see `rattle.montecarlo.schemes.crossing.margins`
+    margin1: float
     margin2: float
 
 
@@ -47,12 +62,17 @@ def flight_forcing(c: Constants, tau: float, h: float) -> FlightForcing:
     phase = phase_at(c.drive, tau)
     margin1, margin2 = margins(c, phase[0], phase[1], h)
     drift, _ = short_flight(c, phase, h, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
-    along, across = kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(h / 12.0))
-    return FlightForcing((p.e1, p.d1, p.e12, p.e2, p.d12, p.d2), drift, along, across, margin1, margin2)
+    along = kick(c, tau, h, math.sqrt(h), 0.0)
+    across = kick(c, tau, h, 0.0, math.sqrt(h / 12.0))
+    return FlightForcing(
+        (p.e1, p.d1, p.e12, p.e2, p.d12, p.d2), drift, along, across, margin1, margin2
+    )
 
 
 @inline
-def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -> tuple[float, float]:
+def first_stage(
+    f: FlightForcing, x1: float, y1: float, z: float, area: float
+) -> tuple[float, float]:
     """Stage 1 after a step, ignoring the walls."""
     return (
         x1 + f.carry[0] * y1 + (f.drift[0] + f.along[0] * z + f.across[0] * area),
@@ -61,10 +81,13 @@ def first_stage(f: FlightForcing, x1: float, y1: float, z: float, area: float) -
 
 
 @inline
-def second_stage(f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float) -> tuple[float, float]:
+def second_stage(
+    f: FlightForcing, x2: float, y1: float, y2: float, z: float, area: float
+) -> tuple[float, float]:
     """Stage 2 after a step, ignoring the walls."""
     return (
-        x2 + (f.carry[2] * y1 + f.carry[3] * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
+        x2
+        + (f.carry[2] * y1 + f.carry[3] * y2 + (f.drift[2] + f.along[2] * z + f.across[2] * area)),
         f.carry[4] * y1 + f.carry[5] * y2 + (f.drift[3] + f.along[3] * z + f.across[3] * area),
     )
 
@@ -83,27 +106,45 @@ def flight_lanes(
     near: Bools,
     lanes: int,
 ) -> None:
-    """One step of all lanes in place, ignoring the walls; marks those that may have an impact.  Vectorises.
+    """One step of all lanes in place, ignoring the walls; marks those that may have an impact.
+    Vectorises.
 
-    `walls`, `state`: Flanks and states of the paths; `walls` is read only if they are toleranced. Shapes:
-    `walls`, `state` (4, lanes or more); `before` (4, lanes or more).
+    `walls`, `state`: Flanks and states of the paths; `walls` is read only if they are toleranced.
+    Shapes: `walls`, `state` (4, lanes or more); `before` (4, lanes or more).
     """
-    x1, y1, x2, y2 = state[0], state[1], state[2], state[3]
-    x1_before, y1_before, x2_before, y2_before = before[0], before[1], before[2], before[3]
-    high1, low1, high2, low2 = walls[0], walls[1], walls[2], walls[3]
+    x1 = state[0]
+    y1 = state[1]
+    x2 = state[2]
+    y2 = state[3]
+    x1_before = before[0]
+    y1_before = before[1]
+    x2_before = before[2]
+    y2_before = before[3]
+    high1 = walls[0]
+    low1 = walls[1]
+    high2 = walls[2]
+    low2 = walls[3]
     third = h / 3.0
     for p in range(lanes):
-        x, y = x1[p], y1[p]
+        x = x1[p]
+        y = y1[p]
         end, speed = first_stage(f, x, y, z[p], area[p])
         high, low = (high1[p], low1[p]) if toleranced else (c.wall1, c.wall1)
         meets = near_wall(third, x, y, end, speed, high, low, f.margin1)
-        x1_before[p], y1_before[p], x1[p], y1[p] = x, y, end, speed
+        x1_before[p] = x
+        y1_before[p] = y
+        x1[p] = end
+        y1[p] = speed
         if c.stages == 2:
-            u, v = x2[p], y2[p]
+            u = x2[p]
+            v = y2[p]
             end, speed = second_stage(f, u, y, v, z[p], area[p])
             high, low = (high2[p], low2[p]) if toleranced else (c.wall2, c.wall2)
             meets |= near_wall(third, u, v, end, speed, high, low, f.margin2)
-            x2_before[p], y2_before[p], x2[p], y2[p] = u, v, end, speed
+            x2_before[p] = u
+            y2_before[p] = v
+            x2[p] = end
+            y2[p] = speed
         near[p] = meets
 
 
@@ -115,10 +156,11 @@ def _square_modulation(drive: Any, beta: float) -> float:
 
 @inline
 def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> float:
-    """Distance from its wall within which a path is taken to fly on without noise; `other` is the other stage's speed.
+    """Distance from its wall within which a path is taken to fly on without noise; `other` is the
+    other stage's speed.
 
-    The noise left out acts later by the time of that flight, after the impact instead of before: below 1e-6 of a
-    variance at `NEAR`.
+    The noise left out acts later by the time of that flight, after the impact instead of before:
+    below 1e-6 of a variance at `NEAR`.
     """
     most = _square_modulation(c.drive, c.beta1)
     if mesh == 1:
@@ -126,23 +168,30 @@ def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> 
     else:
         pull = abs(c.beta1 - c.beta2) * (c.alpha * most_velocity(c.drive) + abs(other))
         force = pull + abs(c.gamma1 - c.gamma2) + c.beta2 * abs(speed)
-    noisy, bent = (STEADY * STEADY) * c.sigma * c.sigma * most, force / STRAIGHT
+    noisy = (STEADY * STEADY) * c.sigma * c.sigma * most
+    bent = force / STRAIGHT
     square = speed * speed
     near = NEAR * wall
     if square * abs(speed) < noisy * near or square < bent * near:
-        near = min(square * abs(speed) / noisy if noisy > 0.0 else near, square / bent if bent > 0.0 else near)
+        near = min(
+            square * abs(speed) / noisy if noisy > 0.0 else near,
+            square / bent if bent > 0.0 else near,
+        )
     return near
 
 
 @splice
 def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
-    """The impact that is due: ``mesh * side``, or 0; the time to its wall; and that to the next wall ahead.
+    """The impact that is due: ``mesh * side``, or 0; the time to its wall; and that to the next
+    wall ahead.
 
-    Both times are at the present velocity.  The first is that of the flight without noise, zero for a path so slow that
-    it must come within `CLOSE` of its wall, and negative for one that is just beyond it.  Mesh 1 comes before mesh 2
-    where both are met within `TOGETHER`.
+    Both times are at the present velocity.  The first is that of the flight without noise, zero for
+    a path so slow that it must come within `CLOSE` of its wall, and negative for one that is just
+    beyond it.  Mesh 1 comes before mesh 2 where both are met within `TOGETHER`.
     """
-    code, lead, reach = 0, math.inf, math.inf
+    code = 0
+    lead = math.inf
+    reach = math.inf
     for mesh in range(1, c.stages + 1):
         x, y, other = (s[0], s[1], s[3]) if mesh == 1 else (s[2], s[3], s[1])
         high, low = (walls.high1, walls.low1) if mesh == 1 else (walls.high2, walls.low2)
@@ -157,16 +206,22 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
         if swift or gap <= CLOSE * wall:
             own = gap / abs(y) if swift else 0.0
             if own < lead - TOGETHER:
-                code, lead = (mesh if y > 0.0 else -mesh), own
+                code = mesh if y > 0.0 else -mesh
+                lead = own
         else:
             reach = min(reach, gap / abs(y))
     return code, lead, reach
 
 
 @inline
-def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, walls: Walls) -> tuple[Progress, Phase]:
-    """The path at the impact that is due, after its flight without noise to the wall: along a parabola."""
-    sine, cosine, third = phase[0], phase[1], third_of(c.drive, phase)
+def _struck(
+    c: Constants, at: Progress, phase: Phase, code: int, lead: float, walls: Walls
+) -> tuple[Progress, Phase]:
+    """The path at the impact that is due, after its flight without noise to the wall: along a
+    parabola."""
+    sine = phase[0]
+    cosine = phase[1]
+    third = third_of(c.drive, phase)
     apart = c.beta1 - c.beta2
     rate1 = c.gamma1 - c.beta1 * at.y1 + c.alpha * (c.beta1 * cosine - sine)
     rate2 = (c.gamma1 - c.gamma2) - c.beta2 * at.y2 + apart * (c.alpha * cosine - at.y1)
@@ -175,10 +230,13 @@ def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, wa
     half = 0.5 * lead
     bend1 = c.beta1 * rate1 + c.alpha * (c.beta1 * sine + third)
     bend2 = c.beta2 * rate2 + apart * (c.alpha * sine + rate1)
-    x1, y1 = at.x1 + lead * (at.y1 + half * rate1), at.y1 + lead * (rate1 - half * bend1)
-    x2, y2 = at.x2, at.y2
+    x1 = at.x1 + lead * (at.y1 + half * rate1)
+    y1 = at.y1 + lead * (rate1 - half * bend1)
+    x2 = at.x2
+    y2 = at.y2
     if c.stages == 2:
-        x2, y2 = x2 + lead * (y2 + half * rate2), y2 + lead * (rate2 - half * bend2)
+        x2 = x2 + lead * (y2 + half * rate2)
+        y2 = y2 + lead * (rate2 - half * bend2)
     phase = shift_phase(c.drive, phase, lead)
     if abs(code) == 1:
         x1 = walls.high1 if code > 0 else -walls.low1
@@ -190,7 +248,8 @@ def _struck(c: Constants, at: Progress, phase: Phase, code: int, lead: float, wa
 @inline
 def _join(ahead: Floats, top: int) -> Noise:
     """Noise of all waiting parts below `top` of the stack."""
-    noise, length = Noise(0.0, 0.0), 0.0
+    noise = Noise(0.0, 0.0)
+    length = 0.0
     for i in range(top):  # from the end of the step backwards
         whole = length + ahead[i, 0]
         noise = join(Noise(ahead[i, 1], ahead[i, 2]), noise, ahead[i, 0] / whole)
@@ -214,57 +273,90 @@ def advance_exactly(
 ) -> tuple[Progress, Phase]:
     """Go to the next wall that the path meets in this step, or to the end of the step.
 
-    The time left is tried as a whole.  A trial that may have an impact is cut at the wall and its first part is tried;
-    the second waits on a stack.  Waiting parts must not be joined before an impact: a trial is cut because of what its
-    end would be, and forgetting that end and sampling it anew would give the path a second chance to miss the wall.  At
-    an impact they may be joined, since it is a stopping time of the path.
+    The time left is tried as a whole.  A trial that may have an impact is cut at the wall and its
+    first part is tried; the second waits on a stack.  Waiting parts must not be joined before an
+    impact: a trial is cut because of what its end would be, and forgetting that end and sampling it
+    anew would give the path a second chance to miss the wall.  At an impact they may be joined,
+    since it is a stopping time of the path.
 
-    `path`, `index`, `purpose`: Of the random numbers that split the noise; cuts 2 i and 2 i + 1 share the four
-    normals of index + i. `ahead`: Scratch, a stack: length, increment and area of the parts of the step still
-    ahead, the nearest on top. Shapes: `ahead` (PARTS, 3).
+    `path`, `index`, `purpose`: Of the random numbers that split the noise; cuts 2 i and 2 i + 1
+    share the four normals of index + i. `ahead`: Scratch, a stack: length, increment and area of
+    the parts of the step still ahead, the nearest on top. Shapes: `ahead` (PARTS, 3).
     """
-    tau, left, s = at.tau, at.left, (at.x1, at.y1, at.x2, at.y2)
+    tau = at.tau
+    left = at.left
+    s = (at.x1, at.y1, at.x2, at.y2)
     code, lead, _ = _due(c, s, walls)
     if code != 0 and lead < left:
         return _struck(c, at, phase, code, max(lead, 0.0), walls)
-    cuts, top, z3, z4 = 0, 0, 0.0, 0.0
-    ahead[0, 0], ahead[0, 1], ahead[0, 2] = left, at.noise.increment, at.noise.area
+    cuts = 0
+    top = 0
+    z3 = 0.0
+    z4 = 0.0
+    ahead[0, 0] = left
+    ahead[0, 1] = at.noise.increment
+    ahead[0, 2] = at.noise.area
     while True:
-        h, noise = ahead[top, 0], Noise(ahead[top, 1], ahead[top, 2])
-        end, turned, flown = whole, phase, not known
+        h = ahead[top, 0]
+        noise = Noise(ahead[top, 1], ahead[top, 2])
+        end = whole
+        turned = phase
+        flown = not known
         if flown:
             end, turned = short_flight(c, phase, h, s, noise.increment, noise.area)
         known = False
-        close1, close2 = _close(c, 1, end[1], end[3], c.wall1), _close(c, 2, end[3], end[1], c.wall2)
+        close1 = _close(c, 1, end[1], end[3], c.wall1)
+        close2 = _close(c, 2, end[3], end[1], c.wall2)
         cut = cut_share(c, phase, s, end, h, walls, close1, close2)
         tick = TICK * (1.0 + abs(tau))
         used_up = cuts >= MOST_CUTS or top + 1 >= len(ahead) or h <= tick
         if cut == 1.0 or used_up:
             if used_up:  # clip the path to its walls
-                x1, x2 = min(max(end[0], -walls.low1), walls.high1), min(max(end[2], -walls.low2), walls.high2)
+                x1 = min(max(end[0], -walls.low1), walls.high1)
+                x2 = min(max(end[2], -walls.low2), walls.high2)
                 end = x1, end[1], x2, end[3]
-            tau, left = tau + h, left - h if top > 0 else 0.0
+            tau = tau + h
+            left = left - h if top > 0 else 0.0
             code, lead, reach = _due(c, end, walls)
             if code != 0 and lead <= left:
                 at = Progress(code, tau, left, _join(ahead, top), end[0], end[1], end[2], end[3])
-                return _struck(c, at, turned if flown else phase_at(c.drive, tau), code, max(lead, -0.5 * h), walls)
+                return _struck(
+                    c,
+                    at,
+                    turned if flown else phase_at(c.drive, tau),
+                    code,
+                    max(lead, -0.5 * h),
+                    walls,
+                )
             if top == 0:
-                return Progress(0, tau, 0.0, Noise(0.0, 0.0), end[0], end[1], end[2], end[3]), turned
-            s, phase = end, turned
+                return (
+                    Progress(0, tau, 0.0, Noise(0.0, 0.0), end[0], end[1], end[2], end[3]),
+                    turned,
+                )
+            s = end
+            phase = turned
             top -= 1
-            h, noise = ahead[top, 0], Noise(ahead[top, 1], ahead[top, 2])
+            h = ahead[top, 0]
+            noise = Noise(ahead[top, 1], ahead[top, 2])
             if reach >= h or h <= tick:
                 continue
             cut = reach / h
         if c.memory > 0.0:
-            z1, z2 = 0.0, 0.0  # the integral of noise with a memory is a parabola within the step
+            # the integral of noise with a memory is a parabola within the step
+            z1 = 0.0
+            z2 = 0.0
         elif cuts & 1 == 0:
             z1, z2, z3, z4 = normals(key, path, index + Word(cuts >> 1), purpose)
         else:
-            z1, z2 = z3, z4
+            z1 = z3
+            z2 = z4
         cuts += 1
         cut = max(cut, tick / h)
         first, second = split(noise, h, cut, z1, z2)
-        ahead[top, 0], ahead[top, 1], ahead[top, 2] = h - cut * h, second.increment, second.area
+        ahead[top, 0] = h - cut * h
+        ahead[top, 1] = second.increment
+        ahead[top, 2] = second.area
         top += 1
-        ahead[top, 0], ahead[top, 1], ahead[top, 2] = cut * h, first.increment, first.area
+        ahead[top, 0] = cut * h
+        ahead[top, 1] = first.increment
+        ahead[top, 2] = first.area

@@ -1,4 +1,5 @@
-"""The schemes, the longest admissible step of each, beyond which it is unstable or misses impacts, and its default.
+"""The schemes, the longest admissible step of each, beyond which it is unstable or misses impacts,
+and its default.
 
 `rattle check stability` measures both sides of these limits (reports/stability).
 """
@@ -25,18 +26,21 @@ class Scheme:
     """A way to advance paths and to detect impacts."""
 
     code: int  # its number in compiled code
-    weak_order: int | None  # weak order of convergence in the step; None for a scheme without step bias
+    # weak order of convergence in the step; None for a scheme without step bias
+    weak_order: int | None
     normals: int  # standard normals of a path per step without an impact
     step: float  # default step
-    # step_ns, impact_ns: cost model for the choice of a scheme: time of a path-step and of an impact on one core in
-    # ns, with statistics. Measured once, on an Intel Xeon with AVX-512 (12 impacts on DAT21 with two steps each, the
-    # least of interleaved slices), and constant, so that the choice does not depend on the machine
+    # step_ns, impact_ns: cost model for the choice of a scheme: time of a path-step and of an
+    # impact on one core in ns, with statistics. Measured once, on an Intel Xeon with AVX-512 (12
+    # impacts on DAT21 with two steps each, the least of interleaved slices), and constant, so that
+    # the choice does not depend on the machine
     step_ns: float
     impact_ns: float
 
     @property
     def has_step_bias(self) -> bool:
-        """Whether its results are biased by the length of the step; ``exact-flight`` has no such bias."""
+        """Whether its results are biased by the length of the step; ``exact-flight`` has no such
+        bias."""
         return self.weak_order is not None
 
 
@@ -56,10 +60,13 @@ MOST_PER_STEP = 10**7
 """Longest admissible step over the shortest."""
 
 COARSEST = 2 ** (LEVELS - 1)
-"""Coarsest step over the finest: dt, 2 dt and 4 dt share one Brownian path (Richardson extrapolation)."""
+"""Coarsest step over the finest: dt, 2 dt and 4 dt share one Brownian path (Richardson
+extrapolation)."""
 
 
-IMPACTS, TIME = 4, 0.5  # impacts and time after the start at which noise is looked for that a step leaves out
+# impacts and time after the start at which noise is looked for that a step leaves out
+IMPACTS = 4
+TIME = 0.5
 STEPS = 32  # of a flight from which on it has no effect: 1 / (6 * 32^4) of the variance
 
 
@@ -67,19 +74,22 @@ class TimeScales(NamedTuple):
     """Time scales that a step must resolve; infinite where there is no such process."""
 
     damping: float  # relaxation time of the faster damped wheel, ``1 / beta``
-    # time to cross the narrowest half gap at a typical speed: that of the start, or what excitation and drag make of
-    # a path within one crossing
+    # time to cross the narrowest half gap at a typical speed: that of the start, or what excitation
+    # and drag make of a path within one crossing
     crossing: float
-    # time in which noise alone takes a path across that half gap: ``(g / sigma)^(2/3)``, or by diffusion ``(beta g /
-    # sigma)^2`` where damping is faster than that
+    # time in which noise alone takes a path across that half gap: ``(g / sigma)^(2/3)``, or by
+    # diffusion ``(beta g / sigma)^2`` where damping is faster than that
     shaking: float
-    # time in which noise reverses the velocity of a path that leaves its wall at the start: ``(speed / sigma)^2``
+    # time in which noise reverses the velocity of a path that leaves its wall at the start:
+    # ``(speed / sigma)^2``
     turning: float
 
 
 def time_scales(scene: Scene) -> TimeScales:
     """The time scales of a scene."""
-    c, start, tolerance = scene.constants, scene.start, scene.tolerance
+    c = scene.constants
+    start = scene.start
+    tolerance = scene.tolerance
     narrow = (0.0, 0.0)
     if tolerance is not None and tolerance.distribution != "fixed":
         # at most to a tenth: few paths have a narrower gap, however large c_max is
@@ -115,21 +125,25 @@ def _over(a: float, b: float) -> float:
 
 def _leaving(scene: Scene) -> float:
     """Slowest speed with which a stage leaves a wall at the start; infinite if none does."""
-    c, (x1, y1, x2, y2) = scene.constants, first_state(scene)
+    c = scene.constants
+    x1, y1, x2, y2 = first_state(scene)
     stages = ((x1, y1, c.wall1), (x2, y2, c.wall2))[: c.stages]
     return min((abs(y) for x, y, wall in stages if abs(x) >= wall), default=math.inf)
 
 
 def accurate_flight(scene: Scene) -> Limit:
-    """The longest accurate step of ``exact-flight``, which neglects part of the noise within a step; and its reason.
+    """The longest accurate step of ``exact-flight``, which neglects part of the noise within a
+    step; and its reason.
 
-    The neglected part (of relative order h^4 of the variance) matters where the variance grows from zero: at this limit
-    0.8 % of sd(x1) after a flight of 0.2 from tau = 0, at half of it 0.05 %.
+    The neglected part (of relative order h^4 of the variance) matters where the variance grows from
+    zero: at this limit 0.8 % of sd(x1) after a flight of 0.2 from tau = 0, at half of it 0.05 %.
     """
     limits = {
         MEMORY: _memory(scene),
         "a longer step cannot follow the damping": 0.2 * time_scales(scene).damping,
-        "a longer step cannot follow the noise's modulation": 0.1 / highest_order(scene.constants.drive),
+        "a longer step cannot follow the noise's modulation": (
+            0.1 / highest_order(scene.constants.drive)
+        ),
     }
     return _least(limits)
 
@@ -138,10 +152,11 @@ def accurate_flight(scene: Scene) -> Limit:
 def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     """The longest admissible step of a scheme, and the reason for the limit.
 
-    An Euler-Maruyama step must damp without overshoot (``beta dt <= 1``, well inside the stability bound 2), resolve
-    the excitation (20 steps a period), not cross half of the narrowest half gap at a typical speed, nor be carried
-    through it by the noise.  A step of ``exact-flight`` resolves every gap; but it must be accurate
-    (`accurate_flight`), and not be longer than two half crossings, since the impacts in one step are limited to 64.
+    An Euler-Maruyama step must damp without overshoot (``beta dt <= 1``, well inside the stability
+    bound 2), resolve the excitation (20 steps a period), not cross half of the narrowest half gap
+    at a typical speed, nor be carried through it by the noise.  A step of ``exact-flight`` resolves
+    every gap; but it must be accurate (`accurate_flight`), and not be longer than two half
+    crossings, since the impacts in one step are limited to 64.
 
     Parameters
     ----------
@@ -169,11 +184,18 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     t = time_scales(scene)
     if not SCHEMES[scheme].has_step_bias:
         accurate, why = accurate_flight(scene)
-        return _least({why: accurate, "a longer step holds too many impacts": 2.0 * min(t.crossing, t.shaking)})
+        return _least(
+            {
+                why: accurate,
+                "a longer step holds too many impacts": 2.0 * min(t.crossing, t.shaking),
+            }
+        )
     limits = {
         "a longer step makes the damping unstable": t.damping,
         MEMORY: _memory(scene),
-        "a longer step cannot follow the excitation": 2.0 * math.pi / 20.0 / highest_order(scene.constants.drive),
+        "a longer step cannot follow the excitation": (
+            2.0 * math.pi / 20.0 / highest_order(scene.constants.drive)
+        ),
         "a longer step may jump across the gap": 0.5 * t.crossing,
         "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
     }
@@ -181,7 +203,8 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
 
 
 def trusted_step(scene: Scene, scheme: str) -> Limit:
-    """The longest step at which noise within a step biases no mean by 5 % of its sd, and the reason for the limit.
+    """The longest step at which noise within a step biases no mean by 5 % of its sd, and the reason
+    for the limit.
 
     The effect of the step on the noise-free motion is not included: that is measured by
     `rattle.montecarlo.diagnostics.diagnostics`.
@@ -189,17 +212,21 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     """
     if not SCHEMES[scheme].has_step_bias:
         return largest_step(scene, scheme)
-    t, (late, reversal) = time_scales(scene), TRUSTED_SHARES[scheme]
+    t = time_scales(scene)
+    late, reversal = TRUSTED_SHARES[scheme]
     limits = {
         "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
         "a longer step detects the impacts of a noisy path late": late * t.shaking,
-        "a longer step misses paths that the noise returns to the wall they leave": reversal * t.turning,
+        "a longer step misses paths that the noise returns to the wall they leave": (
+            reversal * t.turning
+        ),
     }
     return _least(limits)
 
 
 TRUSTED_SHARES = {"euler-maruyama": (0.01, 0.03), "euler-maruyama-located": (0.04, 0.05)}
-"""Trusted step over `TimeScales.shaking` and over `TimeScales.turning`: at-end detection is late by half a step."""
+"""Trusted step over `TimeScales.shaking` and over `TimeScales.turning`: at-end detection is late by
+half a step."""
 
 
 def _least(limits: dict[str, float]) -> Limit:
@@ -209,33 +236,47 @@ def _least(limits: dict[str, float]) -> Limit:
 
 @lru_cache(maxsize=256)
 def neglected_noise(scene: Scene, dt: float) -> float:
-    """Largest share of an sd of the section that steps of ``exact-flight`` leave out, at the orbit's first impacts.
+    """Largest share of an sd of the section that steps of ``exact-flight`` leave out, at the
+    orbit's first impacts.
 
-    A step keeps two Legendre coefficients of its noise.  The third matters where the variance grows from zero and the
-    modulation crosses zero within a flight of about a step: of ``x`` after a flight of n steps from there it is a share
-    ``1 / (6 n^4)`` of the variance.
+    A step keeps two Legendre coefficients of its noise.  The third matters where the variance grows
+    from zero and the modulation crosses zero within a flight of about a step: of ``x`` after a
+    flight of n steps from there it is a share ``1 / (6 n^4)`` of the variance.
     """
     if scene.sigma == 0.0 or scene.correlation_time:
         return 0.0
-    c, tau, worst = scene.constants, scene.phase, 0.0
-    whole, missing = np.zeros((5, 5)), np.zeros((5, 5))  # covariances
+    c = scene.constants
+    tau = scene.phase
+    worst = 0.0
+    # covariances
+    whole = np.zeros((5, 5))
+    missing = np.zeros((5, 5))
     for impact in orbit_impacts(scene, IMPACTS):
         if impact.tau - scene.phase > min(TIME, STEPS * dt):
             break
         while tau < impact.tau:
-            end = min(impact.tau, scene.phase + (math.floor((tau - scene.phase) / dt + 1e-9) + 1) * dt)
+            end = min(
+                impact.tau, scene.phase + (math.floor((tau - scene.phase) / dt + 1e-9) + 1) * dt
+            )
             end = max(end, math.nextafter(tau, math.inf))
-            h, carry, exact = end - tau, np.eye(5), np.zeros((5, 5))
+            h = end - tau
+            carry = np.eye(5)
+            exact = np.zeros((5, 5))
             carry[:4, :4], exact[:4, :4] = jacobian(c, h), noise_covariance(c, tau, h)
-            whole, missing = transform(carry, whole) + exact, transform(carry, missing) + exact
-            for kept in (kick(c, tau, h, math.sqrt(h), 0.0), kick(c, tau, h, 0.0, math.sqrt(h / 12.0))):
+            whole = transform(carry, whole) + exact
+            missing = transform(carry, missing) + exact
+            for kept in (
+                kick(c, tau, h, math.sqrt(h), 0.0),
+                kick(c, tau, h, 0.0, math.sqrt(h / 12.0)),
+            ):
                 missing[:4, :4] -= np.multiply.outer(kept, kept)
             tau = end
         variance, left_out = (np.diagonal(transform(impact.read, v)) for v in (whole, missing))
         varies = variance > 0.0
         share = float(np.max(left_out[varies] / variance[varies], initial=0.0))
         worst = max(worst, 1.0 - math.sqrt(max(1.0 - share, 0.0)))
-        whole, missing = transform(impact.carry, whole), transform(impact.carry, missing)
+        whole = transform(impact.carry, whole)
+        missing = transform(impact.carry, missing)
     return worst
 
 
@@ -248,7 +289,8 @@ def resolve_start(scene: Scene, dt: float, most: float = LEFT_OUT) -> float:
 
 def usual_step(scene: Scene, scheme: str, step_bias: bool = False) -> Limit:
     """As `default_step`, with the reason for which it is shorter than the scheme's, if it is."""
-    kind, (largest, why) = SCHEMES[scheme], largest_step(scene, scheme)
+    kind = SCHEMES[scheme]
+    largest, why = largest_step(scene, scheme)
     if kind.has_step_bias:
         return min(kind.step, largest / (COARSEST if step_bias else 1)), why
     longest = min(kind.step, largest)
@@ -260,8 +302,8 @@ def usual_step(scene: Scene, scheme: str, step_bias: bool = False) -> Limit:
 def default_step(scene: Scene, scheme: str, step_bias: bool = False) -> float:
     """The scheme's default step, or a shorter one where the scene requires it.
 
-    The longest admissible step may be shorter, and ``exact-flight`` must not leave out noise where a short first flight
-    begins or ends with none.
+    The longest admissible step may be shorter, and ``exact-flight`` must not leave out noise where
+    a short first flight begins or ends with none.
 
     Parameters
     ----------
@@ -297,7 +339,10 @@ def check_step(scene: Scene, dt: float, scheme: str, coarsest: int = 1) -> float
     largest, reason = largest_step(scene, scheme)
     least = largest / MOST_PER_STEP
     if dt < least:
-        why = f"must be at least {least:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default limit of a path, "
+        why = (
+            f"must be at least {least:.3g}: {MOST_PER_STEP:.0e} shorter steps, the default limit of"
+            " a path, "
+        )
         raise InputError("dt", dt, why + "do not add up to one longest admissible step")
     coarsest = 1 if not SCHEMES[scheme].has_step_bias else coarsest
     if dt * coarsest > largest:

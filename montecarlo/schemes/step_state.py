@@ -5,10 +5,12 @@ from typing import NamedTuple
 from rattle.montecarlo.noise.brownian import Noise
 
 MOST_IN_A_STEP = 64
-"""Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which is counted."""
+"""Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which
+is counted."""
 
 TOGETHER = 1e-12
-"""Time in which impacts at both meshes count as one instant, and mesh 1 comes first: what a flight's rounding adds."""
+"""Time in which impacts at both meshes count as one instant, and mesh 1 comes first: what a
+flight's rounding adds."""
 
 
 class Walls(NamedTuple):
@@ -21,7 +23,8 @@ class Walls(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """A path within a step: its state, the impact that is due there, and what is left of the step."""
+    """A path within a step: its state, the impact that is due there, and what is left of the
+    step."""
 
     code: int  # ``mesh * side`` of an impact that is due at this very state, or 0
     tau: float  # time

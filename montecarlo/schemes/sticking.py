@@ -1,9 +1,9 @@
 """Sticking and completed chatter within a step.
 
-A mesh that sticks (its contact pushes, at zero relative velocity), or that has had `MOST_IN_A_STEP` impacts in the
-step, stays closed to the end of the step; the other stage moves as it does beside a closed mesh
-(`rattle.scene.sticking`).  So a mesh opens at the end of a step, late by less than a step, and an impact of the other
-stage meanwhile is detected at the start of the next step.
+A mesh that sticks (its contact pushes, at zero relative velocity), or that has had `MOST_IN_A_STEP`
+impacts in the step, stays closed to the end of the step; the other stage moves as it does beside a
+closed mesh (`rattle.scene.sticking`).  So a mesh opens at the end of a step, late by less than a
+step, and an impact of the other stage meanwhile is detected at the start of the next step.
 """
 
 import math
@@ -31,12 +31,14 @@ def sides_of(code: int) -> Sides:
 def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
     """The sides on which meshes stick for what is left of a step.
 
-    A mesh sticks if it is at a wall with zero velocity and its contact force exceeds what noise over this time could
-    overcome (`MARGIN_SDS` sds of it).  Noise with a memory is a known force within a step, and part of the drive's.
+    A mesh sticks if it is at a wall with zero velocity and its contact force exceeds what noise
+    over this time could overcome (`MARGIN_SDS` sds of it).  Noise with a memory is a known force
+    within a step, and part of the drive's.
     """
     spread = c.sigma
     if c.memory > 0.0:
-        c, spread = _pushed(c, c.alpha + c.sigma * at.noise.increment / at.left), 0.0
+        c = _pushed(c, c.alpha + c.sigma * at.noise.increment / at.left)
+        spread = 0.0
     flank1 = int(at.x1 == walls.high1) - int(at.x1 == -walls.low1)
     flank2 = int(at.x2 == walls.high2) - int(at.x2 == -walls.low2) if c.stages == 2 else 0
     if flank1 * at.y1 > 0.0 or flank2 * at.y2 > 0.0:
@@ -57,16 +59,36 @@ def sticking_sides(c: Constants, at: Progress, walls: Walls) -> Sides:
 @lean_internal
 def _pushed(c: Constants, alpha: float) -> Constants:
     """The scene under another drive."""
-    b1, b2, g1, g2 = c.beta1, c.beta2, c.gamma1, c.gamma2
-    return Constants(alpha, c.epsilon, b1, b2, g1, g2, c.mu, c.wall1, c.wall2, c.sigma, c.stages, c.drive, c.memory)
+    b1 = c.beta1
+    b2 = c.beta2
+    g1 = c.gamma1
+    g2 = c.gamma2
+    return Constants(
+        alpha,
+        c.epsilon,
+        b1,
+        b2,
+        g1,
+        g2,
+        c.mu,
+        c.wall1,
+        c.wall2,
+        c.sigma,
+        c.stages,
+        c.drive,
+        c.memory,
+    )
 
 
 @lean_internal
-def stop_at_wall(x: float, y: float, before: float, t: float, high: float, low: float) -> tuple[float, float]:
-    """A stage that went beyond a wall in a time t: put on it, with the speed that it had there, until the next step.
+def stop_at_wall(
+    x: float, y: float, before: float, t: float, high: float, low: float
+) -> tuple[float, float]:
+    """A stage that went beyond a wall in a time t: put on it, with the speed that it had there,
+    until the next step.
 
-    `before`: Velocity at the start of that time.  The acceleration is taken as constant: what is gained beyond the wall
-    must not go into the next impact.
+    `before`: Velocity at the start of that time.  The acceleration is taken as constant: what is
+    gained beyond the wall must not go into the next impact.
     """
     side, beyond = (1.0, x - high) if x > 0.0 else (-1.0, -low - x)
     if beyond <= 0.0:
@@ -79,21 +101,30 @@ def stop_at_wall(x: float, y: float, before: float, t: float, high: float, low: 
 def stick_to_end(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
     """The path at the end of its step, with some meshes closed until then."""
     first, second = sides
-    x1, y1, x2, y2 = at.x1, at.y1, at.x2, at.y2
+    x1 = at.x1
+    y1 = at.y1
+    x2 = at.x2
+    y2 = at.y2
     if first != 0:
         x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 1, walls.high1 if first > 0 else -walls.low1)
     if second != 0 and first != 0:
-        x2, y2 = walls.high2 if second > 0 else -walls.low2, 0.0
+        x2 = walls.high2 if second > 0 else -walls.low2
+        y2 = 0.0
     elif second != 0:
         x1, y1, x2, y2 = stuck_on(c, x1, y1, x2, y2, 2, walls.high2 if second > 0 else -walls.low2)
-    before1, before2 = y1, y2
+    before1 = y1
+    before2 = y2
     x1, y1, x2, y2 = stick_on(c, at.tau, x1, y1, x2, y2, sides, at.left)
     if c.stages == 2 and (first == 0 or second == 0):
-        moved, pushed, _, _ = kick(open_stage(c, sides), at.tau, at.left, at.noise.increment, at.noise.area)
+        moved, pushed, _, _ = kick(
+            open_stage(c, sides), at.tau, at.left, at.noise.increment, at.noise.area
+        )
         if first != 0:
-            x2, y2 = x2 - moved, y2 - pushed
+            x2 = x2 - moved
+            y2 = y2 - pushed
         else:
-            x1, y1 = x1 + moved, y1 + pushed
+            x1 = x1 + moved
+            y1 = y1 + pushed
     x1, y1 = stop_at_wall(x1, y1, before1, at.left, walls.high1, walls.low1)
     x2, y2 = stop_at_wall(x2, y2, before2, at.left, walls.high2, walls.low2)
     return Progress(0, at.tau + at.left, 0.0, Noise(0.0, 0.0), x1, y1, x2, y2)

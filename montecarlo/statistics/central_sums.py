@@ -1,7 +1,7 @@
 """Mergeable central sums over a stream of blocks of paths, in constant memory.
 
-Sums over the paths of a block are taken in an order that the source fixes, whatever the width of the processor's
-vectors.
+Sums over the paths of a block are taken in an order that the source fixes, whatever the width of
+the processor's vectors.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,8 @@ from rattle.scene.compiled import lean, lean_internal, widest_vectors
 Orders = tuple[tuple[int, int], ...]
 
 SINGLE: Orders = tuple((p, 0) for p in range(2, 9))
-"""Orders for one variable: up to 8, for the standard error of the fourth cumulant needs the eighth moment."""
+"""Orders for one variable: up to 8, for the standard error of the fourth cumulant needs the eighth
+moment."""
 
 PAIR: Orders = tuple((p, q) for p in range(5) for q in range(5) if 2 <= p + q <= 4)
 """Orders for two variables: up to 4, for the standard error of a correlation needs the fourth."""
@@ -27,14 +28,16 @@ COVARIANCE: Orders = ((1, 1),)
 VARIANCE: Orders = ((2, 0),)
 """A variance alone."""
 
-BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)  # [n, k] = n over k
+# [n, k] = n over k
+BINOMIAL = np.array([[comb(n, k) for k in range(9)] for n in range(9)], dtype=float)
 
 STRAND = 64  # numbers of paths are filled up to a multiple of it: eight strands of whole vectors
 
 
 @lean
 def _transpose(rows: Floats, columns: Floats) -> None:
-    """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at a time."""
+    """Copy `rows`, shape (paths, variables), to `columns`, shape (variables, paths), eight paths at
+    a time."""
     paths, variables = rows.shape
     whole = paths // 8 * 8
     for p in range(0, whole, 8):
@@ -51,13 +54,19 @@ def _transpose(rows: Floats, columns: Floats) -> None:
 def _fold(x: Floats, n: int) -> float:
     """Sum of the first n numbers of an array, n a multiple of 8, which is overwritten.
 
-    The order of summation is that of the source, whatever the width of the processor's vectors: eight strands, added in
-    pairs, then one after another.
+    The order of summation is that of the source, whatever the width of the processor's vectors:
+    eight strands, added in pairs, then one after another.
     """
     widest_vectors()
     m = n // 8
-    a, b, c, d = x[:m], x[m : 2 * m], x[2 * m : 3 * m], x[3 * m : 4 * m]
-    e, f, g, h = x[4 * m : 5 * m], x[5 * m : 6 * m], x[6 * m : 7 * m], x[7 * m : 8 * m]
+    a = x[:m]
+    b = x[m : 2 * m]
+    c = x[2 * m : 3 * m]
+    d = x[3 * m : 4 * m]
+    e = x[4 * m : 5 * m]
+    f = x[5 * m : 6 * m]
+    g = x[6 * m : 7 * m]
+    h = x[7 * m : 8 * m]
     for i in range(m):
         a[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
     total = 0.0
@@ -68,11 +77,18 @@ def _fold(x: Floats, n: int) -> float:
 
 @lean_internal
 def _sum(u: Floats, room: Floats) -> float:
-    """Sum of numbers in a fixed order; their number is a multiple of `STRAND`, and `room` has an eighth of it."""
+    """Sum of numbers in a fixed order; their number is a multiple of `STRAND`, and `room` has an
+    eighth of it."""
     widest_vectors()
     n = u.size // 8
-    a, b, c, d = u[:n], u[n : 2 * n], u[2 * n : 3 * n], u[3 * n : 4 * n]
-    e, f, g, h = u[4 * n : 5 * n], u[5 * n : 6 * n], u[6 * n : 7 * n], u[7 * n : 8 * n]
+    a = u[:n]
+    b = u[n : 2 * n]
+    c = u[2 * n : 3 * n]
+    d = u[3 * n : 4 * n]
+    e = u[4 * n : 5 * n]
+    f = u[5 * n : 6 * n]
+    g = u[6 * n : 7 * n]
+    h = u[7 * n : 8 * n]
     for i in range(n):
         room[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
     return _fold(room, n)
@@ -83,10 +99,22 @@ def product_sum(u: Floats, v: Floats, room: Floats) -> float:
     """Sum of products in the order of `_sum`."""
     widest_vectors()
     n = u.size // 8
-    a, b, c, d = u[:n], u[n : 2 * n], u[2 * n : 3 * n], u[3 * n : 4 * n]
-    e, f, g, h = u[4 * n : 5 * n], u[5 * n : 6 * n], u[6 * n : 7 * n], u[7 * n : 8 * n]
-    a2, b2, c2, d2 = v[:n], v[n : 2 * n], v[2 * n : 3 * n], v[3 * n : 4 * n]
-    e2, f2, g2, h2 = v[4 * n : 5 * n], v[5 * n : 6 * n], v[6 * n : 7 * n], v[7 * n : 8 * n]
+    a = u[:n]
+    b = u[n : 2 * n]
+    c = u[2 * n : 3 * n]
+    d = u[3 * n : 4 * n]
+    e = u[4 * n : 5 * n]
+    f = u[5 * n : 6 * n]
+    g = u[6 * n : 7 * n]
+    h = u[7 * n : 8 * n]
+    a2 = v[:n]
+    b2 = v[n : 2 * n]
+    c2 = v[2 * n : 3 * n]
+    d2 = v[3 * n : 4 * n]
+    e2 = v[4 * n : 5 * n]
+    f2 = v[5 * n : 6 * n]
+    g2 = v[6 * n : 7 * n]
+    h2 = v[7 * n : 8 * n]
     for i in range(n):
         room[i] = ((a[i] * a2[i] + b[i] * b2[i]) + (c[i] * c2[i] + d[i] * d2[i])) + (
             (e[i] * e2[i] + f[i] * f2[i]) + (g[i] * g2[i] + h[i] * h2[i])
@@ -96,18 +124,32 @@ def product_sum(u: Floats, v: Floats, room: Floats) -> float:
 
 @lean_internal
 def power_sums(d: Floats, room: Floats, sums: Floats) -> None:
-    """Sums of ``d^2`` to ``d^8`` in a fixed order; `room` has seven rows, each an eighth as long as d."""
+    """Sums of ``d^2`` to ``d^8`` in a fixed order; `room` has seven rows, each an eighth as long as
+    d."""
     widest_vectors()
     n = d.size // 8
-    s2, s3, s4, s5, s6, s7, s8 = room[0], room[1], room[2], room[3], room[4], room[5], room[6]
+    s2 = room[0]
+    s3 = room[1]
+    s4 = room[2]
+    s5 = room[3]
+    s6 = room[4]
+    s7 = room[5]
+    s8 = room[6]
     for i in range(n):
-        s2[i], s3[i], s4[i], s5[i], s6[i], s7[i], s8[i] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        s2[i] = 0.0
+        s3[i] = 0.0
+        s4[i] = 0.0
+        s5[i] = 0.0
+        s6[i] = 0.0
+        s7[i] = 0.0
+        s8[i] = 0.0
     for k in range(8):
         part = d[k * n : (k + 1) * n]
         for i in range(n):
             x = part[i]
             square = x * x
-            cube, fourth = square * x, square * square
+            cube = square * x
+            fourth = square * square
             s2[i] += square
             s3[i] += cube
             s4[i] += fourth
@@ -129,21 +171,27 @@ def _first_seen(u: Floats, v: Floats) -> int:
 
 
 @lean
-def centre(u: Floats, v: Floats, da: Floats, db: Floats, room: Floats) -> tuple[float, float, float]:
-    """Deviations of both variables from their means, 0 where either is not finite; the count and the means.
+def centre(
+    u: Floats, v: Floats, da: Floats, db: Floats, room: Floats
+) -> tuple[float, float, float]:
+    """Deviations of both variables from their means, 0 where either is not finite; the count and
+    the means.
 
     Means are taken about the first value, so that a constant comes out exact.
     """
     widest_vectors()
     origin = _first_seen(u, v)
-    first_u, first_v, count = u[origin], v[origin], 0
+    first_u = u[origin]
+    first_v = v[origin]
+    count = 0
     for p in range(u.size):
         seen = np.isfinite(u[p]) & np.isfinite(v[p])
         da[p], db[p] = u[p] - first_u if seen else 0.0, v[p] - first_v if seen else 0.0
         count += seen
     if count == 0:
         return 0.0, 0.0, 0.0
-    shift_u, shift_v = _sum(da, room) / count, _sum(db, room) / count
+    shift_u = _sum(da, room) / count
+    shift_v = _sum(db, room) / count
     for p in range(u.size):
         seen = np.isfinite(u[p]) & np.isfinite(v[p])
         da[p] -= shift_u if seen else 0.0
@@ -167,19 +215,33 @@ def columns_of(values: Floats) -> Floats:
 
 @lean
 def _block_sums(
-    a: Floats, b: Floats, cells: Ints, orders: Ints, powers: Floats, room: Floats, n: Floats, mean: Floats, sums: Floats
+    a: Floats,
+    b: Floats,
+    cells: Ints,
+    orders: Ints,
+    powers: Floats,
+    room: Floats,
+    n: Floats,
+    mean: Floats,
+    sums: Floats,
 ) -> None:
-    """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the paths where both are finite.
+    """Counts (cells), means (2, cells) and sums of ``da^p db^q`` (orders, cells) over the paths
+    where both are finite.
 
-    Cell i pairs row ``cells[0, i]`` of `a` with row ``cells[1, i]`` of `b`, both of shape (variables, paths).  The
-    scratch `powers` has shape (2, largest exponent + 1, paths) and is filled with ones.
+    Cell i pairs row ``cells[0, i]`` of `a` with row ``cells[1, i]`` of `b`, both of shape
+    (variables, paths).  The scratch `powers` has shape (2, largest exponent + 1, paths) and is
+    filled with ones.
     """
     widest_vectors()
     for i in range(n.size):
-        n[i], mean[0, i], mean[1, i] = centre(a[cells[0, i]], b[cells[1, i]], powers[0, 1], powers[1, 1], room[0])
+        n[i], mean[0, i], mean[1, i] = centre(
+            a[cells[0, i]], b[cells[1, i]], powers[0, 1], powers[1, 1], room[0]
+        )
         for side in range(2):
             for k in range(1, powers.shape[1] - 1):
-                lower, once, higher = powers[side, k], powers[side, 1], powers[side, k + 1]
+                lower = powers[side, k]
+                once = powers[side, 1]
+                higher = powers[side, k + 1]
                 for p in range(lower.size):
                     higher[p] = lower[p] * once[p]
         for o in range(len(orders)):
@@ -188,11 +250,19 @@ def _block_sums(
 
 @lean
 def _observe_groups(
-    columns: Floats, pairs: Ints, apart: Floats, room: Floats, n: Floats, mean: Floats, sums: Floats, products: Floats
+    columns: Floats,
+    pairs: Ints,
+    apart: Floats,
+    room: Floats,
+    n: Floats,
+    mean: Floats,
+    sums: Floats,
+    products: Floats,
 ) -> None:
     """The sums of `CentralSums.of_groups`, group by group: arrays of shape (groups, ...).
 
-    Deviations `apart` of a group's variables, shape (variables + 1, paths), serve its single sums and its pairs.
+    Deviations `apart` of a group's variables, shape (variables + 1, paths), serve its single sums
+    and its pairs.
     """
     groups, variables = n.shape
     for g in range(groups):
@@ -206,9 +276,17 @@ def _observe_groups(
 
 @lean
 def _about(
-    n: Floats, mean: Floats, sums: Floats, centre: Floats, exponents: Ints, place: Ints, powers: Floats, out: Floats
+    n: Floats,
+    mean: Floats,
+    sums: Floats,
+    centre: Floats,
+    exponents: Ints,
+    place: Ints,
+    powers: Floats,
+    out: Floats,
 ) -> None:
-    """Add to `out` the sums of one part, shifted to another centre by the binomial theorem (scratch `powers`)."""
+    """Add to `out` the sums of one part, shifted to another centre by the binomial theorem (scratch
+    `powers`)."""
     for i in range(n.size):
         for side in range(2):
             shift = mean[side, i] - centre[side, i]
@@ -222,7 +300,13 @@ def _about(
                     if j + k == 1:
                         continue  # deviations from a part's own mean sum to zero
                     inner = n[i] if j + k == 0 else sums[place[j, k], i]
-                    out[o, i] += BINOMIAL[p, j] * BINOMIAL[q, k] * powers[0, p - j] * powers[1, q - k] * inner
+                    out[o, i] += (
+                        BINOMIAL[p, j]
+                        * BINOMIAL[q, k]
+                        * powers[0, p - j]
+                        * powers[1, q - k]
+                        * inner
+                    )
 
 
 def _room(columns: Floats) -> Floats:
@@ -232,44 +316,59 @@ def _room(columns: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class CentralSums:
-    """Sums ``sum (a - mean_a)^p (b - mean_b)^q`` of two variables over observations, for many cells at once.
+    """Sums ``sum (a - mean_a)^p (b - mean_b)^q`` of two variables over observations, for many cells
+    at once.
 
-    Blocks are merged about the joint mean (Pebay 2008), always in block order, so that the result does not depend on
-    the worker that computed a block.
+    Blocks are merged about the joint mean (Pebay 2008), always in block order, so that the result
+    does not depend on the worker that computed a block.
     """
 
-    orders: Orders  # exponents of the sums that are kept; with each, all lower ones of degree 2 and more
+    # exponents of the sums that are kept; with each, all lower ones of degree 2 and more
+    orders: Orders
     n: Floats  # number of observations of each cell
     mean: Floats  # means of both variables; (2, ...)
     sums: Floats  # the sums; (orders, ...)
 
     @classmethod
-    def of_columns(cls, a: Floats, b: Floats, cells: Ints, orders: Orders, shape: tuple[int, ...]) -> "CentralSums":
+    def of_columns(
+        cls, a: Floats, b: Floats, cells: Ints, orders: Orders, shape: tuple[int, ...]
+    ) -> "CentralSums":
         """Sums of one block of paths, each cell over one variable of `a` and one of `b`.
 
         Shapes: `a`, `b` (variables, paths); `cells` (2, cells).
         """
-        size, exponents = cells.shape[1], np.array(orders)
-        n, mean, sums = np.empty(size), np.empty((2, size)), np.empty((len(orders), size))
+        size = cells.shape[1]
+        exponents = np.array(orders)
+        n = np.empty(size)
+        mean = np.empty((2, size))
+        sums = np.empty((len(orders), size))
         powers = np.ones((2, int(exponents.max()) + 1, a.shape[1]))
         _block_sums(a, b, cells, exponents, powers, _room(a), n, mean, sums)
-        return cls(orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape))
+        return cls(
+            orders, n.reshape(shape), mean.reshape(2, *shape), sums.reshape(len(orders), *shape)
+        )
 
     @classmethod
     def of_groups(
         cls, columns: Floats, groups: int, variables: int, pairs: Sequence[tuple[int, int]]
     ) -> "tuple[CentralSums, CentralSums]":
-        """Sums of the first variables of each group, and of pairs of them, observed together: in a path all or none.
+        """Sums of the first variables of each group, and of pairs of them, observed together: in a
+        path all or none.
 
         Shapes: `columns` (groups * variables or more, paths).
         """
-        n, mean, both = np.empty((groups, variables)), np.empty((groups, variables)), np.array(pairs)
-        sums, products = np.empty((groups, variables, len(SINGLE))), np.empty((groups, len(pairs)))
+        n = np.empty((groups, variables))
+        mean = np.empty((groups, variables))
+        both = np.array(pairs)
+        sums = np.empty((groups, variables, len(SINGLE)))
+        products = np.empty((groups, len(pairs)))
         deviations = np.empty((variables + 1, columns.shape[1]))
         _observe_groups(columns, both, deviations, _room(columns), n, mean, sums, products)
         return (
             cls(SINGLE, n, np.stack([mean, mean]), np.moveaxis(sums, -1, 0).copy()),
-            cls(COVARIANCE, n[:, both[:, 0]], np.stack([mean[:, i] for i in both.T]), products[None]),
+            cls(
+                COVARIANCE, n[:, both[:, 0]], np.stack([mean[:, i] for i in both.T]), products[None]
+            ),
         )
 
     def merge(self, other: "CentralSums") -> "CentralSums":
@@ -278,12 +377,15 @@ class CentralSums:
         weight = np.divide(other.n, n, out=np.zeros_like(n), where=n > 0)
         mean = self.mean + (other.mean - self.mean) * weight
         out = np.zeros((len(self.orders), n.size))
-        place, powers = np.zeros((9, 9), np.int64), np.empty((2, 9))
+        place = np.zeros((9, 9), np.int64)
+        powers = np.empty((2, 9))
         for o, (p, q) in enumerate(self.orders):
             place[p, q] = o
-        centre, exponents = mean.reshape(2, -1), np.array(self.orders)
+        centre = mean.reshape(2, -1)
+        exponents = np.array(self.orders)
         for part in (self, other):
-            own, sums = part.mean.reshape(2, -1), part.sums.reshape(len(self.orders), -1)
+            own = part.mean.reshape(2, -1)
+            sums = part.sums.reshape(len(self.orders), -1)
             _about(part.n.ravel(), own, sums, centre, exponents, place, powers, out)
         return CentralSums(self.orders, n, mean, out.reshape(self.sums.shape))
 

@@ -1,7 +1,9 @@
-"""Intervals from independent paths: Student's, with as many degrees of freedom as paths the error rests on, less one.
+"""Intervals from independent paths: Student's, with as many degrees of freedom as paths the error
+rests on, less one.
 
-A standard error is known as well as the variance of what paths put into a value.  Where rare bursts are nearly all of
-it, that variance comes from the few paths that had one, and is most often too small when few had.
+A standard error is known as well as the variance of what paths put into a value.  Where rare bursts
+are nearly all of it, that variance comes from the few paths that had one, and is most often too
+small when few had.
 """
 
 import math
@@ -17,7 +19,8 @@ CONFIDENCE = 0.95
 
 
 def half_width(effective_paths: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any:
-    """Half width of an interval in standard errors, from the number of paths that the error rests on.
+    """Half width of an interval in standard errors, from the number of paths that the error rests
+    on.
 
     `tail`: Probability on each side of the interval; by default those of a 95 % interval.
     """
@@ -25,14 +28,16 @@ def half_width(effective_paths: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE)
 
 
 def count_effective_paths(rest: Floats) -> float:
-    """How many paths an error rests on: all where what they deviate by is normal, few where rare bursts are all.
+    """How many paths an error rests on: all where what they deviate by is normal, few where rare
+    bursts are all.
 
-    Where few of many paths do, their number is about ``(sum r^2)^2 / sum r^4``, which is a third of all where the
-    deviations r are normal; the inverses are shifted such that these count in full.
+    Where few of many paths do, their number is about ``(sum r^2)^2 / sum r^4``, which is a third of
+    all where the deviations r are normal; the inverses are shifted such that these count in full.
 
     Shapes: `rest` (paths,).
     """
-    n, largest = len(rest), float(np.abs(rest).max())
+    n = len(rest)
+    largest = float(np.abs(rest).max())
     if largest == 0.0:
         return float(n)
     square = (rest / largest) ** 2  # of any magnitude: a fourth power would overflow
@@ -59,6 +64,9 @@ def spread(parts: Floats, value: float | None = None) -> Spread:
 
     Shapes: `parts` (paths,).
     """
-    n, rest = len(parts), parts - parts.mean()
+    n = len(parts)
+    rest = parts - parts.mean()
     value = float(parts.mean()) if value is None else value
-    return Spread(value, math.sqrt(float((rest**2).sum()) / (n - 1) / n), count_effective_paths(rest))
+    return Spread(
+        value, math.sqrt(float((rest**2).sum()) / (n - 1) / n), count_effective_paths(rest)
+    )

@@ -1,4 +1,5 @@
-"""What a simulation records beside central sums: means and sds of batches of paths, and histograms."""
+"""What a simulation records beside central sums: means and sds of batches of paths, and
+histograms."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,22 +9,27 @@ import numpy as np
 from rattle.scene import SECTION, Floats, Ints
 
 BATCHES = 32
-"""Number of batches; a standard error estimated from 32 batches is itself known to 1/8 (1 / sqrt(2 * 31))."""
+"""Number of batches; a standard error estimated from 32 batches is itself known to 1/8 (1 / sqrt(2
+* 31))."""
 
 
 @dataclass(repr=False)
 class Batches:
-    """Number, mean and sum of squares of each section quantity in each batch; block b belongs to batch ``b % BATCHES``.
+    """Number, mean and sum of squares of each section quantity in each batch; block b belongs to
+    batch ``b % BATCHES``.
 
-    Two runs with one seed use the same noise in each batch.  The spread of the differences between their batches is
-    therefore the standard error of the difference, with the correlation of the runs taken into account.
+    Two runs with one seed use the same noise in each batch.  The spread of the differences between
+    their batches is therefore the standard error of the difference, with the correlation of the
+    runs taken into account.
     """
 
-    # n, mean, squares: paths that had the impact, their mean, and the sum of squares about it; (BATCHES, impacts, 6)
+    # n, mean, squares: paths that had the impact, their mean, and the sum of squares about it;
+    # (BATCHES, impacts, 6)
     n: Floats
     mean: Floats
     squares: Floats
-    control: Floats  # mean of the control variate, whose expectation is zero; 0 without one; (BATCHES, impacts, 6)
+    # mean of the control variate, whose expectation is zero; 0 without one; (BATCHES, impacts, 6)
+    control: Floats
 
     @classmethod
     def empty(cls, impacts: int) -> "Batches":
@@ -46,12 +52,15 @@ class Batches:
 
     @property
     def sd(self) -> Floats:
-        """Standard deviation in each batch, shape (BATCHES, impacts, 6); NaN where no path had the impact."""
+        """Standard deviation in each batch, shape (BATCHES, impacts, 6); NaN where no path had the
+        impact."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.sqrt(self.squares / self.n))
 
 
-BINS, REACH = 240, 6.0  # equal bins over +- REACH sds of the first block
+# equal bins over +- REACH sds of the first block
+BINS = 240
+REACH = 6.0
 
 
 @dataclass(repr=False)
@@ -64,7 +73,8 @@ class Histograms:
 
     @classmethod
     def for_sample(cls, section: Floats) -> "Histograms":
-        """Empty histograms that reach `REACH` standard deviations of a sample to both sides of its mean.
+        """Empty histograms that reach `REACH` standard deviations of a sample to both sides of its
+        mean.
 
         Shapes: `section` (paths, impacts, 6).
         """
@@ -74,7 +84,9 @@ class Histograms:
         mean = np.where(seen, section, 0.0).sum(axis=0) / n
         sd = np.sqrt((np.where(seen, section - mean, 0.0) ** 2).sum(axis=0) / n)
         sd = np.where(sd > 0.0, sd, 1e-12)
-        return cls(mean - REACH * sd, 2.0 * REACH * sd / BINS, np.zeros((impacts, 6, BINS + 2), np.int64))
+        return cls(
+            mean - REACH * sd, 2.0 * REACH * sd / BINS, np.zeros((impacts, 6, BINS + 2), np.int64)
+        )
 
     def add(self, section: Floats) -> None:
         """Count a block of paths.
@@ -94,7 +106,8 @@ class Histograms:
 
         Shapes: `edges` (BINS + 1,); `density` (BINS,).
         """
-        k, i = impact - 1, SECTION.index(quantity)
+        k = impact - 1
+        i = SECTION.index(quantity)
         edges = self.low[k, i] + self.width[k, i] * np.arange(BINS + 1)
         counts = self.counts[k, i]
         return edges, counts[1:-1] / max(counts.sum(), 1) / self.width[k, i]

@@ -1,4 +1,5 @@
-"""Moments of sections with their standard errors, and the bias of the step in them, from central sums."""
+"""Moments of sections with their standard errors, and the bias of the step in them, from central
+sums."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -14,13 +15,15 @@ TINY = float(np.finfo(float).tiny)  # smallest normal float; smaller ones have f
 FEWEST = {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
 """Least number of paths from which the standard error of a statistic can be estimated.
 
-With fewer, the statistic or its error is a constant whatever the data: the sd of one value is 0, two values have equal
-squared deviations and a correlation of +-1, and the kurtosis of three values is 1.5.
+With fewer, the statistic or its error is a constant whatever the data: the sd of one value is 0,
+two values have equal squared deviations and a correlation of +-1, and the kurtosis of three values
+is 1.5.
 """
 
 
 def _variance_of(coefficients: list[Floats], moments: list[Floats]) -> Floats:
-    """Variance of a polynomial in a standardised variable, coefficients in ascending order, given its moments."""
+    """Variance of a polynomial in a standardised variable, coefficients in ascending order, given
+    its moments."""
     square: Floats | float = 0.0
     mean: Floats | float = 0.0
     for i, a in enumerate(coefficients):
@@ -33,27 +36,40 @@ def _variance_of(coefficients: list[Floats], moments: list[Floats]) -> Floats:
 def single_statistics(sums: CentralSums) -> dict[str, Floats]:
     """Mean, sd, skewness and excess kurtosis with standard errors.
 
-    Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard errors come from the
-    influence functions (delta method) and hold for any distribution with eight moments.  A constant has sd 0 with error
-    0 and no skewness.  ``se_skew`` and ``se_kurt`` are NaN where the sixth and the eighth power of the sd underflow:
-    below about 1e-51 and 1e-38.
+    Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard
+    errors come from the influence functions (delta method) and hold for any distribution with eight
+    moments.  A constant has sd 0 with error 0 and no skewness.  ``se_skew`` and ``se_kurt`` are NaN
+    where the sixth and the eighth power of the sd underflow: below about 1e-51 and 1e-38.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):
         m2 = sums.moment(2, 0)
         sd = np.sqrt(m2)
         unit = powers(sd, 8)
-        z = [np.ones_like(n), np.zeros_like(n), np.ones_like(n)] + [sums.moment(p, 0) / unit[p] for p in range(3, 9)]
-        skew, kurt = z[3], z[4]
-        one, nil = np.ones_like(n), np.zeros_like(n)
+        z = [np.ones_like(n), np.zeros_like(n), np.ones_like(n)] + [
+            sums.moment(p, 0) / unit[p] for p in range(3, 9)
+        ]
+        skew = z[3]
+        kurt = z[4]
+        one = np.ones_like(n)
+        nil = np.zeros_like(n)
         influence_skew = [1.5 * skew, -3.0 * one, -1.5 * skew, one]  # z^3 - 3 z - 3/2 g (z^2 - 1)
-        influence_kurt = [2.0 * kurt, -4.0 * skew, -2.0 * kurt, nil, one]  # z^4 - 4 g z - 2 k (z^2 - 1)
+        # z^4 - 4 g z - 2 k (z^2 - 1)
+        influence_kurt = [
+            2.0 * kurt,
+            -4.0 * skew,
+            -2.0 * kurt,
+            nil,
+            one,
+        ]
         fourth = sums.moment(4, 0)
         return {
             "mean": np.where(n > 0, sums.mean[0], np.nan),
             "se_mean": sd / np.sqrt(n),
             "sd": sd,
-            "se_sd": np.where(sd > 0.0, np.sqrt(np.maximum(fourth - m2**2, 0.0) / n) / (2.0 * sd), 0.0 * sd),
+            "se_sd": np.where(
+                sd > 0.0, np.sqrt(np.maximum(fourth - m2**2, 0.0) / n) / (2.0 * sd), 0.0 * sd
+            ),
             "skew": skew,
             "se_skew": np.sqrt(_variance_of(influence_skew, z) / n),
             "kurt": kurt - 3.0,
@@ -64,16 +80,22 @@ def single_statistics(sums: CentralSums) -> dict[str, Floats]:
 def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
     """Covariance and correlation of a pair with their standard errors.
 
-    ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian pair, and NaN where
-    ``|rho| = 1``.  The correlation and its errors are NaN where the product of the variances underflows.
+    ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian
+    pair, and NaN where ``|rho| = 1``.  The correlation and its errors are NaN where the product of
+    the variances underflows.
     """
     n = sums.n
     with np.errstate(invalid="ignore", divide="ignore"):
-        a, b, c = sums.moment(2, 0), sums.moment(0, 2), sums.moment(1, 1)
+        a = sums.moment(2, 0)
+        b = sums.moment(0, 2)
+        c = sums.moment(1, 1)
         root = np.sqrt(np.where(a * b >= TINY, a * b, np.nan))
         rho = np.clip(c / root, -1.0, 1.0)  # rounding can pass 1
-        m22, m31, m13 = sums.moment(2, 2) / (a * b), sums.moment(3, 1) / (a * root), sums.moment(1, 3) / (b * root)
-        m40, m04 = sums.moment(4, 0) / a**2, sums.moment(0, 4) / b**2
+        m22 = sums.moment(2, 2) / (a * b)
+        m31 = sums.moment(3, 1) / (a * root)
+        m13 = sums.moment(1, 3) / (b * root)
+        m40 = sums.moment(4, 0) / a**2
+        m04 = sums.moment(0, 4) / b**2
         # influence function u v - rho (u^2 + v^2) / 2 of a correlation, u and v standardised
         variance = m22 - rho * (m31 + m13) + rho**2 * (m40 + 2.0 * m22 + m04) / 4.0
         se = np.sqrt(np.maximum(variance, 0.0) / n)
@@ -86,25 +108,33 @@ def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
         }
 
 
-BEYOND = 3.0  # standard errors by which changes must fall more slowly than first order, to be taken for slow
-SLOW = 2.0**0.9  # ratio of two changes below which they are; above it is first order with a remainder of second order
+# standard errors by which changes must fall more slowly than first order, to be taken for slow
+BEYOND = 3.0
+SLOW = (
+    2.0**0.9
+    # ratio of two changes below which they are; above it is first order with a remainder of second
+    # order
+)
 SLOWEST = 2.0**0.5
-"""Ratio that is assumed of changes that fall more slowly still, or turn their sign.  The half order of impacts that a
-discrete path misses is the slowest that is known; beside first order it leaves as much at any ratio."""
+"""Ratio that is assumed of changes that fall more slowly still, or turn their sign.  The half order
+of impacts that a discrete path misses is the slowest that is known; beside first order it leaves as
+much at any ratio."""
 
 
 class StepBias(NamedTuple):
     """Step bias of a moment; each entry has shape (impacts, quantities)."""
 
-    # bias, se_bias: first-order estimate of (value at dt) - (limit dt -> 0), the change from dt to 2 dt; its standard
-    # error
+    # bias, se_bias: first-order estimate of (value at dt) - (limit dt -> 0), the change from dt to
+    # 2 dt; its standard error
     bias: Floats
     se_bias: Floats
-    corrected: Floats  # corrected, se_corrected: richardson extrapolation, value - bias; its standard error
+    # corrected, se_corrected: richardson extrapolation, value - bias; its standard error
+    corrected: Floats
     se_corrected: Floats
-    # estimate of the error left: the difference to the same extrapolation from 2 dt and 4 dt, over ``2^p - 1``.  The
-    # error left is of second order (p = 2), as means settle at first order; where the changes of an sd fall more
-    # slowly, beyond noise, p is the slope that they have, 1/2 at least (`rattle order`: docs/theory/schemes.md)
+    # estimate of the error left: the difference to the same extrapolation from 2 dt and 4 dt, over
+    # ``2^p - 1``.  The error left is of second order (p = 2), as means settle at first order; where
+    # the changes of an sd fall more slowly, beyond noise, p is the slope that they have, 1/2 at
+    # least (`rattle order`: docs/theory/schemes.md)
     rest: Floats
 
 
@@ -117,15 +147,21 @@ def extrapolate(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
     v = {(p, q): fine.moment(p, q) for p, q in ((2, 0), (1, 1), (0, 2), (4, 0), (2, 2), (0, 4))}
     sd = np.sqrt(np.stack([v[2, 0], v[0, 2], coarse.moment(0, 2)]))
     means = np.stack([fine.mean[0], fine.mean[1], coarse.mean[1]])
-    # (co)variances of the influence functions at dt and 2 dt: var(dt), cov, var(2 dt), of the means and of the sds
+    # (co)variances of the influence functions at dt and 2 dt: var(dt), cov, var(2 dt), of the means
+    # and of the sds
     spread = ([v[2, 0], v[1, 1], v[0, 2]], _sd_influence(v, sd[0], sd[1]))
     found = {}
     for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
         values = np.where(fine.n > 0, values, np.nan)
-        bias, se = values[1] - values[0], np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n)
+        bias = values[1] - values[0]
+        se = np.sqrt(np.maximum(ff - 2.0 * fc + cc, 0.0) / n)
         before = values[2] - values[1]
         se_corrected = np.sqrt(np.maximum(4.0 * ff - 4.0 * fc + cc, 0.0) / n)
-        rest = estimate_remainder(bias, before, se) if moment == "sd" else np.abs(2.0 * bias - before) / 3.0
+        rest = (
+            estimate_remainder(bias, before, se)
+            if moment == "sd"
+            else np.abs(2.0 * bias - before) / 3.0
+        )
         found[moment] = StepBias(bias, se, values[0] - bias, se_corrected, rest)
     return found
 
@@ -133,9 +169,9 @@ def extrapolate(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
 def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
     """Estimate the error that first-order extrapolation leaves.
 
-    `change`, `before`: Change of a value from dt to 2 dt, and from 2 dt to 4 dt. `se`: Standard error of
-    `change`; that of ``2 change - before`` is taken to be three times as large, as the earlier change has about
-    twice the error.
+    `change`, `before`: Change of a value from dt to 2 dt, and from 2 dt to 4 dt. `se`: Standard
+    error of `change`; that of ``2 change - before`` is taken to be three times as large, as the
+    earlier change has about twice the error.
     """
     missing = 2.0 * change - before
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -145,7 +181,8 @@ def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
 
 
 def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
-    """Variances and covariance of the influence functions ``((u - E u)^2 - a^2) / 2a`` of two sds."""
+    """Variances and covariance of the influence functions ``((u - E u)^2 - a^2) / 2a`` of two
+    sds."""
     with np.errstate(invalid="ignore", divide="ignore"):
         parts = [
             (v[4, 0] - v[2, 0] ** 2) / (4.0 * a * a),

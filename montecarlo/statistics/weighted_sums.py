@@ -9,17 +9,22 @@ import numpy as np
 from rattle.scene import Floats, Ints
 from rattle.scene.compiled import lean
 
-ONCE, TWICE, THRICE = 5, 9, 7  # powers of a deviation d, from 0 on, that are summed with w, with w^2 and with w^3
+# powers of a deviation d, from 0 on, that are summed with w, with w^2 and with w^3
+ONCE = 5
+TWICE = 9
+THRICE = 7
 ORDERS = ONCE + TWICE + THRICE
-NOTHING = 1e-60  # variance of what does not vary but by rounding: the displacement at a wall that all paths strike
+# variance of what does not vary but by rounding: the displacement at a wall that all paths strike
+NOTHING = 1e-60
 
 
 @lean
 def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
-    """Add the paths of one part to its sums, about a centre; impacts that a path did not have count nothing.
+    """Add the paths of one part to its sums, about a centre; impacts that a path did not have count
+    nothing.
 
-    Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); `centre` (impacts, variables); `sums`
-    (impacts, variables, ORDERS).
+    Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); `centre` (impacts,
+    variables); `sums` (impacts, variables, ORDERS).
     """
     for p in range(rows.shape[0]):
         for k in range(rows.shape[1]):
@@ -27,13 +32,18 @@ def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
             if not w > 0.0:
                 continue
             for q in range(sums.shape[1]):
-                d, s = rows[p, k, q] - centre[k, q], sums[k, q]
-                once, twice, thrice = w, w * w, w * w * w
+                d = rows[p, k, q] - centre[k, q]
+                s = sums[k, q]
+                once = w
+                twice = w * w
+                thrice = w * w * w
                 for o in range(ONCE):
                     s[o] += once
                     s[ONCE + o] += twice
                     s[ONCE + TWICE + o] += thrice
-                    once, twice, thrice = once * d, twice * d, thrice * d
+                    once = once * d
+                    twice = twice * d
+                    thrice = thrice * d
                 for o in range(ONCE, TWICE):
                     s[ONCE + o] += twice
                     twice *= d
@@ -43,7 +53,9 @@ def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
 
 
 @lean
-def add_products(rows: Floats, weights: Floats, centre: Floats, pairs: Ints, products: Floats) -> None:
+def add_products(
+    rows: Floats, weights: Floats, centre: Floats, pairs: Ints, products: Floats
+) -> None:
     """Add the weighted products of the deviations of pairs of variables.
 
     Shapes: as of `add`; `pairs` (pairs, 2); `products` (impacts, pairs).
@@ -54,12 +66,15 @@ def add_products(rows: Floats, weights: Floats, centre: Floats, pairs: Ints, pro
             if w > 0.0:
                 for j in range(pairs.shape[0]):
                     a, b = pairs[j]
-                    products[k, j] += w * (rows[p, k, a] - centre[k, a]) * (rows[p, k, b] - centre[k, b])
+                    products[k, j] += (
+                        w * (rows[p, k, a] - centre[k, a]) * (rows[p, k, b] - centre[k, b])
+                    )
 
 
 @dataclass(frozen=True)
 class WeightedSums:
-    """Sums over the paths of a mixture, apart for each of its parts: each has a fixed number of paths."""
+    """Sums over the paths of a mixture, apart for each of its parts: each has a fixed number of
+    paths."""
 
     paths: Floats  # of each part; (parts,)
     centre: Floats  # about which the deviations are; (impacts, variables)
@@ -68,13 +83,17 @@ class WeightedSums:
 
     def merge(self, other: "WeightedSums") -> "WeightedSums":
         """The sums over two sets of paths together."""
-        paths, sums, products = self.paths + other.paths, self.sums + other.sums, self.products + other.products
+        paths = self.paths + other.paths
+        sums = self.sums + other.sums
+        products = self.products + other.products
         return WeightedSums(paths, self.centre, sums, products)
 
     def until(self, impacts: int) -> "WeightedSums":
         """The sums of the first impacts; the others have no weight."""
         seen = np.arange(len(self.centre)) < impacts
-        return WeightedSums(self.paths, self.centre, self.sums * seen[:, None, None], self.products * seen[:, None])
+        return WeightedSums(
+            self.paths, self.centre, self.sums * seen[:, None, None], self.products * seen[:, None]
+        )
 
     @property
     def weight(self) -> Floats:
@@ -89,11 +108,13 @@ class WeightedSums:
         return w, self.centre[:, :6] + off, np.maximum(second - off * first, 0.0)
 
     def moments(self) -> dict[str, Floats]:
-        """Mean, sd, skewness and excess kurtosis with standard errors, as `single_statistics` has them.
+        """Mean, sd, skewness and excess kurtosis with standard errors, as `single_statistics` has
+        them.
 
-        Estimates are ratios of weighted sums; mean and variance are corrected for the bias that a ratio has to first
-        order in 1 / paths.  Standard errors are those of the influence functions, whose variances add up over the
-        parts.  ``lean_mean`` and ``lean_sd``: skewness of the sampling distributions.
+        Estimates are ratios of weighted sums; mean and variance are corrected for the bias that a
+        ratio has to first order in 1 / paths.  Standard errors are those of the influence
+        functions, whose variances add up over the parts.  ``lean_mean`` and ``lean_sd``: skewness
+        of the sampling distributions.
 
         Shapes: result (impacts, variables).
         """
@@ -102,12 +123,15 @@ class WeightedSums:
             about = _shift(self.sums, off)
             m2, m3, m4 = (about[..., o].sum(axis=0) / self.weight for o in (2, 3, 4))
             m2 = np.where(m2 > NOTHING, m2, np.nan)
-            one, nil = np.ones_like(m2), np.zeros_like(m2)
+            one = np.ones_like(m2)
+            nil = np.zeros_like(m2)
             of_mean = [nil, one]
             error = self._covariance(about, of_mean, of_mean)
             variance = np.maximum(m2 + error + self._covariance(about, [-m2, nil, one], [one]), 0.0)
             sd = np.where(m2 > 0.0, np.sqrt(variance), 0.0)
-            skew, kurt = m3 / m2**1.5, m4 / m2**2  # NaN of what does not vary
+            # NaN of what does not vary
+            skew = m3 / m2**1.5
+            kurt = m4 / m2**2
             of_square = [-m2, nil, one]
             of_skew = [1.5 * skew, -3.0 * one / m2**0.5, -1.5 * skew / m2, one / m2**1.5]
             of_kurt = [2.0 * kurt, -4.0 * skew / m2**0.5, -2.0 * kurt / m2, nil, one / m2**2]
@@ -121,12 +145,17 @@ class WeightedSums:
                 "se_skew": np.sqrt(self._covariance(about, of_skew, of_skew)),
                 "kurt": kurt - 3.0,
                 "se_kurt": np.sqrt(self._covariance(about, of_kurt, of_kurt)),
-                "lean_mean": np.nan_to_num(self._third(about, of_mean) / error**1.5, posinf=0.0, neginf=0.0),
-                "lean_sd": np.nan_to_num(self._third(about, of_square) / se_square**3, posinf=0.0, neginf=0.0),
+                "lean_mean": np.nan_to_num(
+                    self._third(about, of_mean) / error**1.5, posinf=0.0, neginf=0.0
+                ),
+                "lean_sd": np.nan_to_num(
+                    self._third(about, of_square) / se_square**3, posinf=0.0, neginf=0.0
+                ),
             }
 
     def _covariance(self, about: Floats, a: list[Floats], b: list[Floats]) -> Floats:
-        """Covariance of the weighted means of two polynomials (ascending coefficients), from within the parts."""
+        """Covariance of the weighted means of two polynomials (ascending coefficients), from within
+        the parts."""
         n = self.paths[:, None, None]
         twice = about[..., ONCE : ONCE + TWICE]
         both = sum(p * q * twice[..., i + j] for i, p in enumerate(a) for j, q in enumerate(b))
@@ -136,8 +165,10 @@ class WeightedSums:
         return np.asarray(np.maximum(total, 0.0) if a is b else total)
 
     def _third(self, about: Floats, a: list[Floats]) -> Floats:
-        """Third moment of the error of the weighted mean of a polynomial of at most second degree."""
-        thrice, total = about[..., ONCE + TWICE :].sum(axis=0), np.zeros_like(a[0])
+        """Third moment of the error of the weighted mean of a polynomial of at most second
+        degree."""
+        thrice = about[..., ONCE + TWICE :].sum(axis=0)
+        total = np.zeros_like(a[0])
         for i, p in enumerate(a):
             for j, q in enumerate(a):
                 for k, r in enumerate(a):
@@ -152,12 +183,15 @@ class WeightedSums:
         with np.errstate(invalid="ignore", divide="ignore"):
             off = self.sums[..., 1].sum(axis=0) / self.weight
             first, second = np.array(pairs).T
-            return np.asarray(self.products / self.weight[:, first] - off[:, first] * off[:, second])
+            return np.asarray(
+                self.products / self.weight[:, first] - off[:, first] * off[:, second]
+            )
 
 
 def _shift(sums: Floats, by: Floats) -> Floats:
     """The same sums about a centre that lies further by `by`, by the binomial theorem."""
-    out, first = np.zeros_like(sums), 0
+    out = np.zeros_like(sums)
+    first = 0
     for orders in (ONCE, TWICE, THRICE):
         for o in range(orders):
             for j in range(o + 1):

@@ -2,7 +2,15 @@
 
 from rattle.scene import DAT21, Scene, Start
 
-PLAIN = {"alpha": 1.5, "epsilon": 0.9, "beta1": 1 / 12, "beta2": 2 / 15, "gamma1": 0.057, "gamma2": 0.029, "mu": 0.6}
+PLAIN = {
+    "alpha": 1.5,
+    "epsilon": 0.9,
+    "beta1": 1 / 12,
+    "beta2": 2 / 15,
+    "gamma1": 0.057,
+    "gamma2": 0.029,
+    "mu": 0.6,
+}
 FLIGHT = Start(0.3, 0.1, 1.0, -0.2, -0.7)
 SCENES = {
     "DAT21": lambda s: Scene.from_gears(DAT21, sigma=s),

@@ -1,4 +1,5 @@
-"""The branching closure: a mixture over itineraries, compared with simulation far beyond one orbit."""
+"""The branching closure: a mixture over itineraries, compared with simulation far beyond one
+orbit."""
 
 import numpy as np
 import pytest
@@ -26,31 +27,46 @@ def pair(request):
 
 
 def test_unconditional_section_moments(pair):
-    """Median errors of a few per cent of an sd over all impacts, where one orbit is wrong by its own size."""
+    """Median errors of a few per cent of an sd over all impacts, where one orbit is wrong by its
+    own size."""
     branching, run = pair
     single = mean_map(branching.scene, impacts=12).section
-    mean_errors, sd_errors, single_errors = [], [], []
+    mean_errors = []
+    sd_errors = []
+    single_errors = []
     for quantity in QUANTITIES:
-        mean, sd = run.section[quantity], run.section[f"sd_{quantity}"]
+        mean = run.section[quantity]
+        sd = run.section[f"sd_{quantity}"]
         mean_errors += list(((branching.section[quantity] - mean) / sd).abs())
         sd_errors += list((branching.section[f"sd_{quantity}"] / sd - 1.0).abs())
         single_errors += list(((single[quantity] - mean) / sd).abs())
     assert np.median(mean_errors) < 0.05
     assert np.median(sd_errors) < 0.05
     assert max(mean_errors) < 0.25
-    assert np.median(single_errors) > 3.0 * np.median(mean_errors)  # negative control: one itinerary only
+    assert np.median(single_errors) > 3.0 * np.median(
+        mean_errors
+    )  # negative control: one itinerary only
 
 
 @pytest.mark.parametrize("sigma", [0.1, 0.2])
 def test_no_moment_is_inaccurate(sigma):
-    """Means to 5 % of an sd and sds to 10 %, rare events and all; one orbit alone is inaccurate in most rows."""
+    """Means to 5 % of an sd and sds to 10 %, rare events and all; one orbit alone is inaccurate in
+    most rows."""
     v = validate(
-        dat21(sigma), impacts=12, closures=("branching", "saltation"), paths=100_000, scheme="exact-flight", rng=7
+        dat21(sigma),
+        impacts=12,
+        closures=("branching", "saltation"),
+        paths=100_000,
+        scheme="exact-flight",
+        rng=7,
     )
     rows = v.table.query("kind == 'section'")
     own = v.predictions["saltation"].section["mesh"].loc[rows["impact"]].to_numpy()
-    rows = rows[rows["quantity"] != np.array([f"x{mesh}" for mesh in own])]  # hardly varies at the struck mesh
-    verdicts = rows.groupby("closure")["verdict"].value_counts(normalize=True).unstack(fill_value=0.0)
+    # hardly varies at the struck mesh
+    rows = rows[rows["quantity"] != np.array([f"x{mesh}" for mesh in own])]
+    verdicts = (
+        rows.groupby("closure")["verdict"].value_counts(normalize=True).unstack(fill_value=0.0)
+    )
     assert verdicts.loc["branching", "accurate"] > 0.85
     assert (rows[rows["closure"] == "branching"]["verdict"] != "inaccurate").all()
     assert verdicts.loc["saltation", "inaccurate"] > 0.5  # negative control: one itinerary only
@@ -74,7 +90,8 @@ def test_probability_is_accounted_for(pair):
 
 
 def test_density_is_the_mixtures_and_sees_both_branches():
-    """At the paper's noise the velocity before impact 12 is bimodal; probability in the wrong place."""
+    """At the paper's noise the velocity before impact 12 is bimodal; probability in the wrong
+    place."""
     scene = dat21(1.5**0.5)
     m = mean_map(scene, impacts=12, closure="branching")
     y = np.linspace(-10.0, 10.0, 8001)
@@ -90,13 +107,18 @@ def test_density_is_the_mixtures_and_sees_both_branches():
 
     assert misplaced(density) < 0.12
     single = mean_map(scene, impacts=12)
-    assert misplaced(single.density(12, "y1", y)) > 3.0 * misplaced(density)  # negative control: one Gaussian
+    assert misplaced(single.density(12, "y1", y)) > 3.0 * misplaced(
+        density
+    )  # negative control: one Gaussian
 
 
 def test_no_branch_is_made_by_noise_that_acts_after_it():
-    """A flight passes a wall early; the noise of all of it would lead there, and makes an sd 105 times too large."""
+    """A flight passes a wall early; the noise of all of it would lead there, and makes an sd 105
+    times too large."""
     scene = gear_sets(20261125, 4)[1].with_sigma(0.005)
-    branching, saltation = (mean_map(scene, impacts=8, closure=c).section for c in ("branching", "saltation"))
+    branching, saltation = (
+        mean_map(scene, impacts=8, closure=c).section for c in ("branching", "saltation")
+    )
     for quantity in QUANTITIES:
         ratio = branching[f"sd_{quantity}"] / saltation[f"sd_{quantity}"]
         assert ratio.to_numpy() == pytest.approx(1.0, abs=0.01)
@@ -104,7 +126,8 @@ def test_no_branch_is_made_by_noise_that_acts_after_it():
 
 def test_small_noise_is_the_saltation_closure():
     branching, saltation = (
-        mean_map(dat21(0.002), impacts=12, closure=name).section for name in ("branching", "saltation")
+        mean_map(dat21(0.002), impacts=12, closure=name).section
+        for name in ("branching", "saltation")
     )
     for quantity in QUANTITIES:
         sd = saltation[f"sd_{quantity}"]

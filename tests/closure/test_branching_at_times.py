@@ -1,4 +1,5 @@
-"""The branching closure at fixed times: against the saltation closure at small noise, and exact flights at larger."""
+"""The branching closure at fixed times: against the saltation closure at small noise, and exact
+flights at larger."""
 
 from dataclasses import replace
 
@@ -22,8 +23,14 @@ SCENES = {  # and what is allowed besides sampling, in sds
     "DAT21, strong": (noisy(DAT, 0.3), 0.05),
     "one stage": (noisy(LONE, 0.03), 0.03),
     "two stages": (noisy(PAIR, 0.03), 0.05),
-    "flanks of each contact": (replace(noisy(DAT, 0.05), tolerance=Tolerance(0.02, 0.02, draw="contact")), 0.05),
-    "flanks of each path": (replace(noisy(PAIR, 0.03), tolerance=Tolerance(0.02, 0.02, distribution="normal")), 0.05),
+    "flanks of each contact": (
+        replace(noisy(DAT, 0.05), tolerance=Tolerance(0.02, 0.02, draw="contact")),
+        0.05,
+    ),
+    "flanks of each path": (
+        replace(noisy(PAIR, 0.03), tolerance=Tolerance(0.02, 0.02, distribution="normal")),
+        0.05,
+    ),
 }
 
 
@@ -32,7 +39,8 @@ def moments_of(scene):
 
 
 def times_of(scene):
-    """Middles of the orbit's flights, and its impacts: there a part of the paths has had the impact, a part not."""
+    """Middles of the orbit's flights, and its impacts: there a part of the paths has had the
+    impact, a part not."""
     tau = follow(replace(scene, sigma=0.0), IMPACTS).tau
     return np.sort(np.concatenate([0.5 * (tau[1:] + tau[:-1]), tau[1:-1]]))
 
@@ -41,7 +49,9 @@ def flown(name):
     """A scene, what is allowed, and its moments at fixed times."""
     scene, allowed = SCENES[name]
     record = Record(times=times_of(scene))
-    run = simulate(scene, paths=40_000, impacts=1, scheme="exact-flight", rng=11, workers=1, record=record)
+    run = simulate(
+        scene, paths=40_000, impacts=1, scheme="exact-flight", rng=11, workers=1, record=record
+    )
     return scene, allowed, run.at_times()
 
 
@@ -53,7 +63,8 @@ def case(request):
 
 def outside(scene, allowed, fixed, at):
     """How many means and sds are off by more than allowed, of how many."""
-    count, rows = 0, 0
+    count = 0
+    rows = 0
     for time, row in fixed.iterrows():
         mean, covariance = at(time)
         for i, name in enumerate(STATE[: 2 * scene.stages]):
@@ -99,19 +110,26 @@ def test_one_orbit_alone_is_wrong(case):
 
 @pytest.mark.parametrize("scene", [DAT, LONE, PAIR], ids=["DAT21", "one stage", "two stages"])
 def test_in_flight_at_small_noise_it_is_the_saltation_closure(scene):
-    """To first order: means differ by O(sigma) of an sd, which saltation leaves out there, sds by O(sigma^2)."""
+    """To first order: means differ by O(sigma) of an sd, which saltation leaves out there, sds by
+    O(sigma^2)."""
     tau = follow(scene, IMPACTS).tau
-    times, off = 0.5 * (tau[1:] + tau[:-1]), {}
+    times = 0.5 * (tau[1:] + tau[:-1])
+    off = {}
     for noise in (1e-4, 1e-5):
-        b, s = (mean_map(noisy(scene, noise), impacts=IMPACTS, closure=name) for name in ("branching", "saltation"))
-        b, s = b.at_times(times), s.at_times(times)
+        b, s = (
+            mean_map(noisy(scene, noise), impacts=IMPACTS, closure=name)
+            for name in ("branching", "saltation")
+        )
+        b = b.at_times(times)
+        s = s.at_times(times)
         names = STATE[: 2 * scene.stages]
         sd = np.column_stack([s[f"cov_{q}_{q}"] ** 0.5 for q in names])
         own = np.column_stack([b[f"cov_{q}_{q}"] ** 0.5 for q in names])
         off[noise] = abs(b[[*names]].to_numpy() - s[[*names]].to_numpy()) / sd, abs(own / sd - 1.0)
         np.testing.assert_allclose(b["rho1"], s["rho1"], atol=1e4 * noise**2)
     for i, power in enumerate((1, 2)):
-        coarse, fine = off[1e-4][i].max(), off[1e-5][i].max()
+        coarse = off[1e-4][i].max()
+        fine = off[1e-5][i].max()
         assert fine < 5e-3
         assert np.log10(coarse / fine) == pytest.approx(power, abs=0.1)
 
@@ -122,10 +140,13 @@ def test_as_many_flights_are_followed_as_the_time_asks_for():
     m, further = (mean_map(scene, impacts=k, closure="branching") for k in (3, 6))
     time = m.section["tau"].loc[3]
     assert moments_of(scene).gaussians(time)[0].sum() == pytest.approx(1.0, abs=0.02)
-    # the label "on the orbit" ends with the orbit that is asked for, so components merge a little differently
+    # the label "on the orbit" ends with the orbit that is asked for, so components merge a little
+    # differently
     np.testing.assert_allclose(m.at_times([time]), further.at_times([time]), rtol=5e-3, atol=1e-3)
     few = moments_of(scene)
     few.most = 3
-    assert np.isnan(few(time)[0]).all()  # negative control: a part of the paths is on the fourth flight
+    assert np.isnan(
+        few(time)[0]
+    ).all()  # negative control: a part of the paths is on the fourth flight
     with pytest.raises(InputError, match="lies outside the times followed"):
         m.at_times([time + 0.1])

@@ -1,4 +1,5 @@
-"""Random backlash in the branching closure: against exact flights, the saltation closure, and differences."""
+"""Random backlash in the branching closure: against exact flights, the saltation closure, and
+differences."""
 
 from dataclasses import fields, replace
 
@@ -13,8 +14,24 @@ from rattle.scene import DAT21, Scene, Tolerance
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 WITHIN = {"mean": 0.05, "sd": 0.10}  # what a validation calls accurate, in sds
 LEEWAY = 4.5  # standard errors: the largest of 500 rows is that far off once in 300 tables
-PAIR = {"alpha": 1.019, "epsilon": 0.7, "beta1": 0.128, "beta2": 0.028, "gamma1": 0.015, "gamma2": 0.093, "mu": 0.328}
-OTHER = {"alpha": 1.226, "epsilon": 0.879, "beta1": 0.054, "beta2": 0.07, "gamma1": 0.035, "gamma2": 0.023, "mu": 0.568}
+PAIR = {
+    "alpha": 1.019,
+    "epsilon": 0.7,
+    "beta1": 0.128,
+    "beta2": 0.028,
+    "gamma1": 0.015,
+    "gamma2": 0.093,
+    "mu": 0.328,
+}
+OTHER = {
+    "alpha": 1.226,
+    "epsilon": 0.879,
+    "beta1": 0.054,
+    "beta2": 0.07,
+    "gamma1": 0.035,
+    "gamma2": 0.023,
+    "mu": 0.568,
+}
 
 
 def dat21(sigma, tolerance, **settings):
@@ -24,11 +41,19 @@ def dat21(sigma, tolerance, **settings):
 SCENES = {  # and the impacts that are followed
     "no noise, path, uniform": (dat21(0.0, Tolerance(0.01, 0.02)), 12),
     "no noise, contact, uniform": (dat21(0.0, Tolerance(0.03, 0.03, draw="contact")), 6),
-    "contact, normal": (dat21(0.1, Tolerance(0.01, 0.02, distribution="normal", draw="contact")), 6),
+    "contact, normal": (
+        dat21(0.1, Tolerance(0.01, 0.02, distribution="normal", draw="contact")),
+        6,
+    ),
     "path, normal": (dat21(0.5, Tolerance(0.05, 0.1, distribution="normal")), 6),
     "one stage, path, uniform": (dat21(0.1, Tolerance(0.05, 0.05), stages=1), 5),
     "another pair": (
-        Scene(**PAIR, gap2=0.365, sigma=0.01, tolerance=Tolerance(0.05, 0.05, distribution="normal", draw="contact")),
+        Scene(
+            **PAIR,
+            gap2=0.365,
+            sigma=0.01,
+            tolerance=Tolerance(0.05, 0.05, distribution="normal", draw="contact"),
+        ),
         8,
     ),
     "a third pair": (Scene(**OTHER, gap2=0.358, sigma=0.0, tolerance=Tolerance(0.05, 0.05)), 6),
@@ -36,8 +61,10 @@ SCENES = {  # and the impacts that are followed
 
 
 def outside(scene, impacts, run):
-    """Rows of a prediction that are off by more than allowed: all means and sds except of the struck displacement."""
-    predicted, found = mean_map(scene, impacts=impacts, closure="branching").section, run.section
+    """Rows of a prediction that are off by more than allowed: all means and sds except of the
+    struck displacement."""
+    predicted = mean_map(scene, impacts=impacts, closure="branching").section
+    found = run.section
     rows = []
     for q in QUANTITIES[: 2 + 2 * scene.stages]:
         unit = found[f"sd_{q}"]
@@ -52,7 +79,9 @@ def outside(scene, impacts, run):
 def flown(scene, impacts):
     follows = tuple(mean_map(scene, impacts=impacts, closure="corrected").itinerary)
     record = Record(itineraries={"orbit": follows})
-    return simulate(scene, paths=60_000, impacts=impacts, rng=5, workers=2, scheme="exact-flight", record=record)
+    return simulate(
+        scene, paths=60_000, impacts=impacts, rng=5, workers=2, scheme="exact-flight", record=record
+    )
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -73,7 +102,8 @@ def test_itinerary_probabilities_against_exact_flights(case):
 
 
 def test_negative_controls_are_detected(case, monkeypatch):
-    """A draw that is not renewed (or is), flanks that do not vary, and a start on the wrong side of its flank."""
+    """A draw that is not renewed (or is), flanks that do not vary, and a start on the wrong side of
+    its flank."""
     scene, impacts, run = case
     other = {"path": "contact", "contact": "path"}[scene.tolerance.draw]
     assert outside(replace(scene, tolerance=replace(scene.tolerance, draw=other)), impacts, run)
@@ -108,7 +138,8 @@ def test_small_tolerance_is_the_saltation_closure(distribution, draw, stages):
 
 @pytest.mark.parametrize("name", ["contact, normal", "path, normal", "another pair"])
 def test_rounding_does_not_choose_the_splits(name):
-    """Rounding would choose sign and plane of the principal axes of decoupled blocks of a covariance."""
+    """Rounding would choose sign and plane of the principal axes of decoupled blocks of a
+    covariance."""
     scene, impacts = SCENES[name]
     scene = Scene(**{f.name: getattr(scene, f.name) for f in fields(scene) if f.init})
     other = replace(scene, alpha=scene.alpha * (1.0 + 4e-16), sigma=scene.sigma * (1.0 + 4e-16))
@@ -120,6 +151,12 @@ def test_rounding_does_not_choose_the_splits(name):
 def test_walls_that_do_not_vary_are_walls_without_tolerance():
     """To the last bit, and at no cost: what does not vary is no component of the section state."""
     plain = dat21(0.1, None, stages=1)
-    for tolerance in (Tolerance(0.0, 0.0), Tolerance(0.0, 0.1, draw="contact")):  # of the absent mesh
-        b, none = (mean_map(s, impacts=4, closure="branching") for s in (replace(plain, tolerance=tolerance), plain))
+    for tolerance in (
+        Tolerance(0.0, 0.0),
+        Tolerance(0.0, 0.1, draw="contact"),
+    ):  # of the absent mesh
+        b, none = (
+            mean_map(s, impacts=4, closure="branching")
+            for s in (replace(plain, tolerance=tolerance), plain)
+        )
         pd.testing.assert_frame_equal(b.section, none.section, check_exact=True)

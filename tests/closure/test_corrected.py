@@ -20,8 +20,11 @@ def restitution_map(c, mesh):
 
 
 def covariances(scene, orbit, restitution=restitution_map):
-    """Covariance just before each impact of an orbit: its own differential equation, impacts by section 3."""
-    c, cov, found = scene.constants, np.zeros((4, 4)), [np.zeros((4, 4))]
+    """Covariance just before each impact of an orbit: its own differential equation, impacts by
+    section 3."""
+    c = scene.constants
+    cov = np.zeros((4, 4))
+    found = [np.zeros((4, 4))]
     for k in range(1, orbit.found + 1):
         r = restitution(c, orbit.mesh[k - 1])
         cov = covariance_flight(c, orbit.tau[k - 1], r @ cov @ r.T, orbit.tau[k] - orbit.tau[k - 1])
@@ -32,12 +35,23 @@ def covariances(scene, orbit, restitution=restitution_map):
 SCENES = {
     "DAT21": Scene.from_gears(DAT21, sigma=0.3),
     "unequal": Scene(
-        alpha=0.8, epsilon=0.7, beta1=0.3, beta2=0.01, gamma1=0.2, gamma2=0.5, mu=0.3, gap1=0.2, gap2=1.1, sigma=0.2,
+        alpha=0.8,
+        epsilon=0.7,
+        beta1=0.3,
+        beta2=0.01,
+        gamma1=0.2,
+        gamma2=0.5,
+        mu=0.3,
+        gap1=0.2,
+        gap2=1.1,
+        sigma=0.2,
         start=Start(1.0, 0.2, 1.0, -0.4, 0.3, mesh=1),
     ),
     "in flight": Scene.from_gears(DAT21, sigma=0.1, start=Start(0.4, 0.1, 0.9, -0.1, -1.0)),
-    "from mesh 2": Scene.from_gears(DAT21, sigma=0.1, start=Start(0.4, 0.1, 0.9, -0.5, -1.0, mesh=2)),
-}  # fmt: skip
+    "from mesh 2": Scene.from_gears(
+        DAT21, sigma=0.1, start=Start(0.4, 0.1, 0.9, -0.5, -1.0, mesh=2)
+    ),
+}
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -64,21 +78,33 @@ def mesh_1_everywhere(c, _):
 def test_a_wrong_restitution_is_distinguished(wrong):
     scene = SCENES["DAT21"]
     found = mean_map(scene, impacts=12, closure="corrected").trace.covariance[12]
-    assert abs(covariances(scene, follow(scene, 12), wrong)[12] - found).max() > 0.05 * abs(found).max()
+    assert (
+        abs(covariances(scene, follow(scene, 12), wrong)[12] - found).max()
+        > 0.05 * abs(found).max()
+    )
 
 
 @pytest.mark.parametrize("order", [4, 6])
 def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
-    """Nothing Gaussian is assumed there; negative control: Eq. 15 at an impact, -eps E[.. zeta^p] and not (-eps)^p."""
+    """Nothing Gaussian is assumed there; negative control: Eq. 15 at an impact, -eps E[.. zeta^p]
+    and not (-eps)^p."""
     scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
-    c, m = scene.constants, mean_map(scene, impacts=3, closure="corrected", order=order)
-    p, (right, wrong) = np.arange(order + 1), np.zeros((2, order + 1, order + 1))
+    c = scene.constants
+    m = mean_map(scene, impacts=3, closure="corrected", order=order)
+    p = np.arange(order + 1)
+    right, wrong = np.zeros((2, order + 1, order + 1))
     right[0, 0] = wrong[0, 0] = 1.0
     for k in range(1, 4):
-        begin, t = m.trace.tau[k - 1], m.trace.tau[k] - m.trace.tau[k - 1]
+        begin = m.trace.tau[k - 1]
+        t = m.trace.tau[k] - m.trace.tau[k - 1]
         right, wrong = (
-            stage_moments_after_flight(raw * factor, c.beta1, begin, t, lambda s: (c.sigma * modulation(c, s)[1]) ** 2)
-            for raw, factor in ((right, (-c.epsilon) ** p), (wrong, np.where(p > 0, -c.epsilon, 1.0)))
+            stage_moments_after_flight(
+                raw * factor, c.beta1, begin, t, lambda s: (c.sigma * modulation(c, s)[1]) ** 2
+            )
+            for raw, factor in (
+                (right, (-c.epsilon) ** p),
+                (wrong, np.where(p > 0, -c.epsilon, 1.0)),
+            )
         )
     assert m.trace.raw[3, 0] == pytest.approx(right, rel=1e-7, abs=1e-10)
     assert abs(wrong - right)[0, 2] > 0.05 * right[0, 2]
@@ -88,10 +114,17 @@ unit = st.just(0.0) | st.floats(1e-30, 1.0)
 
 
 @given(
-    alpha=st.floats(0.1, 3.0), epsilon=st.floats(0.05, 1.0), beta1=st.floats(0.0, 3.0), beta2=st.floats(0.0, 3.0),
-    gamma1=unit, gamma2=unit, mu=st.floats(0.05, 0.95), gap2=st.floats(0.1, 2.0), sigma=st.floats(1e-3, 3.0),
+    alpha=st.floats(0.1, 3.0),
+    epsilon=st.floats(0.05, 1.0),
+    beta1=st.floats(0.0, 3.0),
+    beta2=st.floats(0.0, 3.0),
+    gamma1=unit,
+    gamma2=unit,
+    mu=st.floats(0.05, 0.95),
+    gap2=st.floats(0.1, 2.0),
+    sigma=st.floats(1e-3, 3.0),
     stages=st.sampled_from([1, 2]),
-)  # fmt: skip
+)
 @settings(deadline=None, max_examples=40, derandomize=True)
 def test_every_covariance_is_realizable(stages, **values):
     m = mean_map(Scene(**values, stages=stages), impacts=20, closure="corrected")
@@ -107,7 +140,8 @@ def test_every_covariance_is_realizable(stages, **values):
 @pytest.mark.parametrize("name", SCENES)
 def test_without_noise_it_is_the_orbit_exactly(name):
     scene = SCENES[name].with_sigma(0.0)
-    orbit, m = follow(scene, 12), mean_map(scene, impacts=12, closure="corrected")
+    orbit = follow(scene, 12)
+    m = mean_map(scene, impacts=12, closure="corrected")
     assert np.array_equal(m.trace.mean, orbit.before)
     assert np.array_equal(m.section["tau"], orbit.tau[1:])
     assert not m.trace.covariance.any()
@@ -115,9 +149,11 @@ def test_without_noise_it_is_the_orbit_exactly(name):
 
 
 def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
-    """Eqs. 20, 21: the window ends at the struck wall and holds half of a Gaussian whose other wall is far."""
+    """Eqs. 20, 21: the window ends at the struck wall and holds half of a Gaussian whose other wall
+    is far."""
     scene = Scene.from_gears(DAT21, sigma=0.01)
-    orbit, m = follow(scene, 4), mean_map(scene, impacts=4, closure="corrected")
+    orbit = follow(scene, 4)
+    m = mean_map(scene, impacts=4, closure="corrected")
     assert set(orbit.mesh[1:]) == {1, 2}
     for k in range(1, 5):
         i = 2 * (orbit.mesh[k] - 1)
@@ -130,9 +166,14 @@ def test_an_impact_shifts_the_struck_mean_inward_by_phi_0_sd():
 
 @pytest.mark.parametrize("distribution", ["fixed", "uniform"])
 def test_the_windows_reach_to_the_largest_gap(distribution):
-    """Below Eqs. 20, 21: g + c_max.  A uniform tolerance leaves the orbit alone: the window ends off its wall."""
-    scene = Scene.from_gears(DAT21, sigma=1e-3, tolerance=Tolerance(0.05, 0.05, distribution=distribution))
-    shift = mean_map(scene, impacts=1, closure="corrected").trace.mean[1] - follow(scene, 1).before[1]
+    """Below Eqs. 20, 21: g + c_max.  A uniform tolerance leaves the orbit alone: the window ends
+    off its wall."""
+    scene = Scene.from_gears(
+        DAT21, sigma=1e-3, tolerance=Tolerance(0.05, 0.05, distribution=distribution)
+    )
+    shift = (
+        mean_map(scene, impacts=1, closure="corrected").trace.mean[1] - follow(scene, 1).before[1]
+    )
     sd = mean_map(scene, impacts=1, closure="corrected").section.loc[1, "sd_x1"]
     assert abs(shift[0]) / sd == pytest.approx(PHI0 if distribution == "fixed" else 0.0, abs=1e-6)
 
@@ -141,10 +182,13 @@ def test_moments_at_fixed_times_tend_to_the_section_moments_at_an_impact():
     m = mean_map(Scene.from_gears(DAT21, sigma=0.05), impacts=6, closure="corrected")
     rows = m.at_times(m.trace.tau[1:] - 1e-10)
     for k in range(1, 7):
-        row, cov = rows.iloc[k - 1], m.trace.covariance[k]
+        row = rows.iloc[k - 1]
+        cov = m.trace.covariance[k]
         scale = abs(cov).max()
         assert row["cov_x1_x1"] == pytest.approx(m.section.loc[k, "sd_x1"] ** 2, abs=1e-8 * scale)
         assert row["cov_y1_y2"] == pytest.approx(cov[1, 3], abs=1e-8 * scale)
         assert row["cov_x2_y2"] == pytest.approx(cov[2, 3], abs=1e-8 * scale)
         assert row["rho1"] == pytest.approx(m.section.loc[k, "rho1"], abs=1e-7)
-        assert row[["x1", "y1", "x2", "y2"]].to_numpy(float) == pytest.approx(m.trace.mean[k], abs=1e-8)
+        assert row[["x1", "y1", "x2", "y2"]].to_numpy(float) == pytest.approx(
+            m.trace.mean[k], abs=1e-8
+        )

@@ -6,7 +6,14 @@ from reference_moments import window_shift as shift_of_the_paper
 from scipy.integrate import dblquad
 from scipy.stats import norm
 
-from rattle.closure.edgeworth import Edgeworth, coefficients, mixture_density, normal_mass, window_means, window_shift
+from rattle.closure.edgeworth import (
+    Edgeworth,
+    coefficients,
+    mixture_density,
+    normal_mass,
+    window_means,
+    window_shift,
+)
 
 
 def mixture_moments(order):
@@ -16,8 +23,11 @@ def mixture_moments(order):
     weight = np.outer(w, w) / w.sum() ** 2
     raw = np.zeros((order + 1, order + 1))
     for share, mx, my, slope in ((0.3, 0.7, -0.4, 0.5), (0.7, -0.3, 12 / 70, -0.2)):
-        x, y = mx + 0.5 * u, my + slope * u + 0.8 * v
-        raw += share * np.array([[(weight * x**n * y**p).sum() for p in range(order + 1)] for n in range(order + 1)])
+        x = mx + 0.5 * u
+        y = my + slope * u + 0.8 * v
+        raw += share * np.array(
+            [[(weight * x**n * y**p).sum() for p in range(order + 1)] for n in range(order + 1)]
+        )
     for n in range(order + 1):  # entries beyond the order do not belong to the series
         raw[n, order + 1 - n :] = 0.0
     return raw
@@ -25,12 +35,14 @@ def mixture_moments(order):
 
 def scaled(raw):
     """The series of a set of moments, with its own standard deviations."""
-    sd_x, sd_y = sqrt(raw[2, 0]), sqrt(raw[0, 2])
+    sd_x = sqrt(raw[2, 0])
+    sd_y = sqrt(raw[0, 2])
     return Edgeworth(coefficients(raw, sd_x, sd_y), sd_x, sd_y)
 
 
 def grid_moments(series, order):
-    """Moments of a density by the trapezium rule on +-11 sd, which is exact to rounding for a Gaussian times powers."""
+    """Moments of a density by the trapezium rule on +-11 sd, which is exact to rounding for a
+    Gaussian times powers."""
     z = np.linspace(-11, 11, 441)
     x, y = np.meshgrid(z * series.sd_x, z * series.sd_y, indexing="ij")
     p = series.density(x, y) * (z[1] - z[0]) ** 2 * series.sd_x * series.sd_y
@@ -57,17 +69,27 @@ def test_a_misprinted_coefficient_loses_its_moment():
 
 def test_coefficients_have_their_published_low_orders():
     raw = mixture_moments(4)
-    sx, sy = sqrt(raw[2, 0]), sqrt(raw[0, 2])
-    rho, a = raw[1, 1] / (sx * sy), coefficients(raw, sx, sy)
+    sx = sqrt(raw[2, 0])
+    sy = sqrt(raw[0, 2])
+    rho = raw[1, 1] / (sx * sy)
+    a = coefficients(raw, sx, sy)
     explicit = {
-        (0, 0): 1.0, (1, 0): 0.0, (0, 1): 0.0, (2, 0): 0.0, (0, 2): 0.0,
+        (0, 0): 1.0,
+        (1, 0): 0.0,
+        (0, 1): 0.0,
+        (2, 0): 0.0,
+        (0, 2): 0.0,
         (1, 1): rho,
-        (3, 0): raw[3, 0] / (6 * sx**3), (0, 3): raw[0, 3] / (6 * sy**3),
-        (2, 1): raw[2, 1] / (2 * sx**2 * sy), (1, 2): raw[1, 2] / (2 * sx * sy**2),
-        (4, 0): (raw[4, 0] / sx**4 - 3) / 24, (0, 4): (raw[0, 4] / sy**4 - 3) / 24,
-        (3, 1): (raw[3, 1] / (sx**3 * sy) - 3 * rho) / 6, (1, 3): (raw[1, 3] / (sx * sy**3) - 3 * rho) / 6,
+        (3, 0): raw[3, 0] / (6 * sx**3),
+        (0, 3): raw[0, 3] / (6 * sy**3),
+        (2, 1): raw[2, 1] / (2 * sx**2 * sy),
+        (1, 2): raw[1, 2] / (2 * sx * sy**2),
+        (4, 0): (raw[4, 0] / sx**4 - 3) / 24,
+        (0, 4): (raw[0, 4] / sy**4 - 3) / 24,
+        (3, 1): (raw[3, 1] / (sx**3 * sy) - 3 * rho) / 6,
+        (1, 3): (raw[1, 3] / (sx * sy**3) - 3 * rho) / 6,
         (2, 2): (raw[2, 2] / (sx * sy) ** 2 - 1) / 4,
-    }  # fmt: skip
+    }
     for entry, value in explicit.items():
         assert a[entry] == pytest.approx(value, rel=1e-12, abs=1e-15)
     assert a.sum() == pytest.approx(sum(explicit.values()), rel=1e-12)  # and nothing beyond them
@@ -82,18 +104,25 @@ def test_window_means_are_integrals_over_the_window(window):
     low, high = np.clip(window, -10 * series.sd_x, 10 * series.sd_x)
     reach = 10 * series.sd_y
     exact = [
-        dblquad(lambda y, x, f=f: f(x, y) * series.density(x, y), low, high, -reach, reach, epsabs=1e-10)[0]
+        dblquad(
+            lambda y, x, f=f: f(x, y) * series.density(x, y), low, high, -reach, reach, epsabs=1e-10
+        )[0]
         for f in (lambda x, y: x, lambda x, y: y)
     ]
     # the tails beyond 10 sd hold 1e-20
-    assert window_means(series.a, series.sd_x, series.sd_y, *window) == pytest.approx(exact, rel=0, abs=1e-9)
+    assert window_means(series.a, series.sd_x, series.sd_y, *window) == pytest.approx(
+        exact, rel=0, abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("window", WINDOWS)
 def test_window_shifts_are_the_a_and_b_of_the_paper(window):
-    """With its sign of psi_0 for the published closure, which is another shift; with the integral's for the others."""
-    raw, (low, high) = mixture_moments(4), window
-    centre, half = -0.5 * (low + high), 0.5 * (high - low)
+    """With its sign of psi_0 for the published closure, which is another shift; with the integral's
+    for the others."""
+    raw = mixture_moments(4)
+    low, high = window
+    centre = -0.5 * (low + high)
+    half = 0.5 * (high - low)
     expected = [shift_of_the_paper(raw, centre, half, sign) for sign in (-1, +1)]
     found = [window_shift(raw, centre, half, published) for published in (False, True)]
     assert found == [pytest.approx(shift, rel=1e-11, abs=1e-13) for shift in expected]
@@ -110,5 +139,10 @@ def test_the_velocity_density_is_the_joint_one_integrated():
 
 def test_densities_and_distant_masses_are_the_normal_distribution_s():
     assert normal_mass(10.0, 40.0) == pytest.approx(norm.sf(10.0), rel=1e-12)
-    shares, means, sds, at = np.array([0.3, 0.7]), np.array([0.0, 1.0]), np.array([1.0, 0.5]), np.array([0.4])
-    assert mixture_density(at, shares, means, sds**2) == pytest.approx(shares @ norm.pdf(0.4, means, sds))
+    shares = np.array([0.3, 0.7])
+    means = np.array([0.0, 1.0])
+    sds = np.array([1.0, 0.5])
+    at = np.array([0.4])
+    assert mixture_density(at, shares, means, sds**2) == pytest.approx(
+        shares @ norm.pdf(0.4, means, sds)
+    )

@@ -8,7 +8,16 @@ from rattle.scene import DAT21, InputError, Scene, Start
 from rattle.scene.moments import correlation
 
 STATE = ["x1", "y1", "x2", "y2"]
-SECTION = ["tau", "flight", "mesh", "side", *STATE, *(f"sd_{q}" for q in ("tau", "flight", *STATE)), "rho1", "rho2"]
+SECTION = [
+    "tau",
+    "flight",
+    "mesh",
+    "side",
+    *STATE,
+    *(f"sd_{q}" for q in ("tau", "flight", *STATE)),
+    "rho1",
+    "rho2",
+]
 FIXED = [*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]), "rho1", "rho2"]
 
 
@@ -37,7 +46,8 @@ def test_section_keeps_the_contract(dat21, closure):
 
 def test_the_section_table_is_consistent(dat21, closure):
     m = mean_map(dat21, impacts=7, closure=closure)
-    section, tau = m.section, np.array([dat21.start.tau, *m.section["tau"]])
+    section = m.section
+    tau = np.array([dat21.start.tau, *m.section["tau"]])
     found = m.trace.found
     assert section["flight"].to_numpy() == pytest.approx(np.diff(tau), nan_ok=True)
     assert (section["flight"].iloc[:found] > 0.0).all()
@@ -57,7 +67,9 @@ def test_the_paper_s_closures_predict_no_sd_of_times(dat21, closure):
 
 
 def test_a_single_stage_leaves_stage_2_empty(closure):
-    section = mean_map(Scene.from_gears(DAT21, sigma=0.02, stages=1), impacts=4, closure=closure).section
+    section = mean_map(
+        Scene.from_gears(DAT21, sigma=0.02, stages=1), impacts=4, closure=closure
+    ).section
     assert section[["x2", "y2", "sd_x2", "sd_y2", "rho2"]].isna().all().all()
     predicted = ["tau", "x1", "y1", "sd_y1"] + ["rho1"] * (closure != "branching")
     assert section[predicted].notna().any().all()
@@ -146,7 +158,10 @@ def test_a_corrected_series_has_the_powers_of_rho_alone(dat21):
 
 def test_no_series_without_noise():
     m = mean_map(Scene.from_gears(DAT21), impacts=2)
-    with pytest.raises(InputError, match="impact = 1: stage 1 has no positive variance there, so no Edgeworth series"):
+    with pytest.raises(
+        InputError,
+        match="impact = 1: stage 1 has no positive variance there, so no Edgeworth series",
+    ):
         m.edgeworth(1, 1)
 
 

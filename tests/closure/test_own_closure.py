@@ -1,4 +1,5 @@
-"""A closure of one's own: what is read of its table, what is refused, and when its digest changes."""
+"""A closure of one's own: what is read of its table, what is refused, and when its digest
+changes."""
 
 import functools
 import importlib
@@ -67,13 +68,17 @@ def test_what_no_distribution_has_is_marked_and_not_refused(columns, reason):
 
 
 def test_rows_of_nan_or_infinity_are_not_predicted():
-    found = mean_map(SCENE, impacts=3, closure=table(tau=[0.5, np.inf, np.nan], sd_tau=[0.1, np.nan, np.nan]))
+    found = mean_map(
+        SCENE, impacts=3, closure=table(tau=[0.5, np.inf, np.nan], sd_tau=[0.1, np.nan, np.nan])
+    )
     assert found.section["tau"].isna().tolist() == [False, True, True]
     assert found.stopped == "it predicts nothing after impact 1"
 
 
 def frame(**columns):
-    return lambda scene, impacts: pd.DataFrame(columns, index=range(1, len(next(iter(columns.values()))) + 1))
+    return lambda scene, impacts: pd.DataFrame(
+        columns, index=range(1, len(next(iter(columns.values()))) + 1)
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,29 +86,47 @@ def frame(**columns):
     [
         (
             frame(tau=[0.5]),
-            r"index of .* = \[1\]: must hold each impact once, from 1 to 2; NaN where nothing is predicted",
+            (
+                r"index of .* = \[1\]: must hold each impact once, from 1 to 2; NaN where nothing"
+                r" is predicted"
+            ),
         ),
         (table(tau=[0.5]), "length of tau of .* = 1: return 2 values, one for each impact"),
         (table(tau=0.5), "tau of .* = 0.5: must hold real numbers"),
-        (table(tau=(t for t in (0.5, 0.9))), "tau of .* = <generator object .*: must hold real numbers"),
+        (
+            table(tau=(t for t in (0.5, 0.9))),
+            "tau of .* = <generator object .*: must hold real numbers",
+        ),
         (table(tau=[[0.5], [0.9]]), r"tau of .* = \[\[0.5\], \[0.9\]\]: must hold real numbers"),
         (table(tau=[0.5, 10**400]), "tau of .*: must hold real numbers"),
         (table(tau=[0.5, 10**5000]), "tau of .* = <list>: must hold real numbers"),
         (table(tau=["0.5", "0.9"]), "tau of .*: must hold real numbers"),
         (table(tau=[True, False]), "tau of .*: must hold real numbers"),
-        (table(tau=np.array(["2026-01-01", "2026-01-02"], "datetime64[D]")), "tau of .*: must hold real numbers"),
+        (
+            table(tau=np.array(["2026-01-01", "2026-01-02"], "datetime64[D]")),
+            "tau of .*: must hold real numbers",
+        ),
         (table(tau=[0.5, 0.9], mesh=[1, 7]), "mesh of .* at impact 2 = 7: give 1 or 2"),
         (table(tau=[0.5, 0.9], side=[1, 0.5]), "side of .* at impact 2 = 0.5: give 1 or -1"),
-        (lambda scene, impacts: (row for row in ()), "result of .* = 'generator': return a DataFrame"),
+        (
+            lambda scene, impacts: (row for row in ()),
+            "result of .* = 'generator': return a DataFrame",
+        ),
         (
             lambda scene, impacts: pd.DataFrame([[1, 2]] * 2, columns=["tau", "tau"]),
             "columns of .*: holds a name twice",
         ),
         (frame(tau=[0.5j, 1.0]), "tau of .*: must hold real numbers, or NaN"),
         (table(tau=["a", "b"]), "tau of .* = .*: must hold real numbers"),
-        (table(tau=[0.5, 0.9], sd_tua=[0.1, 0.1]), "columns of .* = 'sd_tua': did you mean 'sd_tau'?"),
+        (
+            table(tau=[0.5, 0.9], sd_tua=[0.1, 0.1]),
+            "columns of .* = 'sd_tua': did you mean 'sd_tau'?",
+        ),
         (table(mesh=[1, 2]), "columns of .*: nothing is predicted; return tau or sd_y1, say"),
-        (lambda scene, impacts: None, "result of .* = 'NoneType': return a DataFrame, a row for each impact"),
+        (
+            lambda scene, impacts: None,
+            "result of .* = 'NoneType': return a DataFrame, a row for each impact",
+        ),
         (
             lambda scene, impacts: pd.DataFrame({"tau": [0.5, 0.9]}),
             r"index of .* = \[0, 1\]: must hold each impact once",
@@ -118,7 +141,10 @@ def test_a_table_that_cannot_be_read_is_refused_by_field_value_and_remedy(functi
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("saltation", copy), "closure.name = 'saltation': is a closure of this package; give yours another name"),
+        (
+            ("saltation", copy),
+            "closure.name = 'saltation': is a closure of this package; give yours another name",
+        ),
         (("monte carlo", copy), "closure.name = 'monte carlo'"),
         (("two\nlines", copy), "closure.name = .*give a short text on one line"),
         (("mine", 3), "closure.function = 3: cannot be called"),
@@ -136,7 +162,10 @@ def test_what_cannot_be_a_closure_is_refused(arguments, message):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("no_such_module:f", "cannot be imported .ModuleNotFoundError.*; run where its module is, or set PYTHONPATH"),
+        (
+            "no_such_module:f",
+            "cannot be imported .ModuleNotFoundError.*; run where its module is, or set PYTHONPATH",
+        ),
         ("rattle.closure.mean_map:mean_mop", "has no 'mean_mop'; did you mean 'mean_map'?"),
         ("rattle.closure.mean_map:ORDERS", "is a tuple; name a function"),
         ("saltaton", "did you mean 'saltation'"),
@@ -149,21 +178,32 @@ def test_what_names_no_closure_is_refused(given, message):
 
 
 def test_two_closures_of_one_name_are_refused_and_one_given_twice_is_one():
-    assert [c.name for c in find_closures("closures", ["saltation", copy, copy, "saltation"])] == ["saltation", "copy"]
+    assert [c.name for c in find_closures("closures", ["saltation", copy, copy, "saltation"])] == [
+        "saltation",
+        "copy",
+    ]
     with pytest.raises(InputError, match="closures = 'copy': is the name of two closures"):
         find_closures("closures", [copy, Closure("copy", frame(tau=[0.5]))])
 
 
 def test_missing_columns_and_stages_are_those_that_it_says():
     with pytest.raises(InputError, match="'sd_tau' is missing; return it too"):
-        mean_map(SCENE, impacts=2, closure=Closure("mine", table(tau=[0.5, 0.9]), predicts=["tau", "sd_tau"]))
+        mean_map(
+            SCENE,
+            impacts=2,
+            closure=Closure("mine", table(tau=[0.5, 0.9]), predicts=["tau", "sd_tau"]),
+        )
     with pytest.raises(InputError, match=r"scene\.stages = 2: closure 'mine' is made for 1 stage"):
         mean_map(SCENE, impacts=2, closure=Closure("mine", copy, stages=1))
 
 
 def test_fixed_times_may_be_given_by_covariances():
     def at_times(scene, times):
-        return {"cov_x1_x1": 4.0 + 0.0 * times, "cov_x1_y1": 1.0 + 0.0 * times, "cov_y1_y1": 1.0 + 0.0 * times}
+        return {
+            "cov_x1_x1": 4.0 + 0.0 * times,
+            "cov_x1_y1": 1.0 + 0.0 * times,
+            "cov_y1_y1": 1.0 + 0.0 * times,
+        }
 
     found = mean_map(SCENE, impacts=2, closure=Closure("mine", copy, at_times)).at_times([0.3, 0.4])
     assert found["rho1"].tolist() == [0.5, 0.5]
@@ -189,7 +229,12 @@ def test_masked_and_missing_values_are_not_predicted():
         found = mean_map(SCENE, impacts=3, closure=table(tau=tau)).section["tau"]
         assert found.isna().tolist() == [False, True, False]
     counted = pd.DataFrame({"tau": pd.array([1, pd.NA], dtype="Int64")}, index=[1, 2])
-    assert mean_map(SCENE, impacts=2, closure=lambda scene, impacts: counted).section["tau"].tolist()[0] == 1.0
+    assert (
+        mean_map(SCENE, impacts=2, closure=lambda scene, impacts: counted)
+        .section["tau"]
+        .tolist()[0]
+        == 1.0
+    )
 
 
 class FrozenError(Exception):
@@ -208,7 +253,11 @@ def recurse(scene, impacts):
 
 @pytest.mark.parametrize(
     ("raised", "said"),
-    [(FrozenError(), "FrozenError: (its text cannot be shown)"), (SystemExit(3), "SystemExit: 3"), (None, "Recursion")],
+    [
+        (FrozenError(), "FrozenError: (its text cannot be shown)"),
+        (SystemExit(3), "SystemExit: 3"),
+        (None, "Recursion"),
+    ],
 )
 def test_whatever_it_raises_becomes_one_line(raised, said):
     def fails(scene, impacts):
@@ -242,29 +291,43 @@ def test_its_times_are_those_of_the_scene_that_it_was_given(tau):
 
     found = mean_map(late, impacts=2, closure=Closure("mine", constant, at_times))
     assert found.section["tau"].tolist() == pytest.approx([tau + 0.6, tau + 1.1], abs=1e-12)
-    assert found.phase_reduced.section["tau"].tolist() == pytest.approx([late.phase + 0.6, late.phase + 1.1], abs=1e-12)
+    assert found.phase_reduced.section["tau"].tolist() == pytest.approx(
+        [late.phase + 0.6, late.phase + 1.1], abs=1e-12
+    )
     assert found.at_times([tau + 0.3])["x1"].tolist() == pytest.approx([tau + 0.3])
-    assert found.phase_reduced.at_times([late.phase + 0.3])["x1"].tolist() == pytest.approx([tau + 0.3])
+    assert found.phase_reduced.at_times([late.phase + 0.3])["x1"].tolist() == pytest.approx(
+        [tau + 0.3]
+    )
     assert seen == pytest.approx([tau, tau, tau + 0.3, tau, tau + 0.3])
     same = mean_map(late, impacts=2, closure=copy).section["tau"].tolist()
-    assert same == pytest.approx(mean_map(late, impacts=2, closure="saltation").section["tau"].tolist(), abs=1e-12)
+    assert same == pytest.approx(
+        mean_map(late, impacts=2, closure="saltation").section["tau"].tolist(), abs=1e-12
+    )
 
 
-HELPER = "def helper(x):\n    return {}\n\ndef mine(scene, impacts):\n    return [helper(k) for k in range(impacts)]\n"
+HELPER = (
+    "def helper(x):\n    return {}\n\ndef mine(scene, impacts):\n    return [helper(k) for k in"
+    " range(impacts)]\n"
+)
 
 
 def test_its_digest_changes_with_its_source_and_with_what_that_names(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
-    digests, plain = set(), HELPER.format("x")
+    digests = set()
+    plain = HELPER.format("x")
     for number, text in enumerate((plain, HELPER.format("x + 1"), plain.replace("[h", "[0 + h"))):
         (tmp_path / f"own{number}.py").write_text(text)
         digests.add(find_closure("closure", f"own{number}:mine").digest)
     assert len(digests) == 3
 
 
-def test_its_digest_is_that_of_the_code_in_memory_after_its_source_was_edited(tmp_path, monkeypatch):
+def test_its_digest_is_that_of_the_code_in_memory_after_its_source_was_edited(
+    tmp_path, monkeypatch
+):
     monkeypatch.syspath_prepend(tmp_path)
-    source, before, after = tmp_path / "edited.py", HELPER.format("x"), HELPER.format("x + 1")
+    source = tmp_path / "edited.py"
+    before = HELPER.format("x")
+    after = HELPER.format("x + 1")
     source.write_text(before)
     function = find_closure("closure", "edited:mine").function
     source.write_text(after)

@@ -8,39 +8,53 @@ from rattle.closure import mean_map
 from rattle.scene import DAT21, InputError, Scene, Start, Tolerance
 
 IMPACTS = 12
-LOUD, QUIET = 1.5**0.5, 0.02
+LOUD = 1.5**0.5
+QUIET = 0.02
 
 
 def published(sigma, impacts=IMPACTS, **settings):
-    return mean_map(Scene.from_gears(DAT21, sigma=sigma, **settings), impacts=impacts, closure="published")
+    return mean_map(
+        Scene.from_gears(DAT21, sigma=sigma, **settings), impacts=impacts, closure="published"
+    )
 
 
 def eq_22(c, tau, t, mean, old, new):
-    """The four lines of Eq. 22 with Eq. 10, in gamma/beta form; `old`, `new` are the shifts sigma A to sigma D."""
+    """The four lines of Eq. 22 with Eq. 10, in gamma/beta form; `old`, `new` are the shifts sigma A
+    to sigma D."""
     x1, y1, x2, y2 = np.array(mean) - old
-    e1, e2 = exp(-c.beta1 * t), exp(-c.beta2 * t)
-    d1, d2, here, later = c.gamma1 / c.beta1, c.gamma2 / c.beta2, c.alpha * cos(tau), c.alpha * cos(tau + t)
+    e1 = exp(-c.beta1 * t)
+    e2 = exp(-c.beta2 * t)
+    d1 = c.gamma1 / c.beta1
+    d2 = c.gamma2 / c.beta2
+    here = c.alpha * cos(tau)
+    later = c.alpha * cos(tau + t)
     sine = c.alpha * (sin(tau + t) - sin(tau))
     x1_next = x1 + (-c.epsilon * y1 - here - d1) * (1 - e1) / c.beta1 + sine + d1 * t + new[0]
-    y1_next = (-c.epsilon * mean[1] - here - d1) * e1 + d1 + later + new[1] + c.epsilon * old[1] * e1
+    y1_next = (
+        (-c.epsilon * mean[1] - here - d1) * e1 + d1 + later + new[1] + c.epsilon * old[1] * e1
+    )
     x2_next = (
-        x2 + (y2 - y1 + here + d2) * (1 - e2) / c.beta2 + (d1 - d2) * t
-        + (-c.epsilon * y1 - here - d1) * (1 - e1) / c.beta1 + new[2]
-    )  # fmt: skip
+        x2
+        + (y2 - y1 + here + d2) * (1 - e2) / c.beta2
+        + (d1 - d2) * t
+        + (-c.epsilon * y1 - here - d1) * (1 - e1) / c.beta1
+        + new[2]
+    )
     y2_next = (
         (mean[3] - (1 + c.epsilon) * mean[1] - here - d1) * e1
         + (mean[3] - mean[1] + here + d2) * e2
         + (d1 - d2)
         + (new[3] - old[3] * e2 - old[3] * e2)
         + ((1 + c.epsilon) * e1 + e2) * old[1]
-    )  # fmt: skip
+    )
     return np.array([x1_next, y1_next, x2_next, y2_next])
 
 
 def impact_of_moments(c, first, second):
     """Eqs. 15 and 17 as published."""
     kappa = (1 + c.epsilon) * c.mu
-    first, second = first.copy(), second.copy()
+    first = first.copy()
+    second = second.copy()
     first[:, 1:] -= kappa * second[:, 1:]
     second[:, 1:] *= -c.epsilon
     return first, second
@@ -48,21 +62,31 @@ def impact_of_moments(c, first, second):
 
 def follow_by_hand(scene, taus, impacts, contact=impact_of_moments):
     """Means and moments at the given impact times by Eqs. 14-17, 20-22."""
-    c, windows = scene.constants, scene.windows
+    c = scene.constants
+    windows = scene.windows
     if scene.stages == 1:  # the lines of the absent stage divide by its damping
         c = c._replace(beta2=1.0)
     zero = np.zeros((5, 5))
     zero[0, 0] = 1.0
-    after, mean, shift, rows = (zero, zero), np.array(scene.start_state), np.zeros(4), []
+    after = (zero, zero)
+    mean = np.array(scene.start_state)
+    shift = np.zeros(4)
+    rows = []
     for k in range(1, impacts + 1):
-        tau, t = taus[k - 1], taus[k] - taus[k - 1]
+        tau = taus[k - 1]
+        t = taus[k] - taus[k - 1]
         first = stage_moments_after_flight(
             after[0], c.beta1, tau, t, lambda s: c.sigma**2 * (-sin(s) + c.beta1 * cos(s)) ** 2
         )
         second = stage_moments_after_flight(after[1], c.beta2, tau, t, lambda s: c.sigma**2)
-        x1, x2 = eq_22(c, tau, t, mean, shift, np.zeros(4))[[0, 2]]  # those of Eq. 10: without the new shift
-        new = np.array([*window_shift(first, x1, windows[0]), *window_shift(second, x2, windows[1])])
-        mean, shift, after = eq_22(c, tau, t, mean, shift, new), new, contact(c, first, second)
+        # those of Eq. 10: without the new shift
+        x1, x2 = eq_22(c, tau, t, mean, shift, np.zeros(4))[[0, 2]]
+        new = np.array(
+            [*window_shift(first, x1, windows[0]), *window_shift(second, x2, windows[1])]
+        )
+        mean = eq_22(c, tau, t, mean, shift, new)
+        shift = new
+        after = contact(c, first, second)
         rows.append((mean, first, second))
     return rows
 
@@ -71,7 +95,8 @@ def follow_by_hand(scene, taus, impacts, contact=impact_of_moments):
 def test_means_and_moments_are_those_of_eqs_14_to_22(sigma):
     m = published(sigma, impacts=4)
     for k, (mean, first, second) in enumerate(follow_by_hand(m.scene, m.trace.tau, 4), 1):
-        # the integrator holds 1e-11 of the moments; near a vanishing variance a shift magnifies that
+        # the integrator holds 1e-11 of the moments; near a vanishing variance a shift magnifies
+        # that
         assert m.trace.mean[k] == pytest.approx(mean, rel=1e-7, abs=1e-9)
         for n in range(5):
             for p in range(5 - n):
@@ -110,7 +135,8 @@ def test_every_impact_is_at_a_counter_mesh(sigma, stages):
 
 @pytest.mark.parametrize("sigma", [0.0, QUIET, 0.3, LOUD])
 def test_no_counter_mesh_comes_earlier(sigma):
-    """On a grid twenty times finer than the scan: neither E[x_i] + E[x_i]_k changes its sign before."""
+    """On a grid twenty times finer than the scan: neither E[x_i] + E[x_i]_k changes its sign
+    before."""
     m = published(sigma)
     t = m.trace
     for k in range(1, t.found + 1):
@@ -138,9 +164,14 @@ def test_a_single_stage_is_stage_1_with_the_rule_of_eq_15(sigma):
     assert set(t.mesh) == {1}
 
 
-@pytest.mark.parametrize("start", [Start(), Start(x2=0.5, y2=1.0, mesh=2)], ids=["in flight", "mesh 2"])
+@pytest.mark.parametrize(
+    "start", [Start(), Start(x2=0.5, y2=1.0, mesh=2)], ids=["in flight", "mesh 2"]
+)
 def test_it_starts_at_mesh_1_only(start):
-    with pytest.raises(InputError, match=rf"start\.mesh = {start.mesh}: the published closure needs a start at mesh 1"):
+    with pytest.raises(
+        InputError,
+        match=rf"start\.mesh = {start.mesh}: the published closure needs a start at mesh 1",
+    ):
         published(0.1, start=start)
 
 
@@ -153,7 +184,9 @@ def test_a_tolerance_widens_its_windows():
 
 
 def test_it_says_where_and_why_it_cannot_go_on():
-    scene = Scene(alpha=0.0, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, start=Start(0.0, 0.5, 0.1, mesh=1))
+    scene = Scene(
+        alpha=0.0, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, start=Start(0.0, 0.5, 0.1, mesh=1)
+    )
     m = mean_map(scene, impacts=3, closure="published")
     assert m.stopped == "the other mesh is not struck within 20 time units after impact 0"
     assert m.section["tau"].isna().all()

@@ -1,4 +1,5 @@
-"""What long work is expected to take is said before it begins, where a bar is asked for, and is counted."""
+"""What long work is expected to take is said before it begins, where a bar is asked for, and is
+counted."""
 
 import logging
 import re
@@ -7,7 +8,16 @@ from functools import partial
 
 import pytest
 
-from rattle import DAT21, Scene, boundary, boundary_map, closure_sensitivity, crossing, sensitivity, stationary
+from rattle import (
+    DAT21,
+    Scene,
+    boundary,
+    boundary_map,
+    closure_sensitivity,
+    crossing,
+    sensitivity,
+    stationary,
+)
 from rattle.montecarlo.long_run import expect_run, long_run, run
 
 SCENE = Scene.from_gears(DAT21, sigma=0.5)
@@ -16,17 +26,33 @@ TIME = r"about [\d.]+ (ms|s|minutes|h)"
 SEARCH = {"between": (0.01, 0.1), "points": 2, "width": 0.9}
 ASKED = {
     "stationary": partial(stationary, SCENE, periods=64, paths=16, budget=1e-3),
-    "sensitivity": partial(sensitivity, SCENE, quantities=["power"], parameters=["omega"], accuracy=1.0),
-    "closure": partial(closure_sensitivity, FAINT, parameters=["omega"], impacts=1, paths=1024, budget=1e-3),
+    "sensitivity": partial(
+        sensitivity, SCENE, quantities=["power"], parameters=["omega"], accuracy=1.0
+    ),
+    "closure": partial(
+        closure_sensitivity, FAINT, parameters=["omega"], impacts=1, paths=1024, budget=1e-3
+    ),
     "boundary": partial(boundary, FAINT, impacts=1, **SEARCH),
     "map": partial(boundary_map, FAINT, along="alpha", values=2, impacts=1, **SEARCH),
     "crossing": partial(
-        crossing, SCENE, quantity="power", level=1e6, over="amplitude", points=2, width=0.9, budget=1e-3
+        crossing,
+        SCENE,
+        quantity="power",
+        level=1e6,
+        over="amplitude",
+        points=2,
+        width=0.9,
+        budget=1e-3,
     ),
 }
 SAID = {
-    "stationary": rf"^x: 160 periods of 16 paths at the least, {TIME} of processor time, more than the budget of 1 ms$",
-    "sensitivity": rf"^x: 20 long runs at the least, {TIME} of processor time; up to 16 times as many",
+    "stationary": (
+        rf"^x: 160 periods of 16 paths at the least, {TIME} of processor time, more than the budget"
+        r" of 1 ms$"
+    ),
+    "sensitivity": (
+        rf"^x: 20 long runs at the least, {TIME} of processor time; up to 16 times as many"
+    ),
     "closure": rf"^x: 80 runs of 64 paths, {TIME} of processor time$",
     "boundary": rf"^x: 2 values of sigma, .* {TIME} to [\d.]+ (ms|s) of processor time$",
     "map": rf"^boundary: 4 values of sigma, .* {TIME} to [\d.]+ (ms|s) of processor time$",
@@ -45,7 +71,8 @@ def test_an_estimate_is_said_before_the_work_where_a_bar_is_asked_for(name, capl
     def stop(*_, **__):
         raise Stopped
 
-    work, label = ASKED[name], True if name == "map" else "x"
+    work = ASKED[name]
+    label = True if name == "map" else "x"
     for module in ("montecarlo.long_run.run", "compare.engine.run", *PARAMETERS):
         monkeypatch.setattr(f"rattle.{module}.ProgressBar", stop)
     with caplog.at_level(logging.INFO, "rattle.estimate"), pytest.raises(Stopped):
@@ -58,7 +85,9 @@ def test_an_estimate_is_said_before_the_work_where_a_bar_is_asked_for(name, capl
     assert not caplog.records
 
 
-PARAMETERS = [f"compare.parameters.{name}" for name in ("boundary", "crossing", "of_closure", "sensitivity")]
+PARAMETERS = [
+    f"compare.parameters.{name}" for name in ("boundary", "crossing", "of_closure", "sensitivity")
+]
 
 
 @pytest.mark.parametrize("scene", [SCENE, replace(SCENE, epsilon=0.5)])

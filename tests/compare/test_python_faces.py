@@ -1,4 +1,5 @@
-"""What a command does, Python does too: animations and chaos; and every public result has a short repr."""
+"""What a command does, Python does too: animations and chaos; and every public result has a short
+repr."""
 
 import pytest
 
@@ -40,7 +41,9 @@ def test_chaos_says_what_it_found(measured, tmp_path):
 
 
 def test_chaos_refuses_before_any_work():
-    with pytest.raises(rt.InputError, match="field = 'backlash': did you mean 'backlash1' or 'backlash2'"):
+    with pytest.raises(
+        rt.InputError, match="field = 'backlash': did you mean 'backlash1' or 'backlash2'"
+    ):
         rt.chaos(SCENE, field="backlash", over=[0.2])
     with pytest.raises(rt.InputError, match="points = 3"):
         rt.chaos(SCENE, points=3)
@@ -54,7 +57,9 @@ def test_every_result_has_a_short_repr_and_most_a_table(measured):
         "closure": closure,
         "trace": closure.trace,
         "edgeworth": rt.mean_map(SCENE, impacts=2, closure="corrected").edgeworth(1, 1),
-        "run": rt.simulate(SCENE, paths=1000, impacts=12, record=rt.Record(raw=True, histogram=True)),
+        "run": rt.simulate(
+            SCENE, paths=1000, impacts=12, record=rt.Record(raw=True, histogram=True)
+        ),
         "validation": rt.validate(SCENE, impacts=4, paths=1000),
         "stationary": rt.stationary(SCENE, periods=64, paths=16),
         "boundary": rt.boundary(SCENE, **settings),
@@ -64,19 +69,25 @@ def test_every_result_has_a_short_repr_and_most_a_table(measured):
         "reach": rt.simulate_to(SCENE, 0.1, impacts=2).reach,
         "study": rt.Study.from_toml("[study]\nimpacts = 2\npaths = 1024\n" + SCENE.to_toml()),
     }
-    assert {name: len(text) for name, found in results.items() if len(text := repr(found)) > LONGEST} == {}
+    assert {
+        name: len(text) for name, found in results.items() if len(text := repr(found)) > LONGEST
+    } == {}
     tables = {"orbit", "closure", "run", "validation", "stationary", "boundary", "chaos"}
     assert {name for name in tables if "<table" not in results[name]._repr_html_()} == set()
 
 
 def test_raw_records_have_names():
-    late = rt.Scene.from_gears(rt.DAT21, sigma=0.1, start=rt.Start(100.0, 0.5, 2.0, 0.5, 2.0, mesh=1))
+    late = rt.Scene.from_gears(
+        rt.DAT21, sigma=0.1, start=rt.Start(100.0, 0.5, 2.0, 0.5, 2.0, mesh=1)
+    )
     run = rt.simulate(late, paths=16, impacts=3, record=rt.Record(raw=True))
     table = run.records
     assert table.index.names == ["path", "impact"]
     assert list(table) == ["tau", "flight", "x1", "y1", "x2", "y2", "mesh", "side"]
     assert len(table) == 48
-    assert table["tau"].groupby("impact").mean().tolist() == pytest.approx(run.section["tau"].tolist())
+    assert table["tau"].groupby("impact").mean().tolist() == pytest.approx(
+        run.section["tau"].tolist()
+    )
     assert table.loc[(0, 1), "y1"] == run.raw[0, 0, 3]
     with pytest.raises(rt.InputError, match=r"record\.raw = False: ask for it"):
         rt.simulate(late, paths=16, impacts=3).records  # noqa: B018

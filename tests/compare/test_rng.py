@@ -1,4 +1,5 @@
-"""What `rng` may be: a seed, a SeedSequence or a generator of numpy, in every public function that draws numbers."""
+"""What `rng` may be: a seed, a SeedSequence or a generator of numpy, in every public function that
+draws numbers."""
 
 import inspect
 
@@ -6,7 +7,16 @@ import numpy as np
 import pytest
 
 import rattle
-from rattle import DAT21, InputError, Scene, boundary, closure_sensitivity, simulate, simulate_rare, validate
+from rattle import (
+    DAT21,
+    InputError,
+    Scene,
+    boundary,
+    closure_sensitivity,
+    simulate,
+    simulate_rare,
+    validate,
+)
 from rattle.montecarlo.seed import Rng, read_seed, read_whole_seed
 
 SCENE = Scene.from_gears(DAT21, sigma=0.01)
@@ -17,7 +27,8 @@ def moments(rng):
 
 
 def test_a_generator_gives_the_same_results_where_it_is_as_new():
-    generator, other = np.random.default_rng(7), np.random.default_rng(7)
+    generator = np.random.default_rng(7)
+    other = np.random.default_rng(7)
     first = moments(generator)
     other.normal(size=10)  # what was drawn from it decides nothing
     assert moments(other) == first
@@ -26,7 +37,8 @@ def test_a_generator_gives_the_same_results_where_it_is_as_new():
 
 
 def test_a_generator_passed_twice_gives_other_results_and_a_seed_the_same():
-    generator, sequence = np.random.default_rng(7), np.random.SeedSequence(7)
+    generator = np.random.default_rng(7)
+    sequence = np.random.SeedSequence(7)
     assert moments(generator) != moments(generator)
     assert moments(sequence) == moments(sequence) == moments(7)
 
@@ -56,7 +68,10 @@ def test_every_function_with_rng_takes_a_generator():
     assert len(annotated) >= 9
     assert {name for name, kind in annotated.items() if kind not in (Rng, "Rng")} == set()
     rng = np.random.default_rng
-    v = [validate(SCENE, impacts=1, closures=["saltation"], paths=1000, rng=rng(7)).table for _ in range(2)]
+    v = [
+        validate(SCENE, impacts=1, closures=["saltation"], paths=1000, rng=rng(7)).table
+        for _ in range(2)
+    ]
     assert v[0].equals(v[1])
     simulate_rare(SCENE, paths=1024, impacts=1, rng=rng(7))
     closure_sensitivity(SCENE, parameters=["amplitude"], impacts=1, paths=1024, rng=rng(7))

@@ -11,7 +11,9 @@ from filelock import FileLock
 from rattle.compare.warm_up import NEEDS, DoneTasks, compile_tasks, measure_times, tasks
 from rattle.scene import compile_ahead, compiled
 
-COMPILED = pytest.mark.skipif(bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off")
+COMPILED = pytest.mark.skipif(
+    bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"
+)
 
 
 @pytest.fixture
@@ -116,7 +118,13 @@ def test_another_process_compiles_what_a_session_will_need(tmp_path):
     environment = os.environ | {compile_ahead.NUMBER: "2", "NUMBA_CACHE_DIR": str(tmp_path)}
     environment.pop("PYTEST_XDIST_WORKER", None)
     done = [
-        subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, text=True, check=True)
+        subprocess.run(
+            [sys.executable, "-c", CODE],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         for _ in range(2)
     ]
     started, own, every = map(int, done[0].stdout.split())

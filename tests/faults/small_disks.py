@@ -1,4 +1,5 @@
-"""Disks that are full or read-only: real ones where a small file system may be mounted; what a process leaves."""
+"""Disks that are full or read-only: real ones where a small file system may be mounted; what a
+process leaves."""
 
 import platform
 import subprocess
@@ -16,11 +17,15 @@ def scratch_name(name, process, suffix=".part"):
 
 @contextmanager
 def disk(place, size, options=""):
-    """A file system of `size` mounted on a folder; the test is skipped, and says so, where that is not allowed."""
+    """A file system of `size` mounted on a folder; the test is skipped, and says so, where that is
+    not allowed."""
     place.mkdir(exist_ok=True)
     mounting = ["mount", "-t", "tmpfs", "-o", f"size={size}{options}", "none", place]
     if subprocess.run(mounting, capture_output=True).returncode != 0:
-        pytest.skip("no file system may be mounted here: only a privileged process can try a disk that is really full")
+        pytest.skip(
+            "no file system may be mounted here: only a privileged process can try a disk that is"
+            " really full"
+        )
     try:
         yield place
     finally:

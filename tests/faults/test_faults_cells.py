@@ -1,4 +1,5 @@
-"""Cells that cannot be computed, permissions of what is written, and what killed processes have left."""
+"""Cells that cannot be computed, permissions of what is written, and what killed processes have
+left."""
 
 import os
 
@@ -28,24 +29,31 @@ def test_a_study_without_a_single_ensemble_says_why(file, monkeypatch):
 
     monkeypatch.setattr(Sample, "compute", refused)
     found = rattle("study", file, code=2)
-    assert "nothing can be compared yet, 1 of 2 cells could not be computed (paths = 64: are too few)" in found.output
+    assert (
+        "nothing can be compared yet, 1 of 2 cells could not be computed (paths = 64: are too few)"
+        in found.output
+    )
 
 
 @pytest.mark.parametrize("umask", [0o022, 0o077], ids=oct)
 def test_all_that_a_study_writes_may_be_read_by_whom_the_umask_lets(file, umask):
-    """Cells, locks, log, tables, page and figures: missing permissions never make results look damaged."""
+    """Cells, locks, log, tables, page and figures: missing permissions never make results look
+    damaged."""
     before = os.umask(umask)
     try:
         rattle("study", file)
     finally:
         os.umask(before)
     out = file.with_suffix("")
-    found = {path.name: (path.is_dir(), path.stat().st_mode & 0o777) for path in [out, *out.rglob("*")]}
+    found = {
+        path.name: (path.is_dir(), path.stat().st_mode & 0o777) for path in [out, *out.rglob("*")]
+    }
     assert set(found.values()) == {(False, 0o666 & ~umask), (True, 0o777 & ~umask)}, found
 
 
 def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
-    """Also if killed after the last file was moved into place, when nothing is left to compute or to draw."""
+    """Also if killed after the last file was moved into place, when nothing is left to compute or
+    to draw."""
     rattle("study", file)
     out = file.with_suffix("")
     for place in (out, out / CELLS):

@@ -1,4 +1,5 @@
-"""Programs without a standard error or output, as daemons are, and without a folder for temporary files."""
+"""Programs without a standard error or output, as daemons are, and without a folder for temporary
+files."""
 
 import io
 import os
@@ -11,7 +12,10 @@ from programs import LONG
 from rattle import DAT21, Scene, simulate
 from rattle.scene.progress import has_terminal, print_on_stderr
 
-FUNCTION = "from rattle.scene.moments import gaussian_raw_moments as f; print(float(f(1.0, 0.5, 2.0, 4)[2, 2]))"
+FUNCTION = (
+    "from rattle.scene.moments import gaussian_raw_moments as f; print(float(f(1.0, 0.5, 2.0, 4)[2,"
+    " 2]))"
+)
 COMMAND = "from rattle.compare.cli.main import main; main()"
 
 
@@ -19,13 +23,17 @@ def shell(words, *command, **environment):
     """Run Python in a shell with redirected outputs; returns exit code and standard output."""
     found = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), **environment}
     line = ["sh", "-c", f'exec "$@" {words}', "sh", sys.executable, *command]
-    done = subprocess.run(line, env=os.environ | found, stdout=subprocess.PIPE, text=True, timeout=LONG)
+    done = subprocess.run(
+        line, env=os.environ | found, stdout=subprocess.PIPE, text=True, timeout=LONG
+    )
     return done.returncode, done.stdout
 
 
 def test_machine_code_is_compiled_without_standard_error(tmp_path):
     """What would be said there does not go to standard output."""
-    assert shell("2>&-", "-c", FUNCTION, NUMBA_CACHE_DIR="/dev/null/nowhere", TMPDIR=str(tmp_path)) == (0, "2.5\n")
+    assert shell(
+        "2>&-", "-c", FUNCTION, NUMBA_CACHE_DIR="/dev/null/nowhere", TMPDIR=str(tmp_path)
+    ) == (0, "2.5\n")
 
 
 @pytest.mark.parametrize("words", ["2>&-", "2>/dev/full"])

@@ -1,4 +1,5 @@
-"""Each command under each fault: it ends with one line that names the remedy, and leaves nothing half written."""
+"""Each command under each fault: it ends with one line that names the remedy, and leaves nothing
+half written."""
 
 import json
 import os
@@ -15,17 +16,23 @@ from programs import python
 from small_disks import disk, make_read_only
 
 WRITERS = {
-    "validate": "--paths 600 --impacts 2 --dt 0.01 --no-validity --sigma 0.1 --closure saltation".split(),  # noqa: SIM905
+    "validate": [
+        *["--paths", "600", "--impacts", "2", "--dt", "0.01", "--no-validity"],
+        *["--sigma", "0.1", "--closure", "saltation"],
+    ],
     "tradeoff": [],
     "chaos": ["--no-sweep"],
     "claims": [],
 }
-"""Commands that write a report folder, by way of `rattle.compare.report.folder.whole_folder` alone."""
+"""Commands that write a report folder, by way of `rattle.compare.report.folder.whole_folder` alone.
+"""
 
 
 @pytest.mark.parametrize("command", WRITERS)
 def test_no_room_is_said_before_any_work(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
+    monkeypatch.setattr(
+        "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
+    )
     with disk(tmp_path / "disk", "64k") as place:
         found = rattle(command, *WRITERS[command], "--out", place / "report", code=2)
         assert "MB are free there; make room" in found.stderr
@@ -52,28 +59,38 @@ def test_the_table_of_simulate_on_a_full_disk(tmp_path):
 
 
 ENDLESS = 600.0  # seconds in which any machine has loaded a library
-LONG = {"validate": ["--paths", "100000000"], "order": ["--paths", "1000000"], "study": ["study.toml"], "chaos": []}
+LONG = {
+    "validate": ["--paths", "100000000"],
+    "order": ["--paths", "1000000"],
+    "study": ["study.toml"],
+    "chaos": [],
+}
 
 
 def used(process):
     """Processor seconds of all threads of a process, of /proc/PID/stat: utime and stime."""
     try:
-        fields = Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        fields = (
+            Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        )
     except OSError:
         return 0.0
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def wait_for_work(process, seconds):
-    """Wait until a process has used so many more seconds of processor time, or has ended: no busy machine fails it."""
+    """Wait until a process has used so many more seconds of processor time, or has ended: no busy
+    machine fails it."""
     wanted = used(process) + seconds
     while process.poll() is None and used(process) < wanted:
         time.sleep(0.02)
 
 
 def test_an_interrupt_ends_a_command_soon(tmp_path):
-    """One of each kind, started at once and interrupted in turn; only the cells of a study are left."""
-    running, said = {}, {}
+    """One of each kind, started at once and interrupted in turn; only the cells of a study are
+    left."""
+    running = {}
+    said = {}
     for command in LONG:
         place = tmp_path / command
         place.mkdir()
@@ -81,16 +98,30 @@ def test_an_interrupt_ends_a_command_soon(tmp_path):
         said[command] = tmp_path / f"{command}.txt"
         with said[command].open("wb") as file:
             running[command] = subprocess.Popen(
-                [sys.executable, "-X", "importtime", "-m", "rattle.compare.cli.main", *command.split(), *LONG[command]],
-                cwd=place, stdout=subprocess.DEVNULL, stderr=file,
+                [
+                    sys.executable,
+                    "-X",
+                    "importtime",
+                    "-m",
+                    "rattle.compare.cli.main",
+                    *command.split(),
+                    *LONG[command],
+                ],
+                cwd=place,
+                stdout=subprocess.DEVNULL,
+                stderr=file,
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            )  # fmt: skip
+            )
     try:
         for command, process in running.items():
             begun = time.monotonic()
-            while not re.search(r"\| +json$", said[command].read_text(), re.M):  # loaded by the command itself
+            while not re.search(
+                r"\| +json$", said[command].read_text(), re.M
+            ):  # loaded by the command itself
                 assert process.poll() is None, command
-                assert time.monotonic() - begun < ENDLESS, "json is not loaded any longer: wait for something else"
+                assert time.monotonic() - begun < ENDLESS, (
+                    "json is not loaded any longer: wait for something else"
+                )
                 time.sleep(0.1)
             process.send_signal(signal.SIGSTOP)
         for command, process in running.items():
@@ -99,7 +130,11 @@ def test_an_interrupt_ends_a_command_soon(tmp_path):
             assert process.poll() is None, command  # still at work
             process.send_signal(signal.SIGINT)
             process.wait(timeout=60)  # two seconds where the machine has nothing else to do
-            lines = [x for x in said[command].read_text().splitlines() if not x.startswith("import time:")]
+            lines = [
+                x
+                for x in said[command].read_text().splitlines()
+                if not x.startswith("import time:")
+            ]
             assert process.returncode == 130, lines
             assert len([x for x in lines if x.startswith("rattle: interrupted")]) == 1
             assert not any("Traceback" in x for x in lines)
@@ -149,8 +184,14 @@ STORED = "run the same command again to continue"
 @pytest.mark.parametrize(
     ("function", "said"),
     [
-        ("compare.study.folder.write_page", f"2 of 2 results stored, but their page is not written; {STORED}"),
-        ("compare.study.design.combine", f"2 of 2 results stored, but their page is not written; {STORED}"),
+        (
+            "compare.study.folder.write_page",
+            f"2 of 2 results stored, but their page is not written; {STORED}",
+        ),
+        (
+            "compare.study.design.combine",
+            f"2 of 2 results stored, but their page is not written; {STORED}",
+        ),
         ("compare.engine.run.run", f"0 of 2 results stored; {STORED}"),
         ("compare.cli.study.say_lines", "all 2 results are stored, and their page is written"),
     ],
@@ -166,7 +207,18 @@ def test_an_interrupted_study_says_what_is_stored(function, said, tmp_path):
 
 def test_an_interrupted_search_says_what_is_stored(tmp_path):
     """Cells that are kept beside the folder of the report; without a folder nothing is kept."""
-    words = ["boundary", "--impacts", "1", "--points", "2", "--width", "0.9", "--between", "0.01", "0.02"]
+    words = [
+        "boundary",
+        "--impacts",
+        "1",
+        "--points",
+        "2",
+        "--width",
+        "0.9",
+        "--between",
+        "0.01",
+        "0.02",
+    ]
     code = {"module": "rattle.compare.parameters.page", "function": "write_report"}
     done = python("-c", ENDING.format(words=[*words, "--out", "b"], **code), code=130, cwd=tmp_path)
     stored = len(list((tmp_path / "b-cells").glob("*.parquet")))
@@ -197,6 +249,8 @@ main(["load"])
 
 
 def test_a_second_interrupt_does_not_stop_the_cleaning_up(tmp_path):
-    done = python("-c", TWICE, code=130, cwd=tmp_path, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
+    done = python(
+        "-c", TWICE, code=130, cwd=tmp_path, PYTHONPATH=os.pathsep.join(filter(None, sys.path))
+    )
     assert done.stderr.count("\n") == 1
     assert (tmp_path / "cleaned").exists()

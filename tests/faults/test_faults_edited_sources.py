@@ -1,4 +1,5 @@
-"""Sources that are edited while a process runs: nothing is kept of others than those that it began with."""
+"""Sources that are edited while a process runs: nothing is kept of others than those that it began
+with."""
 
 import shutil
 from dataclasses import dataclass
@@ -49,14 +50,16 @@ CALL = """
 from rattle.scene.outer import outer
 print(outer(5.0), compiled.count_compiled())
 """
-EDIT, REVERT = "inner.write_text(wrong)\n", "inner.write_text(right)\n"
+EDIT = "inner.write_text(wrong)\n"
+REVERT = "inner.write_text(right)\n"
 COMMENT = "inner.write_text(right + '# a comment')\n"
 SAME_TIME = "times = os.stat(inner)\n{}os.utime(inner, ns=(times.st_atime_ns, times.st_mtime_ns))\n"
 
 
 @pytest.fixture
 def run(tmp_path):
-    """A function that runs code with a small installation of its own; returns what it prints, and on standard error."""
+    """A function that runs code with a small installation of its own; returns what it prints, and
+    on standard error."""
     place = tmp_path / "installed" / "rattle"
     shutil.copytree(ROOT / "scene", place / "scene", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "rattle" / "__init__.py", place)
@@ -103,7 +106,10 @@ def test_machine_code_is_not_kept_after_an_edit_of_what_was_imported(run):
 @pytest.mark.slow
 def test_machine_code_of_bytecode_that_python_takes_for_that_of_another_source_is_not_kept(run):
     """Both sources have one size and one time, to the second."""
-    run(SAME_TIME.format(EDIT) + "import rattle.scene.inner\n" + SAME_TIME.format(REVERT), bytecode=True)
+    run(
+        SAME_TIME.format(EDIT) + "import rattle.scene.inner\n" + SAME_TIME.format(REVERT),
+        bytecode=True,
+    )
     printed, said = run(CALL)
     assert printed == ["16.0", "1"]
     assert "Python has bytecode of another source for scene/inner.py" in said
@@ -164,7 +170,8 @@ class Number(Cell):
 
 @pytest.fixture
 def edit(tmp_path, monkeypatch):
-    """A function that writes something behind a source of this process: of a copy that it takes for its own."""
+    """A function that writes something behind a source of this process: of a copy that it takes for
+    its own."""
     sources.note_imports()
     for name in sources.BEGUN:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -179,11 +186,17 @@ def edit(tmp_path, monkeypatch):
     return append
 
 
-REMEDY = "montecarlo/kernel/kernel.py was edited while this process ran, so no result is stored; start it again"
+REMEDY = (
+    "montecarlo/kernel/kernel.py was edited while this process ran, so no result is stored; start"
+    " it again"
+)
 
 
-def test_no_result_is_stored_under_the_version_of_sources_that_this_process_has_not_imported(edit, tmp_path):
-    store, version = Store(tmp_path / "cells"), numerical_version()
+def test_no_result_is_stored_under_the_version_of_sources_that_this_process_has_not_imported(
+    edit, tmp_path
+):
+    store = Store(tmp_path / "cells")
+    version = numerical_version()
     edit("closure/branching/mixture.py", "touched = 1\n")  # of no part in the result
     store.obtain(Number(SCENE))
     for content in list(store.folder.glob("*.parquet")):
@@ -209,5 +222,7 @@ def test_what_is_not_stored_goes_on_after_an_edit_and_all_goes_on_after_a_commen
 def test_no_manifest_names_a_commit_whose_sources_this_process_has_not_imported(edit):
     assert provenance()["commit"]
     edit("compare/report/style.py", "touched = 1\n")
-    with pytest.raises(OutputError, match=r"compare/report/style\.py was edited while this process ran"):
+    with pytest.raises(
+        OutputError, match=r"compare/report/style\.py was edited while this process ran"
+    ):
         provenance()

@@ -1,4 +1,5 @@
-"""Whatever happens while a folder is written, it holds the old report or the new one, and a message says what to do."""
+"""Whatever happens while a folder is written, it holds the old report or the new one, and a message
+says what to do."""
 
 import random
 import subprocess
@@ -36,10 +37,14 @@ def written(out, text, size=1):
 
 
 def test_killed_at_any_moment_a_folder_is_old_or_new(tmp_path):
-    """Each kill leaves a whole folder, in its place or, between two steps, beside it; the next run clears up."""
-    out, draw = tmp_path / "report", random.Random(1)
+    """Each kill leaves a whole folder, in its place or, between two steps, beside it; the next run
+    clears up."""
+    out = tmp_path / "report"
+    draw = random.Random(1)
     for _ in range(8):
-        with subprocess.Popen([sys.executable, "-c", WRITER, out], stdout=subprocess.PIPE, text=True) as running:
+        with subprocess.Popen(
+            [sys.executable, "-c", WRITER, out], stdout=subprocess.PIPE, text=True
+        ) as running:
             running.stdout.readline()
             time.sleep(draw.uniform(0.0, 0.02))
             running.kill()
@@ -58,7 +63,9 @@ def test_two_runs_into_one_folder_lose_nothing(tmp_path):
             with whole_folder(out, OURS, overwrite=False) as quick:
                 (quick / "one.txt").write_text("quick")
 
-    with pytest.raises(OutputError, match=r"taken by another run meanwhile; this report is kept as .*report-2"):
+    with pytest.raises(
+        OutputError, match=r"taken by another run meanwhile; this report is kept as .*report-2"
+    ):
         both()
     assert (out / "one.txt").read_text() == "quick"
     assert (tmp_path / "report-2" / "one.txt").read_text() == "slow"

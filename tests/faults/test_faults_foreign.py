@@ -1,4 +1,5 @@
-"""What this project did not make is never replaced, continued or deleted, whatever it is called, by any command."""
+"""What this project did not make is never replaced, continued or deleted, whatever it is called, by
+any command."""
 
 import json
 import os
@@ -35,7 +36,9 @@ def work(monkeypatch):
 
 @pytest.fixture
 def no_work(monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
+    monkeypatch.setattr(
+        "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
+    )
 
 
 def place(folder, name, text):
@@ -68,7 +71,8 @@ def test_a_study_replaces_nothing_of_others(file, tmp_path, name):
 
 
 def test_a_study_leaves_what_it_does_not_write_and_continues_its_own(file, tmp_path):
-    """Beside notes and its own study file; interrupted before there was a page, finished, and with a value added."""
+    """Beside notes and its own study file; interrupted before there was a page, finished, and with
+    a value added."""
     place(out := tmp_path / "p", "notes.txt", "mine")
     own = shutil.copy(file, out / "study.toml")
     rattle("study", own, "--out", out)
@@ -85,7 +89,9 @@ def test_another_study_replaces_the_tables_of_the_first_only_if_asked_to(file, t
     before = everything(out := tmp_path / "noise")
     (tmp_path / "other.toml").write_text(study(title="other", sigma=(0.3,), paths=64))
     said = rattle("study", tmp_path / "other.toml", "--out", out, code=2).stderr
-    assert "holds another study (small); choose another folder, or overwrite it (--overwrite)" in said
+    assert (
+        "holds another study (small); choose another folder, or overwrite it (--overwrite)" in said
+    )
     assert everything(out) == before
     rattle("study", tmp_path / "other.toml", "--out", out, "--overwrite")
     assert json.loads((out / "manifest.json").read_text())["title"] == "other"
@@ -113,7 +119,9 @@ def test_a_report_replaces_nothing_of_others(command, name, tmp_path):
     assert "holds other things" in rattle(*words, code=2).stderr
     assert everything(out) == before
     if not name.endswith(".json"):
-        shutil.copytree(Path(__file__).parents[2] / "reports" / REPORTS[command], out, dirs_exist_ok=True)
+        shutil.copytree(
+            Path(__file__).parents[2] / "reports" / REPORTS[command], out, dirs_exist_ok=True
+        )
         before = everything(out)
         assert f"holds other things ({name.split('/')[0]}" in rattle(*words, code=2).stderr
         assert everything(out) == before

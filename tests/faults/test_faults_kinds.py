@@ -62,7 +62,9 @@ def test_such_a_cell_or_lock_is_replaced(kind, wanted, tmp_path, monkeypatch):
     run(wanted.cells, store, Runner(1))
     first, second = wanted.cells
     store.path(first).unlink()
-    ENDLESS[kind](store.path(first).relative_to(tmp_path) if kind == "socket" else store.path(first))
+    ENDLESS[kind](
+        store.path(first).relative_to(tmp_path) if kind == "socket" else store.path(first)
+    )
     assert store.missing(wanted.cells) == ([] if kind == "sparse" else [first])
     assert run(wanted.cells, store, Runner(1)).computed == 1
     assert store.path(first).is_file()
@@ -73,7 +75,9 @@ def test_such_a_cell_or_lock_is_replaced(kind, wanted, tmp_path, monkeypatch):
 def test_a_folder_in_place_of_a_cell_is_refused_before_any_work(wanted, tmp_path, monkeypatch):
     store = Store(tmp_path / CELLS)
     store.path(wanted.cells[-1]).mkdir()
-    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
+    monkeypatch.setattr(
+        "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
+    )
     with pytest.raises(OutputError, match="is a folder in place of a result; remove it"):
         run(wanted.cells, store, Runner(1))
 
@@ -95,8 +99,12 @@ def test_such_a_lock_is_not_waited_for(kind, wanted, tmp_path):
 def test_such_a_log_is_refused_before_any_work(kind, wanted, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ENDLESS[kind](tmp_path / LOG if kind != "socket" else (tmp_path / LOG).relative_to(tmp_path))
-    monkeypatch.setattr("rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed"))
-    with pytest.raises(OutputError, match=r"study.log': exists and is not|study.log': .*choose another place"):
+    monkeypatch.setattr(
+        "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
+    )
+    with pytest.raises(
+        OutputError, match=r"study.log': exists and is not|study.log': .*choose another place"
+    ):
         run(wanted.cells, Store(tmp_path / CELLS), Runner(1))
 
 
@@ -119,14 +127,17 @@ def test_such_a_file_that_a_user_names(kind, reader, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(module, "PATIENCE", 0.05)
     monkeypatch.setattr(module, "MOST_BYTES", 2**20)
-    ENDLESS[kind](path := (tmp_path / "file").relative_to(tmp_path) if kind == "socket" else tmp_path / "file")
+    ENDLESS[kind](
+        path := (tmp_path / "file").relative_to(tmp_path) if kind == "socket" else tmp_path / "file"
+    )
     with pytest.raises(FileError, match=r"cannot be read \(|has more than"):
         reader(path)
 
 
 @pytest.mark.parametrize("late", ["opened late", "written late"])
 def test_a_scene_may_come_through_a_pipe(late, tmp_path, monkeypatch):
-    """Whoever writes may take its time: before the patience ends it has to be there, not to have written."""
+    """Whoever writes may take its time: before the patience ends it has to be there, not to have
+    written."""
     monkeypatch.setattr(module, "PATIENCE", 60.0 if late == "opened late" else 0.05)
     scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
     begun = threading.Event()

@@ -1,4 +1,5 @@
-"""Machine code that is damaged or cannot be stored is compiled again, where numba alone would raise an exception."""
+"""Machine code that is damaged or cannot be stored is compiled again, where numba alone would raise
+an exception."""
 
 import ast
 import os
@@ -13,8 +14,8 @@ from rattle.scene.compiled import PACKAGES, TAKEN, source_digest
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = (
-    "from rattle.scene.moments import gaussian_raw_moments as f;"
-    "print(float(f(1.0, 0.5, 2.0, 4)[2, 2]), sum(f.stats.cache_hits.values()) if hasattr(f, 'stats') else 1)"
+    "from rattle.scene.moments import gaussian_raw_moments as f;print(float(f(1.0, 0.5, 2.0, 4)[2,"
+    " 2]), sum(f.stats.cache_hits.values()) if hasattr(f, 'stats') else 1)"
 )
 DAMAGE = {
     "truncated": lambda b: b[: len(b) // 2],
@@ -24,10 +25,13 @@ DAMAGE = {
 
 
 def run(code=CODE, cwd=None, **environment):
-    """Run code in a process; returns its cache hits and standard error.  None unsets an environment variable."""
+    """Run code in a process; returns its cache hits and standard error.  None unsets an environment
+    variable."""
     changed = {name: str(value) for name, value in environment.items() if value is not None}
     kept = {name: value for name, value in os.environ.items() if name not in environment}
-    done = subprocess.run([sys.executable, "-c", code], env=kept | changed, cwd=cwd, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=kept | changed, cwd=cwd, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     number, hits = done.stdout.split()
     assert float(number) == 2.5
@@ -35,7 +39,8 @@ def run(code=CODE, cwd=None, **environment):
 
 
 def computed(cache):
-    """Cache hits of a process that keeps its machine code in a folder and prints nothing on standard error."""
+    """Cache hits of a process that keeps its machine code in a folder and prints nothing on
+    standard error."""
     hits, said = run(NUMBA_CACHE_DIR=cache)
     assert said == ""
     return hits
@@ -62,7 +67,9 @@ DECORATORS = {"inline", "internal", "jit", "lean", "splice"}
 
 def test_the_digest_changes_with_every_source_of_compiled_code_and_with_no_other(tmp_path):
     for package in PACKAGES:
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
     nested = tmp_path / "closure" / "deep" / "deeper" / "new.py"
     seen = {source_digest(tmp_path)}
     nested.parent.mkdir(parents=True)
@@ -88,23 +95,40 @@ def test_the_digest_changes_with_every_source_of_compiled_code_and_with_no_other
 
 def imports(path, module):
     return any(
-        isinstance(node, ast.ImportFrom) and node.module == module for node in ast.walk(ast.parse(path.read_text()))
+        isinstance(node, ast.ImportFrom) and node.module == module
+        for node in ast.walk(ast.parse(path.read_text()))
     )
 
 
 def test_compiled_functions_take_nothing_from_sources_outside_the_digest():
-    sources = {path.relative_to(ROOT).as_posix(): path for name in PACKAGES for path in (ROOT / name).rglob("*.py")}
-    inside = {name for name, path in sources.items() if imports(path, "rattle.scene.compiled")} | {*TAKEN}
-    home_of = {name: module for module, name, _ in imported(ast.parse(sources["scene/__init__.py"].read_text()))}
+    sources = {
+        path.relative_to(ROOT).as_posix(): path
+        for name in PACKAGES
+        for path in (ROOT / name).rglob("*.py")
+    }
+    inside = {name for name, path in sources.items() if imports(path, "rattle.scene.compiled")} | {
+        *TAKEN
+    }
+    home_of = {
+        name: module
+        for module, name, _ in imported(ast.parse(sources["scene/__init__.py"].read_text()))
+    }
     for name in inside:
         tree = ast.parse(sources[name].read_text())
         foreign = set()
         for module, taken, own in imported(tree):
-            homes = (home_of.get(taken, module) if module == "rattle.scene" else module, f"{module}.{taken}")
-            if not any(home.removeprefix("rattle.").replace(".", "/") + ".py" in inside for home in homes):
+            homes = (
+                home_of.get(taken, module) if module == "rattle.scene" else module,
+                f"{module}.{taken}",
+            )
+            if not any(
+                home.removeprefix("rattle.").replace(".", "/") + ".py" in inside for home in homes
+            ):
                 foreign.add(own)
         for function in ast.walk(tree):
-            if isinstance(function, ast.FunctionDef) and DECORATORS & names(*function.decorator_list):
+            if isinstance(function, ast.FunctionDef) and DECORATORS & names(
+                *function.decorator_list
+            ):
                 assert not foreign & names(*function.body), (name, function.name)
 
 
@@ -112,7 +136,9 @@ def imported(tree):
     """Module, name there and name here of what is imported from this project."""
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rattle."):
-            yield from ((node.module, alias.name, alias.asname or alias.name) for alias in node.names)
+            yield from (
+                (node.module, alias.name, alias.asname or alias.name) for alias in node.names
+            )
 
 
 def names(*nodes):
@@ -123,18 +149,25 @@ def names(*nodes):
 def installed(tmp_path):
     """An installation that nobody can write, and an environment without a home."""
     place = tmp_path / "installed"
-    shutil.copytree(ROOT / "scene", place / "rattle" / "scene", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        ROOT / "scene", place / "rattle" / "scene", ignore=shutil.ignore_patterns("__pycache__")
+    )
     shutil.copy(ROOT / "rattle" / "__init__.py", place / "rattle")
     (place / "rattle" / "scene" / "__pycache__").touch()
     (tmp_path / "tmp").mkdir()
     return {
-        "cwd": tmp_path, "PYTHONPATH": place, "HOME": "/dev/null", "TMPDIR": tmp_path / "tmp",
-        "NUMBA_CACHE_DIR": None, "XDG_CACHE_HOME": None,
-    }  # fmt: skip
+        "cwd": tmp_path,
+        "PYTHONPATH": place,
+        "HOME": "/dev/null",
+        "TMPDIR": tmp_path / "tmp",
+        "NUMBA_CACHE_DIR": None,
+        "XDG_CACHE_HOME": None,
+    }
 
 
 def test_a_read_only_installation_without_a_home(installed, tmp_path):
-    """A private temporary folder is used; the compiling process reports it, and the next one uses it again."""
+    """A private temporary folder is used; the compiling process reports it, and the next one uses
+    it again."""
     hits, said = run(**installed)
     (folder,) = (tmp_path / "tmp").iterdir()
     assert hits == 0

@@ -1,4 +1,5 @@
-"""A study whose folder is full, read-only, damaged, newer, shared, or whose clock goes backwards."""
+"""A study whose folder is full, read-only, damaged, newer, shared, or whose clock goes
+backwards."""
 
 import shutil
 import subprocess
@@ -60,7 +61,8 @@ def test_a_disk_that_fills_while_cells_are_written(tmp_path):
 
 
 def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
-    """All cells are kept, no file of the page is half written, and with free space the command need not recompute."""
+    """All cells are kept, no file of the page is half written, and with free space the command need
+    not recompute."""
     with disk(tmp_path / "disk", "250k") as place:
         found = rattle("study", file, "--out", place / "noise", code=2)
         assert "all results stored: make room and repeat the command" in found.output
@@ -70,11 +72,17 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
         with pytest.raises(FileError, match="holds no finished study"):
             load_study(place / "noise")
         subprocess.run(["mount", "-o", "remount,size=20m", place], check=True)
-        assert "0 results computed, 4 stored" in rattle("study", file, "--out", place / "noise").output
+        assert (
+            "0 results computed, 4 stored" in rattle("study", file, "--out", place / "noise").output
+        )
         assert len(load_study(place / "noise").errors) == 2 * 2 * 2 * 4
 
 
-DAMAGE = {"truncated": lambda b: b[: len(b) // 2], "empty": lambda b: b"", "flipped": lambda b: b[:9] + b"?" + b[10:]}
+DAMAGE = {
+    "truncated": lambda b: b[: len(b) // 2],
+    "empty": lambda b: b"",
+    "flipped": lambda b: b[:9] + b"?" + b[10:],
+}
 
 
 @pytest.mark.parametrize("damage", DAMAGE)

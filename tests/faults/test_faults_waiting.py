@@ -33,7 +33,9 @@ LONG = 120.0  # seconds that nothing here takes, however busy the machine
 def locked_elsewhere(store, cells):
     """Context with another process that locks cells; yields its process id."""
     command = [sys.executable, "-c", HOLD, store.folder, *(cell.key for cell in cells)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
         assert other.stdout.readline() == "True\n"
         yield other.pid
         other.stdin.close()
@@ -53,7 +55,9 @@ def in_the_background(work):
 
 
 def test_whoever_waits_for_a_cell_says_for_whom(store):
-    cell, said, heard = CELLS[1], [], threading.Event()
+    cell = CELLS[1]
+    said = []
+    heard = threading.Event()
 
     def say(text):
         said.append(text)
@@ -76,7 +80,8 @@ def test_whoever_waits_for_a_cell_says_for_whom(store):
 
 def test_a_study_whose_cells_are_in_other_hands_says_so_once(store, monkeypatch):
     """Also with more cells than threads."""
-    heard, said = threading.Event(), []
+    heard = threading.Event()
+    said = []
 
     def write(text):
         said.append(text)

@@ -1,4 +1,5 @@
-"""Invariants of every answer, by entry point; each check returns how the entry point has ended, and why."""
+"""Invariants of every answer, by entry point; each check returns how the entry point has ended, and
+why."""
 
 from collections.abc import Callable
 from typing import Any
@@ -33,7 +34,10 @@ def check(entry: str, data: dict[str, Any], settings: dict[str, Any]) -> Ended:
     except RattleError as error:
         ended, field = refused(error, "")
         asked = field not in ("dt", "record.times") or field.removeprefix("record.") in settings
-        must(field in MAY_REFUSE and asked, f"refused for its {field}, although the scene is valid: {error}")
+        must(
+            field in MAY_REFUSE and asked,
+            f"refused for its {field}, although the scene is valid: {error}",
+        )
         return ended, field
 
 
@@ -50,9 +54,14 @@ def round_trip(scene: Scene, settings: dict[str, Any]) -> Ended:
 def orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
     """The deterministic orbit is causal, inside its walls, and says why it ends."""
     found = follow(scene, settings["impacts"])
-    n, walls = found.found, (scene.constants.wall1, scene.constants.wall2)
+    n = found.found
+    walls = (scene.constants.wall1, scene.constants.wall2)
     must((found.stopped == "") == (n == settings["impacts"]), "stopped", found.stopped, n)
-    must(np.isfinite(found.tau[: n + 1]) & np.isfinite(found.before[: n + 1]).all(axis=1), "not finite", found)
+    must(
+        np.isfinite(found.tau[: n + 1]) & np.isfinite(found.before[: n + 1]).all(axis=1),
+        "not finite",
+        found,
+    )
     must(np.isfinite(found.after[: n + 1]), "not finite", found)
     must(np.isnan(found.tau[n + 1 :]), "beyond the end", found)
     must(np.diff(found.tau[: n + 1]) >= 0.0, "time runs backwards", found.tau)
@@ -61,7 +70,13 @@ def orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
         must(found.before[k, 2 * i] == found.side[k] * walls[i], "not on its wall", k, found)
         must(found.before[k, 2 * i + 1] * found.side[k] > 0.0, "not outward", k, found)
         for j in range(scene.stages):
-            must(abs(found.before[k, 2 * j]) <= walls[j] * (1.0 + 1e-9) + 1e-14, "outside", j, k, found)
+            must(
+                abs(found.before[k, 2 * j]) <= walls[j] * (1.0 + 1e-9) + 1e-14,
+                "outside",
+                j,
+                k,
+                found,
+            )
     return ("stopped", _reason(found.stopped)) if found.stopped else ("complete", "")
 
 
@@ -73,7 +88,8 @@ def long_orbit(scene: Scene, settings: dict[str, Any]) -> Ended:
         must(len(s.flight) == impacts or orbit.ended <= 0, "ended", orbit.ended)
         must(np.isfinite(s.flight) & (s.flight >= 0.0), "flight", s.flight)
         must(np.isfinite(s.before), "state", s.before)
-        must(~np.isnan(s.growth) & (s.growth < np.inf), "growth", s.growth)  # minus infinity without restitution
+        # minus infinity without restitution
+        must(~np.isnan(s.growth) & (s.growth < np.inf), "growth", s.growth)
     return ("stopped", "orbit") if orbit.ended <= 0 else ("complete", "")
 
 
@@ -81,14 +97,19 @@ def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
     """A closure gives finite numbers as far as it says that it goes, and none beyond."""
 
     def prediction(scene: Scene, settings: dict[str, Any]) -> Ended:
-        m = mean_map(scene, impacts=settings["impacts"], closure=name, order=settings.get("order", 4))
-        n, table = m.trace.found, m.section
+        m = mean_map(
+            scene, impacts=settings["impacts"], closure=name, order=settings.get("order", 4)
+        )
+        n = m.trace.found
+        table = m.section
         must((m.stopped == "") == (n == settings["impacts"]), "stopped", m.stopped, n)
         names = own(scene)
         found = table.iloc[:n]
         must(np.isfinite(found[names].to_numpy()), "means are not finite\n", found[names])
         must(table.iloc[n:][names].isna().to_numpy(), "numbers beyond the end\n", table[names])
-        must((found["flight"] >= 0.0) | ~found["realizable"], "time runs backwards", found["flight"])
+        must(
+            (found["flight"] >= 0.0) | ~found["realizable"], "time runs backwards", found["flight"]
+        )
         must(set(m.itinerary[:n]) <= {-2, -1, 1, 2} and set(m.itinerary[n:]) <= {0}, m.itinerary)
         sds = found[[f"sd_{q}" for q in names]]
         must(~(sds < 0.0).to_numpy() & ~np.isinf(sds.to_numpy()), "sd\n", sds)
@@ -97,22 +118,39 @@ def closure(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
             must(~silent, "a number is missing without a reason:", column, "\n", found)
         if name in ("saltation", "corrected"):
             covariance = m.trace.covariance[1 : n + 1, : 2 * scene.stages, : 2 * scene.stages]
-            scales, well = _scales(m, n), found["realizable"].to_numpy()
+            scales = _scales(m, n)
+            well = found["realizable"].to_numpy()
             semidefinite(covariance[well], scales[well])
-            for k in np.flatnonzero(~well & (found["flight"] >= 0.0)):  # sizes too different for the digits of a float
-                must(scales[k].max() > APART * scales[k][scales[k] > 0.0].min(), "not realizable", k, covariance[k])
+            for k in np.flatnonzero(
+                ~well & (found["flight"] >= 0.0)
+            ):  # sizes too different for the digits of a float
+                must(
+                    scales[k].max() > APART * scales[k][scales[k] > 0.0].min(),
+                    "not realizable",
+                    k,
+                    covariance[k],
+                )
         if name != "published":
             rho = found[["rho1", "rho2"]].to_numpy()
-            must(np.isnan(rho) | (abs(rho) <= 1.0 + SLACK) | ~found[["realizable"]].to_numpy(), "rho", rho)
+            must(
+                np.isnan(rho) | (abs(rho) <= 1.0 + SLACK) | ~found[["realizable"]].to_numpy(),
+                "rho",
+                rho,
+            )
         if name == "branching":
             share = found[["agreement", "discarded"]].to_numpy()
             must((share >= 0.0) & (share <= 1.0 + SLACK), "shares", share)
         else:
             low, high = m.trace.span
             times = scene.to_absolute_time(low + np.linspace(0.25, 0.75, 2) * (high - low))
-            late = 0.1 * (high - low) < np.spacing(abs(times)).max()  # a float cannot tell the times apart
+            # a float cannot tell the times apart
+            late = 0.1 * (high - low) < np.spacing(abs(times)).max()
             fixed = m.at_times(times[:0] if late else times)
-            must(np.isfinite(fixed[[*STATE[: 2 * scene.stages]]].to_numpy()), "moments at fixed times\n", fixed)
+            must(
+                np.isfinite(fixed[[*STATE[: 2 * scene.stages]]].to_numpy()),
+                "moments at fixed times\n",
+                fixed,
+            )
         for q in names if n else ():
             density = m.density(n, q, np.array([table.loc[n, q]]))
             must(density is None or not np.isnan(density).any(), "density of", q, density)
@@ -130,31 +168,41 @@ def validation(scene: Scene, settings: dict[str, Any]) -> Ended:
 
 
 def _unexplained(m: MeanMap, n: int) -> dict[str, Any]:
-    """Entries of the section that are NaN, and may not be, as far as the closure goes; by column, shape (n,).
+    """Entries of the section that are NaN, and may not be, as far as the closure goes; by column,
+    shape (n,).
 
-    ``published`` and ``corrected`` have no sds of times and no skewness, and no sd or correlation of a stage where its
-    moments are not realizable; ``saltation`` has a skewness from order 3 on; what does not vary has none, nor has what
-    varies so little that the cube of its sd is no float, and no correlation with anything; ``branching`` has no
-    correlations.
+    ``published`` and ``corrected`` have no sds of times and no skewness, and no sd or correlation
+    of a stage where its moments are not realizable; ``saltation`` has a skewness from order 3 on;
+    what does not vary has none, nor has what varies so little that the cube of its sd is no float,
+    and no correlation with anything; ``branching`` has no correlations.
     """
-    table, fixed = m.section.iloc[:n], m.closure in ("published", "corrected")
+    table = m.section.iloc[:n]
+    fixed = m.closure in ("published", "corrected")
     broken = ~table["realizable"].to_numpy(bool)
     skewed = m.closure == "branching" or (m.closure == "saltation" and m.order >= 3)
     missing = {}
     for q in own(m.scene):
-        still, free = (table[f"sd_{q}"] ** 3 < FAINTEST).to_numpy(), fixed and q in ("tau", "flight")
+        still = (table[f"sd_{q}"] ** 3 < FAINTEST).to_numpy()
+        free = fixed and q in ("tau", "flight")
         missing[f"sd_{q}"] = table[f"sd_{q}"].isna().to_numpy() & ~(fixed & broken) & (not free)
         missing[f"skew_{q}"] = table[f"skew_{q}"].isna().to_numpy() & ~still & skewed
     for stage in range(1, m.scene.stages + 1) if m.closure != "branching" else ():
-        spread = np.array([np.diagonal(m.stage_covariance(k, stage)) for k in range(1, n + 1)]).reshape(n, 2)
+        spread = np.array(
+            [np.diagonal(m.stage_covariance(k, stage)) for k in range(1, n + 1)]
+        ).reshape(n, 2)
         missing[f"rho{stage}"] = table[f"rho{stage}"].isna().to_numpy() & (spread > 0.0).all(axis=1)
     return missing
 
 
 def _scales(m: MeanMap, n: int) -> Any:
-    """Sds of what a covariance at one time is the difference of: those at the paths' own impacts and of their times."""
-    c, sd = m.scene.constants, np.nan_to_num(m.trace.sd[1 : n + 1])
-    rate = [abs(field(c, t, s[1], s[3])) for t, s in zip(m.trace.tau[1 : n + 1], m.trace.mean[1 : n + 1], strict=True)]
+    """Sds of what a covariance at one time is the difference of: those at the paths' own impacts
+    and of their times."""
+    c = m.scene.constants
+    sd = np.nan_to_num(m.trace.sd[1 : n + 1])
+    rate = [
+        abs(field(c, t, s[1], s[3]))
+        for t, s in zip(m.trace.tau[1 : n + 1], m.trace.mean[1 : n + 1], strict=True)
+    ]
     return (sd[:, 2:] + np.reshape(rate, (n, 4)) * sd[:, :1])[:, : 2 * m.scene.stages]
 
 
@@ -163,9 +211,14 @@ def _reason(stopped: str) -> str:
 
 
 ENTRIES: dict[str, Callable[[Scene, dict[str, Any]], Ended]] = {
-    "scene": round_trip, "orbit": orbit, "long orbit": long_orbit,
+    "scene": round_trip,
+    "orbit": orbit,
+    "long orbit": long_orbit,
     **{name: closure(name) for name in CLOSURES},
-    **{name: fuzz_sampled.scheme(name) for name in SCHEMES}, "accuracy": fuzz_sampled.accuracy,
-    "validate": validation, "simulate a file": simulate_file, "validate a file": validate_file,
+    **{name: fuzz_sampled.scheme(name) for name in SCHEMES},
+    "accuracy": fuzz_sampled.accuracy,
+    "validate": validation,
+    "simulate a file": simulate_file,
+    "validate a file": validate_file,
     "study a file": study_file,
-}  # fmt: skip
+}

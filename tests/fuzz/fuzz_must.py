@@ -15,10 +15,17 @@ SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue
 Ended = tuple[str, str]
 SIMPLE: dict[str, Any] = {
     "scene": {
-        "alpha": 1.5, "epsilon": 0.9, "beta1": 0.083, "beta2": 0.133, "gamma1": 0.057, "gamma2": 0.029, "mu": 0.6,
-        "sigma": 0.1, "tolerance": {"c1_max": 0.01, "c2_max": 0.01},
+        "alpha": 1.5,
+        "epsilon": 0.9,
+        "beta1": 0.083,
+        "beta2": 0.133,
+        "gamma1": 0.057,
+        "gamma2": 0.029,
+        "mu": 0.6,
+        "sigma": 0.1,
+        "tolerance": {"c1_max": 0.01, "c2_max": 0.01},
     }
-}  # fmt: skip
+}
 """A scene for negative controls."""
 
 
@@ -46,12 +53,16 @@ def semidefinite(covariance: Any, scales: Any = None) -> None:
         must(np.isfinite(matrix), "covariance is not finite", matrix)
         scale = np.sqrt(np.abs(np.diagonal(matrix))) if scales is None else scales[k]
         scale = np.where(scale > 0.0, scale, 1.0)
-        shape = matrix / scale / scale[:, None]  # as correlations: a small stage counts as much as a large one
-        must(np.linalg.eigvalsh(shape)[0] >= -SLACK, "covariance is not semidefinite", matrix, shape)
+        # as correlations: a small stage counts as much as a large one
+        shape = matrix / scale / scale[:, None]
+        must(
+            np.linalg.eigvalsh(shape)[0] >= -SLACK, "covariance is not semidefinite", matrix, shape
+        )
 
 
 def has_verdicts(table: Any) -> None:
-    """Every row of a comparison has a verdict; where it says more than that there is nothing to say, numbers do too."""
+    """Every row of a comparison has a verdict; where it says more than that there is nothing to
+    say, numbers do too."""
     must(table["verdict"].isin(VERDICTS), table["verdict"].unique())
     judged = table[table["verdict"].isin(["accurate", "inaccurate", "undecided"])]
     numbers = ["predicted", "simulated", "error", "tolerance", "agreement"]
@@ -59,9 +70,13 @@ def has_verdicts(table: Any) -> None:
     must(np.isfinite(judged[numbers].to_numpy(float)), "judged without a number\n", judged[numbers])
     must(judged["tolerance"] >= 0.0, "tolerance\n", judged[numbers])
     told = judged[~judged["remark"].str.contains(TOO_FEW, regex=False)]
-    must(np.isfinite(told[interval].to_numpy(float)), "judged without an interval\n", told[interval])
+    must(
+        np.isfinite(told[interval].to_numpy(float)), "judged without an interval\n", told[interval]
+    )
     must((told["low"] <= told["high"]) & (told["se"] >= 0.0), "interval\n", told[interval])
-    silent = table[(table["verdict"] == "not predicted") & table[["predicted", "low"]].notna().all(axis=1)]
+    silent = table[
+        (table["verdict"] == "not predicted") & table[["predicted", "low"]].notna().all(axis=1)
+    ]
     must(silent.empty, "predicted, and not judged\n", silent)
     share = table["agreement"].dropna()
     must((share >= 0.0) & (share <= 1.0), "agreement", share)
@@ -70,4 +85,8 @@ def has_verdicts(table: Any) -> None:
 def finite(scene: Scene) -> bool:
     """Whether compiled code gets finite numbers only."""
     constants = scene.constants
-    return bool(np.isfinite(np.hstack([*constants._replace(drive=0.0), *map(np.ravel, constants.drive)])).all())
+    return bool(
+        np.isfinite(
+            np.hstack([*constants._replace(drive=0.0), *map(np.ravel, constants.drive)])
+        ).all()
+    )

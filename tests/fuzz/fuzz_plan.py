@@ -1,4 +1,5 @@
-"""Which entry points are tried, how often, and with which settings: small work mostly, much of it rarely."""
+"""Which entry points are tried, how often, and with which settings: small work mostly, much of it
+rarely."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -13,7 +14,8 @@ from rattle.scene.errors import RattleError
 WORK = 1e6  # steps of all paths
 ALONE = 2  # paths that may take the default horizon, of up to ten million steps
 USUAL = 0.3  # smallest step with the default horizon, in units of the default step
-SOON = 1e5  # steps of the default horizon above which entries without another horizon are tried rarely
+# steps of the default horizon above which entries without another horizon are tried rarely
+SOON = 1e5
 Settings = dict[str, Any]
 
 
@@ -29,7 +31,9 @@ def _closure(n: Numbers, scene: Scene) -> Settings:
     return {"impacts": n.count(64), "order": n.one(2, 3, 4, 5, 6)}
 
 
-def _step(n: Numbers, scene: Scene, scheme: str, biased: bool, least: float = LEAST) -> tuple[float | None, float]:
+def _step(
+    n: Numbers, scene: Scene, scheme: str, biased: bool, least: float = LEAST
+) -> tuple[float | None, float]:
     """A step as it is given, the default among them, and its size."""
     longest = largest_step(scene, scheme)[0] / (4 if biased else 1)
     least = max(n.one(1e-3 * longest, 1e-3 * longest, 1e-6 * longest), least)
@@ -42,12 +46,29 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
 
     def settings(n: Numbers, scene: Scene) -> Settings:
         biased = not exact and n.often(0.3)
-        paths, impacts = n.one(1, 2, 3, 31, 33, n.one(31, 33, 1000, 1030)), n.count(64)
+        paths = n.one(1, 2, 3, 31, 33, n.one(31, 33, 1000, 1030))
+        impacts = n.count(64)
         waits = paths <= ALONE and n.often(0.05 if _soon(scene) else 0.005)
-        dt, step = _step(n, scene, scheme, biased, USUAL * default_step(scene, scheme, biased) if waits else LEAST)
-        out: Settings = {"paths": paths, "impacts": impacts, "dt": dt, "rng": n.seed(), "step_bias": biased}
+        dt, step = _step(
+            n,
+            scene,
+            scheme,
+            biased,
+            USUAL * default_step(scene, scheme, biased) if waits else LEAST,
+        )
+        out: Settings = {
+            "paths": paths,
+            "impacts": impacts,
+            "dt": dt,
+            "rng": n.seed(),
+            "step_bias": biased,
+        }
         out["horizon"] = None if waits else step * n.size(1.0, WORK / paths, False)
-        longest = min(HORIZON_PER_IMPACT * impacts, STEPS * step) if out["horizon"] is None else out["horizon"]
+        longest = (
+            min(HORIZON_PER_IMPACT * impacts, STEPS * step)
+            if out["horizon"] is None
+            else out["horizon"]
+        )
         coarsest = 4.0 * step if biased else step
         if n.often(0.3) and longest > coarsest:
             since = [n.size(coarsest, longest, False) for _ in range(n.one(1, 1, 3))]
@@ -58,24 +79,35 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
             out["increments"] = n.one("gaussian", "gaussian", "two-point")
         if n.often(0.2):
             out["itineraries"] = {"mine": tuple(n.one(1, -1, 2, -2) for _ in range(impacts))}
-        return out | {name: n.often(0.3) for name in ("histogram", "batches", "energy")} | {"raw": n.often(0.8)}
+        return (
+            out
+            | {name: n.often(0.3) for name in ("histogram", "batches", "energy")}
+            | {"raw": n.often(0.8)}
+        )
 
     return settings
 
 
 def _accuracy(n: Numbers, scene: Scene) -> Settings:
     return {
-        "impacts": n.one(1, 1, 2, n.count(64)), "accuracy": n.size(1e-9, 0.9, False),
+        "impacts": n.one(1, 1, 2, n.count(64)),
+        "accuracy": n.size(1e-9, 0.9, False),
         "budget": n.size(1e-2, 0.3, False),
-        "scheme": n.one(None, None, *SCHEMES), "rng": n.seed(), "batches": n.often(0.3), "energy": n.often(0.3),
-    }  # fmt: skip
+        "scheme": n.one(None, None, *SCHEMES),
+        "rng": n.seed(),
+        "batches": n.often(0.3),
+        "energy": n.often(0.3),
+    }
 
 
 def _validation(n: Numbers, scene: Scene) -> Settings:
     return {
-        "impacts": n.one(1, 2, 3, n.count(12)), "paths": n.one(1, 2, 3, 31, 33, 64),
-        "scheme": n.one("exact-flight", "exact-flight", *SCHEMES), "order": n.one(2, 3, 4, 5, 6), "rng": n.seed(),
-    }  # fmt: skip
+        "impacts": n.one(1, 2, 3, n.count(12)),
+        "paths": n.one(1, 2, 3, 31, 33, 64),
+        "scheme": n.one("exact-flight", "exact-flight", *SCHEMES),
+        "order": n.one(2, 3, 4, 5, 6),
+        "rng": n.seed(),
+    }
 
 
 def _command(n: Numbers, scene: Scene) -> Settings:
@@ -97,16 +129,25 @@ def _report(n: Numbers, scene: Scene) -> Settings:
 
 
 def _study(n: Numbers, scene: Scene) -> Settings:
-    """A study over one or two fields; an accuracy only where nothing is random: it has no budget there."""
+    """A study over one or two fields; an accuracy only where nothing is random: it has no budget
+    there."""
     sigmas = sorted({0.0, scene.sigma, 0.5 * scene.sigma, n.size(1e-30, 1e6, False)})
     axes = [{"sigma": sigmas[: n.one(1, 2, 3)]}]
     if n.often(0.5):
         axes.append({n.one("epsilon", "start.tau"): [0.25, 0.75]})
-    study: Settings = {"impacts": n.one(1, 2, 3), "order": n.one(2, 4, 6), "seed": n.one(0, 1, 2**60), "paths": 64}
-    study["closures"] = n.one(["saltation"], ["saltation", "corrected"], ["published", "branching", "saltation"])
+    study: Settings = {
+        "impacts": n.one(1, 2, 3),
+        "order": n.one(2, 4, 6),
+        "seed": n.one(0, 1, 2**60),
+        "paths": 64,
+    }
+    study["closures"] = n.one(
+        ["saltation"], ["saltation", "corrected"], ["published", "branching", "saltation"]
+    )
     if not is_random(scene) and n.often(0.5):
         del study["paths"]
-        study["accuracy"], axes[0] = n.size(1e-9, 0.9, False), {"sigma": [0.0]}
+        study["accuracy"] = n.size(1e-9, 0.9, False)
+        axes[0] = {"sigma": [0.0]}
     return {"study": study, "axes": axes}
 
 
@@ -116,7 +157,8 @@ def _soon(scene: Scene) -> bool:
 
 
 class Tried(NamedTuple):
-    """How often an entry point is tried, of `sum` of all, with which settings, and whether it waits for the horizon."""
+    """How often an entry point is tried, of `sum` of all, with which settings, and whether it waits
+    for the horizon."""
 
     share: float
     settings: Callable[[Numbers, Scene], Settings]
@@ -127,8 +169,12 @@ PLAN: dict[str, Tried] = {
     "scene": Tried(8, lambda n, scene: {}),
     "orbit": Tried(12, lambda n, scene: {"impacts": n.count(1000)}),
     "long orbit": Tried(6, lambda n, scene: {"impacts": n.count(64), "start": n.one(0, 1, 2, 3)}),
-    "published": Tried(8, _closure), "corrected": Tried(8, _closure), "saltation": Tried(10, _closure),
-    "branching": Tried(3, lambda n, scene: {"impacts": n.one(1, 2, 3), "order": n.one(2, 3, 4, 5, 6)}),
+    "published": Tried(8, _closure),
+    "corrected": Tried(8, _closure),
+    "saltation": Tried(10, _closure),
+    "branching": Tried(
+        3, lambda n, scene: {"impacts": n.one(1, 2, 3), "order": n.one(2, 3, 4, 5, 6)}
+    ),
     "euler-maruyama": Tried(10, _run("euler-maruyama")),
     "euler-maruyama-located": Tried(10, _run("euler-maruyama-located")),
     "exact-flight": Tried(14, _run("exact-flight")),
@@ -137,14 +183,16 @@ PLAN: dict[str, Tried] = {
     "simulate a file": Tried(5, _command, waits=True),
     "validate a file": Tried(0.2, _report, waits=True),
     "study a file": Tried(0.5, _study, waits=True),
-}  # fmt: skip
-"""Every entry point: the API, scene files, the command line, studies; the last three read back what was written."""
+}
+"""Every entry point: the API, scene files, the command line, studies; the last three read back what
+was written."""
 
 _EDGES = [sum(tried.share for tried in list(PLAN.values())[: i + 1]) for i in range(len(PLAN))]
 
 
 def job(seed: int, number: int, entry: str = "") -> tuple[str, dict[str, Any], Settings]:
-    """The scene of this number, with an entry point and settings; always the same for the same seed."""
+    """The scene of this number, with an entry point and settings; always the same for the same
+    seed."""
     n = Numbers(seed, number)
     at = n.stream.random() * _EDGES[-1]
     drawn = next(name for name, edge in zip(PLAN, _EDGES, strict=True) if at <= edge)

@@ -1,8 +1,9 @@
-"""Invariants of every simulation: shares, spreads, times, walls, and no number missing without a reason.
+"""Invariants of every simulation: shares, spreads, times, walls, and no number missing without a
+reason.
 
-Without noise every flight of every path is that of Eq. 3, within the order of its scheme.  Each flight is judged by
-itself, from where the path was at the impact before: what one flight leaves, the next makes worse by as much as the
-orbit is unstable, and that is no error of the scheme.
+Without noise every flight of every path is that of Eq. 3, within the order of its scheme.  Each
+flight is judged by itself, from where the path was at the impact before: what one flight leaves,
+the next makes worse by as much as the orbit is unstable, and that is no error of the scheme.
 """
 
 import math
@@ -22,14 +23,17 @@ from rattle.scene.impact import struck
 from rattle.scene.types import SECTION, Constants
 
 OVERSHOOTS = ("euler-maruyama",)
-"""Schemes that detect walls at the end of a step only, so that a stage may be left beyond its wall there."""
+"""Schemes that detect walls at the end of a step only, so that a stage may be left beyond its wall
+there."""
 CORRELATION = 1.0 + 1e-12
 LEAST = {"": (2, 0, 0), "sd_": (3, 0, 2), "skew_": (3, 3, 6), "kurt_": (4, 4, 8)}
-"""Fewest paths for the standard error of a moment; powers of the sd that divide the moment, and its error."""
+"""Fewest paths for the standard error of a moment; powers of the sd that divide the moment, and its
+error."""
 
 
 def scheme(name: str) -> Callable[[Scene, dict[str, Any]], Ended]:
-    """A simulation is the same on any number of workers, and its statistics belong to distributions."""
+    """A simulation is the same on any number of workers, and its statistics belong to
+    distributions."""
 
     def ensemble(scene: Scene, settings: dict[str, Any]) -> Ended:
         given = {"scheme": name, "raw": True} | settings
@@ -60,8 +64,14 @@ def accuracy(scene: Scene, settings: dict[str, Any]) -> Ended:
     assert reach is not None
     for warning in said:  # that it is not reached is worth a warning, and nothing else is
         must(not reach.reached and "ccuracy" in str(warning.message), "warns", warning)
-    reported = [reach.sampling, reach.step, reach.more_seconds, *(c.core_seconds for c in reach.candidates)]
-    must(np.array(reported) >= 0.0, "reach", reach)  # infinitely many seconds, where no time suffices
+    reported = [
+        reach.sampling,
+        reach.step,
+        reach.more_seconds,
+        *(c.core_seconds for c in reach.candidates),
+    ]
+    # infinitely many seconds, where no time suffices
+    must(np.array(reported) >= 0.0, "reach", reach)
     must(np.isfinite([reach.sampling, reach.step]), "reach", reach)
     must(reach.sentence and ("NOT" in reach.sentence) != reach.reached, "sentence", reach.sentence)
     if not is_random(scene):
@@ -78,24 +88,42 @@ def of_an_ensemble(run: Ensemble) -> None:
     _at_times(run)
     _kept(run)
     must(all(isinstance(c, str) and c for c in run.diagnostics), "diagnostics", run.diagnostics)
-    must(bool(run.diagnostics) or not run.unfinished, "no diagnostic of unfinished paths", run.unfinished)
+    must(
+        bool(run.diagnostics) or not run.unfinished,
+        "no diagnostic of unfinished paths",
+        run.unfinished,
+    )
 
 
 def _shares(run: Ensemble, reached: Any) -> None:
-    must((reached >= 0) & (reached <= run.paths), "more paths than were asked for", reached, run.paths)
+    must(
+        (reached >= 0) & (reached <= run.paths),
+        "more paths than were asked for",
+        reached,
+        run.paths,
+    )
     must(np.diff(reached) <= 0, "paths", reached)
     must(reached[-1] + run.unfinished == run.paths, "unfinished", run.unfinished, reached)
     share = np.column_stack([run.section["agreement"], run.agreement])
     must((share >= 0.0) & (share <= 1.0), "agreement", share)
     must(np.diff(share, axis=0) <= 0.0, "agreement rises", share)
-    must(share <= reached[:, None] / run.paths * (1.0 + 1e-12), "more agree than are there", share, reached)
+    must(
+        share <= reached[:, None] / run.paths * (1.0 + 1e-12),
+        "more agree than are there",
+        share,
+        reached,
+    )
 
 
 def _moments(run: Ensemble, reached: Any) -> None:
-    table, names, stages = run.section, own(run.scene), run.scene.stages
+    table = run.section
+    names = own(run.scene)
+    stages = run.scene.stages
     must(~np.isinf(table.to_numpy(float)), "infinite\n", table.T)
     for prefix in ("sd_", "se_", "se_sd_", "se_skew_", "se_kurt_"):
-        must(~(table[[prefix + q for q in names]] < 0.0), "a negative spread", prefix, "\n", table.T)
+        must(
+            ~(table[[prefix + q for q in names]] < 0.0), "a negative spread", prefix, "\n", table.T
+        )
     rho = table[["rho1", "rho2"]].to_numpy()
     must(np.isnan(rho) | (abs(rho) <= CORRELATION), "rho", rho)
     for name, silent in unexplained(run).items():
@@ -107,7 +135,8 @@ def _moments(run: Ensemble, reached: Any) -> None:
 
 
 def _at_times(run: Ensemble) -> None:
-    fixed, stages = run.at_times(), range(1, run.scene.stages + 1)
+    fixed = run.at_times()
+    stages = range(1, run.scene.stages + 1)
     must(~np.isinf(fixed.to_numpy(float)), "an infinite number at a time\n", fixed.T)
     for x, y, rho in [(f"x{s}", f"y{s}", f"rho{s}") for s in stages if len(fixed)]:
         moments = fixed[[x, y, f"cov_{x}_{x}", f"cov_{x}_{y}", f"cov_{y}_{y}"]]
@@ -119,7 +148,8 @@ def _at_times(run: Ensemble) -> None:
 def _kept(run: Ensemble) -> None:
     section = run.result.sums["section"]
     if run.histograms is not None:
-        totals, there = run.histograms.counts.sum(axis=-1), [SECTION.index(q) for q in own(run.scene)]
+        totals = run.histograms.counts.sum(axis=-1)
+        there = [SECTION.index(q) for q in own(run.scene)]
         must(totals[:, there] == section.n[:, there], "histogram", totals)
     if run.batches is not None:
         must(run.batches.n.sum(axis=0) == section.n, "batches", run.batches.n)
@@ -129,12 +159,14 @@ def _kept(run: Ensemble) -> None:
 def unexplained(run: Ensemble) -> dict[str, Any]:
     """Entries of the section that are NaN, and may not be; by column, shape (impacts,).
 
-    A number may be missing where nothing has it (a second stage of a single one; an impact that no path had, which
-    ``paths`` tells), a standard error where so few paths of a random scene have the impact that they tell none
-    (`LEAST`), a skewness, kurtosis, their errors and a correlation where a quantity does not vary (its sd is 0), or so
-    little that the power of the sd that divides them is no float.
+    A number may be missing where nothing has it (a second stage of a single one; an impact that no
+    path had, which ``paths`` tells), a standard error where so few paths of a random scene have the
+    impact that they tell none (`LEAST`), a skewness, kurtosis, their errors and a correlation where
+    a quantity does not vary (its sd is 0), or so little that the power of the sd that divides them
+    is no float.
     """
-    table, computed = run.section, run.result.sums["section"]
+    table = run.section
+    computed = run.result.sums["section"]
     variance = np.nan_to_num(computed.moment(2, 0))
     nobody = table["paths"].to_numpy() == 0
     few = [is_random(run.scene) & (table["paths"].to_numpy() < least) for least in range(5)]
@@ -142,21 +174,34 @@ def unexplained(run: Ensemble) -> dict[str, Any]:
     for q in own(run.scene):
         sd = np.sqrt(variance[:, SECTION.index(q)])
         for prefix, (least, power, se_power) in LEAST.items():
-            missing[prefix + q] = table[prefix + q].isna().to_numpy() & ~nobody & (sd**power > FAINTEST)
+            missing[prefix + q] = (
+                table[prefix + q].isna().to_numpy() & ~nobody & (sd**power > FAINTEST)
+            )
             small_noise = few[least] | (sd**se_power < FAINTEST)
-            missing["se_" + prefix + q] = table["se_" + prefix + q].isna().to_numpy() & ~nobody & ~small_noise
+            missing["se_" + prefix + q] = (
+                table["se_" + prefix + q].isna().to_numpy() & ~nobody & ~small_noise
+            )
     for stage in range(1, run.scene.stages + 1):
         still = (variance[:, [2 * stage, 2 * stage + 1]] == 0.0).any(axis=1)
         missing[f"rho{stage}"] = table[f"rho{stage}"].isna().to_numpy() & ~nobody & ~still
-    for name in ("mesh", "side", "agreement", "paths", *(n for n in ("energy", "se_energy") if n in table)):
+    for name in (
+        "mesh",
+        "side",
+        "agreement",
+        "paths",
+        *(n for n in ("energy", "se_energy") if n in table),
+    ):
         missing[name] = table[name].isna().to_numpy() & ~nobody & ~(few[2] & (name == "se_energy"))
     return missing
 
 
 def _in_time(run: Ensemble, reached: Any) -> None:
-    """The mean time of impacts that the same paths have increases, by the mean flight, and no mean is beyond a wall."""
+    """The mean time of impacts that the same paths have increases, by the mean flight, and no mean
+    is beyond a wall."""
     columns = run.phase_reduced.columns  # with all their digits
-    tau, flight, controlled = columns["tau"], columns["flight"], "control" in run.result.sums
+    tau = columns["tau"]
+    flight = columns["flight"]
+    controlled = "control" in run.result.sums
     same = (reached[1:] == reached[:-1]) & (reached[1:] > 0)
     back = same & (np.diff(tau) < -1e-12 * abs(tau[1:]))
     must(~back, "impacts run backwards", tau)
@@ -164,14 +209,20 @@ def _in_time(run: Ensemble, reached: Any) -> None:
     if not controlled:
         apart = abs(np.diff(tau) - flight[1:]) > 1e-9 * flight[1:] + 1e-12 * abs(tau[1:])
         must(~(same & apart), "times and flights", tau, flight)
-    for stage in range(1, run.scene.stages + 1) if not controlled and run.scheme not in OVERSHOOTS else ():
-        x, most = columns[f"x{stage}"], run.scene.windows[stage - 1]
+    for stage in (
+        range(1, run.scene.stages + 1) if not controlled and run.scheme not in OVERSHOOTS else ()
+    ):
+        x = columns[f"x{stage}"]
+        most = run.scene.windows[stage - 1]
         must(~(abs(x) > most * (1.0 + SLACK)), "a mean beyond its walls", x, most)
 
 
 def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
-    """Every path is causal and inside the widest its walls may be, on a wall where it strikes one."""
-    tau, flight, code = raw[..., 0], raw[..., 1], raw[..., -1]
+    """Every path is causal and inside the widest its walls may be, on a wall where it strikes
+    one."""
+    tau = raw[..., 0]
+    flight = raw[..., 1]
+    code = raw[..., -1]
     there = ~np.isnan(tau)
     must(there[:, 1:] <= there[:, :-1], "a path comes back")
     must(np.isfinite(raw[there]), "a path is not finite")
@@ -182,8 +233,10 @@ def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
     fixed = scene.tolerance is not None and scene.tolerance.distribution == "fixed"
     for i in range(scene.stages):
         gap = (scene.gap1, scene.gap2)[i]
-        least, most = (gap + c_max[i] if fixed else gap - c_max[i]), gap + c_max[i]
-        x, y = raw[..., 2 + 2 * i][there], raw[..., 3 + 2 * i][there]
+        least = gap + c_max[i] if fixed else gap - c_max[i]
+        most = gap + c_max[i]
+        x = raw[..., 2 + 2 * i][there]
+        y = raw[..., 3 + 2 * i][there]
         hit = abs(code[there]) == i + 1
         must(abs(x[hit]) <= most * (1.0 + SLACK), "beyond the widest wall", most, x[hit])
         must(abs(x[hit]) >= least * (1.0 - SLACK) - 1e-15 * most, "not on a wall", least, x[hit])
@@ -193,10 +246,15 @@ def of_its_paths(scene: Scene, raw: Any, name: str) -> None:
 
 
 def _same(a: Any, b: Any) -> bool:
-    return bool(np.array_equal(np.asarray(a), np.asarray(b), equal_nan=np.asarray(a).dtype.kind == "f"))
+    return bool(
+        np.array_equal(np.asarray(a), np.asarray(b), equal_nan=np.asarray(a).dtype.kind == "f")
+    )
 
 
-PATHS, FLIGHTS, INSTANTS = 3, 8, 16  # paths, flights of each, and times in a flight that are checked
+# paths, flights of each, and times in a flight that are checked
+PATHS = 3
+FLIGHTS = 8
+INSTANTS = 16
 CLOSE = 1e-7  # admissible error of exact flights, relative to gap and speed
 STEPS = 4.0  # admissible error of the Euler schemes, in steps
 LATE = {"euler-maruyama": 1.0, "euler-maruyama-located": 0.0, "exact-flight": 0.0}
@@ -205,10 +263,12 @@ LATE = {"euler-maruyama": 1.0, "euler-maruyama-located": 0.0, "exact-flight": 0.
 
 def follows_the_flow(run: Ensemble) -> None:
     """Compare the first flights of the first paths of a run without noise with the flow."""
-    scene, c = run.scene, run.scene.constants
+    scene = run.scene
+    c = run.scene.constants
     if scene.sigma > 0.0 or run.sticking_steps or run.raw is None:
         return
-    dt, late = (0.0 if run.scheme == "exact-flight" else run.dt), LATE[run.scheme]
+    dt = 0.0 if run.scheme == "exact-flight" else run.dt
+    late = LATE[run.scheme]
     for rows in np.asarray(run.raw)[:PATHS]:
         rows = rows[~np.isnan(rows[:, 0])]
         known = scene.tolerance is None or scene.tolerance.distribution == "fixed"
@@ -220,9 +280,14 @@ def follows_the_flow(run: Ensemble) -> None:
 
 
 def _one_flight(
-    c: Constants, before: tuple[float, ...], flight: float, end: tuple[float, ...], dt: float, late: float,
+    c: Constants,
+    before: tuple[float, ...],
+    flight: float,
+    end: tuple[float, ...],
+    dt: float,
+    late: float,
     windows: tuple[float, float],
-) -> None:  # fmt: skip
+) -> None:
     tau, x1, y1, x2, y2, mesh = before
     if c.stages == 1:
         x2 = y2 = 0.0
@@ -231,7 +296,8 @@ def _one_flight(
     u1, u2 = wheel_speeds(c, tau, y1, y2)
     pulls = [b * abs(u) + g for b, u, g in ((c.beta1, u1, c.gamma1), (c.beta2, u2, c.gamma2))]
     drawn = c.alpha * math.hypot(1.0, c.beta1) + max(pulls) * 2.0  # largest acceleration
-    met = abs(before[2]) + abs(before[4])  # what came later in the same step had begun at these speeds
+    # what came later in the same step had begun at these speeds
+    met = abs(before[2]) + abs(before[4])
     speed = max(abs(y1) + abs(y2), met) + drawn * flight
     rate = c.alpha + (1.0 + c.beta1 + c.beta2) * drawn  # of an acceleration
     blurred = 4.0 * np.spacing(abs(tau) + flight)  # of a flight that is the difference of two times
@@ -244,10 +310,22 @@ def _one_flight(
         away = abs(found[2 * i] - end[2 * i])
         must(away <= slack, f"x{i + 1} leaves the flow:", found, end, slack, before, flight)
         must(
-            abs(found[2 * i + 1] - end[2 * i + 1]) <= wrong_y, f"y{i + 1} leaves the flow", found, end, wrong_y, before
+            abs(found[2 * i + 1] - end[2 * i + 1]) <= wrong_y,
+            f"y{i + 1} leaves the flow",
+            found,
+            end,
+            wrong_y,
+            before,
         )
-    most = [max(windows[i], abs((x1, x2)[i])) for i in range(c.stages)]  # a stage may be left beyond its wall
+    # a stage may be left beyond its wall
+    most = [max(windows[i], abs((x1, x2)[i])) for i in range(c.stages)]
     for t in np.linspace(0.0, flight, INSTANTS + 1)[:-1]:
         place = flow(c, tau, x1, y1, x2, y2, t)
         for i in range(c.stages):
-            must(abs(place[2 * i]) <= most[i] * (1.0 + CLOSE) + wrong_x, "flew through a wall", place, before, t)
+            must(
+                abs(place[2 * i]) <= most[i] * (1.0 + CLOSE) + wrong_x,
+                "flew through a wall",
+                place,
+                before,
+                t,
+            )

@@ -1,8 +1,9 @@
 """Scenes of every magnitude, log-uniform over the whole admissible range, with weight on its ends.
 
-Numbers come from a stream of numpy's Philox, so that a job is a function of the seed and of its own number.  A third of
-the scenes draw each field by itself, over all decades; a third draw lengths around one unit of any size, so that
-something happens in them; a third are near the paper's example.
+Numbers come from a stream of numpy's Philox, so that a job is a function of the seed and of its own
+number.  A third of the scenes draw each field by itself, over all decades; a third draw lengths
+around one unit of any size, so that something happens in them; a third are near the paper's
+example.
 """
 
 import math
@@ -36,9 +37,11 @@ class Numbers:
         return values[int(self.stream.integers(len(values)))]
 
     def size(self, least: float, most: float, zero: bool = True) -> float:
-        """Log-uniform between two ends; each end in one draw of twenty, 0 in one of ten where it is admissible.
+        """Log-uniform between two ends; each end in one draw of twenty, 0 in one of ten where it is
+        admissible.
 
-        Where the least is the least of all floats, half of the draws keep to those that have a square.
+        Where the least is the least of all floats, half of the draws keep to those that have a
+        square.
         """
         if zero and self.often(0.1):
             return 0.0
@@ -46,7 +49,9 @@ class Numbers:
             return self.one(least, most)
         if least < TINY < most and self.often(0.5):
             least = TINY
-        return float(min(max(10.0 ** self.stream.uniform(math.log10(least), math.log10(most)), least), most))
+        return float(
+            min(max(10.0 ** self.stream.uniform(math.log10(least), math.log10(most)), least), most)
+        )
 
     def count(self, most: int) -> int:
         """A log-uniform whole number from 1 on."""
@@ -62,23 +67,30 @@ class Numbers:
 
 
 class _Lengths:
-    """Sizes of what is a length over a power of time: anywhere, or around one unit, near to it or far."""
+    """Sizes of what is a length over a power of time: anywhere, or around one unit, near to it or
+    far."""
 
     def __init__(self, numbers: Numbers) -> None:
         self.numbers = numbers
-        self.unit, self.near = numbers.one((None, 0.0), (numbers.size(*GAPS, zero=False), 300.0), (0.5, 4.0))
+        self.unit, self.near = numbers.one(
+            (None, 0.0), (numbers.size(*GAPS, zero=False), 300.0), (0.5, 4.0)
+        )
 
     def size(self, least: float, most: float, zero: bool = True) -> float:
         if self.unit is None:
             return self.numbers.size(least, most, zero)
-        low, high = max(least, self.unit / self.near), min(most, self.unit * self.near)
+        low = max(least, self.unit / self.near)
+        high = min(most, self.unit * self.near)
         return self.numbers.size(low, high, zero)
 
 
 def _share(n: Numbers) -> float:
     """Between 0 and 1, ends included, as close to either as floats allow."""
-    any_size, near_one = n.size(LEAST, 1.0), 1.0 - n.size(2.0**-53, 1.0)
-    return n.one(0.0, 1.0, LEAST, BELOW_ONE, any_size, near_one, n.stream.random(), n.stream.random())
+    any_size = n.size(LEAST, 1.0)
+    near_one = 1.0 - n.size(2.0**-53, 1.0)
+    return n.one(
+        0.0, 1.0, LEAST, BELOW_ONE, any_size, near_one, n.stream.random(), n.stream.random()
+    )
 
 
 def _damping(n: Numbers, tame: bool) -> float:
@@ -88,28 +100,40 @@ def _damping(n: Numbers, tame: bool) -> float:
 def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
     tame = lengths.unit is not None
     scene: Data = {
-        "alpha": lengths.size(TINY, LARGEST["alpha"]), "epsilon": _share(n), "beta1": _damping(n, tame),
-        "gamma1": lengths.size(TINY, LARGEST["gamma1"]), "gap1": lengths.size(*GAPS, zero=False),
-    }  # fmt: skip
+        "alpha": lengths.size(TINY, LARGEST["alpha"]),
+        "epsilon": _share(n),
+        "beta1": _damping(n, tame),
+        "gamma1": lengths.size(TINY, LARGEST["gamma1"]),
+        "gap1": lengths.size(*GAPS, zero=False),
+    }
     if stages == 2 or n.often(0.2):
         beta1 = scene["beta1"]
-        scene["beta2"] = n.one(beta1, min(math.nextafter(beta1, math.inf), 1e4), *(_damping(n, tame) for _ in range(6)))
+        scene["beta2"] = n.one(
+            beta1, min(math.nextafter(beta1, math.inf), 1e4), *(_damping(n, tame) for _ in range(6))
+        )
         scene["gamma2"] = lengths.size(TINY, LARGEST["gamma2"])
         scene["gap2"] = n.one(scene["gap1"], *(lengths.size(*GAPS, zero=False) for _ in range(3)))
         near_one = 1.0 - n.size(2.0**-53, 0.5, zero=False)
-        scene["mu"] = n.one(n.size(TINY, BELOW_ONE, zero=False), near_one, n.stream.uniform(0.1, 0.9))
+        scene["mu"] = n.one(
+            n.size(TINY, BELOW_ONE, zero=False), near_one, n.stream.uniform(0.1, 0.9)
+        )
     return scene
 
 
 def _gears(n: Numbers, scene: Data) -> Data:
     """A gear pair of any size that makes about this scene."""
     names = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1")
-    pair = {name: n.size(1e-3, 1e3) if n.often(0.7) else n.size(*SIZES, zero=False) for name in names}
+    pair = {
+        name: n.size(1e-3, 1e3) if n.often(0.7) else n.size(*SIZES, zero=False) for name in names
+    }
     pair = {name: value or 1.0 for name, value in pair.items()}
     for i in (1, 2):
-        inertia, omega = pair[f"inertia{i}"], pair["omega"]
+        inertia = pair[f"inertia{i}"]
+        omega = pair["omega"]
         pair[f"damping{i}"] = min(1e-3 * scene[f"beta{i}"] * inertia * omega, SIZES[1])
-        drag = 1e-3 * scene[f"gamma{i}"] * inertia * omega**2 * pair["backlash1"] / pair[f"radius{i}"]
+        drag = (
+            1e-3 * scene[f"gamma{i}"] * inertia * omega**2 * pair["backlash1"] / pair[f"radius{i}"]
+        )
         pair[f"torque{i}"] = min(drag, SIZES[1])
     pair["backlash2"] = min(max(2.0 * scene["gap2"] * pair["backlash1"], SIZES[0]), SIZES[1])
     return pair | {"alpha": scene["alpha"], "epsilon": scene["epsilon"]}
@@ -124,25 +148,37 @@ def _deviation(n: Numbers, gap: float) -> float:
 def _tolerance(n: Numbers, gaps: tuple[float, float], stages: int) -> Data:
     second = n.size(TINY, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
     return {
-        "c1_max": _deviation(n, gaps[0]), "c2_max": second, "distribution": n.one(*UNIT_VARIANCE),
+        "c1_max": _deviation(n, gaps[0]),
+        "c2_max": second,
+        "distribution": n.one(*UNIT_VARIANCE),
         "draw": n.one("path", "contact"),
-    }  # fmt: skip
+    }
 
 
-def _start(n: Numbers, lengths: _Lengths, stages: int, gaps: tuple[float, float], free: tuple[float, float]) -> Data:
-    """At a mesh or in flight; with zero velocity, at an edge, in the middle; early, and as late as is admissible."""
+def _start(
+    n: Numbers, lengths: _Lengths, stages: int, gaps: tuple[float, float], free: tuple[float, float]
+) -> Data:
+    """At a mesh or in flight; with zero velocity, at an edge, in the middle; early, and as late as
+    is admissible."""
     mesh = n.one(*range(stages + 1))
     tau = n.one(n.signed(TIME), n.stream.uniform(-10.0, 10.0))
     start: Data = {"tau": tau, "mesh": mesh}
     for i in (1, 2):
-        side, speed = n.one(1.0, -1.0), lengths.size(LEAST, SPEED, zero=False)
+        side = n.one(1.0, -1.0)
+        speed = lengths.size(LEAST, SPEED, zero=False)
         where = "flank" if mesh == i else n.one("flank", "edge", "inside", "inside", "near")
         inward = mesh == 0 and i <= stages
         if where == "flank":
-            x, y = gaps[i - 1] * side, side * speed * (1.0 if mesh == i else -1.0 if inward else n.one(1.0, -1.0))
+            x = gaps[i - 1] * side
+            y = side * speed * (1.0 if mesh == i else -1.0 if inward else n.one(1.0, -1.0))
         else:
-            share = {"edge": 1.0, "inside": n.size(1e-300, 1.0), "near": 1.0 - n.size(2.0**-53, 1.0)}[where]
-            x, y = free[i - 1] * share * side, n.one(0.0, speed, -speed)
+            share = {
+                "edge": 1.0,
+                "inside": n.size(1e-300, 1.0),
+                "near": 1.0 - n.size(2.0**-53, 1.0),
+            }[where]
+            x = free[i - 1] * share * side
+            y = n.one(0.0, speed, -speed)
             y = -side * speed if inward and abs(x) == gaps[i - 1] else y
         start |= {f"x{i}": x, f"y{i}": y}
     return start
@@ -150,7 +186,8 @@ def _start(n: Numbers, lengths: _Lengths, stages: int, gaps: tuple[float, float]
 
 def any_scene(n: Numbers) -> Data:
     """A scene in the form of `Scene.from_dict`; nearly all of them pass input validation."""
-    stages, lengths = n.one(2, 2, 1), _Lengths(n)
+    stages = n.one(2, 2, 1)
+    lengths = _Lengths(n)
     scene = _plain(n, lengths, stages)
     if stages == 2 and n.often(0.1):
         data: Data = {"gears": _gears(n, scene), "scene": {"stages": stages}}
@@ -158,7 +195,8 @@ def any_scene(n: Numbers) -> Data:
     else:
         data = {"scene": scene | {"stages": stages}}
         gaps = scene["gap1"], scene.get("gap2", 0.5)
-    scene, deviations = data["scene"], (0.0, 0.0)
+    scene = data["scene"]
+    deviations = (0.0, 0.0)
     scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(TINY, LARGEST["sigma"])
     if n.often(0.4):
         scene["tolerance"] = tolerance = _tolerance(n, gaps, stages)

@@ -1,4 +1,5 @@
-"""Runs jobs in a process of its own, which the kernel ends when one takes too long: compiled loops heed no signal."""
+"""Runs jobs in a process of its own, which the kernel ends when one takes too long: compiled loops
+heed no signal."""
 
 import multiprocessing
 import os
@@ -9,12 +10,14 @@ import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-BOUND = 300.0  # seconds of processor time for a job: 64 sticking paths of ten million steps each take 72
+# seconds of processor time for a job: 64 sticking paths of ten million steps each take 72
+BOUND = 300.0
 WAITING = 10.0  # times as long may it take on the clock, for other work may be on the machine
 
 
 class Outcome(NamedTuple):
-    """How a job ended: ``complete``, ``stopped`` or ``refused``, or a defect: ``broken``, ``hung`` or ``died``."""
+    """How a job ended: ``complete``, ``stopped`` or ``refused``, or a defect: ``broken``, ``hung``
+    or ``died``."""
 
     ended: str
     detail: str
@@ -36,15 +39,18 @@ def _serve(jobs: Any, function: Callable[..., tuple[str, str]], bound: float) ->
         try:
             ended, detail = function(*job)
         except Exception:
-            ended, detail = "broken", traceback.format_exc()
+            ended = "broken"
+            detail = traceback.format_exc()
         jobs.send(Outcome(ended, detail, time.process_time() - started))
 
 
 class Watched:
-    """Runs a function of a module, which gives how it ended and a detail, in a process; one that ends begins anew."""
+    """Runs a function of a module, which gives how it ended and a detail, in a process; one that
+    ends begins anew."""
 
     def __init__(self, function: Callable[..., tuple[str, str]], bound: float = BOUND) -> None:
-        self.function, self.bound = function, bound
+        self.function = function
+        self.bound = bound
         self._process: Any = None
 
     def run(self, *job: Any) -> Outcome:
@@ -52,7 +58,9 @@ class Watched:
         if self._process is None:
             context = multiprocessing.get_context("spawn")
             self._jobs, theirs = context.Pipe()
-            self._process = context.Process(target=_serve, args=(theirs, self.function, self.bound), daemon=True)
+            self._process = context.Process(
+                target=_serve, args=(theirs, self.function, self.bound), daemon=True
+            )
             self._process.start()
             theirs.close()
         try:
@@ -60,10 +68,13 @@ class Watched:
             return self._jobs.recv()
         except EOFError:
             self._process.join()
-            code, self._process = self._process.exitcode, None
+            code = self._process.exitcode
+            self._process = None
             hung = code in (-signal.SIGPROF, -signal.SIGALRM)
             return Outcome(
-                "hung" if hung else "died", f"no answer within {self.bound:g} s, or exit code {code}", self.bound
+                "hung" if hung else "died",
+                f"no answer within {self.bound:g} s, or exit code {code}",
+                self.bound,
             )
 
     def close(self) -> None:

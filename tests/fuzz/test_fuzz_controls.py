@@ -1,4 +1,5 @@
-"""Negative controls of the watched process and of the checks: hangs, deaths and one wrong number each are detected."""
+"""Negative controls of the watched process and of the checks: hangs, deaths and one wrong number
+each are detected."""
 
 import copy
 import dataclasses
@@ -32,11 +33,18 @@ SETTINGS = {"paths": 8, "impacts": 3, "dt": 0.01, "scheme": "exact-flight", "rng
 
 def test_the_watch_tells_hangs_deaths_and_warnings_and_goes_on():
     watched = Watched(ends_as_named, 0.5)
-    found = {kind: watched.run(kind) for kind in ("waits", "fine", "loops", "dies", "warns", "well")}
+    found = {
+        kind: watched.run(kind) for kind in ("waits", "fine", "loops", "dies", "warns", "well")
+    }
     watched.close()
     assert {kind: o.ended for kind, o in found.items()} == {
-        "waits": "hung", "fine": "complete", "loops": "hung", "dies": "died", "warns": "broken", "well": "complete",
-    }  # fmt: skip
+        "waits": "hung",
+        "fine": "complete",
+        "loops": "hung",
+        "dies": "died",
+        "warns": "broken",
+        "well": "complete",
+    }
     assert "RuntimeWarning" in found["warns"].detail
     assert [kind for kind, o in found.items() if o.defect] == ["waits", "loops", "dies", "warns"]
 
@@ -69,10 +77,14 @@ def test_a_wrong_orbit_is_seen(fault, monkeypatch):
 @pytest.mark.parametrize(
     ("table", "place", "match"),
     [
-        ("covariance", (), ""), ("sd", (), ""), ("tau", (), ""),
-        ("skew", (0,), "without a reason"), ("sd", (0,), "without a reason"), ("sd", (4,), "without a reason"),
+        ("covariance", (), ""),
+        ("sd", (), ""),
+        ("tau", (), ""),
+        ("skew", (0,), "without a reason"),
+        ("sd", (0,), "without a reason"),
+        ("sd", (4,), "without a reason"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_closure_is_seen(table, place, match, monkeypatch):
     def wrong(right, *given, **settings):
         m = right(*given, **settings)
@@ -88,16 +100,28 @@ def test_a_refusal_of_what_nobody_has_given_is_seen(monkeypatch):
         raise InputError("record.times", 1.0, "must lie between 0 and 0.5")
 
     given = {"impacts": 1, "paths": 64}
-    is_seen(monkeypatch, "validate", given, (fuzz_checks, "validate"), wrong, "although the scene is valid")
+    is_seen(
+        monkeypatch,
+        "validate",
+        given,
+        (fuzz_checks, "validate"),
+        wrong,
+        "although the scene is valid",
+    )
 
 
 @pytest.fixture(scope="module")
 def run():
-    return simulate(SCENE, record=Record(raw=True, histogram=True, batches=True, energy=True, times=[0.2]), **SETTINGS)
+    return simulate(
+        SCENE,
+        record=Record(raw=True, histogram=True, batches=True, energy=True, times=[0.2]),
+        **SETTINGS,
+    )
 
 
 def test_a_right_ensemble_passes_and_so_does_a_number_that_is_missing_with_a_reason(run):
-    """A single random path has no standard error, a constant no skewness, and unfinished paths have no moments."""
+    """A single random path has no standard error, a constant no skewness, and unfinished paths have
+    no moments."""
     fuzz_sampled.of_an_ensemble(run)
     fuzz_sampled.of_its_paths(SCENE, run.raw, "exact-flight")
     fuzz_sampled.of_an_ensemble(simulate(SCENE, **(SETTINGS | {"paths": 1})))
@@ -106,24 +130,37 @@ def test_a_right_ensemble_passes_and_so_does_a_number_that_is_missing_with_a_rea
 
 
 COLUMNS = {
-    "agreement above 1": ("agreement", 1.0 + 1e-9), "agreement below 0": ("agreement", -1e-9),
-    "agreement that rises": ("agreement", [0.5, 0.6, 0.7]), "more paths than asked": ("paths", 9),
-    "paths that come back": ("paths", [7, 8, 8]), "negative sd": ("sd_x2", -1e-30),
-    "negative error": ("se_sd_tau", -1e-30), "silent sd": ("sd_tau", math.nan), "silent error": ("se_y1", math.nan),
-    "silent skewness": ("skew_y1", math.nan), "silent correlation": ("rho2", math.nan),
-    "silent energy": ("energy", math.nan), "silent agreement": ("agreement", math.nan),
-    "infinite": ("kurt_y2", math.inf), "infinite mean": ("y1", math.inf), "correlation": ("rho1", 1.0 + 1e-11),
-    "times that fall": ("tau", [0.5, 1.5, 1.4]), "negative flight": ("flight", -1e-3),
-    "times apart from flights": ("flight", 0.3), "mean beyond its wall": ("x2", 0.52),
+    "agreement above 1": ("agreement", 1.0 + 1e-9),
+    "agreement below 0": ("agreement", -1e-9),
+    "agreement that rises": ("agreement", [0.5, 0.6, 0.7]),
+    "more paths than asked": ("paths", 9),
+    "paths that come back": ("paths", [7, 8, 8]),
+    "negative sd": ("sd_x2", -1e-30),
+    "negative error": ("se_sd_tau", -1e-30),
+    "silent sd": ("sd_tau", math.nan),
+    "silent error": ("se_y1", math.nan),
+    "silent skewness": ("skew_y1", math.nan),
+    "silent correlation": ("rho2", math.nan),
+    "silent energy": ("energy", math.nan),
+    "silent agreement": ("agreement", math.nan),
+    "infinite": ("kurt_y2", math.inf),
+    "infinite mean": ("y1", math.inf),
+    "correlation": ("rho1", 1.0 + 1e-11),
+    "times that fall": ("tau", [0.5, 1.5, 1.4]),
+    "negative flight": ("flight", -1e-3),
+    "times apart from flights": ("flight", 0.3),
+    "mean beyond its wall": ("x2", 0.52),
     "energy that is won": ("energy", -1e-9),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("column", "value"), COLUMNS.values(), ids=COLUMNS)
 def test_a_wrong_column_is_seen(column, value, run, monkeypatch):
     right = Ensemble.columns.func
     wrong = np.broadcast_to(np.asarray(value), (3,)).copy()
-    monkeypatch.setattr(Ensemble, "columns", property(lambda ensemble: right(ensemble) | {column: wrong}))
+    monkeypatch.setattr(
+        Ensemble, "columns", property(lambda ensemble: right(ensemble) | {column: wrong})
+    )
     with pytest.raises(AssertionError):
         fuzz_sampled.of_an_ensemble(dataclasses.replace(run))
 
@@ -133,7 +170,9 @@ def test_workers_that_differ_are_seen(monkeypatch):
         return right(*given, workers=workers, **(chosen | {"rng": workers}))
 
     settings = {"paths": 1030, "impacts": 1, "dt": 0.01}
-    is_seen(monkeypatch, "exact-flight", settings, (fuzz_sampled, "simulate"), wrong, "workers change")
+    is_seen(
+        monkeypatch, "exact-flight", settings, (fuzz_sampled, "simulate"), wrong, "workers change"
+    )
 
 
 def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
@@ -152,7 +191,8 @@ def test_wrong_tables_beside_the_section_are_seen(run, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("column", "value"), [("se_z_rho1", math.inf), ("rho1", math.nan), ("rho2", 1.0 + 1e-11), ("cov_x1_y1", math.nan)]
+    ("column", "value"),
+    [("se_z_rho1", math.inf), ("rho1", math.nan), ("rho2", 1.0 + 1e-11), ("cov_x1_y1", math.nan)],
 )
 def test_a_wrong_moment_at_a_time_is_seen(column, value, run, monkeypatch):
     right = run.at_times()
@@ -162,7 +202,8 @@ def test_a_wrong_moment_at_a_time_is_seen(column, value, run, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("column", "value"), [(0, -1.0), (1, -1e-9), (2, 0.7), (4, -0.7), (3, np.nan), (6, 3.0), (6, 0.0)]
+    ("column", "value"),
+    [(0, -1.0), (1, -1e-9), (2, 0.7), (4, -0.7), (3, np.nan), (6, 3.0), (6, 0.0)],
 )
 def test_a_wrong_path_is_seen(column, value, run):
     raw = run.raw.copy()
@@ -181,7 +222,8 @@ def test_a_flight_without_noise_that_is_none_of_eq_3_is_seen(scheme):
         raw[0, k, column] += value
         with pytest.raises(AssertionError, match="leaves the flow"):
             fuzz_sampled.follows_the_flow(dataclasses.replace(run, raw=raw))
-    missed = np.delete(run.raw, 2, axis=1)  # an impact that was flown through: its two flights as one
+    # an impact that was flown through: its two flights as one
+    missed = np.delete(run.raw, 2, axis=1)
     missed[0, 2, 1] += run.raw[0, 2, 1]
     with pytest.raises(AssertionError):
         fuzz_sampled.follows_the_flow(dataclasses.replace(run, raw=missed))
@@ -189,7 +231,9 @@ def test_a_flight_without_noise_that_is_none_of_eq_3_is_seen(scheme):
 
 def test_identical_paths_behind_an_accuracy_and_what_is_not_said_of_it_are_seen(monkeypatch):
     reached = simulate(SCENE, paths=64, impacts=1, scheme="exact-flight")
-    right = Reach(0.5, 0.1, 0.0, 0.2, "tau at impact 1", [Candidate("exact-flight", 0.01, 64, 1e5, 1.0)], 0.0)
+    right = Reach(
+        0.5, 0.1, 0.0, 0.2, "tau at impact 1", [Candidate("exact-flight", 0.01, 64, 1e5, 1.0)], 0.0
+    )
     quiet = simulate(QUIET, paths=1, impacts=1, scheme="exact-flight")
     cases = {
         "": dataclasses.replace(reached, reach=right),
@@ -197,7 +241,9 @@ def test_identical_paths_behind_an_accuracy_and_what_is_not_said_of_it_are_seen(
         "identical": dataclasses.replace(quiet, plan=quiet.plan._replace(paths=64), reach=right),
     }
     for match, answer in cases.items():
-        monkeypatch.setattr(fuzz_sampled, "simulate_to", lambda *given, answer=answer, **settings: answer)
+        monkeypatch.setattr(
+            fuzz_sampled, "simulate_to", lambda *given, answer=answer, **settings: answer
+        )
         if match:
             with pytest.raises(AssertionError, match=match):
                 fuzz_sampled.accuracy(answer.scene, {})
@@ -211,8 +257,16 @@ FILE = {"paths": 3, "impacts": 1, "scheme": "exact-flight"}
 @pytest.mark.parametrize(
     ("place", "wrong", "match"),
     [
-        ((fuzz_files.pd, "read_csv"), lambda right, *given, **more: pd.DataFrame({"tau": [1.0]}), "columns"),
-        ((fuzz_files, "simulate"), lambda right, *given, **more: simulate(SCENE, **FILE, rng=1), "Python"),
+        (
+            (fuzz_files.pd, "read_csv"),
+            lambda right, *given, **more: pd.DataFrame({"tau": [1.0]}),
+            "columns",
+        ),
+        (
+            (fuzz_files, "simulate"),
+            lambda right, *given, **more: simulate(SCENE, **FILE, rng=1),
+            "Python",
+        ),
     ],
     ids=["columns", "Python"],
 )
@@ -221,33 +275,60 @@ def test_a_file_that_says_something_else_is_seen(place, wrong, match, monkeypatc
 
 
 ROW = {
-    "verdict": "accurate", "predicted": 1.0, "simulated": 1.0, "se": 0.1, "error": 0.0, "low": -0.1, "high": 0.1,
-    "tolerance": 0.5, "agreement": 1.0, "remark": "",
-}  # fmt: skip
+    "verdict": "accurate",
+    "predicted": 1.0,
+    "simulated": 1.0,
+    "se": 0.1,
+    "error": 0.0,
+    "low": -0.1,
+    "high": 0.1,
+    "tolerance": 0.5,
+    "agreement": 1.0,
+    "remark": "",
+}
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"verdict": "right"}, {"error": math.nan}, {"verdict": "undecided", "high": math.nan}, {"low": 0.2},
-        {"se": -1.0}, {"agreement": 1.5}, {"tolerance": math.inf}, {"verdict": "not predicted"},
+        {"verdict": "right"},
+        {"error": math.nan},
+        {"verdict": "undecided", "high": math.nan},
+        {"low": 0.2},
+        {"se": -1.0},
+        {"agreement": 1.5},
+        {"tolerance": math.inf},
+        {"verdict": "not predicted"},
     ],
-)  # fmt: skip
+)
 def test_a_wrong_verdict_is_seen(wrong):
-    has_verdicts(pd.DataFrame([ROW, ROW | {"verdict": "not predicted", "predicted": math.nan, "agreement": math.nan}]))
+    has_verdicts(
+        pd.DataFrame(
+            [ROW, ROW | {"verdict": "not predicted", "predicted": math.nan, "agreement": math.nan}]
+        )
+    )
     with pytest.raises(AssertionError):
         has_verdicts(pd.DataFrame([ROW, ROW | wrong]))
 
 
 def test_jobs_are_a_function_of_seed_and_number_and_reach_the_ends():
     assert job(3, 7) == job(3, 7) != job(3, 8)
-    scenes = [d["scene"] for d in (any_scene(Numbers(0, k)) for k in range(2000)) if "gears" not in d]
-    for name, ends in {"alpha": (0.0, 1e-30, 1e6), "beta1": (0.0, LEAST, 1e4), "gap1": (1e-9, 1e6),
-                       "sigma": (0.0, 1e-30, 1e6), "epsilon": (0.0, LEAST, 1.0)}.items():  # fmt: skip
+    scenes = [
+        d["scene"] for d in (any_scene(Numbers(0, k)) for k in range(2000)) if "gears" not in d
+    ]
+    for name, ends in {
+        "alpha": (0.0, 1e-30, 1e6),
+        "beta1": (0.0, LEAST, 1e4),
+        "gap1": (1e-9, 1e6),
+        "sigma": (0.0, 1e-30, 1e6),
+        "epsilon": (0.0, LEAST, 1.0),
+    }.items():
         values = {s[name] for s in scenes}
         assert set(ends) <= values
         assert (min(values), max(values)) == (ends[0], ends[-1])
-    assert [s for s in scenes if s.get("tolerance", {}).get("c1_max") == math.nextafter(s["gap1"], 0.0)]
+    assert [
+        s for s in scenes if s.get("tolerance", {}).get("c1_max") == math.nextafter(s["gap1"], 0.0)
+    ]
     assert [s for s in scenes if abs(s.get("start", {"tau": 0.0})["tau"]) > 1e9]
     meshes = {(s["stages"], s["start"]["mesh"]) for s in scenes if "start" in s}
     assert meshes == {(1, 0), (1, 1), (2, 0), (2, 1), (2, 2)}
@@ -255,10 +336,22 @@ def test_jobs_are_a_function_of_seed_and_number_and_reach_the_ends():
 
 
 COUNT = {
-    "scene": 100, "orbit": 100, "long orbit": 60, "published": 50, "corrected": 50, "saltation": 70, "branching": 16,
-    "euler-maruyama": 60, "euler-maruyama-located": 60, "exact-flight": 80, "accuracy": 6, "validate": 8,
-    "simulate a file": 10, "validate a file": 1, "study a file": 1,
-}  # fmt: skip
+    "scene": 100,
+    "orbit": 100,
+    "long orbit": 60,
+    "published": 50,
+    "corrected": 50,
+    "saltation": 70,
+    "branching": 16,
+    "euler-maruyama": 60,
+    "euler-maruyama-located": 60,
+    "exact-flight": 80,
+    "accuracy": 6,
+    "validate": 8,
+    "simulate a file": 10,
+    "validate a file": 1,
+    "study a file": 1,
+}
 FOUND = json.loads(Path(__file__).with_name("found.json").read_text())
 """Scenes that met a defect once, with the entry and the settings that showed it."""
 
@@ -272,19 +365,30 @@ def watched():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("entry", COUNT)
-def test_a_scene_of_any_magnitude_is_answered_stopped_with_a_reason_or_refused_by_name(entry, watched):
+def test_a_scene_of_any_magnitude_is_answered_stopped_with_a_reason_or_refused_by_name(
+    entry, watched
+):
     ended = []
     for number in range(COUNT[entry]):
         found = watched.run(*job(0, number, entry))
-        assert not found.defect, f"{found.ended}: check(*job(0, {number}, {entry!r}))\n{found.detail}"
+        assert not found.defect, (
+            f"{found.ended}: check(*job(0, {number}, {entry!r}))\n{found.detail}"
+        )
         ended.append(found.ended)
-    assert ended.count("refused") < 0.6 * len(ended)  # the space is not one that is refused throughout
+    assert ended.count("refused") < 0.6 * len(
+        ended
+    )  # the space is not one that is refused throughout
 
 
 def test_every_entry_is_tried():
     assert set(COUNT) == set(PLAN) == set(ENTRIES)
 
 
-@pytest.mark.parametrize("case", FOUND, ids=[f"{case['entry']}: {case['defect']}" for case in FOUND])
+@pytest.mark.parametrize(
+    "case", FOUND, ids=[f"{case['entry']}: {case['defect']}" for case in FOUND]
+)
 def test_what_was_found_is_mended(case):
-    assert check(case["entry"], case["scene"], case["settings"])[0] in ("complete", "stopped"), case["defect"]
+    assert check(case["entry"], case["scene"], case["settings"])[0] in (
+        "complete",
+        "stopped",
+    ), case["defect"]

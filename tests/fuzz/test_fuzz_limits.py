@@ -1,4 +1,5 @@
-"""Limits of what is admitted, refused at the boundary by name, and what fuzzing has found at them."""
+"""Limits of what is admitted, refused at the boundary by name, and what fuzzing has found at
+them."""
 
 import numpy as np
 import pytest
@@ -12,7 +13,15 @@ from rattle.scene import DAT21, FileError, InputError, Scene, Start, Tolerance
 from rattle.scene.files import read_text, read_toml
 from rattle.scene.impact import safe_time
 
-PLAIN = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.08, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6}
+PLAIN = {
+    "alpha": 1.5,
+    "epsilon": 0.9,
+    "beta1": 0.08,
+    "beta2": 0.08,
+    "gamma1": 0.06,
+    "gamma2": 0.03,
+    "mu": 0.6,
+}
 DAT = Scene.from_gears(DAT21, sigma=0.1)
 
 
@@ -38,7 +47,8 @@ def scene(**changed):
     ],
 )
 def test_the_range_of_a_field(field, inside, beyond):
-    make, name = (Start if "." in field else scene), field.removeprefix("start.")
+    make = Start if "." in field else scene
+    name = field.removeprefix("start.")
     for value in inside:
         assert getattr(make(**{name: value}), name) == value
     for value in beyond:
@@ -51,7 +61,9 @@ def test_a_tolerance_whose_variance_would_vanish_is_refused():
         Tolerance(1e-300)
 
 
-@pytest.mark.parametrize("value", [10**30, "x" * 10_000, np.array([0.5, 0.6]), [[]], 1j, {}], ids=type)
+@pytest.mark.parametrize(
+    "value", [10**30, "x" * 10_000, np.array([0.5, 0.6]), [[]], 1j, {}], ids=type
+)
 def test_any_value_is_refused_in_a_short_message(value):
     with pytest.raises(InputError, match=r"^alpha = ") as caught:
         scene(alpha=value)
@@ -95,12 +107,16 @@ def test_a_displacement_on_its_wall_has_no_density():
 def test_a_control_of_few_paths_is_none(paths):
     """Three coefficients through three paths leave an error of 1e-10."""
     settings = {"paths": paths, "impacts": 1, "scheme": "exact-flight", "dt": 0.01}
-    with_control, without = (simulate(DAT, **settings, sampling=Sampling(control=c)).section for c in (True, False))
+    with_control, without = (
+        simulate(DAT, **settings, sampling=Sampling(control=c)).section for c in (True, False)
+    )
     assert with_control["se_y1"].to_list() == pytest.approx(without["se_y1"].to_list(), rel=1e-12)
     assert with_control["se_y1"].loc[1] > 1e-4
 
 
-@pytest.mark.parametrize("bad", [{"closures": 3.0}, {"closures": object()}, {"dt": "x"}, {"paths": None}])
+@pytest.mark.parametrize(
+    "bad", [{"closures": 3.0}, {"closures": object()}, {"dt": "x"}, {"paths": None}]
+)
 def test_a_validation_is_refused_before_anything_is_computed(bad):
     with pytest.raises(InputError, match=next(iter(bad))):
         validate(DAT, impacts=1, **bad)
@@ -109,11 +125,13 @@ def test_a_validation_is_refused_before_anything_is_computed(bad):
 @pytest.mark.parametrize(
     ("tables", "word"),
     [
-        (5, "axes"), ("abc", "axes"), ([{"sigma": [[1], [2]]}], "axes.sigma"),
+        (5, "axes"),
+        ("abc", "axes"),
+        ([{"sigma": [[1], [2]]}], "axes.sigma"),
         ([{"sigma": {"log": [1e-3, 1.0, 10**9]}}], "POINTS"),
         ([{"sigma": {"linear": [0, 1, 1000]}}, {"alpha": {"linear": [0, 1, 1000]}}], "axes"),
     ],
-)  # fmt: skip
+)
 def test_axes_that_are_none_or_too_long(tables, word):
     with pytest.raises(InputError, match=word):
         read_axes(tables)
@@ -127,7 +145,14 @@ def test_a_safe_time_is_safe_where_the_acceleration_grows_as_fast_as_it_may(jerk
         t = safe_time(abs(d), v, a, most, jerk)
         turn = (most - a) / jerk  # from then on the acceleration is the largest
         s = np.linspace(0.0, t, 400)[1:-1]
-        early, late = np.minimum(s, turn), np.maximum(s - turn, 0.0)
+        early = np.minimum(s, turn)
+        late = np.maximum(s - turn, 0.0)
         speed = v + a * early + 0.5 * jerk * early**2
-        gone = v * early + 0.5 * a * early**2 + jerk * early**3 / 6.0 + speed * late + 0.5 * most * late**2
+        gone = (
+            v * early
+            + 0.5 * a * early**2
+            + jerk * early**3 / 6.0
+            + speed * late
+            + 0.5 * most * late**2
+        )
         assert (gone <= abs(d) * (1.0 + 1e-9) + 1e-25).all(), (d, v, a, most)

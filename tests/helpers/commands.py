@@ -30,11 +30,19 @@ sigma = {sigma}
 SECOND = "beta2 = 0.133\ngamma2 = 0.029\nmu = 0.6"
 
 
-def study(title="small", impacts=1, closures=("corrected",), paths=64, sigma=(0.1,), more="", stages=1):
-    """The text of a study file over sigma; its scene is small, and `more` are lines of its table ``[study]``."""
+def study(
+    title="small", impacts=1, closures=("corrected",), paths=64, sigma=(0.1,), more="", stages=1
+):
+    """The text of a study file over sigma; its scene is small, and `more` are lines of its table
+    ``[study]``."""
     second = SECOND if stages == 2 else "stages = 1"
-    lists = {"closures": json.dumps(closures), "sigma": sigma if isinstance(sigma, str) else list(sigma)}
-    return STUDY.format(title=title, impacts=impacts, paths=paths, more=more, second=second, **lists)
+    lists = {
+        "closures": json.dumps(closures),
+        "sigma": sigma if isinstance(sigma, str) else list(sigma),
+    }
+    return STUDY.format(
+        title=title, impacts=impacts, paths=paths, more=more, second=second, **lists
+    )
 
 
 def rattle(*words, code=0, **settings):
@@ -55,7 +63,8 @@ def strict(text):
 
 
 def commands(group: click.Group = main, above: str = "") -> Iterator[tuple[str, click.Command]]:
-    """Each command that does something, by its words after ``rattle``: ``simulate``, ``check speed``."""
+    """Each command that does something, by its words after ``rattle``: ``simulate``, ``check
+    speed``."""
     for name, command in sorted(group.commands.items()):
         if isinstance(command, click.Group):
             yield from commands(command, f"{above}{name} ")

@@ -1,4 +1,5 @@
-"""Measurement files of a driver with known orders and noise, as a text for `rattle.measure_drive`."""
+"""Measurement files of a driver with known orders and noise, as a text for
+`rattle.measure_drive`."""
 
 import math
 
@@ -19,14 +20,16 @@ QUANTITIES = ("displacement", "speed", "acceleration")
 
 
 def motion(tau, power, orders):
-    """A derivative by tau of the driver's motion in mm; an order is its number, its amplitude and its phase."""
+    """A derivative by tau of the driver's motion in mm; an order is its number, its amplitude and
+    its phase."""
     tau = np.asarray(tau, float)
     waves = [a * j**power * np.sin(j * tau + p + 0.5 * math.pi * power) for j, a, p in orders]
     return np.sum(waves, axis=0)
 
 
 def wander(rng, ratio, tau, power, orders, finer=8):
-    """What white noise of intensity `ratio` alpha adds to a derivative by tau of the motion, at rising times.
+    """What white noise of intensity `ratio` alpha adds to a derivative by tau of the motion, at
+    rising times.
 
     An acceleration is the mean over the step that follows its sample.
     """
@@ -52,11 +55,22 @@ def write(at, values, head="time [s],displacement [mm]", digits=12):
     return head + "\n" + "".join(rows)
 
 
-def measure(omega, orders, at, *, quantity="displacement", unit=None, ratio=0.0, seed=0, extra=0.0, noise=0.0):
+def measure(
+    omega,
+    orders,
+    at,
+    *,
+    quantity="displacement",
+    unit=None,
+    ratio=0.0,
+    seed=0,
+    extra=0.0,
+    noise=0.0,
+):
     """A file of a drive of constant frequency over times in s.
 
-    `ratio`: Of the noise of the drive to alpha.  `noise`: Sd of that of the measurement, in the unit of the file.
-    `extra`: Added to the values, in the unit of the file.
+    `ratio`: Of the noise of the drive to alpha.  `noise`: Sd of that of the measurement, in the
+    unit of the file. `extra`: Added to the values, in the unit of the file.
     """
     power = QUANTITIES.index(quantity)
     unit = unit or ("mm", "mm/s", "mm/s^2")[power]

@@ -14,16 +14,26 @@ def python(*words, code=0, cwd=None, **environment):
     path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, *map(str, words)]
     done = subprocess.run(
-        command, env=os.environ | path | environment, cwd=cwd, capture_output=True, text=True, timeout=LONG
+        command,
+        env=os.environ | path | environment,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=LONG,
     )
     assert done.returncode == code, done.stdout[-3000:] + done.stderr[-3000:]
     return done
 
 
 def on_terminal(*words, **environment):
-    """Run a Python whose output is a terminal; all that it wrote, and the lines that are seen at its end."""
+    """Run a Python whose output is a terminal; all that it wrote, and the lines that are seen at
+    its end."""
     path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "COLUMNS": "100"}
-    given = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"} | path | environment
+    given = (
+        {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
+        | path
+        | environment
+    )
     ours, theirs = pty.openpty()
     ends = {"stdin": theirs, "stdout": theirs, "stderr": theirs}
     with subprocess.Popen([sys.executable, *map(str, words)], env=given, **ends) as program:
@@ -41,7 +51,9 @@ def on_terminal(*words, **environment):
 
 def screen(text):
     """The lines of a terminal after a text with returns, line feeds and steps up was written."""
-    lines, row, column = [""], 0, 0
+    lines = [""]
+    row = 0
+    column = 0
     for piece in re.findall(r"\x1b\[\d*[A-Za-z]|\r|\n|[^\x1b\r\n]+", text):
         if piece == "\r":
             column = 0

@@ -1,6 +1,5 @@
-"""The equations of docs/model.md sections 3 and 4 written a second time: y-form, integrated numerically, no product
-formula.
-"""
+"""The equations of docs/model.md sections 3 and 4 written a second time: y-form, integrated
+numerically, no product formula."""
 
 import math
 
@@ -15,27 +14,35 @@ SINE = (Order(1),)
 def rates(c, tau, s):
     """Right-hand side of Eq. 5 with sigma = 0, state (x1, y1, x2, y2)."""
     _, y1, _, y2 = s
-    sine, cosine = math.sin(tau), math.cos(tau)
+    sine = math.sin(tau)
+    cosine = math.cos(tau)
     return (
         y1,
         -c.beta1 * y1 + c.gamma1 + c.alpha * (-sine + c.beta1 * cosine),
         y2,
-        -c.beta2 * y2 + (c.beta2 - c.beta1) * y1 + c.gamma1 - c.gamma2 + c.alpha * (c.beta1 - c.beta2) * cosine,
+        -c.beta2 * y2
+        + (c.beta2 - c.beta1) * y1
+        + c.gamma1
+        - c.gamma2
+        + c.alpha * (c.beta1 - c.beta2) * cosine,
     )
 
 
 def drift_matrix(c):
     """A of the linear system s' = A s + ..., from the same equations."""
-    return np.array([
-        [0.0, 1.0, 0.0, 0.0],
-        [0.0, -c.beta1, 0.0, 0.0],
-        [0.0, 0.0, 0.0, 1.0],
-        [0.0, c.beta2 - c.beta1, 0.0, -c.beta2],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, -c.beta1, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+            [0.0, c.beta2 - c.beta1, 0.0, -c.beta2],
+        ]
+    )
 
 
 def modulation(c, tau, orders=SINE):
-    """What one unit of the noise adds to (x1, y1, x2, y2), for a drive ``sum a sin(j tau + phase)``."""
+    """What one unit of the noise adds to (x1, y1, x2, y2), for a drive ``sum a sin(j tau +
+    phase)``."""
     first = sum(o.amplitude * o.order * math.cos(o.order * tau + o.phase) for o in orders)
     second = -sum(o.amplitude * o.order**2 * math.sin(o.order * tau + o.phase) for o in orders)
     return np.array([0.0, second + c.beta1 * first, 0.0, (c.beta1 - c.beta2) * first])
@@ -54,12 +61,18 @@ def contact(c, mesh, s):
 def fly(c, tau, s, t):
     """State after a flight of time t."""
     return solve_ivp(
-        lambda time, z: rates(c, time, z), (tau, tau + t), s, method="DOP853", rtol=1e-12, atol=1e-14
-    ).y[:, -1]  # fmt: skip
+        lambda time, z: rates(c, time, z),
+        (tau, tau + t),
+        s,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-14,
+    ).y[:, -1]
 
 
 def first_crossing(c, tau, s, horizon, max_step=0.02):
-    """(t, mesh, side, state) of the first outward crossing, or None; blind to excursions shorter than a step."""
+    """(t, mesh, side, state) of the first outward crossing, or None; blind to excursions shorter
+    than a step."""
     walls = [(0, 1, c.wall1), (0, -1, c.wall1), (2, 1, c.wall2), (2, -1, c.wall2)][: 2 * c.stages]
     events = []
     for i, side, wall in walls:
@@ -67,12 +80,19 @@ def first_crossing(c, tau, s, horizon, max_step=0.02):
         def beyond(time, z, i=i, side=side, wall=wall):
             return side * z[i] - wall
 
-        beyond.terminal, beyond.direction = True, 1.0
+        beyond.terminal = True
+        beyond.direction = 1.0
         events.append(beyond)
     run = solve_ivp(
-        lambda time, z: rates(c, time, z), (tau, tau + horizon), s,
-        method="DOP853", rtol=1e-12, atol=1e-14, events=events, max_step=max_step,
-    )  # fmt: skip
+        lambda time, z: rates(c, time, z),
+        (tau, tau + horizon),
+        s,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-14,
+        events=events,
+        max_step=max_step,
+    )
     for (i, side, _), times, states in zip(walls, run.t_events, run.y_events, strict=True):
         if times.size:
             return times[0] - tau, 1 + i // 2, side, states[0]
@@ -80,7 +100,8 @@ def first_crossing(c, tau, s, horizon, max_step=0.02):
 
 
 def covariance_flight(c, tau, cov, t):
-    """Covariance after a flight, by its own differential equation P' = A P + P A' + sigma^2 m m'."""
+    """Covariance after a flight, by its own differential equation P' = A P + P A' + sigma^2 m
+    m'."""
     a = drift_matrix(c)
 
     def rate(time, p):
@@ -91,5 +112,5 @@ def covariance_flight(c, tau, cov, t):
     scale = max(c.sigma**2, float(np.abs(cov).max()), 1e-300)
     run = solve_ivp(
         rate, (tau, tau + t), np.ravel(cov), method="DOP853", rtol=1e-12, atol=1e-14 * scale
-    )  # fmt: skip
+    )
     return run.y[:, -1].reshape(4, 4)

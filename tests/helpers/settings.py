@@ -13,6 +13,8 @@ def recorded(settings):
     """The settings with those of `Record` and of `Sampling` gathered into one each."""
     given = dict(settings)
     for name, kind in GATHERED.items():
-        if own := {field.name: given.pop(field.name) for field in fields(kind) if field.name in given}:
+        if own := {
+            field.name: given.pop(field.name) for field in fields(kind) if field.name in given
+        }:
             given[name] = kind(**own)
     return given

@@ -1,7 +1,8 @@
 """Counts of the source, and its import graph: ``python tests/helpers/source_tree.py`` prints them.
 
-Lines of code are those that are neither blank nor comments nor docstrings (of fields and constants too).  An import
-counts wherever it stands: at the top of a module, under ``TYPE_CHECKING``, or within a function.
+Lines of code are those that are neither blank nor comments nor docstrings (of fields and constants
+too).  An import counts wherever it stands: at the top of a module, under ``TYPE_CHECKING``, or
+within a function.
 """
 
 import ast
@@ -32,7 +33,9 @@ def docstring_lines(tree: ast.Module) -> set[int]:
     return {
         line
         for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        if isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
         for line in range(node.lineno, (node.end_lineno or 0) + 1)
     }
 
@@ -58,13 +61,18 @@ def circles(graph: dict[str, set[str]]) -> list[set[str]]:
         for name in graph:
             if middle in reach[name]:
                 reach[name] |= reach[middle]
-    joined = {frozenset(other for other in graph if other in reach[name] and name in reach[other]) for name in graph}
+    joined = {
+        frozenset(other for other in graph if other in reach[name] and name in reach[other])
+        for name in graph
+    }
     return [set(circle) for circle in joined if circle]
 
 
 def rooms(graph: dict[str, set[str]], package: str) -> dict[str, set[str]]:
     """The folders and single modules of a package, and which others of them each one imports."""
-    inside = {name: ".".join(name.split(".")[:2]) for name in graph if name.startswith(f"{package}.")}
+    inside = {
+        name: ".".join(name.split(".")[:2]) for name in graph if name.startswith(f"{package}.")
+    }
     found: dict[str, set[str]] = {room: set() for room in inside.values()}
     for name, room in inside.items():
         found[room] |= {inside[target] for target in graph[name] & inside.keys()} - {room}
@@ -72,7 +80,8 @@ def rooms(graph: dict[str, set[str]], package: str) -> dict[str, set[str]]:
 
 
 def floors(graph: dict[str, set[str]]) -> int:
-    """How many stand above each other, if each is above all that it imports; for a graph without circles."""
+    """How many stand above each other, if each is above all that it imports; for a graph without
+    circles."""
     known: dict[str, int] = {}
     while len(known) < len(graph):
         known |= {
@@ -94,7 +103,14 @@ def rows() -> Iterator[tuple[str, int, int, int, int]]:
             for text, lines in zip(texts, documented, strict=True)
             for number, line in enumerate(text.splitlines(), 1)
         )
-        counts.append((len(texts), sum(len(text.splitlines()) for text in texts), code, sum(map(len, documented))))
+        counts.append(
+            (
+                len(texts),
+                sum(len(text.splitlines()) for text in texts),
+                code,
+                sum(map(len, documented)),
+            )
+        )
     for package, found in zip(PACKAGES, counts, strict=True):
         yield package, *found
     yield "all", *(sum(column) for column in zip(*counts, strict=True))

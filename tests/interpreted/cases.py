@@ -1,7 +1,7 @@
 """Small runs through all that is compiled: few paths, few impacts, every kind of scene.
 
-As a program it prints the numbers of each case, or of those named, as hexadecimal floats; with NUMBA_DISABLE_JIT=1 the
-interpreter makes them, from the same source.
+As a program it prints the numbers of each case, or of those named, as hexadecimal floats; with
+NUMBA_DISABLE_JIT=1 the interpreter makes them, from the same source.
 """
 
 import json
@@ -35,12 +35,28 @@ from rattle.scene.impact import contact_matrix, energy_loss
 
 PAIR = Scene.from_gears(DAT21, sigma=0.3)
 LONE = Scene.from_gears(DAT21, sigma=0.3, stages=1)
-UNDAMPED = Scene(alpha=0.5, epsilon=1.0, beta1=0.0, gamma1=0.0, beta2=0.0, gamma2=0.0, mu=0.3, sigma=0.1)
+UNDAMPED = Scene(
+    alpha=0.5, epsilon=1.0, beta1=0.0, gamma1=0.0, beta2=0.0, gamma2=0.0, mu=0.3, sigma=0.1
+)
 STICKING = Scene(
-    alpha=0.0, epsilon=0.4, beta1=0.0, gamma1=1.0, gamma2=2.0, mu=0.5, start=Start(0.0, 0.49, 0.2, -0.49, -0.2)
+    alpha=0.0,
+    epsilon=0.4,
+    beta1=0.0,
+    gamma1=1.0,
+    gamma2=2.0,
+    mu=0.5,
+    start=Start(0.0, 0.49, 0.2, -0.49, -0.2),
 )
 """Both stages are accelerated into their flanks, where impacts accumulate."""
-DRIVEN = Scene(alpha=3.0, epsilon=0.1, beta1=0.1, gamma1=2.0, stages=1, sigma=2.0, start=Start(0.3, 0.5, 2.0, mesh=1))
+DRIVEN = Scene(
+    alpha=3.0,
+    epsilon=0.1,
+    beta1=0.1,
+    gamma1=2.0,
+    stages=1,
+    sigma=2.0,
+    start=Start(0.3, 0.5, 2.0, mesh=1),
+)
 MEMORY = replace(PAIR, drive=(Order(1), Order(3, 0.2, 0.4)), correlation_time=0.5)
 FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
 SCENES = {
@@ -87,14 +103,18 @@ def predicted(scene, closure, impacts, order=4):
     yield m.section.drop(columns="realizable").to_numpy(float)
     yield from (a for a in (t.mean, t.sd, t.skew, t.raw, t.agreement, t.discarded) if a is not None)
     if t.found > 1:
-        yield m.at_times(np.linspace(t.tau[0], t.tau[t.found] if t.until is None else t.until, 7)[1:-1]).to_numpy(float)
+        yield m.at_times(
+            np.linspace(t.tau[0], t.tau[t.found] if t.until is None else t.until, 7)[1:-1]
+        ).to_numpy(float)
         if closure != "branching" and t.raw[1, 0, 2, 0] > 0.0 and t.raw[1, 0, 0, 2] > 0.0:
             yield m.density(1, "y1", np.linspace(-3.0, 3.0, 5))
 
 
 def in_few_components(scene):
     """The branching closure, its mixture kept small."""
-    with mock.patch.multiple("rattle.closure.branching", LEVELS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))):
+    with mock.patch.multiple(
+        "rattle.closure.branching", LEVELS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))
+    ):
         yield from predicted(scene, "branching", 3)
 
 
@@ -102,7 +122,9 @@ def simulated(scene, scheme, paths=3, impacts=3, **settings):
     """Every impact of a few paths, their moments, and what stands beside them."""
     recorded = {name: settings.pop(name) for name in ("times", "step_bias") if name in settings}
     record = Record(raw=True, energy=True, **{"step_bias": False} | recorded)
-    run = simulate(scene, paths=paths, impacts=impacts, scheme=scheme, rng=5, record=record, **settings)
+    run = simulate(
+        scene, paths=paths, impacts=impacts, scheme=scheme, rng=5, record=record, **settings
+    )
     yield run.raw
     yield run.section.to_numpy(float)
     if recorded.get("times"):
@@ -134,7 +156,8 @@ def on_shared_noise(scene):
 
 def long_run_sums(scene):
     """All sums of two paths of a long run over a period, with the scales of the period before."""
-    walk, seen = Walk(scene, np.random.SeedSequence(3), 0, 2), []
+    walk = Walk(scene, np.random.SeedSequence(3), 0, 2)
+    seen = []
     walk.follow(new_sums(2, 1, no_scales(0.1), False), seen=seen)
     kept = new_sums(2, 1, scales_of_pilot(np.concatenate(seen), 0.1))
     walk.follow(kept)
@@ -146,13 +169,24 @@ def sums():
     values = np.random.default_rng(3).normal(size=(2, 50))
     values[0, 7] = values[1, 9] = np.nan
     columns = columns_of(values.T)
-    both = CentralSums.of_columns(columns, columns, np.array([[0, 0], [0, 1]]), ((0, 2), (1, 1)), (2,))
+    both = CentralSums.of_columns(
+        columns, columns, np.array([[0, 0], [0, 1]]), ((0, 2), (1, 1)), (2,)
+    )
     yield from (both.n, both.mean, both.sums, both.merge(both).sums)
-    z, paths = np.zeros((4, 8)), np.arange(8, dtype=np.uint64)
+    z = np.zeros((4, 8))
+    paths = np.arange(8, dtype=np.uint64)
     _normals(key_of(np.random.SeedSequence(1)), paths, z, 2)
     yield z.copy()
     walls, state = np.ones((2, 4, 8))
-    _steps(PAIR.constants, step_forcing(PAIR.constants, 0.1, 0.01), walls, state, z[0], np.zeros(8, np.bool_), 2)
+    _steps(
+        PAIR.constants,
+        step_forcing(PAIR.constants, 0.1, 0.01),
+        walls,
+        state,
+        z[0],
+        np.zeros(8, np.bool_),
+        2,
+    )
     yield state
     rng = np.random.Generator(np.random.SFC64(1))
     yield [_scalar_normals(rng, 20), _skill_loop(PAIR.constants, rng, 3, np.ones((20, 4)), 0.1)]
@@ -164,10 +198,14 @@ WALLS = [
     for distribution, draw in (("uniform", "path"), ("normal", "contact"))
 ]
 CASES: dict[str, Callable] = {"flights": flights, "sums": sums, "rare branches": rare_branches}
-CASES |= {f"orbit, {name}": lambda s=scene: orbits(s) for name, scene in {**SCENES, "far": FAR}.items()}
+CASES |= {
+    f"orbit, {name}": lambda s=scene: orbits(s) for name, scene in {**SCENES, "far": FAR}.items()
+}
 CASES |= {
     f"{closure}, {name}": lambda s=scene, r=closure: predicted(s, r, 6)
-    for name, scene in (SCENES | {"tolerances": replace(PAIR, tolerance=Tolerance(0.01, 0.02))}).items()
+    for name, scene in (
+        SCENES | {"tolerances": replace(PAIR, tolerance=Tolerance(0.01, 0.02))}
+    ).items()
     for closure in ("published", "corrected", "saltation")
     if not (closure == "published" and scene.start.mesh != 1)
 }
@@ -183,13 +221,16 @@ CASES |= {
 for scheme, dt in STEP.items():
     biased = SCHEMES[scheme].has_step_bias
     settings = {"dt": dt, "times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
-    CASES |= {f"{scheme}, {n}": lambda s=s, k=scheme, o=settings: simulated(s, k, **o) for n, s in SCENES.items()}
+    CASES |= {
+        f"{scheme}, {n}": lambda s=s, k=scheme, o=settings: simulated(s, k, **o)
+        for n, s in SCENES.items()
+    }
     for tolerance in WALLS:
         for name, scene in (("two stages", PAIR), ("one stage", LONE)):
             walls = None if name == "one stage" else tolerance.c2_max
             tolerant = replace(scene, tolerance=replace(tolerance, c2_max=walls or 0.0))
-            CASES[f"{scheme}, {name}, {tolerance.distribution} walls"] = lambda s=tolerant, k=scheme, d=dt: simulated(
-                s, k, dt=d
+            CASES[f"{scheme}, {name}, {tolerance.distribution} walls"] = (
+                lambda s=tolerant, k=scheme, d=dt: simulated(s, k, dt=d)
             )
     CASES[f"{scheme}, sticking paths"] = lambda k=scheme, d=dt: simulated(
         STICKING, k, 1, 200, dt=d, sampling=Sampling(horizon=20.0)
@@ -207,9 +248,12 @@ CASES |= {
 CASES["exact-flight, control"] = lambda: simulated(
     replace(PAIR, sigma=0.02), "exact-flight", sampling=Sampling(control=True)
 )
-CASES |= {f"long run, {n}": lambda s=SCENES[n]: long_run_sums(s) for n in ("two stages", "one stage")}
 CASES |= {
-    f"long path, {n}": lambda s=SCENES[n]: on_shared_noise(s) for n in ("two stages", "one stage", "without noise")
+    f"long run, {n}": lambda s=SCENES[n]: long_run_sums(s) for n in ("two stages", "one stage")
+}
+CASES |= {
+    f"long path, {n}": lambda s=SCENES[n]: on_shared_noise(s)
+    for n in ("two stages", "one stage", "without noise")
 }
 
 
@@ -219,4 +263,7 @@ def parts(case: str) -> list[list[float]]:
 
 
 if __name__ == "__main__":
-    json.dump({case: [[x.hex() for x in part] for part in parts(case)] for case in sys.argv[1:] or CASES}, sys.stdout)
+    json.dump(
+        {case: [[x.hex() for x in part] for part in parts(case)] for case in sys.argv[1:] or CASES},
+        sys.stdout,
+    )

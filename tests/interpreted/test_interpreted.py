@@ -1,4 +1,5 @@
-"""What the compiler makes of the source is what the source says: both are run, and give the same numbers."""
+"""What the compiler makes of the source is what the source says: both are run, and give the same
+numbers."""
 
 import json
 import math
@@ -25,10 +26,13 @@ def same(one, other, exact=False):
 
 @pytest.fixture(scope="module")
 def other():
-    """The numbers of every case as a process makes them whose compiler is off, or on where it is off here."""
+    """The numbers of every case as a process makes them whose compiler is off, or on where it is
+    off here."""
     off = "0" if numba.config.DISABLE_JIT else "1"
     read = json.loads(python(Path(__file__).with_name("cases.py"), NUMBA_DISABLE_JIT=off).stdout)
-    return {case: [[float.fromhex(x) for x in part] for part in found] for case, found in read.items()}
+    return {
+        case: [[float.fromhex(x) for x in part] for part in found] for case, found in read.items()
+    }
 
 
 @pytest.mark.parametrize("case", CASES)

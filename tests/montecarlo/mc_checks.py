@@ -1,4 +1,5 @@
-"""What the tests share: limits on z-scores corrected for how many are looked at, common scenes, a path's own noise."""
+"""What the tests share: limits on z-scores corrected for how many are looked at, common scenes, a
+path's own noise."""
 
 from dataclasses import replace
 
@@ -23,7 +24,8 @@ def limit(checks: int) -> float:
 
 
 def agrees(value, truth, se, slack=0.0) -> bool:
-    """Whether all values lie within the corrected limit of the truth, after a stated systematic `slack`."""
+    """Whether all values lie within the corrected limit of the truth, after a stated systematic
+    `slack`."""
     value, truth, se, slack = np.broadcast_arrays(value, truth, se, slack)
     return bool((np.abs(value - truth) <= limit(value.size) * se + slack).all())
 
@@ -35,12 +37,14 @@ def central_sums(a, b, orders) -> CentralSums:
 
 
 def stepped(scene: Scene, record: Record | None = None, **settings) -> Ensemble:
-    """An ensemble of located Euler-Maruyama steps; their bias is measured where it is asked for only."""
+    """An ensemble of located Euler-Maruyama steps; their bias is measured where it is asked for
+    only."""
     record = record or Record()
     return simulate(
-        scene, record=replace(record, step_bias=bool(record.step_bias)),
+        scene,
+        record=replace(record, step_bias=bool(record.step_bias)),
         **({"scheme": "euler-maruyama-located"} | settings),
-    )  # fmt: skip
+    )
 
 
 def dat21(sigma: float = 0.0, **settings) -> Scene:
@@ -67,21 +71,26 @@ def _steps(key, path, count):
 def step_normals(key: Key, path: int, steps: int) -> np.ndarray:
     """Standard normals of a path's first finest steps under the Euler schemes, at least so many.
 
-    Read in pairs, they are increments and areas, in standard units, of the steps of the exact flight.
+    Read in pairs, they are increments and areas, in standard units, of the steps of the exact
+    flight.
     """
     return _steps(key, path, steps)
 
 
 def bridge_normal(key: Key, path: int, step: int, call: int, level: int = 0) -> float:
-    """The normal that splits an increment: of a call within the step that begins at finest step `step`."""
+    """The normal that splits an increment: of a call within the step that begins at finest step
+    `step`."""
     index = np.uint64(step * 2**16 + call)
     return normals(key, np.uint64(path), index, np.uint64(BRIDGE + level))[0]
 
 
 def orbit_of(scene: Scene, impacts: int) -> np.ndarray:
-    """Noise-free impacts from flight and restitution map alone: rows tau, x1, y1, x2, y2, mesh * side."""
-    c, s = scene.constants, scene.start
-    tau, (x1, y1, x2, y2) = s.tau, scene.start_state
+    """Noise-free impacts from flight and restitution map alone: rows tau, x1, y1, x2, y2, mesh *
+    side."""
+    c = scene.constants
+    s = scene.start
+    tau = s.tau
+    x1, y1, x2, y2 = scene.start_state
     if s.mesh:
         y1, y2 = struck(c, s.mesh, y1, y2)
     rows = []
@@ -95,42 +104,71 @@ def orbit_of(scene: Scene, impacts: int) -> np.ndarray:
 
 
 UNEQUAL_GAPS = Scene(
-    alpha=1.2, epsilon=0.5, beta1=0.08, beta2=0.13, gamma1=0.06, gamma2=0.03, mu=0.6, gap1=0.5, gap2=0.3,
+    alpha=1.2,
+    epsilon=0.5,
+    beta1=0.08,
+    beta2=0.13,
+    gamma1=0.06,
+    gamma2=0.03,
+    mu=0.6,
+    gap1=0.5,
+    gap2=0.3,
     start=Start(0.0, 0.5, 2.0, 0.1, 1.0, mesh=1),
-)  # fmt: skip
+)
 """Another restitution, gaps of their own, a start on one flank only."""
 
 DAMPED = Scene(
-    alpha=1.5, epsilon=0.8, beta1=0.1, beta2=1.5, gamma1=0.2, gamma2=0.5, mu=0.4, gap1=0.5, gap2=0.3,
+    alpha=1.5,
+    epsilon=0.8,
+    beta1=0.1,
+    beta2=1.5,
+    gamma1=0.2,
+    gamma2=0.5,
+    mu=0.4,
+    gap1=0.5,
+    gap2=0.3,
     start=Start(0.2, 0.5, 2.0, 0.3, 2.0, mesh=1),
-)  # fmt: skip
+)
 """Strong unequal damping, so that both stages feel the noise and each other."""
 
 PRESSED = Scene(
-    alpha=0.0, epsilon=0.0, beta1=0.1, beta2=0.1, gamma1=2.0, gamma2=5.0, mu=0.5, sigma=0.01,
+    alpha=0.0,
+    epsilon=0.0,
+    beta1=0.1,
+    beta2=0.1,
+    gamma1=2.0,
+    gamma2=5.0,
+    mu=0.5,
+    sigma=0.01,
     start=Start(0.0, 0.5, 1.0, -0.5, -1.0, mesh=1),
-)  # fmt: skip
+)
 """Both meshes stick: impacts accumulate within a step, if they are located."""
 
 TOLERANT = replace(UNEQUAL_GAPS, tolerance=Tolerance(0.05, 0.03, draw="contact"))
 
 
 def flank_changes(raw, mesh):
-    """Over successive impacts on one flank: did the wall move, and had the opposite flank been struck between?"""
-    moved, between = [], []
+    """Over successive impacts on one flank: did the wall move, and had the opposite flank been
+    struck between?"""
+    moved = []
+    between = []
     for path in raw:
-        last, struck = {}, {1: False, -1: False}
+        last = {}
+        struck = {1: False, -1: False}
         for row in path[np.abs(path[:, 6]) == mesh]:
             side = int(np.sign(row[6]))
             if side in last:
                 moved.append(row[2 * mesh] != last[side])
                 between.append(struck[side])
-            last[side], struck[side], struck[-side] = row[2 * mesh], False, True
+            last[side] = row[2 * mesh]
+            struck[side] = False
+            struck[-side] = True
     return np.array(moved), np.array(between)
 
 
 def for_python(function):
-    """A function that only compiled code calls, compiled for Python too: called as it stands it would crash."""
+    """A function that only compiled code calls, compiled for Python too: called as it stands it
+    would crash."""
     return jit(getattr(function, "py_func", function))
 
 
@@ -150,8 +188,10 @@ def affine_step(scene, tau, h):
 def by_steps(scene, t, h):
     """Mean and covariance at time t after the start: exact moments of the scheme, no sampling."""
     s = scene.start
-    mean, cov = np.array([s.x1, s.y1, s.x2, s.y2]), np.zeros((4, 4))
+    mean = np.array([s.x1, s.y1, s.x2, s.y2])
+    cov = np.zeros((4, 4))
     for n in range(round(t / h)):
         matrix, shift, kick = affine_step(scene, s.tau + n * h, h)
-        mean, cov = matrix @ mean + shift, matrix @ cov @ matrix.T + np.outer(kick, kick)
+        mean = matrix @ mean + shift
+        cov = matrix @ cov @ matrix.T + np.outer(kick, kick)
     return mean, cov

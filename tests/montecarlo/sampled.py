@@ -1,7 +1,8 @@
 """A block of paths with its sums, to the last bit; as a program it prints them.
 
-It takes no more than the kernel of ``euler-maruyama`` and a trial of exact flights, for each process that prints it
-compiles all for itself.  `everything` has the other samplers and the closures.
+It takes no more than the kernel of ``euler-maruyama`` and a trial of exact flights, for each
+process that prints it compiles all for itself.  `everything` has the other samplers and the
+closures.
 """
 
 import json
@@ -28,18 +29,33 @@ def constant():
 
 
 def numbers(seed=3):
-    """Impacts of 300 paths between walls that impacts redraw, and the sums over them, as hexadecimal floats."""
-    scene = Scene.from_gears(DAT21, sigma=0.8, tolerance=Tolerance(0.04, 0.02, distribution="normal", draw="contact"))
+    """Impacts of 300 paths between walls that impacts redraw, and the sums over them, as
+    hexadecimal floats."""
+    scene = Scene.from_gears(
+        DAT21, sigma=0.8, tolerance=Tolerance(0.04, 0.02, distribution="normal", draw="contact")
+    )
     plan = Plan(
-        scene, 300, 4, 5e-3, "euler-maruyama", np.random.SeedSequence(seed), 2000, FIXED, {"a": (1, 2, -1, -2)}, 1,
+        scene,
+        300,
+        4,
+        5e-3,
+        "euler-maruyama",
+        np.random.SeedSequence(seed),
+        2000,
+        FIXED,
+        {"a": (1, 2, -1, -2)},
+        1,
         keep=True,
-    )  # fmt: skip
+    )
     result, rows = run(plan, 0)
     joined = result.merge(result)
     parts = {"impacts": rows, "codes": joined.codes}
     for name, s in joined.sums.items():
         parts |= {f"{name}, n": s.n, f"{name}, means": s.mean, f"{name}, sums": s.sums}
-    parts |= {f"statistics, {name}": value for name, value in single_statistics(joined.sums["section"]).items()}
+    parts |= {
+        f"statistics, {name}": value
+        for name, value in single_statistics(joined.sums["section"]).items()
+    }
     parts |= constant()
     return {name: [float(x).hex() for x in np.ravel(part)] for name, part in parts.items()}
 

@@ -1,4 +1,5 @@
-"""Mergeable sums: against numpy and scipy on the whole sample, and standard errors against replicated samples."""
+"""Mergeable sums: against numpy and scipy on the whole sample, and standard errors against
+replicated samples."""
 
 import math
 
@@ -19,7 +20,8 @@ CUTS = st.sets(st.integers(1, 59), max_size=6)
 
 
 def sample(seed, paths, cells=3, gone=0.2):
-    """Two dependent skewed variables in several cells, some never observed, at locations of very different size."""
+    """Two dependent skewed variables in several cells, some never observed, at locations of very
+    different size."""
     rng = np.random.default_rng(seed)
     a = rng.gamma(2.0, size=(paths, cells)) + np.array([0.0, 5.0, -100.0])[:cells]
     b = 0.5 * a + rng.standard_normal((paths, cells))
@@ -33,14 +35,24 @@ def by_numpy(a, b, orders):
     out = []
     for i in range(a.shape[1]):
         seen = np.isfinite(a[:, i]) & np.isfinite(b[:, i])
-        u, v = a[seen, i], b[seen, i]
+        u = a[seen, i]
+        v = b[seen, i]
         mean = (u.mean(), v.mean()) if seen.any() else (0.0, 0.0)
-        out.append((seen.sum(), *mean, *(((u - mean[0]) ** p * (v - mean[1]) ** q).sum() for p, q in orders)))
+        out.append(
+            (
+                seen.sum(),
+                *mean,
+                *(((u - mean[0]) ** p * (v - mean[1]) ** q).sum() for p, q in orders),
+            )
+        )
     return np.array(out, dtype=float).T
 
 
 def merged(a, b, orders, cuts, order=None):
-    parts = [central_sums(u, v, orders) for u, v in zip(np.split(a, cuts), np.split(b, cuts), strict=True)]
+    parts = [
+        central_sums(u, v, orders)
+        for u, v in zip(np.split(a, cuts), np.split(b, cuts), strict=True)
+    ]
     parts = [parts[i] for i in order] if order is not None else parts
     total = parts[0]
     for part in parts[1:]:
@@ -50,7 +62,9 @@ def merged(a, b, orders, cuts, order=None):
 
 def close(found, truth, a, orders):
     """Equal to rounding: 1e-10 of the sums' own scale n sd^(p + q)."""
-    scale = np.array([1.0, 1.0, 1.0, *(1.0 * math.factorial(p + q) for p, q in orders)])[:, None] * len(a)
+    scale = np.array([1.0, 1.0, 1.0, *(1.0 * math.factorial(p + q) for p, q in orders)])[
+        :, None
+    ] * len(a)
     spread = np.array([1.0, 100.0, 100.0, *(4.0 ** (p + q) for p, q in orders)])[:, None]
     return bool((np.abs(found - truth) <= 1e-10 * scale * spread).all())
 
@@ -72,18 +86,25 @@ def test_comparison_of_sums_sees_a_lost_row():
 def test_single_statistics_equal_scipy():
     a, _ = sample(3, 500, gone=0.0)
     found = single_statistics(central_sums(a, a, SINGLE))
-    truth = {"mean": a.mean(axis=0), "sd": a.std(axis=0), "skew": stats.skew(a), "kurt": stats.kurtosis(a)}
+    truth = {
+        "mean": a.mean(axis=0),
+        "sd": a.std(axis=0),
+        "skew": stats.skew(a),
+        "kurt": stats.kurtosis(a),
+    }
     truth["se_mean"] = a.std(axis=0) / math.sqrt(500)
     for name, value in truth.items():
         np.testing.assert_allclose(found[name], value, rtol=1e-9, err_msg=name)
 
 
-REPLICAS, SIZE = 1500, 4000
+REPLICAS = 1500
+SIZE = 4000
 
 
 @pytest.fixture(scope="module")
 def z_scores():
-    """(value - truth) / se over replicated samples of a Beta(1, 8): skew 1.4, excess kurtosis 2.3."""
+    """(value - truth) / se over replicated samples of a Beta(1, 8): skew 1.4, excess kurtosis
+    2.3."""
     distribution = stats.beta(1.0, 8.0)
     a = distribution.rvs((SIZE, REPLICAS), random_state=4)
     s = single_statistics(central_sums(a, a, SINGLE))
@@ -92,7 +113,8 @@ def z_scores():
     return {name: (s[name] - t) / s["se_" + name] for name, t in truth.items()}
 
 
-# 1500 replicas give the sd of z to 2 %; the errors are estimated too, from up to the eighth moment: O(1 / n) more
+# 1500 replicas give the sd of z to 2 %; the errors are estimated too, from up to the eighth moment:
+# O(1 / n) more
 BAND = {"mean": 0.07, "sd": 0.07, "skew": 0.1, "kurt": 0.15}
 
 
@@ -109,7 +131,8 @@ def test_gaussian_formula_for_the_error_of_an_sd_would_fail_that_band(z_scores):
 
 
 def pair(kind, shape, seed):
-    """A pair with correlation 0.6, Gaussian or with the heavy tails of a t with 10 degrees of freedom."""
+    """A pair with correlation 0.6, Gaussian or with the heavy tails of a t with 10 degrees of
+    freedom."""
     rng = np.random.default_rng(seed)
     u, v = rng.standard_normal((2, *shape))
     v = 0.6 * u + 0.8 * v
@@ -125,7 +148,9 @@ def test_standard_error_of_fisher_z_has_the_size_it_claims(kind):
     z = (np.arctanh(s["rho"]) - math.atanh(0.6)) / s["se_z"]
     assert abs(z.std() - 1.0) < 0.08
     naive = (np.arctanh(s["rho"]) - math.atanh(0.6)) * math.sqrt(2000)
-    assert (abs(naive.std() - 1.0) < 0.08) == (kind == "gaussian")  # 1 / sqrt(n) is for Gaussian pairs alone
+    assert (abs(naive.std() - 1.0) < 0.08) == (
+        kind == "gaussian"
+    )  # 1 / sqrt(n) is for Gaussian pairs alone
 
 
 def test_a_correlation_is_left_out_where_the_product_of_variances_is_no_float():
@@ -148,12 +173,15 @@ def test_what_does_not_vary_has_no_spread_and_no_skewness(value, parts):
     assert np.isnan(s["kurt"])
 
 
-SAMPLES, PATHS = 2000, 256
+SAMPLES = 2000
+PATHS = 256
 
 
 def coverage(bursts):
-    """Share of samples whose interval holds the mean, of paths that hold a Poisson number of exponential bursts."""
-    rng, held = np.random.default_rng(1), 0
+    """Share of samples whose interval holds the mean, of paths that hold a Poisson number of
+    exponential bursts."""
+    rng = np.random.default_rng(1)
+    held = 0
     for _ in range(SAMPLES):
         number = rng.poisson(bursts / PATHS, PATHS)
         low, high = spread(rng.gamma(np.maximum(number, 1)) * (number > 0)).interval()
@@ -168,7 +196,8 @@ def slack():
 
 @pytest.mark.parametrize("bursts", [6, 20, 100, 1000])
 def test_intervals_hold_the_truth_even_where_few_paths_carry_the_error(bursts):
-    """At least as often as they say; up to 3 % more often where skewness cannot be told from chance."""
+    """At least as often as they say; up to 3 % more often where skewness cannot be told from
+    chance."""
     held = coverage(bursts)
     assert 0.95 - slack() < held < 0.98 + slack()
 
@@ -186,6 +215,8 @@ def test_two_bursts_are_too_few():
 
 def test_all_paths_carry_what_is_normal():
     rng = np.random.default_rng(2)
-    found = [count_effective_paths(rest - rest.mean()) for rest in rng.standard_normal((SAMPLES, PATHS))]
+    found = [
+        count_effective_paths(rest - rest.mean()) for rest in rng.standard_normal((SAMPLES, PATHS))
+    ]
     assert 0.7 * PATHS < np.median(found) <= PATHS
     assert np.quantile(found, 0.01) > 0.3 * PATHS  # the t of 80 paths is 2 % above that of 256

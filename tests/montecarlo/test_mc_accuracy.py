@@ -1,4 +1,5 @@
-"""Asked for accuracy: it is reached, or the answer says what is missing; the settings are found, not given."""
+"""Asked for accuracy: it is reached, or the answer says what is missing; the settings are found,
+not given."""
 
 import numpy as np
 import pytest
@@ -11,12 +12,21 @@ from rattle.montecarlo.settings import Sampling
 from rattle.scene import InputError, Scene, Tolerance
 from rattle.scene.types import SECTION
 
-TRUTH = {"paths": 200_000, "dt": np.pi / 64.0, "sampling": Sampling(control=True), "rng": 77, "workers": 2}
+TRUTH = {
+    "paths": 200_000,
+    "dt": np.pi / 64.0,
+    "sampling": Sampling(control=True),
+    "rng": 77,
+    "workers": 2,
+}
 
 
 @pytest.fixture(scope="module")
 def truth():
-    return {sigma: simulate(dat21(sigma), impacts=3, scheme="exact-flight", **TRUTH).section for sigma in (0.01, 0.5)}
+    return {
+        sigma: simulate(dat21(sigma), impacts=3, scheme="exact-flight", **TRUTH).section
+        for sigma in (0.01, 0.5)
+    }
 
 
 @pytest.mark.parametrize(("sigma", "accuracy"), [(0.01, 0.01), (0.01, 2e-3), (0.5, 0.03)])
@@ -26,7 +36,9 @@ def test_answer_lies_as_close_to_the_truth_as_asked(truth, sigma, accuracy):
     assert run.reach.asked == accuracy
     assert sampling_error(run)[0] == run.reach.sampling <= accuracy
     for prefix in ("", "sd_"):
-        away = (run.section[[prefix + q for q in SECTION]] - truth[sigma][[prefix + q for q in SECTION]]).abs()
+        away = (
+            run.section[[prefix + q for q in SECTION]] - truth[sigma][[prefix + q for q in SECTION]]
+        ).abs()
         # 36 errors, each with a standard error of at most the accuracy: none beyond 4 of them
         assert (away.to_numpy() / units(run).to_numpy()).max() < 4.0 * accuracy
 
@@ -45,7 +57,9 @@ def test_any_scheme_can_be_asked_for(truth):
 def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, control):
     run = simulate_to(dat21(sigma), 0.02, impacts=3, scheme="exact-flight", rng=5)
     settings = {"scheme": "exact-flight", "sampling": Sampling(control=control), "rng": 5}
-    assert run.section.equals(simulate(dat21(sigma), paths=run.paths, dt=run.dt, impacts=3, **settings).section)
+    assert run.section.equals(
+        simulate(dat21(sigma), paths=run.paths, dt=run.dt, impacts=3, **settings).section
+    )
 
 
 def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch):
@@ -67,10 +81,17 @@ def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
 
 @pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
 def test_a_path_without_noise_is_compared_with_the_exact_orbit(scheme):
-    """Meshes are struck within a hair of each other; a step of 0.01 strikes the wrong one first, as do 2 and 4 dt."""
+    """Meshes are struck within a hair of each other; a step of 0.01 strikes the wrong one first, as
+    do 2 and 4 dt."""
     scene = Scene(
-        alpha=1.2179, epsilon=0.8944, beta1=0.0265, gamma1=0.1517, beta2=0.0173, gamma2=0.1973, mu=0.2996
-    )  # fmt: skip
+        alpha=1.2179,
+        epsilon=0.8944,
+        beta1=0.0265,
+        gamma1=0.1517,
+        beta2=0.0173,
+        gamma2=0.1973,
+        mu=0.2996,
+    )
     exact = simulate(scene, paths=1, impacts=4)
     coarse = simulate(scene, paths=1, impacts=4, dt=0.01, scheme=scheme)
     wrong = (coarse.columns["mesh"] != exact.columns["mesh"]).any()
@@ -88,8 +109,14 @@ def test_a_path_without_noise_is_compared_with_the_exact_orbit(scheme):
     ("settings", "message"),
     [
         ({"accuracy": 0.0}, r"accuracy = 0.0: must be greater than 0"),
-        ({"accuracy": 0.1, "record": Record(step_bias=True)}, r"record.step_bias = True: cannot be recorded"),
-        ({"accuracy": 0.1, "record": Record(times=[1.0])}, r"record.times = \[1.0\]: cannot be recorded"),
+        (
+            {"accuracy": 0.1, "record": Record(step_bias=True)},
+            r"record.step_bias = True: cannot be recorded",
+        ),
+        (
+            {"accuracy": 0.1, "record": Record(times=[1.0])},
+            r"record.times = \[1.0\]: cannot be recorded",
+        ),
         ({"accuracy": 0.1, "scheme": "exact"}, r"scheme = 'exact'"),
         ({"accuracy": 0.1, "budget": -1.0}, r"budget = -1.0: must be greater than 0"),
     ],
@@ -99,13 +126,18 @@ def test_bad_input_is_refused_by_name(settings, message):
         simulate_to(dat21(0.1), **settings)
 
 
-STILL = {"no noise": dat21(0.0), "fixed backlash": dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution="fixed"))}
+STILL = {
+    "no noise": dat21(0.0),
+    "fixed backlash": dat21(0.0, tolerance=Tolerance(0.02, 0.02, distribution="fixed")),
+}
 
 
 @pytest.mark.parametrize("name", STILL)
 @pytest.mark.parametrize("scheme", [None, *SCHEMES])
 def test_an_accuracy_without_noise_is_one_path(name, scheme):
-    run = simulate_to(STILL[name], 0.01, impacts=3, scheme=scheme, record=Record(batches=True, energy=True))
+    run = simulate_to(
+        STILL[name], 0.01, impacts=3, scheme=scheme, record=Record(batches=True, energy=True)
+    )
     assert (run.paths, run.plan.paths) == (1, 1)
     assert (run.section["paths"] == 1).all()
     assert (run.section["agreement"] == 1.0).all()
@@ -138,5 +170,12 @@ def test_a_drawn_backlash_without_noise_is_random(distribution):
     assert (run.section["paths"] == run.paths).all()
     assert run.section["agreement"].between(0.0, 1.0).all()
     assert 0.0 < run.section.loc[2, "se_tau"] <= 0.05 * run.section.loc[2, "sd_tau"]
-    whole = simulate(scene, paths=run.paths, dt=run.dt, impacts=2, scheme=run.scheme, sampling=Sampling(control=True))
+    whole = simulate(
+        scene,
+        paths=run.paths,
+        dt=run.dt,
+        impacts=2,
+        scheme=run.scheme,
+        sampling=Sampling(control=True),
+    )
     np.testing.assert_array_equal(whole.section, run.section)

@@ -1,4 +1,5 @@
-"""Brownian motion by increment and area: split and joined, exactly in distribution, against a finely stepped path."""
+"""Brownian motion by increment and area: split and joined, exactly in distribution, against a
+finely stepped path."""
 
 import math
 
@@ -19,8 +20,13 @@ def standard(noise, h):
 
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(
-    st.floats(1e-9, 1.0 - 1e-9), st.floats(-12.0, 3.0), NORMAL, NORMAL, NORMAL, NORMAL,
-)  # fmt: skip
+    st.floats(1e-9, 1.0 - 1e-9),
+    st.floats(-12.0, 3.0),
+    NORMAL,
+    NORMAL,
+    NORMAL,
+    NORMAL,
+)
 def test_joined_undoes_split(share, exponent, w, a, z1, z2):
     """To rounding of the parts' own size; nothing is ever NaN."""
     h = 10.0**exponent
@@ -32,11 +38,16 @@ def test_joined_undoes_split(share, exponent, w, a, z1, z2):
 
 
 def rotation(share, h=2.0):
-    """Matrix from (w, a, z1, z2) to both parts in standard units, read off `split` at unit vectors."""
+    """Matrix from (w, a, z1, z2) to both parts in standard units, read off `split` at unit
+    vectors."""
     columns = []
     for e in np.eye(4):
-        first, second = split(Noise(e[0] * math.sqrt(h), e[1] * math.sqrt(h / 12.0)), h, share, e[2], e[3])
-        columns.append(np.concatenate([standard(first, share * h), standard(second, (1.0 - share) * h)]))
+        first, second = split(
+            Noise(e[0] * math.sqrt(h), e[1] * math.sqrt(h / 12.0)), h, share, e[2], e[3]
+        )
+        columns.append(
+            np.concatenate([standard(first, share * h), standard(second, (1.0 - share) * h)])
+        )
     return np.array(columns).T
 
 
@@ -45,7 +56,8 @@ def rotation(share, h=2.0):
 def test_split_is_a_rotation_of_four_standard_normals(share):
     """So the parts' coefficients are independent standard normals again, exactly.
 
-    The second increment is a difference: its rounding is that of the whole, over the root of the rest.
+    The second increment is a difference: its rounding is that of the whole, over the root of the
+    rest.
     """
     r = rotation(share)
     assert np.abs(r @ r.T - np.eye(4)).max() < 1e-14 / math.sqrt(1.0 - share) + 1e-14
@@ -53,11 +65,13 @@ def test_split_is_a_rotation_of_four_standard_normals(share):
     assert np.abs(wide @ wide.T - np.eye(4)).max() > 1e-10
 
 
-FINE, H = 240, 0.3
+FINE = 240
+H = 0.3
 
 
 def noise_of(increments):
-    """Increment and area of a path linear in each fine step, by summation: the weight s / h - 1/2 at mid-steps."""
+    """Increment and area of a path linear in each fine step, by summation: the weight s / h - 1/2
+    at mid-steps."""
     n = increments.shape[1]
     weight = (np.arange(n) + 0.5) / n - 0.5
     return increments.sum(axis=1), increments @ weight
@@ -65,10 +79,16 @@ def noise_of(increments):
 
 @pytest.mark.parametrize("cut", [1, 60, 120, 239])
 def test_joined_parts_of_a_path_are_the_whole_to_rounding(cut):
-    fine = np.random.default_rng(1).standard_normal((20, FINE)) * math.sqrt(H / FINE)  # increments of 20 paths
+    # increments of 20 paths
+    fine = np.random.default_rng(1).standard_normal((20, FINE)) * math.sqrt(H / FINE)
     whole = np.array(noise_of(fine))
-    first, second = np.array(noise_of(fine[:, :cut])), np.array(noise_of(fine[:, cut:]))
-    again = np.array([join(Noise(*a), Noise(*b), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
+    first = np.array(noise_of(fine[:, :cut]))
+    second = np.array(noise_of(fine[:, cut:]))
+    again = np.array(
+        [join(Noise(*a), Noise(*b), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]
+    ).T
     assert np.abs(again - whole).max() < 1e-15 * FINE
-    wrong = np.array([join(Noise(*b), Noise(*a), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]).T
+    wrong = np.array(
+        [join(Noise(*b), Noise(*a), cut / FINE) for a, b in zip(first.T, second.T, strict=True)]
+    ).T
     assert np.abs(wrong - whole).max() > 1e-3  # negative control: the parts the other way round

@@ -1,6 +1,8 @@
-"""The expected cost of an accuracy is logged before the work; a budget bounds it, pilot runs included.
+"""The expected cost of an accuracy is logged before the work; a budget bounds it, pilot runs
+included.
 
-The clock of these tests ticks with the blocks of paths that are run, so that no machine is too slow for them.
+The clock of these tests ticks with the blocks of paths that are run, so that no machine is too slow
+for them.
 """
 
 import logging
@@ -19,7 +21,9 @@ class Watched:
     """Blocks on one thread, and a clock that each of them moves on."""
 
     def __init__(self, monkeypatch, seconds=lambda paths: 1.0):
-        self.now, self.seconds, self.paths = 0.0, seconds, []
+        self.now = 0.0
+        self.seconds = seconds
+        self.paths = []
         monkeypatch.setattr("rattle.montecarlo.kernel.blocks.time.process_time", lambda: self.now)
 
     def __call__(self, plan, first):
@@ -30,20 +34,25 @@ class Watched:
 
 
 def ask(watched, accuracy, **settings):
-    return simulate_to(dat21(0.5), accuracy, impacts=2, rng=5, sampling=Sampling(blocks=watched), **settings)
+    return simulate_to(
+        dat21(0.5), accuracy, impacts=2, rng=5, sampling=Sampling(blocks=watched), **settings
+    )
 
 
 def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):
     watched = Watched(monkeypatch)
     with pytest.warns(
-        AccuracyWarning, match="Accuracy 1e-09 sd NOT reached: .* years of processor time more would suffice"
+        AccuracyWarning,
+        match="Accuracy 1e-09 sd NOT reached: .* years of processor time more would suffice",
     ):
         run = ask(watched, 1e-9, budget=10.0, scheme="exact-flight")
     assert watched.now == 11.0  # the first run, which compiles, is not counted
     assert run.paths == run.plan.paths == 5 * BLOCK
     assert (run.section["paths"] == 5 * BLOCK).all()
     assert run.section.equals(
-        simulate(dat21(0.5), impacts=2, paths=5 * BLOCK, dt=run.dt, scheme=run.scheme, rng=5).section
+        simulate(
+            dat21(0.5), impacts=2, paths=5 * BLOCK, dt=run.dt, scheme=run.scheme, rng=5
+        ).section
     )
     assert run.diagnostics[0] == run.reach.sentence
     assert run.reach.sampling > 1e-9
@@ -53,7 +62,8 @@ def test_paths_are_followed_until_the_budget_is_spent(monkeypatch):
 
 @pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
 def test_a_step_is_no_shorter_than_the_budget_affords(monkeypatch, scheme):
-    """At once as short as the accuracy asks, it would have been 1e-9 of the pilot's, and a block an hour long."""
+    """At once as short as the accuracy asks, it would have been 1e-9 of the pilot's, and a block an
+    hour long."""
     watched = Watched(monkeypatch)
     with pytest.warns(AccuracyWarning):
         run = ask(watched, 1e-9, budget=10.0, scheme=scheme)
@@ -75,9 +85,17 @@ def test_a_pilot_is_not_run_where_probe_runs_show_that_the_budget_has_no_room_fo
 
 @pytest.mark.parametrize("sigma", [0.0, 1.0])
 def test_paths_that_take_ten_million_steps_are_looked_at_from_the_start(sigma):
-    """Damping so fast that a step is 1e-5, and a gap that nobody crosses: eight paths of it would take seconds."""
+    """Damping so fast that a step is 1e-5, and a gap that nobody crosses: eight paths of it would
+    take seconds."""
     scene = Scene(
-        alpha=0.1, epsilon=0.5, beta1=1e4, gamma1=0.0, gap1=1e3, sigma=sigma, stages=1, start=Start(0.0, 0.0, 0.0)
+        alpha=0.1,
+        epsilon=0.5,
+        beta1=1e4,
+        gamma1=0.0,
+        gap1=1e3,
+        sigma=sigma,
+        stages=1,
+        start=Start(0.0, 0.0, 0.0),
     )
     with pytest.warns(AccuracyWarning):
         run = simulate_to(scene, 1e-3, impacts=12, budget=1.0, scheme="euler-maruyama-located")
@@ -104,7 +122,9 @@ def test_what_takes_more_than_an_hour_is_refused_unless_a_budget_is_given(monkey
 
 def test_slow_paths_are_refused_before_a_pilot(monkeypatch):
     watched = Watched(monkeypatch, lambda paths: float(paths))
-    with pytest.raises(InputError, match=r"is expected to take .* limit is one hour: give the seconds"):
+    with pytest.raises(
+        InputError, match=r"is expected to take .* limit is one hour: give the seconds"
+    ):
         ask(watched, 0.1)
     assert watched.paths == [1, 1, 1, 8, 8, 256]
 

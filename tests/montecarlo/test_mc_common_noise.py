@@ -1,4 +1,5 @@
-"""Long paths on a shared Brownian tree: right in distribution, and the same however they are cut into stretches."""
+"""Long paths on a shared Brownian tree: right in distribution, and the same however they are cut
+into stretches."""
 
 import numpy as np
 import pytest
@@ -25,9 +26,11 @@ def test_without_noise_a_long_path_is_the_orbit():
 def first_impacts(sigma: float, paths: int, impacts: int, depth: int, seed: int = 11) -> np.ndarray:
     """Time and state at the first impacts of many paths, shape (paths, impacts, 5)."""
     walker = LongPath(dat21(sigma), seed, depth=depth)
-    begin, out = walker.at.copy(), np.empty((paths, impacts, 5))
+    begin = walker.at.copy()
+    out = np.empty((paths, impacts, 5))
     for p in range(paths):
-        walker.path, walker.steps = Word(p), 0
+        walker.path = Word(p)
+        walker.steps = 0
         walker.at[:] = begin
         s, _ = walker.stretch(400, tangent=False, velocities=False)
         out[p, :, 0] = np.cumsum(s.flight[:impacts])
@@ -37,15 +40,24 @@ def first_impacts(sigma: float, paths: int, impacts: int, depth: int, seed: int 
 
 @pytest.mark.parametrize("sigma", [0.1, PAPER])
 def test_sections_of_long_paths_are_those_of_exact_flights_on_the_same_increments(sigma):
-    """Same seed and step: only the splits near walls are drawn apart, so that most of the sampling error is shared.
+    """Same seed and step: only the splits near walls are drawn apart, so that most of the sampling
+    error is shared.
 
-    Of 20 000 such paths sds differed by 0.4 % at most; 4 000 are allowed three times that, times sqrt(5).
+    Of 20 000 such paths sds differed by 0.4 % at most; 4 000 are allowed three times that, times
+    sqrt(5).
     """
-    paths, impacts, names = 4000, 4, ["tau", "y1", "y2"]
+    paths = 4000
+    impacts = 4
+    names = ["tau", "y1", "y2"]
     found = first_impacts(sigma, paths, impacts, 12)[:, :, [0, 2, 4]]
     run = simulate(
-        dat21(sigma), paths=paths, impacts=impacts, scheme="exact-flight", rng=11, dt=2.0 * np.pi / 128.0
-    ).section  # fmt: skip
+        dat21(sigma),
+        paths=paths,
+        impacts=impacts,
+        scheme="exact-flight",
+        rng=11,
+        dt=2.0 * np.pi / 128.0,
+    ).section
     sd = run[[f"sd_{n}" for n in names]].to_numpy()
     assert np.abs((found.mean(axis=0) - run[names].to_numpy()) / sd).max() < 0.03
     assert np.abs(found.std(axis=0) / sd - 1.0)[0].max() < 0.027
@@ -65,7 +77,9 @@ def test_a_path_is_the_same_however_it_is_cut():
 def test_paths_of_one_number_share_their_noise_and_others_do_not():
     """Far from walls two of them differ by the linear flow alone."""
     scene = open_space(1.0)
-    a, b, other = LongPath(scene, 3), LongPath(scene, 3), LongPath(scene, 3, path=1)
+    a = LongPath(scene, 3)
+    b = LongPath(scene, 3)
+    other = LongPath(scene, 3, path=1)
     apart = np.array([0.3, -0.2, 0.1, 0.5])
     b.at[:4] += apart
     for path in (a, b, other):

@@ -1,4 +1,5 @@
-"""The linearised path as a control variate: its mean and variance are known, and it only ever takes variance out."""
+"""The linearised path as a control variate: its mean and variance are known, and it only ever takes
+variance out."""
 
 import numpy as np
 import pytest
@@ -15,16 +16,35 @@ from rattle.scene.types import SECTION
 
 STEP = np.pi / 64.0
 UNEQUAL = Scene(
-    alpha=1.2, epsilon=0.5, beta1=0.1, beta2=0.3, gamma1=0.05, gamma2=0.02, mu=0.4, gap1=0.5, gap2=0.3, sigma=0.02,
+    alpha=1.2,
+    epsilon=0.5,
+    beta1=0.1,
+    beta2=0.3,
+    gamma1=0.05,
+    gamma2=0.02,
+    mu=0.4,
+    gap1=0.5,
+    gap2=0.3,
+    sigma=0.02,
     start=Start(0.2, 0.1, 1.0, -0.1, 0.5),
-)  # fmt: skip
-SCENES = {"DAT21": dat21(0.02), "unequal gaps, start in flight": UNEQUAL, "single": dat21(0.02, stages=1)}
+)
+SCENES = {
+    "DAT21": dat21(0.02),
+    "unequal gaps, start in flight": UNEQUAL,
+    "single": dat21(0.02, stages=1),
+}
 
 
 def linear(scene, paths=20_000, impacts=6, dt=STEP):
     """Control and quantity of every path: (paths, impacts, 6) each, and the program."""
     plan = plan_of(
-        scene, paths=paths, impacts=impacts, dt=dt, scheme="exact-flight", rng=3, sampling=Sampling(control=True)
+        scene,
+        paths=paths,
+        impacts=impacts,
+        dt=dt,
+        scheme="exact-flight",
+        rng=3,
+        sampling=Sampling(control=True),
     )
     raws = [sample(plan, b) for b in range(plan.blocks)]
     return (
@@ -45,13 +65,24 @@ def test_control_has_the_mean_and_variance_that_are_claimed(name):
     allowed = stats.norm.isf(0.5e-3 / (2 * varies.sum()))
     assert np.abs(z_mean).max() < allowed
     assert np.abs(z_variance).max() < allowed
-    assert np.abs((1.1 * control.var(axis=0)[varies] / path.variance[varies] - 1.0) / np.sqrt(2.0 / n)).max() > allowed
+    assert (
+        np.abs(
+            (1.1 * control.var(axis=0)[varies] / path.variance[varies] - 1.0) / np.sqrt(2.0 / n)
+        ).max()
+        > allowed
+    )
 
 
 def table(scene, control, seed=1, paths=40_000):
     return simulate(
-        scene, paths=paths, impacts=6, dt=STEP, scheme="exact-flight", rng=seed, sampling=Sampling(control=control)
-    ).section  # fmt: skip
+        scene,
+        paths=paths,
+        impacts=6,
+        dt=STEP,
+        scheme="exact-flight",
+        rng=seed,
+        sampling=Sampling(control=control),
+    ).section
 
 
 def columns(section, prefix):
@@ -61,19 +92,25 @@ def columns(section, prefix):
 @pytest.mark.parametrize("sigma", [0.01, 0.1, 1.2])
 def test_controlled_and_plain_estimates_agree_and_the_error_never_grows(sigma):
     scene = dat21(sigma)
-    plain, controlled = table(scene, False, seed=1), table(scene, True, seed=2)
+    plain = table(scene, False, seed=1)
+    controlled = table(scene, True, seed=2)
     for prefix in ("", "sd_"):
-        a, b = columns(plain, prefix), columns(controlled, prefix)
-        ea, eb = columns(plain, "se_" + prefix), columns(controlled, "se_" + prefix)
+        a = columns(plain, prefix)
+        b = columns(controlled, prefix)
+        ea = columns(plain, "se_" + prefix)
+        eb = columns(controlled, "se_" + prefix)
         seen = (ea > 1e-12) & (columns(plain, "sd_") > 1e-3 * sigma)  # not struck coordinates
         assert agrees(a[seen], b[seen], np.hypot(ea[seen], eb[seen]))
         assert not agrees(a[seen] * 1.02, b[seen], np.hypot(ea[seen], eb[seen]))
         same = columns(table(scene, True, seed=1), "se_" + prefix)
-        assert (same[seen] <= 1.03 * ea[seen]).all()  # an error of an sd is divided by the sd, which is estimated anew
+        assert (
+            same[seen] <= 1.03 * ea[seen]
+        ).all()  # an error of an sd is divided by the sd, which is estimated anew
 
 
 def test_small_noise_costs_a_hundredth():
-    plain, controlled = table(dat21(0.005), False), table(dat21(0.005), True)
+    plain = table(dat21(0.005), False)
+    controlled = table(dat21(0.005), True)
     moves = columns(plain, "se_") > 1e-12
     gain = (columns(plain, "se_")[moves] / columns(controlled, "se_")[moves]) ** 2
     assert np.median(gain) > 100.0
@@ -90,7 +127,8 @@ def test_errors_have_the_size_they_claim():
 
 
 def test_a_control_of_the_wrong_variance_would_be_seen():
-    """Negative control: a variance 5 % too large shifts the sd by several of its standard errors."""
+    """Negative control: a variance 5 % too large shifts the sd by several of its standard
+    errors."""
     control, rows, path = linear(dat21(0.01))
     sums = central_sums(rows, control, PAIR)
     right, wrong = (estimate_controlled(sums, f * path.variance) for f in (1.0, 1.05))
@@ -100,27 +138,43 @@ def test_a_control_of_the_wrong_variance_would_be_seen():
 
 
 CHATTER = Scene(
-    alpha=1.2, epsilon=0.05, beta1=0.04, beta2=0.07, gamma1=0.08, gamma2=0.38, mu=0.55, gap1=0.2, gap2=0.08, sigma=0.2
-)  # fmt: skip
+    alpha=1.2,
+    epsilon=0.05,
+    beta1=0.04,
+    beta2=0.07,
+    gamma1=0.08,
+    gamma2=0.38,
+    mu=0.55,
+    gap1=0.2,
+    gap2=0.08,
+    sigma=0.2,
+)
 
 
 @pytest.mark.parametrize("paths", [32, 64])
 def test_mean_times_rise_from_impact_to_impact_whatever_few_paths_make_of_the_slopes(paths):
-    """Flights far shorter than the error of their times: half of these runs had a mean impact before the last one."""
+    """Flights far shorter than the error of their times: half of these runs had a mean impact
+    before the last one."""
     left = 0
     for seed in range(10):
         settings = {"paths": paths, "impacts": 8, "scheme": "exact-flight", "rng": seed}
-        run, plain = (simulate(CHATTER, sampling=Sampling(horizon=40.0, control=c), **settings) for c in (True, False))
+        run, plain = (
+            simulate(CHATTER, sampling=Sampling(horizon=40.0, control=c), **settings)
+            for c in (True, False)
+        )
         assert run.unfinished == 0
         assert run.section["tau"].is_monotonic_increasing
         assert (run.section["flight"] >= 0.0).all()
         left += run.section["tau"].equals(plain.section["tau"])
-        assert not run.section["y1"].equals(plain.section["y1"])  # what is possible is adjusted all the same
+        assert not run.section["y1"].equals(
+            plain.section["y1"]
+        )  # what is possible is adjusted all the same
     assert 0 < left < 10
 
 
 def test_a_variance_that_regression_makes_negative_is_left_as_it_was():
-    """Negative control: a known variance so far from that of the sample that the adjusted one would be negative."""
+    """Negative control: a known variance so far from that of the sample that the adjusted one would
+    be negative."""
     control, rows, path = linear(dat21(0.01), paths=64)
     sums = central_sums(rows, control, PAIR)
     found, plain = (estimate_controlled(sums, f * path.variance) for f in (1e-3, 0.0))

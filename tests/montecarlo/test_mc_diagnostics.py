@@ -16,7 +16,9 @@ from rattle.montecarlo.kernel import block
 from rattle.montecarlo.schemes.step_size import trusted_step
 from rattle.montecarlo.settings import Sampling
 
-LOCATED, PLAIN, EXACT = "euler-maruyama-located", "euler-maruyama", "exact-flight"
+LOCATED = "euler-maruyama-located"
+PLAIN = "euler-maruyama"
+EXACT = "exact-flight"
 
 
 def run(sigma=0.1, **settings):
@@ -46,17 +48,25 @@ def test_step_that_moves_the_orbit_is_diagnosed_in_sds_of_the_run():
 
 def test_shift_of_the_orbit_is_the_bias_of_the_mean():
     """At small noise the measured step bias and that of the orbit are one thing."""
-    found, beside = run(sigma=0.003, dt=0.004), run(sigma=0.003, dt=0.004, record=Record(step_bias=True))
+    found = run(sigma=0.003, dt=0.004)
+    beside = run(sigma=0.003, dt=0.004, record=Record(step_bias=True))
     unit = motion_units(found.columns, found.scene)
     rows = beside.step_bias.query("moment == 'mean'")
-    shares = [abs(b) / unit[q][k - 1] for k, q, b in rows[["impact", "quantity", "bias"]].itertuples(index=False)]
+    shares = [
+        abs(b) / unit[q][k - 1]
+        for k, q, b in rows[["impact", "quantity", "bias"]].itertuples(index=False)
+    ]
     assert orbit_shift(found)[0] == pytest.approx(max(shares), rel=0.35)
 
 
 def test_measured_bias_of_the_step_is_said_where_it_matters():
-    said, *_ = simulate(dat21(0.003), paths=4096, impacts=4, rng=3, scheme=LOCATED, dt=0.004).diagnostics
+    said, *_ = simulate(
+        dat21(0.003), paths=4096, impacts=4, rng=3, scheme=LOCATED, dt=0.004
+    ).diagnostics
     assert said.startswith("The step biases the mean of ")
-    assert not simulate(dat21(0.5), paths=16_384, impacts=2, rng=3, scheme=LOCATED, dt=0.001).diagnostics
+    assert not simulate(
+        dat21(0.5), paths=16_384, impacts=2, rng=3, scheme=LOCATED, dt=0.001
+    ).diagnostics
 
 
 def test_impacts_seen_at_the_end_of_a_step_are_diagnosed_as_late():
@@ -68,10 +78,12 @@ def test_impacts_seen_at_the_end_of_a_step_are_diagnosed_as_late():
 
 
 def test_strong_noise_is_diagnosed_where_the_step_cannot_follow_it():
-    (said, *_) = run(sigma=30.0, scheme=LOCATED).diagnostics
+    said, *_ = run(sigma=30.0, scheme=LOCATED).diagnostics
     limit, why = trusted_step(dat21(30.0), LOCATED)
     assert said.endswith(f"{why}; dt = {limit:.2g} would do.")
-    assert 0.002 > limit == pytest.approx(0.05 * (1.8 / (30.0 * math.hypot(1.0, dat21().beta1))) ** 2)
+    assert (
+        0.002 > limit == pytest.approx(0.05 * (1.8 / (30.0 * math.hypot(1.0, dat21().beta1))) ** 2)
+    )
 
 
 def test_sticking_after_the_last_impact_is_no_fault_of_the_section():
@@ -89,10 +101,15 @@ UNMEASURED = Record(step_bias=False)
 
 
 def test_no_step_is_advised_that_nobody_can_take():
-    """Wheels that do not rebound leave their wall with no speed: the noise returns them within any step."""
+    """Wheels that do not rebound leave their wall with no speed: the noise returns them within any
+    step."""
     for epsilon in (0.0, 1e-9):
         lines = simulate(
-            replace(dat21(0.1), epsilon=epsilon), paths=8, impacts=2, scheme=PLAIN, record=UNMEASURED
+            replace(dat21(0.1), epsilon=epsilon),
+            paths=8,
+            impacts=2,
+            scheme=PLAIN,
+            record=UNMEASURED,
         ).diagnostics
         assert any("take exact-flight" in line and "may bias moments" in line for line in lines)
         assert not any("would do" in line for line in lines)
@@ -100,11 +117,17 @@ def test_no_step_is_advised_that_nobody_can_take():
 
 def test_few_paths_and_a_horizon_that_nobody_reaches_are_diagnosed_without_a_warning():
     for sigma in (0.0, 0.1):
-        for settings in ({"paths": 1}, {"paths": 2}, {"paths": 2, "sampling": Sampling(horizon=0.02)}):
+        for settings in (
+            {"paths": 1},
+            {"paths": 2},
+            {"paths": 2, "sampling": Sampling(horizon=0.02)},
+        ):
             for scheme in (LOCATED, PLAIN, EXACT):
                 record = Record(step_bias=scheme != EXACT, times=[0.016])
                 found = run(sigma=sigma, scheme=scheme, record=record, **{"dt": 0.004} | settings)
-                assert (found.unfinished > 0) == any("before the time limit" in said for said in found.diagnostics)
+                assert (found.unfinished > 0) == any(
+                    "before the time limit" in said for said in found.diagnostics
+                )
                 assert (len(found.section), len(found.at_times())) == (4, 1)
 
 
@@ -112,7 +135,9 @@ SCENE = rattle.Scene.from_gears(rattle.DAT21, sigma=0.1)
 STEPPED = {"scheme": "euler-maruyama-located", "dt": 0.01, "record": rattle.Record(step_bias=False)}
 MADE = {
     "Ensemble": lambda: rattle.simulate(SCENE, paths=64, impacts=2, **STEPPED),
-    "Ensemble with step bias": lambda: rattle.simulate(SCENE, paths=64, impacts=2, scheme="euler-maruyama"),
+    "Ensemble with step bias": lambda: rattle.simulate(
+        SCENE, paths=64, impacts=2, scheme="euler-maruyama"
+    ),
     "Ensemble to an accuracy": lambda: rattle.simulate_to(SCENE.with_sigma(0.01), 0.1, impacts=1),
     "Reach": lambda: rattle.simulate_to(SCENE.with_sigma(0.01), 0.1, impacts=1).reach,
     "Validation": lambda: rattle.validate(SCENE, paths=64, impacts=2),
@@ -127,7 +152,12 @@ def forbid(monkeypatch):
     def fail(*_, **__):
         pytest.fail("a repr computes")
 
-    for owner, name in ((block, "sample"), (block, "run"), (diagnostics, "noise_free_path"), (accuracy, "unseen")):
+    for owner, name in (
+        (block, "sample"),
+        (block, "run"),
+        (diagnostics, "noise_free_path"),
+        (accuracy, "unseen"),
+    ):
         monkeypatch.setattr(owner, name, fail)
     monkeypatch.setattr(branches.BranchSearch, "until", fail)
     monkeypatch.setattr(type(rattle.CLOSURES["saltation"]), "trace", fail)

@@ -1,4 +1,5 @@
-"""Several orders and noise with a memory, against an independent sampler in plain numpy and against exact laws."""
+"""Several orders and noise with a memory, against an independent sampler in plain numpy and against
+exact laws."""
 
 import math
 from dataclasses import replace
@@ -19,12 +20,18 @@ IMPACTS = 4
 
 
 def reference(scene, paths, impacts, rng, h=5e-4):
-    """Section states ``tau, x1, y1, x2, y2`` by steps with a constant rate of the noise, and parabolas to the walls."""
-    s, theta = scene, scene.correlation_time
+    """Section states ``tau, x1, y1, x2, y2`` by steps with a constant rate of the noise, and
+    parabolas to the walls."""
+    s = scene
+    theta = scene.correlation_time
     x = np.repeat([[s.start.x1], [s.start.x2]], paths, axis=1)
-    y = np.repeat([[-s.epsilon * s.start.y1], [s.start.y2 - (1.0 + s.epsilon) * s.start.y1]], paths, axis=1)
+    y = np.repeat(
+        [[-s.epsilon * s.start.y1], [s.start.y2 - (1.0 + s.epsilon) * s.start.y1]], paths, axis=1
+    )
     eta = rng.normal(size=paths) / math.sqrt(2.0 * theta) if theta else np.zeros(paths)
-    found, seen, tau = np.full((impacts, 5, paths), np.nan), np.zeros(paths, int), 0.0
+    found = np.full((impacts, 5, paths), np.nan)
+    seen = np.zeros(paths, int)
+    tau = 0.0
 
     def accelerate(t, y, push):
         first = sum(o.amplitude * o.order * np.cos(o.order * t + o.phase) for o in s.drive)
@@ -35,7 +42,8 @@ def reference(scene, paths, impacts, rng, h=5e-4):
 
     while seen.min() < impacts and tau < 30.0:
         if theta:
-            last, e = eta, math.exp(-h / theta)
+            last = eta
+            e = math.exp(-h / theta)
             eta = e * eta + math.sqrt((1.0 - e * e) / (2.0 * theta)) * rng.normal(size=paths)
             push = 0.5 * s.sigma * (last + eta)
         else:
@@ -45,18 +53,24 @@ def reference(scene, paths, impacts, rng, h=5e-4):
             now = tau + h - left
             a = accelerate(now + 0.5 * left, y + 0.5 * left * accelerate(now, y, push), push)
             ends = x + left * y + 0.5 * left**2 * a
-            share, mesh = left.copy(), np.full(paths, -1)
+            share = left.copy()
+            mesh = np.full(paths, -1)
             for i, gap in enumerate((s.gap1, s.gap2)):
                 for side in (1.0, -1.0):
-                    away, speed, pull = gap - side * x[i], side * y[i], side * a[i]
+                    away = gap - side * x[i]
+                    speed = side * y[i]
+                    pull = side * a[i]
                     hit = (side * ends[i] > gap) & (away > -1e-9)
                     root = speed + np.sqrt(np.maximum(speed**2 + 2.0 * pull * away, 0.0))
                     t = np.where(
-                        hit & (root > 0.0), 2.0 * np.maximum(away, 0.0) / np.where(root > 0.0, root, 1.0), np.inf
+                        hit & (root > 0.0),
+                        2.0 * np.maximum(away, 0.0) / np.where(root > 0.0, root, 1.0),
+                        np.inf,
                     )
                     mesh = np.where(t < share, i, mesh)
                     share = np.minimum(share, t)
-            x, y = x + share * y + 0.5 * share**2 * a, y + share * a
+            x = x + share * y + 0.5 * share**2 * a
+            y = y + share * a
             for i, gap in enumerate((s.gap1, s.gap2)):
                 p = np.flatnonzero(mesh == i)
                 x[i, p] = np.sign(x[i, p]) * gap
@@ -82,11 +96,15 @@ def farthest(scene, sampled, exact_paths=40_000):
     worst = 0.0
     for i, name in enumerate(("tau", "x1", "y1", "x2", "y2")):
         values = sampled[:, i]
-        mean, sd, n = values.mean(axis=1), values.std(axis=1), values.shape[1]
+        mean = values.mean(axis=1)
+        sd = values.std(axis=1)
+        n = values.shape[1]
         fourth = ((values - mean[:, None]) ** 4).mean(axis=1)
         free = sd > 1e-9
         se_sd = np.sqrt(np.maximum(fourth - sd**4, 0.0) / n)[free] / (2.0 * sd[free])
-        z_mean = (run[name] - mean)[free] / np.hypot(run["se_" + name][free], sd[free] / math.sqrt(n))
+        z_mean = (run[name] - mean)[free] / np.hypot(
+            run["se_" + name][free], sd[free] / math.sqrt(n)
+        )
         z_sd = (run["sd_" + name] - sd)[free] / np.hypot(run["se_sd_" + name][free], se_sd)
         worst = max(worst, np.abs(z_mean).max(), np.abs(z_sd).max())
     return worst
@@ -94,8 +112,14 @@ def farthest(scene, sampled, exact_paths=40_000):
 
 PLANTED = {
     "three orders": (THREE, {"drive": (ORDERS[0], Order(2, 0.4, 0.35), ORDERS[2])}),
-    "theta 0.1": (Scene.from_gears(DAT21, sigma=0.1, correlation_time=0.1), {"correlation_time": 0.13}),
-    "theta 1": (Scene.from_gears(DAT21, sigma=0.1, correlation_time=1.0), {"correlation_time": 1.2}),
+    "theta 0.1": (
+        Scene.from_gears(DAT21, sigma=0.1, correlation_time=0.1),
+        {"correlation_time": 0.13},
+    ),
+    "theta 1": (
+        Scene.from_gears(DAT21, sigma=0.1, correlation_time=1.0),
+        {"correlation_time": 1.2},
+    ),
     "theta 10": (replace(THREE, correlation_time=10.0), {"correlation_time": 12.0}),
 }
 
@@ -110,14 +134,29 @@ def test_moments_are_those_of_an_independent_sampler_and_a_planted_error_is_foun
 
 
 @pytest.mark.parametrize(
-    "scheme", [pytest.param(name, marks=pytest.mark.slow) if SCHEMES[name].has_step_bias else name for name in SCHEMES]
+    "scheme",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if SCHEMES[name].has_step_bias else name
+        for name in SCHEMES
+    ],
 )
 @pytest.mark.parametrize("theta", [0.05, 1.0])
 def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta):
-    start, wide = Start(0.0, 0.0, 1.0, 0.0, 1.0), {"gap1": 1e5, "gap2": 1e5}
-    numbers = {"alpha": 1.0, "epsilon": 0.9, "beta1": 0.1, "beta2": 0.4, "gamma1": 0.05, "mu": 0.6, "sigma": 0.5}
+    start = Start(0.0, 0.0, 1.0, 0.0, 1.0)
+    wide = {"gap1": 1e5, "gap2": 1e5}
+    numbers = {
+        "alpha": 1.0,
+        "epsilon": 0.9,
+        "beta1": 0.1,
+        "beta2": 0.4,
+        "gamma1": 0.05,
+        "mu": 0.6,
+        "sigma": 0.5,
+    }
     scene = Scene(**numbers, **wide, correlation_time=theta, drive=ORDERS, start=start)
-    dt, paths, until = 5e-3, 20_480, 1.0
+    dt = 5e-3
+    paths = 20_480
+    until = 1.0
     settings = {"record": Record(times=[until]), "sampling": Sampling(horizon=1.1), "rng": 5}
     plan = plan_of(scene, paths=paths, impacts=1, dt=dt, scheme=scheme, **settings)
     states = np.concatenate([sample(plan, block).fixed[0, :, 0] for block in range(plan.blocks)])
@@ -131,29 +170,39 @@ def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta
 
 
 def _covariance(scene, t):
-    c, theta = scene.constants, scene.correlation_time
+    c = scene.constants
+    theta = scene.correlation_time
 
     def rates(tau, p):
-        a, noise = np.zeros((5, 5)), np.zeros((5, 5))
+        a = np.zeros((5, 5))
+        noise = np.zeros((5, 5))
         a[:4, :4], a[:4, 4] = drift_matrix(c), c.sigma * modulation(c, tau, ORDERS)
-        a[4, 4], noise[4, 4] = -1.0 / theta, 1.0 / theta**2
+        a[4, 4] = -1.0 / theta
+        noise[4, 4] = 1.0 / theta**2
         grown = a @ p.reshape(5, 5)
         return (grown + grown.T + noise).ravel()
 
     first = np.zeros((5, 5))
     first[4, 4] = 0.5 / theta
-    return solve_ivp(rates, (0.0, t), first.ravel(), rtol=1e-10, atol=1e-14).y[:, -1].reshape(5, 5)[:4, :4]
+    return (
+        solve_ivp(rates, (0.0, t), first.ravel(), rtol=1e-10, atol=1e-14)
+        .y[:, -1]
+        .reshape(5, 5)[:4, :4]
+    )
 
 
 @pytest.mark.parametrize("drive", [(Order(1),), ORDERS])
 @pytest.mark.parametrize("theta", [0.0, 0.1, 1.0, 10.0])
 def test_saltation_is_the_limit_of_small_noise(drive, theta):
     scene = Scene.from_gears(DAT21, sigma=3e-3, drive=drive, correlation_time=theta)
-    predicted, run = mean_map(scene, impacts=4).section, simulate(scene, paths=20_000, impacts=4, rng=2).section
+    predicted = mean_map(scene, impacts=4).section
+    run = simulate(scene, paths=20_000, impacts=4, rng=2).section
     for name in ("tau", "flight", "y1", "y2"):
         assert (abs(predicted["sd_" + name] - run["sd_" + name]) < 5.0 * run["se_sd_" + name]).all()
         assert (abs(predicted[name] - run[name]) < 5.0 * run["se_" + name]).all()
-        assert (abs(predicted["skew_" + name] - run["skew_" + name]) < 5.0 * run["se_skew_" + name]).all()
+        assert (
+            abs(predicted["skew_" + name] - run["skew_" + name]) < 5.0 * run["se_skew_" + name]
+        ).all()
     other = replace(scene, correlation_time=theta + 0.1 + 0.2 * theta)
     wrong = mean_map(other, impacts=4).section
     assert (abs(wrong["sd_tau"] - run["sd_tau"]) > 5.0 * run["se_sd_tau"]).any()
@@ -164,7 +213,9 @@ def test_at_fixed_times_saltation_with_a_memory_is_the_sample():
     orbit = mean_map(scene, impacts=4)
     tau = orbit.section["tau"].to_numpy()
     times = 0.5 * (tau[1:] + tau[:-1])
-    found = simulate(scene, paths=20_000, impacts=4, rng=2, record=Record(times=times)).at_times(times)
+    found = simulate(scene, paths=20_000, impacts=4, rng=2, record=Record(times=times)).at_times(
+        times
+    )
     predicted = orbit.at_times(found.index)  # whole steps
     for name in ("cov_x1_x1", "cov_y1_y1", "cov_x2_y2", "cov_y2_y2"):
         off = abs(predicted[name].to_numpy() - found[name].to_numpy())
@@ -174,7 +225,10 @@ def test_at_fixed_times_saltation_with_a_memory_is_the_sample():
 def test_moments_go_to_those_of_white_noise_as_the_memory_does():
     white = mean_map(Scene.from_gears(DAT21, sigma=0.01), impacts=3).section
     thetas = np.array([0.001, 0.0005, 0.00025])
-    coloured = [mean_map(Scene.from_gears(DAT21, sigma=0.01, correlation_time=t), impacts=3).section for t in thetas]
+    coloured = [
+        mean_map(Scene.from_gears(DAT21, sigma=0.01, correlation_time=t), impacts=3).section
+        for t in thetas
+    ]
     for name in ("sd_tau", "sd_y1"):
         off = np.array([abs(one[name] - white[name]).to_numpy() for one in coloured])
         slopes = np.polyfit(np.log(thetas), np.log(off), 1)[0]
@@ -183,14 +237,25 @@ def test_moments_go_to_those_of_white_noise_as_the_memory_does():
 
 def test_the_start_of_the_memory_is_stationary_and_of_each_path_alone():
     scene = Scene.from_gears(DAT21, sigma=0.3, correlation_time=0.5)
-    few, many = (simulate(scene, paths=n, impacts=2, rng=4, record=Record(raw=True)) for n in (100, 1500))
+    few, many = (
+        simulate(scene, paths=n, impacts=2, rng=4, record=Record(raw=True)) for n in (100, 1500)
+    )
     assert (few.raw == many.raw[:100]).all()
 
 
 def test_closed_teeth_stay_closed_while_noise_with_a_memory_presses_them():
-    """With white noise they open in every step; here no force pulls them apart once their chatter is complete."""
-    scene = Scene(alpha=1.0, epsilon=0.3, beta1=0.1, gamma1=3.0, stages=1, sigma=0.1, correlation_time=1.0)
-    settings = {"paths": 32, "impacts": 400, "rng": 1, "record": Record(raw=True), "sampling": Sampling(horizon=12.0)}
+    """With white noise they open in every step; here no force pulls them apart once their chatter
+    is complete."""
+    scene = Scene(
+        alpha=1.0, epsilon=0.3, beta1=0.1, gamma1=3.0, stages=1, sigma=0.1, correlation_time=1.0
+    )
+    settings = {
+        "paths": 32,
+        "impacts": 400,
+        "rng": 1,
+        "record": Record(raw=True),
+        "sampling": Sampling(horizon=12.0),
+    }
     tau, pulled, white = (
         simulate(replace(scene, **change), **settings).raw[:, :, 0]
         for change in ({}, {"sigma": 2.0}, {"correlation_time": 0.0})
@@ -206,6 +271,8 @@ def test_a_long_run_of_one_order_written_as_several_is_the_same():
     base = Scene.from_gears(DAT21, sigma=0.3)
     nearly = replace(base, drive=(Order(1), Order(2, 1e-12)))
     one, other = (long_run(scene, periods=64, paths=32, rng=1) for scene in (base, nearly))
-    values = {name: (e.value, other.estimates[name].value, e.se) for name, e in one.estimates.items()}
+    values = {
+        name: (e.value, other.estimates[name].value, e.se) for name, e in one.estimates.items()
+    }
     for name, (a, b, se) in values.items():
         assert abs(a - b) < 6.0 * se + 1e-9, name

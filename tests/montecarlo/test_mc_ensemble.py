@@ -1,4 +1,5 @@
-"""The public entry: the tables' contract, agreement with the orbit, step bias, histograms, and what a run costs."""
+"""The public entry: the tables' contract, agreement with the orbit, step bias, histograms, and what
+a run costs."""
 
 import numpy as np
 import pytest
@@ -26,7 +27,12 @@ IMPACTS = 5
 
 @pytest.fixture(scope="module")
 def run():
-    record = Record(times=[0.3, 1.0, 2.0], histogram=True, raw=True, itineraries={"straight": (-1, 1, -1, 1, -1)})
+    record = Record(
+        times=[0.3, 1.0, 2.0],
+        histogram=True,
+        raw=True,
+        itineraries={"straight": (-1, 1, -1, 1, -1)},
+    )
     return simulate(dat21(0.3), paths=3000, impacts=IMPACTS, dt=5e-3, rng=7, record=record)
 
 
@@ -71,7 +77,10 @@ def test_covariance_is_symmetric_and_has_the_variances_on_its_diagonal(run):
 def test_agreement_is_the_share_of_paths_on_each_itinerary(run):
     orbit = follow(dat21(), IMPACTS)
     codes = run.raw[:, :, 6]
-    for name, itinerary in (("noise-free", orbit.mesh[1:] * orbit.side[1:]), ("straight", (-1, 1, -1, 1, -1))):
+    for name, itinerary in (
+        ("noise-free", orbit.mesh[1:] * orbit.side[1:]),
+        ("straight", (-1, 1, -1, 1, -1)),
+    ):
         expected = np.logical_and.accumulate(codes == np.array(itinerary), axis=1).mean(axis=0)
         assert np.allclose(run.agreement[name], expected, rtol=1e-15)
     assert run.section.agreement.equals(run.agreement["noise-free"].rename("agreement"))
@@ -82,7 +91,9 @@ def test_fixed_times_have_the_rows_asked_for_and_the_columns_of_the_contract(run
     assert run.at_times([2.0, 0.3]).index.tolist() == pytest.approx([2.0, 0.3])
     assert run.at_times().index.name == "time"
     names = {*STATE, *(f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:])}
-    assert names | {f"se_{n}" for n in names} | {"rho1", "rho2", "se_rho1", "se_z_rho2"} <= set(run.at_times().columns)
+    assert names | {f"se_{n}" for n in names} | {"rho1", "rho2", "se_rho1", "se_z_rho2"} <= set(
+        run.at_times().columns
+    )
 
 
 def test_correlations_and_errors_at_fixed_times_are_those_of_the_covariance(run):
@@ -93,13 +104,22 @@ def test_correlations_and_errors_at_fixed_times_are_those_of_the_covariance(run)
 
 
 def test_fixed_time_that_was_not_recorded_is_refused(run):
-    with pytest.raises(InputError, match=r"times = 1.5: was not recorded; give it to simulate: record=Record"):
+    with pytest.raises(
+        InputError, match=r"times = 1.5: was not recorded; give it to simulate: record=Record"
+    ):
         run.at_times([1.5])
 
 
 def test_fixed_time_at_the_horizon_is_recorded():
     found = [
-        simulate(dat21(0.1), paths=10, impacts=1, dt=0.01, sampling=Sampling(horizon=t), record=Record(times=[0.64]))
+        simulate(
+            dat21(0.1),
+            paths=10,
+            impacts=1,
+            dt=0.01,
+            sampling=Sampling(horizon=t),
+            record=Record(times=[0.64]),
+        )
         for t in (0.64, 0.70)
     ]
     assert found[0].at_times().x1.iloc[0] == found[1].at_times().x1.iloc[0]
@@ -111,13 +131,16 @@ def test_paths_that_run_on_to_a_late_fixed_time_are_finished():
     assert run.at_times()[["x1", "x2"]].abs().max(axis=None) < 0.5
 
 
-# docs/model.md section 7, at impact 12 of DAT21 from the paper's start; given to three digits at most
+# docs/model.md section 7, at impact 12 of DAT21 from the paper's start; given to three digits at
+# most
 SHARES = {0.01: 1.00, 0.1: 0.945, 0.5: 0.13, np.sqrt(1.5): 0.014}
 AGREEING = 20_000
 
 
 def agreement_at_12(sigma):
-    return simulate(dat21(sigma), paths=AGREEING, impacts=12, dt=2e-3, rng=5, workers=2).section.agreement[12]
+    return simulate(
+        dat21(sigma), paths=AGREEING, impacts=12, dt=2e-3, rng=5, workers=2
+    ).section.agreement[12]
 
 
 @pytest.mark.parametrize("sigma", SHARES)
@@ -132,22 +155,43 @@ def test_share_of_another_noise_is_seen_to_differ():
     assert abs(agreement_at_12(0.11) - 0.945) > 4.0 * se + 0.005
 
 
-COARSE_DT, FINE_DT, LAST = 0.01, 5e-4, 4
+COARSE_DT = 0.01
+FINE_DT = 5e-4
+LAST = 4
 
 
 @pytest.fixture(scope="module")
 def biased():
-    """A coarse run with its estimated bias, and a fine run whose bias is a twentieth: sigma = 0.01."""
+    """A coarse run with its estimated bias, and a fine run whose bias is a twentieth: sigma =
+    0.01."""
     scene = dat21(0.01)
-    coarse = simulate(scene, paths=40_000, impacts=LAST, dt=COARSE_DT, rng=1, workers=2, record=Record(step_bias=True))
-    fine = simulate(scene, paths=40_000, impacts=LAST, dt=FINE_DT, rng=2, workers=2, record=Record(step_bias=True))
+    coarse = simulate(
+        scene,
+        paths=40_000,
+        impacts=LAST,
+        dt=COARSE_DT,
+        rng=1,
+        workers=2,
+        record=Record(step_bias=True),
+    )
+    fine = simulate(
+        scene,
+        paths=40_000,
+        impacts=LAST,
+        dt=FINE_DT,
+        rng=2,
+        workers=2,
+        record=Record(step_bias=True),
+    )
     return coarse, fine
 
 
 def columns_of(run, moment):
     table = run.step_bias.query("moment == @moment and quantity in ('tau', 'y1', 'y2')")
     prefix = "" if moment == "mean" else "sd_"
-    raw = [run.section.loc[k, prefix + q] for k, q in zip(table.impact, table.quantity, strict=True)]
+    raw = [
+        run.section.loc[k, prefix + q] for k, q in zip(table.impact, table.quantity, strict=True)
+    ]
     return table, np.array(raw)
 
 
@@ -164,10 +208,11 @@ def test_corrected_value_of_a_coarse_run_is_that_of_a_fine_run(biased, moment):
 def test_stated_error_of_the_bias_has_the_size_of_its_scatter():
     """Over 60 repeated runs; an sd from 60 values is good to 9 %, so the band is 3 of those."""
     tables = [
-        simulate(dat21(0.1), paths=500, impacts=2, dt=0.02, rng=seed, record=Record(step_bias=True))
-        .step_bias.query("quantity in ('tau', 'y1')")
+        simulate(
+            dat21(0.1), paths=500, impacts=2, dt=0.02, rng=seed, record=Record(step_bias=True)
+        ).step_bias.query("quantity in ('tau', 'y1')")
         for seed in range(60)
-    ]  # fmt: skip
+    ]
     for value, error in (("bias", "se_bias"), ("corrected", "se_corrected")):
         scatter = np.std([t[value] for t in tables], axis=0)
         stated = np.mean([t[error] for t in tables], axis=0)
@@ -188,9 +233,11 @@ def test_step_bias_of_noise_free_run_is_the_difference_of_three_runs():
 
 @pytest.mark.parametrize("order", [0.5, 0.55, 0.72, 0.85, 1.0, 2.0])
 def test_error_that_first_order_leaves_is_stated_whatever_the_slope(order):
-    """Exactly for a power of the step; a third of the change, right at order 2, is 5 times too little at 0.55."""
+    """Exactly for a power of the step; a third of the change, right at order 2, is 5 times too
+    little at 0.55."""
     value = {m: 1.0 + 0.3 * m**order for m in (1, 2, 4)}
-    change, before = value[2] - value[1], value[4] - value[2]
+    change = value[2] - value[1]
+    before = value[4] - value[2]
     error = abs(value[1] - change - 1.0)
     left = float(estimate_remainder(np.array([change]), np.array([before]), np.zeros(1))[0])
     assert left == pytest.approx(error, rel=1e-9, abs=1e-15)
@@ -209,7 +256,9 @@ def test_histogram_counts_the_kept_paths(run, quantity):
     for impact in range(1, IMPACTS + 1):
         edges, density = run.histograms.density(impact, quantity)
         kept = run.raw[:, impact - 1, SECTION.index(quantity)]
-        assert np.diff(edges) @ density == pytest.approx(np.mean((kept >= edges[0]) & (kept < edges[-1])), abs=1e-12)
+        assert np.diff(edges) @ density == pytest.approx(
+            np.mean((kept >= edges[0]) & (kept < edges[-1])), abs=1e-12
+        )
         expected, _ = np.histogram(kept, edges)
         off = np.abs(np.diff(edges) * density * kept.size - expected)
         assert off.sum() <= 4.0  # values on an edge, which rounding may put on either side
@@ -224,7 +273,13 @@ def test_paths_histograms_and_times_are_kept_only_if_asked_for(run):
 
 def test_section_of_partly_finished_run_is_over_the_paths_that_got_there():
     run = simulate(
-        dat21(0.3), paths=700, impacts=2, dt=5e-3, sampling=Sampling(horizon=0.96), rng=1, record=Record(raw=True)
+        dat21(0.3),
+        paths=700,
+        impacts=2,
+        dt=5e-3,
+        sampling=Sampling(horizon=0.96),
+        rng=1,
+        record=Record(raw=True),
     )
     reached = np.isfinite(run.raw[:, 1, 0])
     assert 0 < reached.sum() < 700
@@ -246,7 +301,11 @@ def test_noise_free_run_that_is_cut_off_counts_all_its_paths_as_unfinished():
 
 def test_single_stage_run_has_no_second_stage():
     run = simulate(
-        dat21(0.2, stages=1), paths=100, impacts=3, dt=5e-3, record=Record(times=[0.5], step_bias=True, raw=True)
+        dat21(0.2, stages=1),
+        paths=100,
+        impacts=3,
+        dt=5e-3,
+        record=Record(times=[0.5], step_bias=True, raw=True),
     )
     second = [n for n in run.section.columns if n.endswith(("x2", "y2"))]
     assert len(second) == 20
@@ -266,16 +325,27 @@ def test_single_stage_run_has_no_second_stage():
 def test_path_steps_count_every_lane_and_step_size():
     """Paths that never finish take every step up to the horizon, at every step size."""
     run = simulate(
-        open_space(0.1), paths=100, impacts=1, dt=0.01, sampling=Sampling(horizon=1.28), record=Record(step_bias=True)
+        open_space(0.1),
+        paths=100,
+        impacts=1,
+        dt=0.01,
+        sampling=Sampling(horizon=1.28),
+        record=Record(step_bias=True),
     )
     assert run.path_steps == 100 * (128 + 64 + 32)
 
 
 def test_too_few_paths_tell_no_error():
-    """The spread of one path, the squared deviations of two and the kurtosis of three say nothing of the next path."""
+    """The spread of one path, the squared deviations of two and the kurtosis of three say nothing
+    of the next path."""
     enough = {
         n: simulate(
-            dat21(0.1), paths=n, impacts=1, dt=0.01, rng=2, record=Record(times=[0.4], step_bias=True, energy=True)
+            dat21(0.1),
+            paths=n,
+            impacts=1,
+            dt=0.01,
+            rng=2,
+            record=Record(times=[0.4], step_bias=True, energy=True),
         )
         for n in (1, 2, 3, 4)
     }
@@ -292,23 +362,38 @@ def test_too_few_paths_tell_no_error():
 
 
 def test_what_is_not_random_has_no_error():
-    run = simulate(dat21(0.0), paths=1, impacts=1, dt=0.01, record=Record(times=[0.4], step_bias=True, energy=True))
+    run = simulate(
+        dat21(0.0),
+        paths=1,
+        impacts=1,
+        dt=0.01,
+        record=Record(times=[0.4], step_bias=True, energy=True),
+    )
     assert (run.section[["se_y1", "se_sd_y1", "se_energy"]] == 0.0).all(axis=None)
     assert (run.at_times()[["se_x1", "se_cov_x1_y1"]] == 0.0).all(axis=None)
     assert (run.step_bias["se_bias"] == 0.0).all()
 
 
 def test_batches_are_the_paths_of_their_blocks():
-    run = simulate_exactly(dat21(0.2), paths=34 * BLOCK + 5, impacts=3, rng=1, record=Record(raw=True, batches=True))
+    run = simulate_exactly(
+        dat21(0.2), paths=34 * BLOCK + 5, impacts=3, rng=1, record=Record(raw=True, batches=True)
+    )
     for b in (0, 1, 2, 31):
-        own = np.concatenate([run.raw[i * BLOCK : (i + 1) * BLOCK, :, :6] for i in range(b, 35, BATCHES)])
+        own = np.concatenate(
+            [run.raw[i * BLOCK : (i + 1) * BLOCK, :, :6] for i in range(b, 35, BATCHES)]
+        )
         assert (run.batches.n[b] == len(own)).all()
         np.testing.assert_allclose(run.batches.mean[b], own.mean(axis=0), rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(run.batches.sd[b], own.std(axis=0), rtol=1e-9, atol=1e-12)
 
 
 def test_batches_of_an_extended_run_are_those_of_the_whole():
-    settings = {"impacts": 2, "rng": 4, "sampling": Sampling(control=True), "record": Record(batches=True)}
+    settings = {
+        "impacts": 2,
+        "rng": 4,
+        "sampling": Sampling(control=True),
+        "record": Record(batches=True),
+    }
     whole = simulate_exactly(dat21(0.05), paths=6 * BLOCK, **settings).batches
     part = simulate_exactly(dat21(0.05), paths=4 * BLOCK, **settings)
     more = extend(part, 6 * BLOCK, in_threads(2)).batches
@@ -319,17 +404,22 @@ def test_batches_of_an_extended_run_are_those_of_the_whole():
 
 def test_energy_is_what_each_impact_takes():
     scene = dat21(0.5)
-    run = simulate_exactly(scene, paths=3000, impacts=4, rng=2, record=Record(raw=True, energy=True))
+    run = simulate_exactly(
+        scene, paths=3000, impacts=4, rng=2, record=Record(raw=True, energy=True)
+    )
     mesh = np.abs(run.raw[:, :, 6])
     share = 0.5 * (1.0 - scene.epsilon**2)
     lost = share * np.where(mesh == 1, run.raw[:, :, 3] ** 2, scene.mu * run.raw[:, :, 5] ** 2)
     np.testing.assert_allclose(run.section["energy"], lost.mean(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(run.section["se_energy"], lost.std(axis=0) / np.sqrt(3000), rtol=1e-9)
+    np.testing.assert_allclose(
+        run.section["se_energy"], lost.std(axis=0) / np.sqrt(3000), rtol=1e-9
+    )
     assert "energy" not in simulate_exactly(scene, paths=10, impacts=1).section
 
 
 def test_paired_differences_have_the_errors_that_they_state():
-    """Twenty pairs of short runs on common noise: the spread of their differences is the paired standard error."""
+    """Twenty pairs of short runs on common noise: the spread of their differences is the paired
+    standard error."""
     found = []
     for seed in range(20):
         runs = [Sample(dat21(s), impacts=2, seed=seed, paths=32 * BLOCK // 8) for s in (0.3, 0.33)]
@@ -341,5 +431,9 @@ def test_paired_differences_have_the_errors_that_they_state():
         alone = np.sqrt(np.mean([r["se_independent"][moment] ** 2 for r in rows]))
         half = limit(2) / np.sqrt(2.0 * 19)  # relative error of an sd of twenty
         assert abs(spread / stated - 1.0) < half + 0.1
-        assert stated < 0.8 * alone  # common noise is worth something, and the check sees what it is worth
-        assert abs(spread / (0.3 * stated) - 1.0) > half + 0.1  # negative control: a wrong standard error
+        assert (
+            stated < 0.8 * alone
+        )  # common noise is worth something, and the check sees what it is worth
+        assert (
+            abs(spread / (0.3 * stated) - 1.0) > half + 0.1
+        )  # negative control: a wrong standard error

@@ -1,4 +1,5 @@
-"""The exact flight: its Gaussian distribution, its orbit, and no step bias, against truths and other schemes."""
+"""The exact flight: its Gaussian distribution, its orbit, and no step bias, against truths and
+other schemes."""
 
 import math
 from dataclasses import replace
@@ -17,38 +18,50 @@ from rattle.montecarlo.settings import Sampling
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 
-EXACT, LOCATED = "exact-flight", "euler-maruyama-located"
+EXACT = "exact-flight"
+LOCATED = "euler-maruyama-located"
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 
 
 def by_steps(scene, t, steps, across=1.0):
-    """Mean and covariance after a time t by the linear map of each step; `across` plants a wrong share of the area."""
-    s, h = scene.start, t / steps
-    mean, cov = np.array([s.x1, s.y1, s.x2, s.y2]), np.zeros((4, 4))
+    """Mean and covariance after a time t by the linear map of each step; `across` plants a wrong
+    share of the area."""
+    s = scene.start
+    h = t / steps
+    mean = np.array([s.x1, s.y1, s.x2, s.y2])
+    cov = np.zeros((4, 4))
     for n in range(steps):
         f = flight_forcing(scene.constants, s.tau + n * h, h)
         matrix = np.diag([1.0, 0.0, 1.0, 0.0])
         matrix[[0, 1, 2, 2, 3, 3], [1, 1, 1, 3, 1, 3]] = f.carry
         kicks = np.array([f.along, across * np.array(f.across)])
-        mean, cov = matrix @ mean + f.drift, matrix @ cov @ matrix.T + kicks.T @ kicks
+        mean = matrix @ mean + f.drift
+        cov = matrix @ cov @ matrix.T + kicks.T @ kicks
     return mean, cov
 
 
 OPEN = {
-    "DAT21": open_space(0.4), "unequal damping": open_space(0.4, beta2=0.9), "undamped": open_space(0.4, beta1=0.0),
-}  # fmt: skip
+    "DAT21": open_space(0.4),
+    "unequal damping": open_space(0.4, beta2=0.9),
+    "undamped": open_space(0.4, beta1=0.0),
+}
 FLIGHT = 1.6
 
 
 def left_out(scene):
-    """What increment and area miss of the covariance, per h^4: sigma^2 int k k' dr / 720, k the kernel's second rate.
+    """What increment and area miss of the covariance, per h^4: sigma^2 int k k' dr / 720, k the
+    kernel's second rate.
 
-    A function's part beyond its line over a short h has the square ``h^5 k^2 / 720`` to leading order.
+    A function's part beyond its line over a short h has the square ``h^5 k^2 / 720`` to leading
+    order.
     """
-    tau, d = scene.start.tau + FLIGHT, 1e-3
+    tau = scene.start.tau + FLIGHT
+    d = 1e-3
 
     def kernel(lag):
-        return jacobian(scene.constants, lag)[:, [1, 3]] @ np.array(noise_rate(scene.constants, tau - lag))
+        return jacobian(scene.constants, lag)[:, [1, 3]] @ np.array(
+            noise_rate(scene.constants, tau - lag)
+        )
 
     def integrand(lag):
         bend = (kernel(lag + d) - 2.0 * kernel(lag) + kernel(lag - d)) / d**2
@@ -58,14 +71,20 @@ def left_out(scene):
 
 
 def missing(scene, across=1.0):
-    """Covariance that the scheme lacks after a flight of 8, 16 and 32 steps, over the largest of what theory says."""
-    exact, scale = noise_covariance(scene.constants, scene.start.tau, FLIGHT), np.abs(left_out(scene)).max()
-    return [(exact - by_steps(scene, FLIGHT, n, across)[1]) / ((FLIGHT / n) ** 4 * scale) for n in (8, 16, 32)]
+    """Covariance that the scheme lacks after a flight of 8, 16 and 32 steps, over the largest of
+    what theory says."""
+    exact = noise_covariance(scene.constants, scene.start.tau, FLIGHT)
+    scale = np.abs(left_out(scene)).max()
+    return [
+        (exact - by_steps(scene, FLIGHT, n, across)[1]) / ((FLIGHT / n) ** 4 * scale)
+        for n in (8, 16, 32)
+    ]
 
 
 @pytest.mark.parametrize("case", OPEN)
 def test_covariance_of_a_flight_lacks_only_what_is_said_to_be_left_out(case):
-    """It falls as h^4, by 16 at each halving, and has the size that the second derivative of the kernel gives it."""
+    """It falls as h^4, by 16 at each halving, and has the size that the second derivative of the
+    kernel gives it."""
     rough, fine, finest = missing(OPEN[case])
     truth = left_out(OPEN[case]) / np.abs(left_out(OPEN[case])).max()
     assert np.abs(finest - truth).max() < 0.003
@@ -80,24 +99,32 @@ def test_check_of_the_covariance_sees_a_wrong_area():
 
 @pytest.mark.parametrize("case", OPEN)
 def test_mean_of_a_flight_is_the_flow(case):
-    scene, s = OPEN[case], OPEN[case].start
+    scene = OPEN[case]
+    s = OPEN[case].start
     exact = flow(scene.constants, s.tau, s.x1, s.y1, s.x2, s.y2, FLIGHT)
     for steps in (1, 7, 50):
         assert np.abs(by_steps(scene, FLIGHT, steps)[0] - exact).max() < 1e-13
 
 
 ORBITS = {
-    "DAT21": dat21(), "unequal gaps": UNEQUAL_GAPS, "damped": DAMPED, "single": dat21(stages=1),
+    "DAT21": dat21(),
+    "unequal gaps": UNEQUAL_GAPS,
+    "damped": DAMPED,
+    "single": dat21(stages=1),
     "wider": dat21(tolerance=Tolerance(0.04, 0.02, distribution="fixed")),
-    "plastic": replace(UNEQUAL_GAPS, epsilon=0.05), "slow": replace(dat21(), alpha=0.3),
+    "plastic": replace(UNEQUAL_GAPS, epsilon=0.05),
+    "slow": replace(dat21(), alpha=0.3),
     "in flight": replace(dat21(), start=Start(0.4, 0.1, -0.3, -0.2, 0.6)),
-}  # fmt: skip
+}
 
 
 def orbit_error(scene, dt, impacts=8, **changes):
-    """Largest difference of impact times and states from the orbit by flight and restitution map alone."""
+    """Largest difference of impact times and states from the orbit by flight and restitution map
+    alone."""
     rows = orbit_of(replace(scene, **changes), impacts)
-    raw = simulate(scene, paths=1, impacts=impacts, dt=dt, scheme=EXACT, record=Record(raw=True)).raw[0]
+    raw = simulate(
+        scene, paths=1, impacts=impacts, dt=dt, scheme=EXACT, record=Record(raw=True)
+    ).raw[0]
     if (raw[:, 6] != rows[:, 5]).any():
         return math.inf
     columns = slice(0, 5 if scene.stages == 2 else 3)
@@ -120,13 +147,16 @@ def test_orbit_check_sees_another_restitution():
 
 def moments(run, prefixes=("", "sd_"), least=1e-9):
     """Section means and sds of what varies, with standard errors, flat."""
-    table, names = run.section, [p + q for p in prefixes for q in QUANTITIES if q[-1] != "2" or run.scene.stages == 2]
-    values, se = table[names].to_numpy().ravel(), table[[f"se_{n}" for n in names]].to_numpy().ravel()
+    table = run.section
+    names = [p + q for p in prefixes for q in QUANTITIES if q[-1] != "2" or run.scene.stages == 2]
+    values = table[names].to_numpy().ravel()
+    se = table[[f"se_{n}" for n in names]].to_numpy().ravel()
     return values, se, se > least
 
 
 def same_moments(a, b, slack=0.0):
-    (u, se_u, varies), (v, se_v, _) = moments(a), moments(b)
+    u, se_u, varies = moments(a)
+    v, se_v, _ = moments(b)
     return agrees(u[varies], v[varies], np.hypot(se_u, se_v)[varies], slack)
 
 
@@ -154,12 +184,15 @@ def test_comparison_of_steps_sees_another_scene(change):
 
 
 def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
-    """A limit, not a virtue: at tau = 0 the modulation all but vanishes, and so does the variance of a short flight.
+    """A limit, not a virtue: at tau = 0 the modulation all but vanishes, and so does the variance
+    of a short flight.
 
-    What increment and area leave out is then no small share of it: 15 % of the sd of x1 after one step of 0.2, and
-    0.9 % after two of 0.1, around pi / 32.  It falls with the fourth power of the step.
+    What increment and area leave out is then no small share of it: 15 % of the sd of x1 after one
+    step of 0.2, and 0.9 % after two of 0.1, around pi / 32.  It falls with the fourth power of the
+    step.
     """
-    scene, t = open_space(0.5, beta1=0.08, start=Start(0.0, 0.1, -0.4, -0.2, 0.5)), 0.2
+    scene = open_space(0.5, beta1=0.08, start=Start(0.0, 0.1, -0.4, -0.2, 0.5))
+    t = 0.2
     exact = noise_covariance(scene.constants, 0.0, t)[0, 0]
     lacking = 1.0 - np.sqrt([by_steps(scene, t, n)[1][0, 0] / exact for n in (1, 2, 4, 8)])
     assert 0.14 < lacking[0] < 0.16
@@ -169,19 +202,32 @@ def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
 
 FROM_NOTHING = {
     "mesh 1": Scene(
-        alpha=1.5, epsilon=0.9, beta1=0.083, gamma1=0.057, stages=1, sigma=0.1,
+        alpha=1.5,
+        epsilon=0.9,
+        beta1=0.083,
+        gamma1=0.057,
+        stages=1,
+        sigma=0.1,
         start=Start(math.atan(0.083) - 0.011, 0.5, 35.0, 0.0, 0.0, mesh=1),
     ),
     "mesh 2": Scene(
-        alpha=1.5, epsilon=0.9, mu=0.5, beta1=0.3, gamma1=0.057, beta2=0.05, gamma2=0.02, sigma=0.1,
+        alpha=1.5,
+        epsilon=0.9,
+        mu=0.5,
+        beta1=0.3,
+        gamma1=0.057,
+        beta2=0.05,
+        gamma2=0.02,
+        sigma=0.1,
         start=Start(0.5 * math.pi - 0.015, 0.1, 0.1, -0.45, 31.7),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("mesh", [1, 2])
 def test_first_flight_of_a_step_in_which_the_modulation_crosses_zero(mesh):
-    """The default step is shortened until the sd of the first impact's time is the exact one; the usual one is not."""
+    """The default step is shortened until the sd of the first impact's time is the exact one; the
+    usual one is not."""
     scene = FROM_NOTHING[f"mesh {mesh}"]
     tau, speed = orbit_of(scene, 1)[0, [0, 2 * mesh]]
     spread = noise_covariance(scene.constants, scene.start.tau, tau - scene.start.tau)
@@ -195,12 +241,20 @@ def test_first_flight_of_a_step_in_which_the_modulation_crosses_zero(mesh):
     assert abs(z(None)) < limit(1)
     assert z(usual) < -10.0
     run = simulate_to(scene, 0.02, impacts=1)
-    assert 0.0 < run.reach.step == neglected_noise(scene, run.dt) < 2e-4 < 0.01 < neglected_noise(scene, usual)
+    assert (
+        0.0
+        < run.reach.step
+        == neglected_noise(scene, run.dt)
+        < 2e-4
+        < 0.01
+        < neglected_noise(scene, usual)
+    )
     assert "leaves out noise" in diagnose_short_step(simulate(scene, paths=100, impacts=1))
 
 
 def test_coarse_levels_of_one_noise_differ_by_no_bias():
-    """Means at dt, 2 dt and 4 dt on the same noise: differences far below the spread, and within their errors."""
+    """Means at dt, 2 dt and 4 dt on the same noise: differences far below the spread, and within
+    their errors."""
     table = sampled(dat21(0.05), math.pi / 64.0, 20_000, 4, record=Record(step_bias=True)).step_bias
     seen = table[table.se_bias > 1e-9]
     assert len(seen) > 20
@@ -208,10 +262,12 @@ def test_coarse_levels_of_one_noise_differ_by_no_bias():
 
 
 EULER = {
-    "DAT21 0.05": (dat21(0.05), 60_000), "DAT21 0.5": (dat21(0.5), 20_000),
+    "DAT21 0.05": (dat21(0.05), 60_000),
+    "DAT21 0.5": (dat21(0.5), 20_000),
     "DAT21 1.22": (dat21(math.sqrt(1.5)), 20_000),
-    "unequal gaps": (replace(UNEQUAL_GAPS, sigma=0.2), 20_000), "redrawn walls": (replace(TOLERANT, sigma=0.2), 20_000),
-}  # fmt: skip
+    "unequal gaps": (replace(UNEQUAL_GAPS, sigma=0.2), 20_000),
+    "redrawn walls": (replace(TOLERANT, sigma=0.2), 20_000),
+}
 FEW = 3
 
 
@@ -224,7 +280,13 @@ def extrapolated():
         if case not in kept:
             scene, paths = EULER[case]
             run = simulate(
-                scene, paths=paths, impacts=FEW, dt=2.5e-3, scheme=LOCATED, rng=5, record=Record(step_bias=True)
+                scene,
+                paths=paths,
+                impacts=FEW,
+                dt=2.5e-3,
+                scheme=LOCATED,
+                rng=5,
+                record=Record(step_bias=True),
             )
             kept[case] = run.step_bias
         return kept[case]
@@ -233,23 +295,33 @@ def extrapolated():
 
 
 def agrees_with(table, run):
-    """Whether section means and sds are the extrapolated ones, to sampling errors and what extrapolation leaves."""
+    """Whether section means and sds are the extrapolated ones, to sampling errors and what
+    extrapolation leaves."""
     table = table[table.se_corrected > 1e-9]
-    names = [("" if m == "mean" else "sd_") + q for m, q in zip(table.moment, table.quantity, strict=True)]
+    names = [
+        ("" if m == "mean" else "sd_") + q
+        for m, q in zip(table.moment, table.quantity, strict=True)
+    ]
     value = np.array([run.section.loc[k, n] for k, n in zip(table.impact, names, strict=True)])
     se = np.array([run.section.loc[k, f"se_{n}"] for k, n in zip(table.impact, names, strict=True)])
-    return agrees(value, table.corrected, np.hypot(se, table.se_corrected), slack=table["rest"].to_numpy())
+    return agrees(
+        value, table.corrected, np.hypot(se, table.se_corrected), slack=table["rest"].to_numpy()
+    )
 
 
 @pytest.mark.parametrize("case", EULER)
 def test_section_is_that_of_extrapolated_euler_steps(case, extrapolated):
-    assert agrees_with(extrapolated(case), sampled(EULER[case][0], math.pi / 128.0, EULER[case][1], FEW))
+    assert agrees_with(
+        extrapolated(case), sampled(EULER[case][0], math.pi / 128.0, EULER[case][1], FEW)
+    )
 
 
 PLANTED = {
-    "sigma": {"sigma": 1.03 * 0.05}, "epsilon": {"epsilon": 0.902}, "beta1": {"beta1": 0.0825 / 0.9},
+    "sigma": {"sigma": 1.03 * 0.05},
+    "epsilon": {"epsilon": 0.902},
+    "beta1": {"beta1": 0.0825 / 0.9},
     "gamma2": {"gamma2": 0.036},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("fault", PLANTED)
@@ -260,7 +332,8 @@ def test_comparison_with_euler_steps_sees_another_scene(fault, extrapolated):
 
 @pytest.mark.parametrize("scene", [UNEQUAL_GAPS, TOLERANT], ids=["fixed walls", "redrawn walls"])
 def test_paths_that_stick_where_the_noise_vanishes_stay_within_the_gap(scene):
-    """Around tau = 2 pi the noise of stage 1 goes through zero while the chatter of both stages dies out.
+    """Around tau = 2 pi the noise of stage 1 goes through zero while the chatter of both stages
+    dies out.
 
     A path that creeps along a wall there must not use up its cuts, nor pass the wall if it does.
     """

@@ -18,18 +18,25 @@ from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import DAT21, Scene
 from rattle.scene.memory import covariance
 
-QUIET, NOISY = Scene.from_gears(DAT21), Scene.from_gears(DAT21, sigma=0.1)
+QUIET = Scene.from_gears(DAT21)
+NOISY = Scene.from_gears(DAT21, sigma=0.1)
 
 
 def test_intervals_are_student_s_and_poisson_s():
-    assert [half_width(n) for n in (1000, 10, 3)] == pytest.approx(t.ppf(0.975, [999, 9, 2]), rel=1e-3)
-    assert interval(10.0, 10.0, 1.0) == pytest.approx(chi2.ppf([0.025, 0.975], [20, 22]) / 2.0, rel=1e-3)
+    assert [half_width(n) for n in (1000, 10, 3)] == pytest.approx(
+        t.ppf(0.975, [999, 9, 2]), rel=1e-3
+    )
+    assert interval(10.0, 10.0, 1.0) == pytest.approx(
+        chi2.ppf([0.025, 0.975], [20, 22]) / 2.0, rel=1e-3
+    )
     assert interval(0.0, 0.0, 1.0)[1] == pytest.approx(chi2.ppf(0.975, 2) / 2.0, rel=1e-3)
     assert sum(map(share_of_look, range(1, 10_000))) == pytest.approx(0.05, abs=1e-4)
 
 
 def test_steps_follow_the_scales_of_the_scene():
-    assert time_scales(Scene.from_gears(DAT21, sigma=0.5)) == pytest.approx([7.5, 0.25, 0.998, 12.871], abs=1e-3)
+    assert time_scales(Scene.from_gears(DAT21, sigma=0.5)) == pytest.approx(
+        [7.5, 0.25, 0.998, 12.871], abs=1e-3
+    )
     assert accurate_flight(QUIET) == (0.1, "a longer step cannot follow the noise's modulation")
     assert steps_per_period(NOISY) == 192
     assert [count_followed(scene, 1000) for scene in (QUIET, NOISY)] == [1, 1000]
@@ -39,19 +46,26 @@ def test_noise_with_a_memory_keeps_its_variance():
     kept, fresh = memory_of(0.5, 0.01)[:2]
     assert kept == pytest.approx(math.exp(-0.02))
     assert fresh == pytest.approx(math.sqrt((1.0 - kept**2) / (2.0 * 0.5)))
-    stationary = covariance(Scene.from_gears(DAT21, sigma=0.1, correlation_time=0.5).constants, 0.0, 50.0)[0]
+    stationary = covariance(
+        Scene.from_gears(DAT21, sigma=0.1, correlation_time=0.5).constants, 0.0, 50.0
+    )[0]
     assert stationary[4, 4] == pytest.approx(1.0 / (2.0 * 0.5))
 
 
 def test_a_control_variate_is_taken_off_with_its_slope():
     chance = np.random.default_rng(1).normal(size=(64, 1))
-    assert corrections(5.0 + 3.0 * chance, chance) == pytest.approx(np.full((64, 1, 1), 3.0), rel=0.02)
+    assert corrections(5.0 + 3.0 * chance, chance) == pytest.approx(
+        np.full((64, 1, 1), 3.0), rel=0.02
+    )
 
 
 def test_what_the_noise_supplies_is_lost_at_impacts():
-    """Without drive, damping and torque the noise supplies sigma^2 / 4 per unit of time on average."""
+    """Without drive, damping and torque the noise supplies sigma^2 / 4 per unit of time on
+    average."""
     scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
     lost, supplied = long_run(scene, periods=64, paths=64).energy_balance()
     assert supplied[0] == pytest.approx(0.25)
     se = lost.std(ddof=1) / math.sqrt(lost.size)
-    assert abs(lost.mean() - 0.25) < 4.0 * se < abs(lost.mean() - 1.1 * 0.25)  # a tenth more would be seen
+    assert (
+        abs(lost.mean() - 0.25) < 4.0 * se < abs(lost.mean() - 1.1 * 0.25)
+    )  # a tenth more would be seen

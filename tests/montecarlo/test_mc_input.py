@@ -21,33 +21,55 @@ BAD = {
     "no workers": ({"workers": 0}, "workers = 0: must be at least 1"),
     "no step": ({"dt": 0.0}, "dt = 0.0: must be greater than 0"),
     "a step back": ({"dt": -1e-3}, "dt = -0.001: must be greater than 0"),
-    "a step in which nothing moves": ({"dt": 1e-306}, "dt = 1e-306: must be at least 1.25e-08: 1e[+]07 shorter steps"),
+    "a step in which nothing moves": (
+        {"dt": 1e-306},
+        "dt = 1e-306: must be at least 1.25e-08: 1e[+]07 shorter steps",
+    ),
     "a step of NaN": ({"dt": math.nan}, "dt = nan: give a finite number"),
     "an endless step": ({"dt": math.inf}, "dt = inf: give a finite number"),
     "a step that misses the gap": ({"dt": 0.126}, r"dt = 0.126: must be at most 0.125: .* gap"),
-    "a step too long once quadrupled": ({"dt": 0.05, "step_bias": True}, r"at most 0.0312 \(4 dt .*\): .* gap"),
+    "a step too long once quadrupled": (
+        {"dt": 0.05, "step_bias": True},
+        r"at most 0.0312 \(4 dt .*\): .* gap",
+    ),
     "an exact step that misses the modulation": (
-        {"dt": 0.11, "scheme": "exact-flight"}, "dt = 0.11: must be at most 0.1: .* modulation",
+        {"dt": 0.11, "scheme": "exact-flight"},
+        "dt = 0.11: must be at most 0.1: .* modulation",
     ),
     "a misspelt scheme": (
-        {"scheme": "euler-maruyama-locate"}, "scheme = 'euler-maruyama-locate': did you mean 'euler-maruyama-located'",
+        {"scheme": "euler-maruyama-locate"},
+        "scheme = 'euler-maruyama-locate': did you mean 'euler-maruyama-located'",
     ),
     "an unknown scheme": (
-        {"scheme": "milstein"}, "valid are 'euler-maruyama', 'euler-maruyama-located', 'exact-flight'",
+        {"scheme": "milstein"},
+        "valid are 'euler-maruyama', 'euler-maruyama-located', 'exact-flight'",
     ),
     "a time before the start": ({"times": [-1.0]}, "record.times = -1.0: must lie between 0.002"),
     "a time at the start": ({"times": [0.0]}, "record.times = 0.0: must lie between 0.002"),
-    "a time beyond the horizon": ({"times": [1.0, 5.1], "horizon": 5.0}, "record.times = 5.1: must lie .* and 5 after"),
+    "a time beyond the horizon": (
+        {"times": [1.0, 5.1], "horizon": 5.0},
+        "record.times = 5.1: must lie .* and 5 after",
+    ),
     "a time of NaN": ({"times": [math.nan]}, "record.times = nan: give a finite number"),
     "no horizon": ({"horizon": 0.0}, "horizon = 0.0: must be greater than 0"),
     "a negative seed": ({"rng": -1}, "rng = -1: must be at least 0"),
     "no seed": ({"rng": None}, "rng = None: give a whole number"),
-    "an itinerary of no impacts": ({"itineraries": {"mine": []}}, r"\['mine'\] = \[\]: needs one entry for each of 3"),
-    "too long an itinerary": ({"itineraries": {"mine": [1, -1, 1, -1]}}, "needs one entry for each of 3 impacts"),
-    "a control of Euler's steps": ({"control": True}, "control = True: works with scheme 'exact-flight' only"),
+    "an itinerary of no impacts": (
+        {"itineraries": {"mine": []}},
+        r"\['mine'\] = \[\]: needs one entry for each of 3",
+    ),
+    "too long an itinerary": (
+        {"itineraries": {"mine": [1, -1, 1, -1]}},
+        "needs one entry for each of 3 impacts",
+    ),
+    "a control of Euler's steps": (
+        {"control": True},
+        "control = True: works with scheme 'exact-flight' only",
+    ),
     "three-point increments": ({"increments": "three-point"}, "increments = 'three-point'"),
     "two-point increments of exact flights": (
-        {"increments": "two-point", "scheme": "exact-flight", "dt": 0.05}, "works with the Euler-Maruyama schemes only",
+        {"increments": "two-point", "scheme": "exact-flight", "dt": 0.05},
+        "works with the Euler-Maruyama schemes only",
     ),
     "impacts without end": ({"impacts": 10**9}, "impacts"),
     "paths without end": ({"paths": 10**30}, "paths"),
@@ -55,16 +77,25 @@ BAD = {
     "a horizon without end": ({"horizon": 1e300}, "horizon"),
     "itineraries that are none": ({"itineraries": 5}, "itineraries"),
     "an itinerary that is none": ({"itineraries": {"mine": 5}}, "itineraries"),
-    "a control with a memory": ({"scene": MEMORY, "control": True, "scheme": "exact-flight"}, "for white noise only"),
-    "a step beyond the memory": ({"scene": SHORT, "dt": 0.01}, "at most 0.001: a longer step cannot follow the memory"),
-    "a step beyond the orders": (
-        {"scene": ORDERS, "dt": 0.01, "scheme": "exact-flight"}, "cannot follow the noise's modulation",
+    "a control with a memory": (
+        {"scene": MEMORY, "control": True, "scheme": "exact-flight"},
+        "for white noise only",
     ),
-}  # fmt: skip
+    "a step beyond the memory": (
+        {"scene": SHORT, "dt": 0.01},
+        "at most 0.001: a longer step cannot follow the memory",
+    ),
+    "a step beyond the orders": (
+        {"scene": ORDERS, "dt": 0.01, "scheme": "exact-flight"},
+        "cannot follow the noise's modulation",
+    ),
+}
 
 
 def simulated(**settings):
-    return simulate(settings.pop("scene", dat21(0.1)), **recorded({"paths": 10, "impacts": 3} | settings))
+    return simulate(
+        settings.pop("scene", dat21(0.1)), **recorded({"paths": 10, "impacts": 3} | settings)
+    )
 
 
 @pytest.mark.parametrize("case", BAD)
@@ -76,20 +107,34 @@ def test_bad_input_is_refused_before_any_block_runs(case, monkeypatch):
         simulated(**settings)
 
 
-STEADY = {"alpha": 0.0, "epsilon": 0.9, "gamma1": 0.0, "stages": 1, "start": Start(0.0, 0.0, 1e-3, mesh=0)}
+STEADY = {
+    "alpha": 0.0,
+    "epsilon": 0.9,
+    "gamma1": 0.0,
+    "stages": 1,
+    "start": Start(0.0, 0.0, 1e-3, mesh=0),
+}
 
 
-DAMPED, NARROW = {"beta1": 20.0}, {"beta1": 20.0, "gap1": 1e-9, "start": Start(0.0, 0.0, 2.0, mesh=0)}
+DAMPED = {"beta1": 20.0}
+NARROW = {"beta1": 20.0, "gap1": 1e-9, "start": Start(0.0, 0.0, 2.0, mesh=0)}
 LIMITS = [
     (DAMPED, "euler-maruyama-located", 0.05, "a longer step makes the damping unstable"),
-    ({"beta1": 0.1}, "euler-maruyama-located", math.pi / 10.0, "a longer step cannot follow the excitation"),
+    (
+        {"beta1": 0.1},
+        "euler-maruyama-located",
+        math.pi / 10.0,
+        "a longer step cannot follow the excitation",
+    ),
     (DAMPED, "exact-flight", 0.01, "a longer step cannot follow the damping"),
     (NARROW, "exact-flight", 1e-9, "a longer step holds too many impacts"),
 ]
 
 
 @pytest.mark.parametrize(("change", "scheme", "limit", "why"), LIMITS)
-def test_step_is_limited_by_damping_excitation_and_the_impacts_that_it_may_hold(change, scheme, limit, why):
+def test_step_is_limited_by_damping_excitation_and_the_impacts_that_it_may_hold(
+    change, scheme, limit, why
+):
     scene = Scene(**STEADY | change)
     assert largest_step(scene, scheme) == (pytest.approx(limit), why)
     with pytest.raises(InputError, match=why.removeprefix("a longer step ")):
@@ -103,12 +148,18 @@ def test_step_is_limited_by_damping_excitation_and_the_impacts_that_it_may_hold(
     [
         ({"gap1": 0.1, "start": Start(0.0, 0.1, 2.0, 0.5, 2.0, mesh=1)}, 0.025),
         ({"sigma": 35.0}, 0.25 * (0.5 / (35.0 * math.hypot(1.0, dat21().beta1))) ** (2.0 / 3.0)),
-        ({"gamma1": 50.0}, 0.5 * 0.5 / 10.0),  # dragged across the half gap the path is as fast as sqrt(4 gamma g)
+        (
+            {"gamma1": 50.0},
+            0.5 * 0.5 / 10.0,
+        ),  # dragged across the half gap the path is as fast as sqrt(4 gamma g)
         ({"alpha": 40.0}, 0.5 * 0.5 / math.sqrt(4.0 * 40.0 * math.hypot(1.0, dat21().beta1) * 0.5)),
     ],
 )
 def test_step_is_limited_by_gap_and_by_what_drives_a_path_through_it(change, limit):
-    values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")}
+    values = {
+        name: getattr(dat21(), name)
+        for name in ("alpha", "epsilon", "beta1", "beta2", "gamma1", "gamma2", "mu")
+    }
     assert largest_step(Scene(**(values | change)))[0] == pytest.approx(limit)
 
 
@@ -127,7 +178,9 @@ def test_too_long_a_default_step_is_shortened_and_said_to_be():
 
 def test_run_that_could_not_end_is_refused_or_given_up_early():
     narrow = Scene(**(STEADY | {"gap1": 1e-8, "start": Start(0.0, 1e-8, 1.0, mesh=1)}), beta1=0.0)
-    with pytest.raises(InputError, match=r"horizon = 600.0: must be at most 5, 1e\+09 steps of 5e-09; .* h$"):
+    with pytest.raises(
+        InputError, match=r"horizon = 600.0: must be at most 5, 1e\+09 steps of 5e-09; .* h$"
+    ):
         simulated(scene=narrow, horizon=600.0, scheme="euler-maruyama", dt=5e-9)
     plan = validation.plan_of(narrow, paths=1, impacts=3, dt=5e-9, scheme="euler-maruyama")
     assert plan.most_steps == validation.STEPS
@@ -136,7 +189,9 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
 def test_paths_unfinished_at_the_horizon_are_diagnosed():
     run = simulated(horizon=0.3)
     assert run.unfinished == 10
-    assert run.diagnostics[-1].startswith("10 of 10 paths did not finish before the time limit, 0.3 after")
+    assert run.diagnostics[-1].startswith(
+        "10 of 10 paths did not finish before the time limit, 0.3 after"
+    )
 
 
 def test_rare_branches_are_of_white_noise():

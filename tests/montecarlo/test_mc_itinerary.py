@@ -28,7 +28,11 @@ def run():
 def test_moments_are_those_of_the_paths_that_follow_it(run):
     named = {"short": (*run.plan.itineraries[NOISE_FREE][:2], 0, 0), "other": (-1, 1, -1, 1)}
     kept = simulate(
-        NOISY, paths=4096, impacts=IMPACTS, rng=3, record=Record(on_itinerary=True, raw=True, itineraries=named)
+        NOISY,
+        paths=4096,
+        impacts=IMPACTS,
+        rng=3,
+        record=Record(on_itinerary=True, raw=True, itineraries=named),
     )
     for name, itinerary in kept.plan.itineraries.items():
         section = kept.on_itinerary(name).section
@@ -39,10 +43,15 @@ def test_moments_are_those_of_the_paths_that_follow_it(run):
             if len(rows) == 0:
                 assert section[list(SECTION)].loc[k + 1].isna().all()
                 continue
-            np.testing.assert_allclose(section[list(SECTION)].loc[k + 1], rows.mean(axis=0), rtol=1e-12)
+            np.testing.assert_allclose(
+                section[list(SECTION)].loc[k + 1], rows.mean(axis=0), rtol=1e-12
+            )
             sds = section[["sd_" + q for q in SECTION]].loc[k + 1]
             np.testing.assert_allclose(sds, rows.std(axis=0), rtol=1e-10, atol=1e-15)
-    assert kept.plan.apart == (NOISE_FREE, "other"), "the beginning of an itinerary is not summed again"
+    assert kept.plan.apart == (
+        NOISE_FREE,
+        "other",
+    ), "the beginning of an itinerary is not summed again"
 
 
 def test_nothing_else_changes_and_nothing_is_there_that_was_not_asked_for(run):
@@ -80,7 +89,13 @@ def test_a_rare_way_to_leave_is_as_probable_as_many_plain_paths_find_it():
 def test_without_noise_nothing_leaves_and_a_resting_orbit_has_no_follower():
     assert simulate(NOISY.noise_free, paths=100, impacts=IMPACTS, record=APART).leaving.empty
     rest = Scene(
-        alpha=0.05, epsilon=0.5, beta1=0.5, gamma1=0.0, stages=1, sigma=0.3, start=Start(0.0, 0.0, 0.1, mesh=0)
+        alpha=0.05,
+        epsilon=0.5,
+        beta1=0.5,
+        gamma1=0.0,
+        stages=1,
+        sigma=0.3,
+        start=Start(0.0, 0.0, 0.1, mesh=0),
     )
     run = simulate(rest, paths=64, impacts=2, record=APART)
     assert run.plan.itineraries[NOISE_FREE] == (0, 0)
@@ -91,18 +106,26 @@ def test_without_noise_nothing_leaves_and_a_resting_orbit_has_no_follower():
 @pytest.mark.slow
 def test_intervals_of_leaving_hold_as_often_as_they_say():
     """Over 100 seeds, around the median of all; a truth that is off by a fifth is not held."""
-    quiet, low, high, found = Scene.from_gears(DAT21, sigma=0.09), [], [], []
+    quiet = Scene.from_gears(DAT21, sigma=0.09)
+    low = []
+    high = []
+    found = []
     for seed in range(100):
         row = simulate(quiet, paths=1024, impacts=1, rng=seed, record=APART).leaving.iloc[0]
-        found, low, high = [*found, row["probability"]], [*low, row["low"]], [*high, row["high"]]
+        found = [*found, row["probability"]]
+        low = [*low, row["low"]]
+        high = [*high, row["high"]]
     for truth, held in ((np.median(found), True), (1.2 * np.median(found), False)):
         within = int(((np.array(low) < truth) & (truth < np.array(high))).sum())
         assert (binomtest(within, 100, 0.95, "less").pvalue > 1e-4) == held
 
 
 def test_branches_that_the_paths_of_a_run_know_are_not_sampled_again(monkeypatch):
-    drawn, one = [], leaving.sample_mixture
-    monkeypatch.setattr(leaving, "sample_mixture", lambda *given: drawn.append(given) or one(*given))
+    drawn = []
+    one = leaving.sample_mixture
+    monkeypatch.setattr(
+        leaving, "sample_mixture", lambda *given: drawn.append(given) or one(*given)
+    )
     for paths, near in ((40_000, True), (400_000, False)):
         drawn.clear()
         row = simulate(NOISY, paths=paths, impacts=1, rng=4, record=APART).leaving.iloc[0]

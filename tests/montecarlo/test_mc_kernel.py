@@ -1,4 +1,5 @@
-"""The compiled kernel against the plain-Python oracle, on the kernel's own random numbers, path by path."""
+"""The compiled kernel against the plain-Python oracle, on the kernel's own random numbers, path by
+path."""
 
 from dataclasses import replace
 
@@ -19,11 +20,21 @@ KEPT = [0, 2, 3, 4, 5, 6]  # columns of a row that the oracle has: all but the t
 IMPACTS = 12
 SCHEMES = {"euler-maruyama": False, "euler-maruyama-located": True}
 
-# tiny gaps, a light wheel thrown about by a heavy one, the longest step: several impacts in a step, at both meshes
+# tiny gaps, a light wheel thrown about by a heavy one, the longest step: several impacts in a step,
+# at both meshes
 TIGHT = Scene(
-    alpha=0.9, epsilon=0.95, beta1=0.08, beta2=0.5, gamma1=0.057, gamma2=0.2, mu=0.9, gap1=0.05, gap2=0.05, sigma=1.0,
+    alpha=0.9,
+    epsilon=0.95,
+    beta1=0.08,
+    beta2=0.5,
+    gamma1=0.057,
+    gamma2=0.2,
+    mu=0.9,
+    gap1=0.05,
+    gap2=0.05,
+    sigma=1.0,
     start=Start(0.3, 0.05, 2.0, 0.0, -2.0, mesh=1),
-)  # fmt: skip
+)
 ROUGH = replace(DAMPED, sigma=0.8)
 CASES = {
     "DAT21": (dat21(0.5), 5e-3),
@@ -34,7 +45,8 @@ CASES = {
 
 
 def follow_oracle(path, key, number, done, level=0, steps=4000, shift=0):
-    """Carry an oracle path on a path's own noise, summed over the finest steps of its level, until `done`."""
+    """Carry an oracle path on a path's own noise, summed over the finest steps of its level, until
+    `done`."""
     m = 2**level
     z = step_normals(key, number, m * steps).reshape(-1, m).sum(axis=1) / m**0.5
     for n, total in enumerate(z.tolist()):
@@ -52,22 +64,28 @@ def oracles(scene, dt, located, seed, paths, impacts=IMPACTS, fault=None, first=
     key = key_of(np.random.SeedSequence(seed))
     return [
         follow_oracle(
-            Path.start(scene, dt, located, fault), key, first + p, lambda path: len(path.impacts) >= impacts
+            Path.start(scene, dt, located, fault),
+            key,
+            first + p,
+            lambda path: len(path.impacts) >= impacts,
         )
         for p in range(paths)
-    ]  # fmt: skip
+    ]
 
 
 def furthest(scene, dt, scheme, paths, fault=None, impacts=IMPACTS, seed=5):
-    """Largest difference of an impact's time and state between kernel and oracle over what rounding allows.
+    """Largest difference of an impact's time and state between kernel and oracle over what rounding
+    allows.
 
-    Rounding grows at each impact (measured: to 4e-15 at the first, ten-fold at each in the worst of 200 paths with
-    located impacts), and by more in a path that all but grazes: of the worst tenth of the paths only meshes and sides
-    count.  Infinite if one of these differs.
+    Rounding grows at each impact (measured: to 4e-15 at the first, ten-fold at each in the worst of
+    200 paths with located impacts), and by more in a path that all but grazes: of the worst tenth
+    of the paths only meshes and sides count.  Infinite if one of these differs.
     """
     allowed = 1e-13 * 8.0 ** np.arange(1, impacts + 1)
     worst = []
-    run = simulate(scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=seed, record=Record(raw=True))
+    run = simulate(
+        scene, paths=paths, impacts=impacts, dt=dt, scheme=scheme, rng=seed, record=Record(raw=True)
+    )
     for p, path in enumerate(oracles(scene, dt, SCHEMES[scheme], seed, paths, impacts, fault)):
         found = np.array(path.impacts[:impacts])
         kept = run.raw[p][:, KEPT]
@@ -88,9 +106,21 @@ def test_kernel_follows_oracle(case, scheme):
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_paths_of_later_blocks_follow_the_oracle(scheme):
     """A path's number counts through all blocks."""
-    scene, impacts = dat21(0.5), 4
-    run = simulate(scene, paths=BLOCK + 3, impacts=impacts, dt=5e-3, scheme=scheme, rng=3, record=Record(raw=True))
-    for first, same in ((BLOCK, True), (0, False)):  # negative control: every block begins at path 0
+    scene = dat21(0.5)
+    impacts = 4
+    run = simulate(
+        scene,
+        paths=BLOCK + 3,
+        impacts=impacts,
+        dt=5e-3,
+        scheme=scheme,
+        rng=3,
+        record=Record(raw=True),
+    )
+    for first, same in (
+        (BLOCK, True),
+        (0, False),
+    ):  # negative control: every block begins at path 0
         every = oracles(scene, 5e-3, SCHEMES[scheme], 3, 3, impacts, first=first)
         found = np.array([path.impacts[:impacts] for path in every])
         assert (np.abs(found - run.raw[BLOCK:, :, KEPT]).max() < 1e-8) == same
@@ -117,20 +147,48 @@ def test_a_fault_of_location_is_seen(fault):
 
 
 def coarse_levels_differ(scheme, faulty=lambda path: path, shift=0):
-    """Largest difference at 2^l dt between the levels of a run with step bias and the oracle on summed increments."""
-    scene, dt, impacts, paths, worst = dat21(0.3), 5e-3, 4, 4, 0.0
-    plan = Plan(scene, paths, impacts, dt, scheme, np.random.SeedSequence(3), 4000, np.empty(0, np.int64), {}, 3)
-    rows, key = sample(plan, 0).rows, key_of(plan.seed)
+    """Largest difference at 2^l dt between the levels of a run with step bias and the oracle on
+    summed increments."""
+    scene = dat21(0.3)
+    dt = 5e-3
+    impacts = 4
+    paths = 4
+    worst = 0.0
+    plan = Plan(
+        scene,
+        paths,
+        impacts,
+        dt,
+        scheme,
+        np.random.SeedSequence(3),
+        4000,
+        np.empty(0, np.int64),
+        {},
+        3,
+    )
+    rows = sample(plan, 0).rows
+    key = key_of(plan.seed)
     for level in range(3):
         for p in range(paths):
             path = faulty(Path.start(scene, 2**level * dt, SCHEMES[scheme]))
-            follow_oracle(path, key, p, lambda path: len(path.impacts) >= impacts, level, 4096 // 2**level, shift)
-            worst = max(worst, np.abs(np.array(path.impacts[:impacts]) - rows[level, p][:, KEPT]).max())
+            follow_oracle(
+                path,
+                key,
+                p,
+                lambda path: len(path.impacts) >= impacts,
+                level,
+                4096 // 2**level,
+                shift,
+            )
+            worst = max(
+                worst, np.abs(np.array(path.impacts[:impacts]) - rows[level, p][:, KEPT]).max()
+            )
     return worst
 
 
 def with_too_little_noise(path):
-    """Negative control: the increments of a coarse step fall short, as if their sum were divided by too much."""
+    """Negative control: the increments of a coarse step fall short, as if their sum were divided by
+    too much."""
     path.scene = path.scene.with_sigma(0.999 * path.scene.sigma)
     return path
 
@@ -146,10 +204,24 @@ def test_each_level_splits_increments_with_bridges_of_its_own():
 
 
 def tolerant_differ(scheme, draw, distribution="uniform", fault=None, late=0):
-    """Largest difference between kernel and oracle where walls are drawn; `late` plants draws that come too late."""
-    c, gap, impacts, worst = (0.1, 0.2), 0.5, 8, 0.0
-    scene, seed, paths = dat21(0.5, tolerance=Tolerance(*c, distribution=distribution, draw=draw)), 5, 20
-    run = simulate(scene, paths=paths, impacts=impacts, dt=5e-3, scheme=scheme, rng=seed, record=Record(raw=True))
+    """Largest difference between kernel and oracle where walls are drawn; `late` plants draws that
+    come too late."""
+    c = (0.1, 0.2)
+    gap = 0.5
+    impacts = 8
+    worst = 0.0
+    scene = dat21(0.5, tolerance=Tolerance(*c, distribution=distribution, draw=draw))
+    seed = 5
+    paths = 20
+    run = simulate(
+        scene,
+        paths=paths,
+        impacts=impacts,
+        dt=5e-3,
+        scheme=scheme,
+        rng=seed,
+        record=Record(raw=True),
+    )
     key = key_of(np.random.SeedSequence(seed))
     for p in range(paths):
         path = Path.start(scene, 5e-3, SCHEMES[scheme], fault)
@@ -159,7 +231,9 @@ def tolerant_differ(scheme, draw, distribution="uniform", fault=None, late=0):
             for f, k in zip((1, -1, 2, -2), flanks, strict=True)
         }
         if draw == "contact":
-            later = np.array([deviation(key, p, 4 + k + late, distribution) for k in range(impacts + 1)])
+            later = np.array(
+                [deviation(key, p, 4 + k + late, distribution) for k in range(impacts + 1)]
+            )
             path.fresh = {m: list(gap + c[m - 1] * later) for m in (1, 2)}
         path.state[0], path.state[2] = path.walls[1], path.walls[2]
         follow_oracle(path, key, p, lambda path: len(path.impacts) >= impacts)
@@ -168,11 +242,15 @@ def tolerant_differ(scheme, draw, distribution="uniform", fault=None, late=0):
 
 
 def deviation(key, path, draw, distribution):
-    """Draw number `draw` of a path in units of c_max; each has 64 indices, for a truncated normal may be redrawn."""
-    first, purpose = draw * 64, np.uint64(CONTACT)
+    """Draw number `draw` of a path in units of c_max; each has 64 indices, for a truncated normal
+    may be redrawn."""
+    first = draw * 64
+    purpose = np.uint64(CONTACT)
     if distribution == "uniform":
         return 2.0 * uniforms(key, np.uint64(path), np.uint64(first), purpose)[0] - 1.0
-    tries = (normals(key, np.uint64(path), np.uint64(first + a), purpose)[0] / 2.0 for a in range(64))
+    tries = (
+        normals(key, np.uint64(path), np.uint64(first + a), purpose)[0] / 2.0 for a in range(64)
+    )
     return next(value for value in tries if abs(value) <= 1.0)
 
 
@@ -190,7 +268,8 @@ def test_a_redraw_of_the_struck_flank_is_seen(scheme):
 
 
 def test_truncated_normal_draws_do_get_rejected():
-    """So that the comparison above has seen second attempts: one in 22 is beyond two standard deviations."""
+    """So that the comparison above has seen second attempts: one in 22 is beyond two standard
+    deviations."""
     key = key_of(np.random.SeedSequence(5))
     places = [(np.uint64(p), np.uint64(64 * k)) for p in range(20) for k in range(12)]
     firsts = [normals(key, path, index, np.uint64(CONTACT))[0] for path, index in places]
@@ -199,9 +278,12 @@ def test_truncated_normal_draws_do_get_rejected():
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_state_at_a_fixed_time_is_the_state_after_that_many_steps(scheme):
-    scene, dt, at = dat21(0.5), 5e-3, np.array([4, 100, 300])
+    scene = dat21(0.5)
+    dt = 5e-3
+    at = np.array([4, 100, 300])
     plan = Plan(scene, 5, 2, dt, scheme, np.random.SeedSequence(3), 1000, at, {}, 1)
-    raw, key = sample(plan, 0), key_of(plan.seed)
+    raw = sample(plan, 0)
+    key = key_of(plan.seed)
     for p in range(5):
         states = []
         for n in at:
@@ -211,12 +293,25 @@ def test_state_at_a_fixed_time_is_the_state_after_that_many_steps(scheme):
 
 
 def test_a_path_sticks_where_that_of_the_oracle_does():
-    steps, key = 8, key_of(np.random.SeedSequence(3))
+    steps = 8
+    key = key_of(np.random.SeedSequence(3))
     plan = Plan(
-        PRESSED, 3, 1000, 5e-3, "euler-maruyama-located", np.random.SeedSequence(3), steps, np.array([steps]), {}, 1
+        PRESSED,
+        3,
+        1000,
+        5e-3,
+        "euler-maruyama-located",
+        np.random.SeedSequence(3),
+        steps,
+        np.array([steps]),
+        {},
+        1,
     )
     raw = sample(plan, 0)
-    every = [follow_oracle(Path.start(PRESSED, 5e-3, True), key, p, lambda path: path.n >= steps) for p in range(3)]
+    every = [
+        follow_oracle(Path.start(PRESSED, 5e-3, True), key, p, lambda path: path.n >= steps)
+        for p in range(3)
+    ]
     assert raw.sticking_steps == sum(path.sticking_steps for path in every) > 0
     for p, path in enumerate(every):
         count = len(path.impacts)
@@ -226,7 +321,8 @@ def test_a_path_sticks_where_that_of_the_oracle_does():
 
 
 def displaced(scene, tau, h, increment, area):
-    """Displacement by the noise whose increment and area over a time h are given, all else zero: by quadrature."""
+    """Displacement by the noise whose increment and area over a time h are given, all else zero: by
+    quadrature."""
 
     def integrand(s):
         rate = (increment + 12.0 * area * (s / h - 0.5)) / h
@@ -237,21 +333,31 @@ def displaced(scene, tau, h, increment, area):
 
 
 def flights_differ(levels=1, swap=False):
-    """Largest difference between states at fixed times and a recursion by `flow` and quadrature on the path's noise."""
-    scene, dt, steps, paths = open_space(0.4, beta2=0.9), 0.05, 12, 3
+    """Largest difference between states at fixed times and a recursion by `flow` and quadrature on
+    the path's noise."""
+    scene = open_space(0.4, beta2=0.9)
+    dt = 0.05
+    steps = 12
+    paths = 3
     at = np.array([4, steps])
-    plan = Plan(scene, paths, 1, dt, "exact-flight", np.random.SeedSequence(3), steps, at, {}, levels)
-    raw, key = sample(plan, 0), key_of(plan.seed)
+    plan = Plan(
+        scene, paths, 1, dt, "exact-flight", np.random.SeedSequence(3), steps, at, {}, levels
+    )
+    raw = sample(plan, 0)
+    key = key_of(plan.seed)
     worst = 0.0
     for p in range(paths):
         z = step_normals(key, p, 2 * steps).reshape(-1, 2)[:, :: -1 if swap else 1]
         noise = [Noise(w * np.sqrt(dt), a * np.sqrt(dt / 12.0)) for w, a in z]
         for level in range(levels):
-            h, s = dt * 2**level, scene.start
+            h = dt * 2**level
+            s = scene.start
             state = np.array([s.x1, s.y1, s.x2, s.y2])
             for n, (w, a) in enumerate(noise):
                 begin = s.tau + n * h
-                state = np.array(flow(scene.constants, begin, *state, h)) + displaced(scene, begin, h, w, a)
+                state = np.array(flow(scene.constants, begin, *state, h)) + displaced(
+                    scene, begin, h, w, a
+                )
                 if (n + 1) * 2**level in at:
                     fixed = raw.fixed[level, p, np.flatnonzero(at == (n + 1) * 2**level)[0]]
                     worst = max(worst, np.abs(fixed - state).max())
@@ -261,6 +367,7 @@ def flights_differ(levels=1, swap=False):
 
 @pytest.mark.parametrize("levels", [1, 3])
 def test_exact_flights_take_increment_and_area_of_their_step(levels):
-    """What Gauss-Legendre to the fifth degree leaves: on steps of 0.05 less than 3e-9, of 0.2 less than 2e-8."""
+    """What Gauss-Legendre to the fifth degree leaves: on steps of 0.05 less than 3e-9, of 0.2 less
+    than 2e-8."""
     assert flights_differ(levels) < (3e-9 if levels == 1 else 2e-8)
     assert flights_differ(levels, swap=True) > 1e-4

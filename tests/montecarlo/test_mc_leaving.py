@@ -1,4 +1,5 @@
-"""Probability of leaving an itinerary where a branch is curved, and that no row depends on what was counted."""
+"""Probability of leaving an itinerary where a branch is curved, and that no row depends on what was
+counted."""
 
 import math
 from pathlib import Path
@@ -20,21 +21,38 @@ from rattle.scene import DAT21, Scene, Start
 
 APART = Record(on_itinerary=True)
 CURVED = Scene(
-    alpha=1.9867618005861334, epsilon=0.43033098901949723, beta1=0.17235790241102722, gamma1=0.13759495971985686,
-    beta2=0.12270808799788467, gamma2=0.12633974853797425, mu=0.6677832481331973, gap2=0.5307758658483901,
+    alpha=1.9867618005861334,
+    epsilon=0.43033098901949723,
+    beta1=0.17235790241102722,
+    gamma1=0.13759495971985686,
+    beta2=0.12270808799788467,
+    gamma2=0.12633974853797425,
+    mu=0.6677832481331973,
+    gap2=0.5307758658483901,
     sigma=0.01333521,
     start=Start(
-        tau=3.3839807705685105, x1=0.5, y1=1.6400634634449516, x2=0.25842242177882496, y2=2.54656765878506, mesh=1
+        tau=3.3839807705685105,
+        x1=0.5,
+        y1=1.6400634634449516,
+        x2=0.25842242177882496,
+        y2=2.54656765878506,
+        mesh=1,
     ),
-)  # fmt: skip
-"""Its exit at impact 4 by mesh 1 is 240 times as probable as its design point tells to first order."""
-TRUTH, ERROR = 1.410e-4, 0.034e-4  # 1692 of 12 million plain paths
+)
+"""Its exit at impact 4 by mesh 1 is 240 times as probable as its design point tells to first order.
+"""
+# 1692 of 12 million plain paths
+TRUTH = 1.410e-4
+ERROR = 0.034e-4
 TABLE = Path(__file__).parents[2] / "docs/results/leaving_coverage.csv"
 
 
 def estimates(seeds):
     """The row of the exit, one for each seed."""
-    runs = [simulate(CURVED, paths=1024, impacts=4, rng=seed, record=APART).leaving for seed in range(seeds)]
+    runs = [
+        simulate(CURVED, paths=1024, impacts=4, rng=seed, record=APART).leaving
+        for seed in range(seeds)
+    ]
     return pd.concat(runs).query("impact == 4 and mesh == 1 and side == 1")
 
 
@@ -42,13 +60,16 @@ def test_a_curved_branch_is_met_where_paths_leave():
     found = estimates(8)
     assert len(found) == 8
     assert found["near"].all()
-    mean, scatter = found["probability"].mean(), found["probability"].std()
+    mean = found["probability"].mean()
+    scatter = found["probability"].std()
     error = math.hypot(scatter / math.sqrt(8), ERROR)
     assert abs(mean - TRUTH) < 4.0 * error
     assert abs(0.8 * mean - TRUTH) > 4.0 * error, "negative control: a fifth that is missed is seen"
     assert scatter < 0.2 * TRUTH
     steps = 128
-    first = max(b.probability for b in search_of(CURVED.phase_reduced, 4, steps, 0.03).until(1.0).branches)
+    first = max(
+        b.probability for b in search_of(CURVED.phase_reduced, 4, steps, 0.03).until(1.0).branches
+    )
     assert first < 0.01 * TRUTH, "to first order it is hardly there"
 
 
@@ -73,12 +94,18 @@ def rows_of(paths, seed, monkeypatch, effective):
     """Rows of DAT21 at impact 1, where pilots know one exit by so many effective paths."""
     quiet = Scene.from_gears(DAT21, sigma=0.09)
     (exact,) = aim(quiet.phase_reduced, 1, default_step(quiet, EXACT))
-    monkeypatch.setattr(leaving, "aim", lambda *_: (Exit(1, -2, exact.probability, effective, exact.points),))
+    monkeypatch.setattr(
+        leaving, "aim", lambda *_: (Exit(1, -2, exact.probability, effective, exact.points),)
+    )
     return simulate(quiet, paths=paths, impacts=1, rng=seed, record=APART)
 
 
-@pytest.mark.parametrize(("effective", "near"), [(leaving.ENOUGH, True), (0.9 * leaving.ENOUGH, False)])
-def test_a_row_is_there_and_known_from_the_same_paths_whatever_was_counted(monkeypatch, effective, near):
+@pytest.mark.parametrize(
+    ("effective", "near"), [(leaving.ENOUGH, True), (0.9 * leaving.ENOUGH, False)]
+)
+def test_a_row_is_there_and_known_from_the_same_paths_whatever_was_counted(
+    monkeypatch, effective, near
+):
     counts = set()
     for seed in range(12):
         run = rows_of(8192, seed, monkeypatch, effective)

@@ -1,4 +1,5 @@
-"""The long run: unbiased, with honest errors, independent of threads, and refused where there is none."""
+"""The long run: unbiased, with honest errors, independent of threads, and refused where there is
+none."""
 
 import math
 from dataclasses import replace
@@ -27,7 +28,9 @@ def run():
 def test_every_quantity_is_there_and_consistent(run):
     e = run.estimates
     assert tuple(e) == all_names(2)
-    assert e["rate"].value * e["flight"].value == pytest.approx(1.0, rel=2e-3)  # flights at the ends are cut
+    assert e["rate"].value * e["flight"].value == pytest.approx(
+        1.0, rel=2e-3
+    )  # flights at the ends are cut
     assert e["rate"].value == pytest.approx(e["rate_mesh1"].value + e["rate_mesh2"].value)
     assert e["rate"].value * e["energy"].value == pytest.approx(e["power"].value)
     assert e["energy_per_period"].value == pytest.approx(2.0 * math.pi * e["power"].value)
@@ -64,21 +67,32 @@ def test_noise_work_has_mean_zero_and_leaves_less_variance():
         controls = found.sums.main[:, :, NOISE:].sum(axis=1)
         z = controls.mean(axis=0) / controls.std(axis=0, ddof=1) * 16.0
         assert (np.abs(z) < 3.9).all()  # 1e-4 two-sided, of 8
-        wrong = controls[:, 0] - 0.2 * found.sums.time * 0.25 * scene.sigma**2 * (1.0 + scene.beta1**2)
-        assert abs(wrong.mean() / wrong.std(ddof=1) * 16.0) > 3.9  # negative control: a fifth less energy of the noise
+        wrong = controls[:, 0] - 0.2 * found.sums.time * 0.25 * scene.sigma**2 * (
+            1.0 + scene.beta1**2
+        )
+        assert (
+            abs(wrong.mean() / wrong.std(ddof=1) * 16.0) > 3.9
+        )  # negative control: a fifth less energy of the noise
         better = control(found.sums)
         for column in (NUMBER, ENERGY):
             before, after = (c.main[:, :, column].sum(axis=1).std() for c in (found.sums, better))
             assert after < before
-        e, plain = found.estimates["power"], found.sums.main[:, :, ENERGY].sum(axis=1) / found.sums.time
+        e = found.estimates["power"]
+        plain = found.sums.main[:, :, ENERGY].sum(axis=1) / found.sums.time
         assert e.se < math.sqrt(most) * plain.std(ddof=1) / 16.0
         assert abs(e.value - plain.mean()) < 3.9 * plain.std(ddof=1) / 16.0
 
 
 def test_batch_means_confirm_the_errors(run):
-    both = [e.se_batches / e.se for name, e in run.estimates.items() if e.se > 0.0 and not math.isnan(e.se_batches)]
+    both = [
+        e.se_batches / e.se
+        for name, e in run.estimates.items()
+        if e.se > 0.0 and not math.isnan(e.se_batches)
+    ]
     assert len(both) > 10
-    assert 0.7 < min(both) <= max(both) < 1.4  # each known to about 1 / sqrt(2 * 127), batches remember a little
+    assert (
+        0.7 < min(both) <= max(both) < 1.4
+    )  # each known to about 1 / sqrt(2 * 127), batches remember a little
 
 
 def test_result_does_not_depend_on_threads_or_on_room(run, monkeypatch):
@@ -92,8 +106,11 @@ def test_result_does_not_depend_on_threads_or_on_room(run, monkeypatch):
 
 def test_agrees_with_the_late_impacts_of_simulate(run):
     """Another code path to the same motion: the 60th impact of many short paths."""
-    late = rt.simulate(SCENE, paths=8192, impacts=60, scheme="exact-flight", rng=5).section.loc[40:60]
-    flight, se = late["flight"].mean(), late["se_flight"].mean()
+    late = rt.simulate(SCENE, paths=8192, impacts=60, scheme="exact-flight", rng=5).section.loc[
+        40:60
+    ]
+    flight = late["flight"].mean()
+    se = late["se_flight"].mean()
     e = run.estimates["flight"]
     assert abs(flight - e.value) < 4.5 * math.hypot(se, e.se)
     assert abs(1.1 * flight - e.value) > 4.5 * math.hypot(se, e.se)  # negative control
@@ -110,11 +127,18 @@ def test_accuracy_is_reached_and_stated():
 @pytest.mark.parametrize(
     ("settings", "field"),
     [
-        ({"accuracy": -1.0}, "accuracy"), ({"accuracy": 0.1, "periods": 100}, "periods"), ({"periods": 3}, "periods"),
-        ({"paths": 4}, "paths"), ({"quantities": ["ratio"]}, "quantities"), ({"slow": 0.0}, "slow"),
-        ({"burn_in": 0}, "burn_in"), ({"budget": 0.0}, "budget"), ({"rng": -1}, "rng"), ({"workers": 0}, "workers"),
+        ({"accuracy": -1.0}, "accuracy"),
+        ({"accuracy": 0.1, "periods": 100}, "periods"),
+        ({"periods": 3}, "periods"),
+        ({"paths": 4}, "paths"),
+        ({"quantities": ["ratio"]}, "quantities"),
+        ({"slow": 0.0}, "slow"),
+        ({"burn_in": 0}, "burn_in"),
+        ({"budget": 0.0}, "budget"),
+        ({"rng": -1}, "rng"),
+        ({"workers": 0}, "workers"),
     ],
-)  # fmt: skip
+)
 def test_bad_settings_are_refused(settings, field):
     with pytest.raises(InputError) as caught:
         long_run(SCENE, **settings)
@@ -127,11 +151,13 @@ def _main(rng, paths=256, batches=32):
 
 def test_drift_is_found_and_chance_is_not():
     rng = np.random.default_rng(1)
-    quarter, half = slice(8, 16), slice(16, 32)
+    quarter = slice(8, 16)
+    half = slice(16, 32)
     passed = [drift(_main(rng), quarter, half).reached for _ in range(40)]
     assert sum(passed) == 40
     main = _main(rng)
-    main[:, :, ENERGY] += 0.1 * np.exp(-np.arange(32) / 8.0)  # negative control: an sd of a batch, fading
+    # negative control: an sd of a batch, fading
+    main[:, :, ENERGY] += 0.1 * np.exp(-np.arange(32) / 8.0)
     found = drift(main, quarter, half)
     assert not found.reached
     assert found.quantity == "energy"
@@ -166,7 +192,9 @@ def test_paths_that_little_noise_does_not_mix_are_refused(monkeypatch):
 
 @pytest.mark.parametrize("draw", ["path", "contact"])
 def test_random_backlash(run, draw):
-    scene = Scene.from_gears(DAT21, sigma=0.5, tolerance=Tolerance(c1_max=0.1, c2_max=0.1, draw=draw))
+    scene = Scene.from_gears(
+        DAT21, sigma=0.5, tolerance=Tolerance(c1_max=0.1, c2_max=0.1, draw=draw)
+    )
     found = long_run(scene, periods=64, paths=64)
     assert found.estimates["rate"].value == pytest.approx(run.estimates["rate"].value, rel=0.05)
     assert (found.burn_in.apart is None) == (draw == "path")
@@ -174,7 +202,13 @@ def test_random_backlash(run, draw):
 
 def test_single_stage_has_one_mesh():
     scene = Scene(
-        alpha=1.0, epsilon=0.7, beta1=0.1, gamma1=0.05, sigma=0.5, stages=1, start=Start(0.0, 0.5, 2.0, mesh=1)
+        alpha=1.0,
+        epsilon=0.7,
+        beta1=0.1,
+        gamma1=0.05,
+        sigma=0.5,
+        stages=1,
+        start=Start(0.0, 0.5, 2.0, mesh=1),
     )
     found = long_run(scene, periods=64, paths=64)
     assert not any("mesh2" in name for name in found.estimates)
@@ -183,7 +217,8 @@ def test_single_stage_has_one_mesh():
 
 
 def test_an_elastic_box_is_open_where_its_uniform_displacement_is():
-    """Without drag and with restitution 1 the displacement is uniform: 0.98 of the time no flank is within 1 %."""
+    """Without drag and with restitution 1 the displacement is uniform: 0.98 of the time no flank is
+    within 1 %."""
     box = Scene(alpha=0.0, epsilon=1.0, beta1=0.3, gamma1=0.0, sigma=1.0, stages=1)
     found = long_run(box, periods=64, paths=64, rng=5).estimates["open_share_mesh1"]
     assert abs(found.value - 0.98) < 4.0 * found.se < 0.01
@@ -193,9 +228,13 @@ def test_an_elastic_box_is_open_where_its_uniform_displacement_is():
 def test_slow_share_counts_what_is_slow(run):
     every = estimates(run.sums)
     plain = run.sums.main[:, :, SLOW].sum() / run.sums.main[:, :, NUMBER].sum()
-    assert every["slow_share"].value == pytest.approx(plain, abs=0.5 * every["slow_share"].se)  # less the control
+    assert every["slow_share"].value == pytest.approx(
+        plain, abs=0.5 * every["slow_share"].se
+    )  # less the control
     assert run.sums.main[:, :, CONTACT].sum() == 0.0
-    below = np.interp(0.1, run.sums.scales.edges[0, 1], np.cumsum(run.sums.histogram[:, 0, 1].sum(axis=0))[:-1])
+    below = np.interp(
+        0.1, run.sums.scales.edges[0, 1], np.cumsum(run.sums.histogram[:, 0, 1].sum(axis=0))[:-1]
+    )
     assert below / run.impacts == pytest.approx(every["slow_share"].value, rel=0.1)
 
 
@@ -206,7 +245,8 @@ class Watched:
     """A clock that each period of a block moves on; what compiles is not counted."""
 
     def __init__(self, monkeypatch):
-        self.now, follow = 0.0, Walk.follow
+        self.now = 0.0
+        follow = Walk.follow
         monkeypatch.setattr("rattle.montecarlo.kernel.blocks.time.process_time", lambda: self.now)
 
         def followed(walk, sums, periods=1, length=1, seen=None):

@@ -1,4 +1,5 @@
-"""The margin of exact flights: a path that may meet a wall inside a trial is looked at, with the right probability."""
+"""The margin of exact flights: a path that may meet a wall inside a trial is looked at, with the
+right probability."""
 
 import json
 import math
@@ -18,35 +19,58 @@ from rattle.scene import Scene
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
 
-H, WALL = 1e-3, 0.5
+H = 1e-3
+WALL = 0.5
 TAU = -0.5 * math.pi - 0.5 * H  # the modulation is 1 to 1e-6 in this time
-SPREAD = H**1.5 / (8.0 * math.sqrt(3.0))  # sd of the displacement half way, given both ends and the area
-DISTANCES = (2.0, 2.5)  # of a path at rest beside the wall, in these sds: between the margins of 1.5 and 6 sds
+# sd of the displacement half way, given both ends and the area
+SPREAD = H**1.5 / (8.0 * math.sqrt(3.0))
+# of a path at rest beside the wall, in these sds: between the margins of 1.5 and 6 sds
+DISTANCES = (
+    2.0,
+    2.5,
+)
 
 
 @jit
 def share_that_hits(c, key, first, paths, distance, room):
-    """Share of paths that meet the wall in a time whose increment and area are zero, at rest beside it at both ends."""
-    walls, hits = Walls(c.wall1, c.wall1, c.wall2, c.wall2), 0
+    """Share of paths that meet the wall in a time whose increment and area are zero, at rest beside
+    it at both ends."""
+    walls = Walls(c.wall1, c.wall1, c.wall2, c.wall2)
+    hits = 0
     s = (c.wall1 - distance, 0.0, 0.0, 0.0)
     for p in range(paths):
         at = Progress(0, TAU, H, Noise(0.0, 0.0), s[0], s[1], s[2], s[3])
         after, _ = advance_exactly(
-            c, key, np.uint64(first + p), np.uint64(0), np.uint64(BRIDGE), at, sine_cosine(TAU), s, True, walls, room
-        )  # fmt: skip
+            c,
+            key,
+            np.uint64(first + p),
+            np.uint64(0),
+            np.uint64(BRIDGE),
+            at,
+            sine_cosine(TAU),
+            s,
+            True,
+            walls,
+            room,
+        )
         hits += after.code != 0
     return hits / paths
 
 
 def found(distance, paths):
     """By the refinement of exact flights."""
-    c = Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=WALL, sigma=1.0, stages=1).constants
-    return share_that_hits(c, key_of(np.random.SeedSequence(1)), 0, paths, distance * SPREAD, np.empty((PARTS, 3)))
+    c = Scene(
+        alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=WALL, sigma=1.0, stages=1
+    ).constants
+    return share_that_hits(
+        c, key_of(np.random.SeedSequence(1)), 0, paths, distance * SPREAD, np.empty((PARTS, 3))
+    )
 
 
 def truth(paths, pieces=400):
     """By brute force: a Brownian path in many pieces, its increment and area projected out."""
-    rng, most = np.random.default_rng(2), []
+    rng = np.random.default_rng(2)
+    most = []
     level = np.ones(pieces) / math.sqrt(pieces)
     slope = np.arange(pieces) - 0.5 * (pieces - 1)
     slope /= np.linalg.norm(slope)
@@ -59,7 +83,8 @@ def truth(paths, pieces=400):
 
 
 def agree(shares, paths, farthest):
-    """Whether hits are as frequent as excursions; 1 % of the distance is left to the finite pieces."""
+    """Whether hits are as frequent as excursions; 1 % of the distance is left to the finite
+    pieces."""
     scores = []
     for distance, share in zip(DISTANCES, shares, strict=True):
         low, high = ((farthest > factor * distance).mean() for factor in (1.01, 0.99))
@@ -79,7 +104,8 @@ def test_impacts_inside_a_trial_are_as_frequent_as_a_brownian_path_has_them(fart
 
 @pytest.mark.parametrize("margin", [pytest.param(6.0, marks=pytest.mark.slow), 1.5])
 def test_a_margin_of_one_and_a_half_sds_is_seen(farthest, margin):
-    """The second is the negative control: a step of which every forty-fifth path has an impact is not looked at."""
+    """The second is the negative control: a step of which every forty-fifth path has an impact is
+    not looked at."""
     shares = json.loads(python(__file__, margin, 2000, NUMBA_DISABLE_JIT="1").stdout)
     assert agree(shares, 2000, farthest) == (margin == 6.0)
 

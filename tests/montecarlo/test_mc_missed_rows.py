@@ -1,4 +1,5 @@
-"""Rows that miss an accuracy: which are named, with which bound and reason, and what a cut-off answer does not hide."""
+"""Rows that miss an accuracy: which are named, with which bound and reason, and what a cut-off
+answer does not hide."""
 
 import numpy as np
 import pytest
@@ -6,7 +7,12 @@ import pytest
 from rattle import DAT21, AccuracyWarning, InputError, Scene, simulate, simulate_to
 from rattle.montecarlo.accuracy import cost
 from rattle.montecarlo.accuracy.cost import expect_paths, find_missed_rows, name_dearest_row
-from rattle.montecarlo.diagnostics.accuracy import LEAST, error_bound, share_of_look, units_by_quantity
+from rattle.montecarlo.diagnostics.accuracy import (
+    LEAST,
+    error_bound,
+    share_of_look,
+    units_by_quantity,
+)
 from rattle.montecarlo.diagnostics.unseen import Added
 from rattle.scene import Gears
 
@@ -31,16 +37,24 @@ def test_the_bound_of_all_rows_lies_among_their_own(run):
 
 @pytest.mark.slow
 def test_own_bounds_hold_together():
-    """In 60 runs against one with 60 times the paths: at most the stated share has a row beyond its own bound."""
+    """In 60 runs against one with 60 times the paths: at most the stated share has a row beyond its
+    own bound."""
     reference = simulate(NOISY, paths=2_000_000, rng=1, impacts=3)
     failed = halved = 0
     for seed in range(60):
         run = simulate(NOISY, paths=LEAST, rng=100 + seed, impacts=3)
-        unit, off = units_by_quantity(run), []
+        unit = units_by_quantity(run)
+        off = []
         for row in find_missed_rows(run, 1e-9, 0.05):
-            name, k = ("sd_" if row.moment == "sd" else "") + row.quantity, row.impact - 1
-            off.append(abs(run.columns[name][k] - reference.columns[name][k]) / unit[row.quantity][k] / row.bound)
-        failed, halved = failed + (max(off) > 1.0), halved + (max(off) > 0.5)
+            name = ("sd_" if row.moment == "sd" else "") + row.quantity
+            k = row.impact - 1
+            off.append(
+                abs(run.columns[name][k] - reference.columns[name][k])
+                / unit[row.quantity][k]
+                / row.bound
+            )
+        failed = failed + (max(off) > 1.0)
+        halved = halved + (max(off) > 0.5)
     allowed = 60 * 0.05 + 3.0 * np.sqrt(60 * 0.05)
     assert failed <= allowed
     assert halved > allowed  # a planted error: bounds of half the length are caught
@@ -63,14 +77,18 @@ def test_without_noise_no_row_is_named():
 def test_the_dearest_row_is_named_where_it_is_much_dearer(run):
     """A rare branch makes much of the variance of y2 there."""
     said = name_dearest_row(run, 0.001, SHARE)
-    assert said.startswith("the dearest is the sd of y2 at impact 3; nine in ten of the others would take ")
+    assert said.startswith(
+        "the dearest is the sd of y2 at impact 3; nine in ten of the others would take "
+    )
 
 
 def test_rows_that_no_number_of_paths_settles_are_alike(run, monkeypatch):
     """A quantile between infinite numbers of paths is none, and worth no warning."""
     error, shift, hidden = cost.errors_by_row(run)
     endless = hidden._replace(needed=np.full_like(hidden.needed, np.inf))
-    monkeypatch.setattr(cost, "errors_by_row", lambda run: (error, np.full_like(shift, np.inf), endless))
+    monkeypatch.setattr(
+        cost, "errors_by_row", lambda run: (error, np.full_like(shift, np.inf), endless)
+    )
     assert name_dearest_row(run, 0.01, SHARE) == ""
 
 
@@ -88,9 +106,16 @@ def test_an_answer_in_place_of_a_refusal(monkeypatch):
 
 
 GEARS = Gears(
-    alpha=1.5, epsilon=0.9, omega=300.0, inertia1=4000.0, inertia2=2500.0, radius1=41.0, radius2=26.4,
-    backlash1=0.2, torque1=100.0,
-)  # fmt: skip
+    alpha=1.5,
+    epsilon=0.9,
+    omega=300.0,
+    inertia1=4000.0,
+    inertia2=2500.0,
+    radius1=41.0,
+    radius2=26.4,
+    backlash1=0.2,
+    torque1=100.0,
+)
 BRANCHING = Scene.from_gears(GEARS, sigma=0.01)
 """27 paths in a million leave the others before impact 6, and make most of the variance there."""
 
@@ -103,19 +128,25 @@ def pilot():
 def test_a_rare_branch_is_counted_before_it_is_seen(pilot):
     found = expect_paths(pilot, 0.3, share_of_look(1))
     assert found.branch == "a rare branch (about 27 in a million paths)"
-    run = simulate(BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1, workers=2)
+    run = simulate(
+        BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1, workers=2
+    )
     assert 0.3 / 1.5 < error_bound(run, share_of_look(1)).error < 0.3 * 1.5
 
 
 def test_negative_control_without_the_branch_it_expects_next_to_nothing(pilot, monkeypatch):
-    monkeypatch.setattr(cost, "branches_between", lambda *_: Added(*np.zeros((3, 6, 6)), np.zeros(0)))
+    monkeypatch.setattr(
+        cost, "branches_between", lambda *_: Added(*np.zeros((3, 6, 6)), np.zeros(0))
+    )
     found = expect_paths(pilot, 0.3, share_of_look(1))
     run = simulate(BRANCHING, paths=int(found.paths), impacts=6, scheme="exact-flight", rng=1)
     assert error_bound(run, share_of_look(1)).error > 1.5 * 0.3
 
 
 def test_where_no_branch_is_near_paths_fall_with_the_square_of_the_accuracy():
-    run = simulate(Scene.from_gears(DAT21, sigma=0.01), paths=8192, impacts=6, scheme="exact-flight", rng=0)
+    run = simulate(
+        Scene.from_gears(DAT21, sigma=0.01), paths=8192, impacts=6, scheme="exact-flight", rng=0
+    )
     coarse, fine = (expect_paths(run, accuracy, share_of_look(1)) for accuracy in (0.05, 0.005))
     assert coarse.branch == fine.branch == ""
     assert fine.paths / coarse.paths == pytest.approx(100.0, rel=1e-6)
@@ -130,7 +161,10 @@ def test_what_a_branch_made_dear_samples_it_on_purpose():
 
 
 def test_a_run_to_an_accuracy_does_not_chase_it():
-    """Each look has a smaller share of the 5 %: paths foreseen for the present one fell short again and again."""
-    run = simulate_to(Scene.from_gears(DAT21, sigma=0.3), 0.01, impacts=2, scheme="exact-flight", rng=3, workers=2)
+    """Each look has a smaller share of the 5 %: paths foreseen for the present one fell short again
+    and again."""
+    run = simulate_to(
+        Scene.from_gears(DAT21, sigma=0.3), 0.01, impacts=2, scheme="exact-flight", rng=3, workers=2
+    )
     assert run.reach.reached
     assert 0.9 < run.paths / run.reach.expected.paths < 1.3

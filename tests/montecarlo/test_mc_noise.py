@@ -1,4 +1,5 @@
-"""Random numbers: Philox 4x32-10 and its normals against independent references, their laws, and no counter twice."""
+"""Random numbers: Philox 4x32-10 and its normals against independent references, their laws, and no
+counter twice."""
 
 import math
 
@@ -12,14 +13,23 @@ from scipy import stats
 
 from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
 from rattle.montecarlo.noise import philox as module
-from rattle.montecarlo.noise.philox import CONTACT, STEP, Key, fill_normals, key_of, normals, uniforms
+from rattle.montecarlo.noise.philox import (
+    CONTACT,
+    STEP,
+    Key,
+    fill_normals,
+    key_of,
+    normals,
+    uniforms,
+)
 from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.settings import Sampling
 from rattle.scene.compiled import jit
 
 U = np.uint64
-words, pair = for_python(module.words), for_python(module._pair)
+words = for_python(module.words)
+pair = for_python(module._pair)
 FULL = 0xFFFFFFFF
 
 
@@ -28,10 +38,11 @@ KNOWN = [
     ((0, 0, 0, 0), (0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
     ((FULL,) * 4, (FULL,) * 2, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
     (
-        (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344), (0xA4093822, 0x299F31D0),
+        (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344),
+        (0xA4093822, 0x299F31D0),
         (0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1),
     ),
-]  # fmt: skip
+]
 
 
 def philox(counter, key, rounds=10):
@@ -39,9 +50,14 @@ def philox(counter, key, rounds=10):
     c0, c1, c2, c3 = counter
     k0, k1 = key
     for _ in range(rounds):
-        p0, p1 = 0xD2511F53 * c0, 0xCD9E8D57 * c2
-        c0, c1, c2, c3 = (p1 >> 32) ^ c1 ^ k0, p1 & FULL, (p0 >> 32) ^ c3 ^ k1, p0 & FULL
-        k0, k1 = (k0 + 0x9E3779B9) & FULL, (k1 + 0xBB67AE85) & FULL
+        p0 = 0xD2511F53 * c0
+        p1 = 0xCD9E8D57 * c2
+        c0 = (p1 >> 32) ^ c1 ^ k0
+        c1 = p1 & FULL
+        c2 = (p0 >> 32) ^ c3 ^ k1
+        c3 = p0 & FULL
+        k0 = (k0 + 0x9E3779B9) & FULL
+        k1 = (k1 + 0xBB67AE85) & FULL
     return c0, c1, c2, c3
 
 
@@ -68,9 +84,11 @@ def test_known_answers(counter, key, output):
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(
-    st.integers(0, 2**64 - 1), st.integers(0, 2**56 - 1), st.integers(0, 255),
+    st.integers(0, 2**64 - 1),
+    st.integers(0, 2**56 - 1),
+    st.integers(0, 255),
     st.tuples(st.integers(0, FULL), st.integers(0, FULL)),
-)  # fmt: skip
+)
 def test_words_are_those_of_philox_in_python_integers(path, index, purpose, key):
     counter = counter_of(path, index, purpose)
     assert found(counter, key) == philox(counter, key)
@@ -83,17 +101,21 @@ def test_comparison_of_words_sees_one_round_less():
 
 EXTREME = [0, 1, 0xFF, 0x100, 0xFFFF, 0xFFFFFF, 0x1000000, 0x7FFFFF00, 0x7FFFFFFF]
 EXTREME += [0x80000000, 0xFFFFFF00, FULL - 1, FULL]
-"""Words whose bits carry over, end a range, or lie on either side of a border between the parts of a word."""
+"""Words whose bits carry over, end a range, or lie on either side of a border between the parts of
+a word."""
 
 CLOSE = 5e-10
 """What the polynomials leave of the exact functions, over one or the normal's size."""
 
 
 def box_muller(high, low):
-    """Two normals from 64 bits by the C library: 40 bits for the radius, 23 for the angle, one for the half plane."""
+    """Two normals from 64 bits by the C library: 40 bits for the radius, 23 for the angle, one for
+    the half plane."""
     bits = high | (low & 0xFF) << 32
     u = (bits + 0.5) / 2**40
-    radius = math.sqrt(-2.0 * (math.log1p(-((2**40 - bits) - 0.5) / 2**40) if u > 0.5 else math.log(u)))
+    radius = math.sqrt(
+        -2.0 * (math.log1p(-((2**40 - bits) - 0.5) / 2**40) if u > 0.5 else math.log(u))
+    )
     angle = 0.5 * math.pi * (((low >> 8 & 0x7FFFFF) + 0.5) / 2**22 - 1.0)
     return radius * math.cos(angle) * (-1.0 if low >> 31 else 1.0), radius * math.sin(angle)
 
@@ -109,15 +131,18 @@ def furthest_pair(highs, lows, fault=1.0):
 
 def test_normals_of_extreme_and_common_words_are_those_of_the_c_library():
     highs, lows = np.array([(h, w) for h in EXTREME for w in EXTREME]).T.tolist()
-    powers = [2**k + d for k in range(1, 32) for d in (-1, 0)]  # where the exponent of the uniform number changes
+    # where the exponent of the uniform number changes
+    powers = [2**k + d for k in range(1, 32) for d in (-1, 0)]
     common = np.random.default_rng(2).integers(0, 2**32, (2, 3000)).tolist()
-    highs, lows = highs + powers + common[0], lows + [12345] * len(powers) + common[1]
+    highs = highs + powers + common[0]
+    lows = lows + [12345] * len(powers) + common[1]
     assert furthest_pair(highs, lows) < CLOSE
     assert furthest_pair(highs, lows, fault=1.0 + 1e-9) > CLOSE
 
 
 def test_normals_near_a_radius_of_zero_and_the_longest():
-    """The uniform number nearest to one has a radius of about 1e-6; the nearest to zero one of about 7.5."""
+    """The uniform number nearest to one has a radius of about 1e-6; the nearest to zero one of
+    about 7.5."""
     nearest, longest = (math.hypot(*pair(U(h), U(h))) for h in (FULL, 0))
     assert nearest == pytest.approx(math.sqrt(2.0 * 0.5 / 2**40), rel=CLOSE)
     assert longest == pytest.approx(math.sqrt(-2.0 * math.log(0.5 / 2**40)), rel=CLOSE)
@@ -125,11 +150,21 @@ def test_normals_near_a_radius_of_zero_and_the_longest():
 
 # bits of normals of (seed 7; path, index, purpose), as they were when the transform was introduced
 KEPT = {
-    (0, 0, 0): "0x1.f2aa72af63975p-1 -0x1.f42cfe9be12d8p-1 0x1.a0b2f673aa516p+0 -0x1.58f1be321e3e8p-1",
-    (1099511627781, 36028797018963975, 4): (
-        "0x1.3a016f4d2c974p+0 -0x1.45e0406fca840p+0 -0x1.de9c01361abaap-2 -0x1.427ffcaacbbdfp-4"
-    ),
-    (9, 8589934592, 1): "-0x1.257d52fc85248p-1 -0x1.2302e1f21ca7dp-1 -0x1.6d0a5f450fabfp+0 0x1.8fc4845ba8a32p-5",
+    (
+        0,
+        0,
+        0,
+    ): "0x1.f2aa72af63975p-1 -0x1.f42cfe9be12d8p-1 0x1.a0b2f673aa516p+0 -0x1.58f1be321e3e8p-1",
+    (
+        1099511627781,
+        36028797018963975,
+        4,
+    ): "0x1.3a016f4d2c974p+0 -0x1.45e0406fca840p+0 -0x1.de9c01361abaap-2 -0x1.427ffcaacbbdfp-4",
+    (
+        9,
+        8589934592,
+        1,
+    ): "-0x1.257d52fc85248p-1 -0x1.2302e1f21ca7dp-1 -0x1.6d0a5f450fabfp+0 0x1.8fc4845ba8a32p-5",
 }
 
 
@@ -147,8 +182,10 @@ def test_uniforms_are_the_upper_53_bits_of_the_words():
 
 
 def test_filled_normals_are_those_of_the_single_function_bit_for_bit():
-    """Whatever the number of lanes and the order of the paths in them: vector and scalar code are one."""
-    key, rng = key_of(np.random.SeedSequence(3)), np.random.default_rng(1)
+    """Whatever the number of lanes and the order of the paths in them: vector and scalar code are
+    one."""
+    key = key_of(np.random.SeedSequence(3))
+    rng = np.random.default_rng(1)
     for lanes in (1, 7, 8, 100):
         paths = rng.permutation(1000)[:lanes].astype(np.uint64)
         z = np.zeros((5, 104))
@@ -177,8 +214,11 @@ def moment_scores(z, powers=range(1, 9)):
     """z-scores of the raw moments of standard normals, per component."""
     scores = []
     for p in powers:
-        truth, second = stats.norm.moment(p), stats.norm.moment(2 * p)
-        scores.append(((z**p).mean(axis=(0, 1)) - truth) / np.sqrt((second - truth**2) / z[..., 0].size))
+        truth = stats.norm.moment(p)
+        second = stats.norm.moment(2 * p)
+        scores.append(
+            ((z**p).mean(axis=(0, 1)) - truth) / np.sqrt((second - truth**2) / z[..., 0].size)
+        )
     return np.concatenate(scores)
 
 
@@ -186,8 +226,12 @@ PLANTED_MOMENTS = {
     "mean": lambda z: z + 0.02,
     "variance": lambda z: 1.02 * z,
     "third moment": lambda z: (z + 0.02 * (z**2 - 1.0)) / np.sqrt(1.0008),
-    "fourth moment": lambda z: np.random.default_rng(1).standard_t(30, z.shape) / np.sqrt(30.0 / 28.0),
-    "eighth moment": lambda z: np.where(np.abs(z) > 3.0, np.sign(z) * (3.0 + 1.3 * (np.abs(z) - 3.0)), z),
+    "fourth moment": lambda z: (
+        np.random.default_rng(1).standard_t(30, z.shape) / np.sqrt(30.0 / 28.0)
+    ),
+    "eighth moment": lambda z: np.where(
+        np.abs(z) > 3.0, np.sign(z) * (3.0 + 1.3 * (np.abs(z) - 3.0)), z
+    ),
 }
 
 
@@ -208,15 +252,19 @@ def test_keys_of_nearby_seeds_differ():
 
 
 def test_splits_of_a_step_stay_within_its_indices():
-    """Calls 0 to `MOST_IN_A_STEP`, each with its own indices for the cuts: none reaches into the next step's."""
+    """Calls 0 to `MOST_IN_A_STEP`, each with its own indices for the cuts: none reaches into the
+    next step's."""
     assert int(CUTS_APART) > MOST_CUTS
     assert MOST_IN_A_STEP * int(CUTS_APART) + MOST_CUTS < int(SPLITS)
     assert int(SPLITS) > MOST_IN_A_STEP  # the located scheme: one split a call
 
 
 def signs(paths, steps):
-    key, numbers = key_of(np.random.SeedSequence(3)), np.arange(paths, dtype=np.uint64)
-    bits, z, found = np.zeros(paths, np.uint64), np.zeros(paths), []
+    key = key_of(np.random.SeedSequence(3))
+    numbers = np.arange(paths, dtype=np.uint64)
+    bits = np.zeros(paths, np.uint64)
+    z = np.zeros(paths)
+    found = []
     for n in range(steps):
         if n % 64 == 0:
             module.fill_words(key, numbers, module.Word(n // 64), paths, bits)
@@ -229,7 +277,12 @@ def test_increments_are_fair_independent_signs():
     z = signs(512, 640)
     assert set(np.unique(z)) == {-1.0, 1.0}
     n = z.size
-    checks = [z.mean(), (z[1:] * z[:-1]).mean(), (z[:, 1:] * z[:, :-1]).mean(), (z[64:] * z[:-64]).mean()]
+    checks = [
+        z.mean(),
+        (z[1:] * z[:-1]).mean(),
+        (z[:, 1:] * z[:, :-1]).mean(),
+        (z[64:] * z[:-64]).mean(),
+    ]
     assert agrees(np.array(checks), 0.0, 1.0 / np.sqrt(n - 64 * 512))
     by_place = z.reshape(10, 64, 512).mean(axis=(0, 2))  # no bit of a word is loaded
     assert agrees(by_place, 0.0, 1.0 / np.sqrt(n / 64))

@@ -1,4 +1,5 @@
-"""Rare branches sampled on purpose: weights, moments against plain paths, and what an accuracy does with them."""
+"""Rare branches sampled on purpose: weights, moments against plain paths, and what an accuracy does
+with them."""
 
 import math
 from pathlib import Path
@@ -21,9 +22,12 @@ from rattle.montecarlo.statistics.weighted_sums import ORDERS, WeightedSums, add
 from rattle.scene import DAT21, Scene, Tolerance
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
-IMPACTS, PATHS = 4, 32 * BLOCK
+IMPACTS = 4
+PATHS = 32 * BLOCK
 STEP = math.pi / 96
-CHECKED = [(k, p + q) for k in range(1, IMPACTS + 1) for q in ("tau", "y1", "y2") for p in ("", "sd_")]
+CHECKED = [
+    (k, p + q) for k in range(1, IMPACTS + 1) for q in ("tau", "y1", "y2") for p in ("", "sd_")
+]
 
 
 def limit(checks):
@@ -84,8 +88,14 @@ def test_parts_that_overlap_do_not_bias(plain):
     centre = np.column_stack([plain.section[q] for q in ("tau", "flight", "x1", "y1", "x2", "y2")])
     mixture = mixture_of([near[0], other], [0.2, 0.2], centre, BLOCK)
     plan = plan_of(NOISY, paths=BLOCK, impacts=IMPACTS, dt=STEP, scheme="exact-flight", rng=3)
-    rows, weights = map(np.concatenate, zip(*(sample_mixture(plan, mixture, b)[:2] for b in range(32)), strict=True))
-    for values in (weights, weights * (rows[:, :, 0] - centre[:, 0]), weights * (rows[:, :, 3] - centre[:, 3])):
+    rows, weights = map(
+        np.concatenate, zip(*(sample_mixture(plan, mixture, b)[:2] for b in range(32)), strict=True)
+    )
+    for values in (
+        weights,
+        weights * (rows[:, :, 0] - centre[:, 0]),
+        weights * (rows[:, :, 3] - centre[:, 3]),
+    ):
         expected = 1.0 if values is weights else 0.0
         z = (values.mean(axis=0) - expected) / (values.std(axis=0) / math.sqrt(len(values)))
         assert np.abs(z).max() < limit(3 * IMPACTS)
@@ -106,30 +116,41 @@ def test_random_gaps():
 
 
 def test_weights_of_one_give_the_statistics_of_plain_paths():
-    plan = plan_of(NOISY, paths=BLOCK, impacts=2, dt=STEP, scheme="exact-flight", rng=3)._replace(keep=True)
+    plan = plan_of(NOISY, paths=BLOCK, impacts=2, dt=STEP, scheme="exact-flight", rng=3)._replace(
+        keep=True
+    )
     result, rows = run(plan, 0)
     expected = single_statistics(result.sums["section"])
-    centre, sums = expected["mean"] + 0.01 * expected["sd"], np.zeros((1, 2, 6, ORDERS))
+    centre = expected["mean"] + 0.01 * expected["sd"]
+    sums = np.zeros((1, 2, 6, ORDERS))
     add(rows[:, :, :6], np.ones((BLOCK, 2)), centre, sums[0])
     found = WeightedSums(np.array([float(BLOCK)]), centre, sums, np.zeros((2, 1))).moments()
     varies = expected["sd"] > 1e-9
     for name in ("mean", "sd", "se_mean", "se_sd", "skew", "se_skew", "kurt", "se_kurt"):
-        np.testing.assert_allclose(found[name][varies], expected[name][varies], rtol=3e-3, atol=3e-3)
+        np.testing.assert_allclose(
+            found[name][varies], expected[name][varies], rtol=3e-3, atol=3e-3
+        )
 
 
 def test_what_varies_by_less_than_rounding_has_no_moment_that_is_infinite():
     """The displacement at a wall that all paths strike: squares of such deviations underflow."""
-    sums, values = np.zeros((1, 1, 1, ORDERS)), np.zeros((BLOCK, 1, 1))
+    sums = np.zeros((1, 1, 1, ORDERS))
+    values = np.zeros((BLOCK, 1, 1))
     values[0] = 3e-80
     add(values, np.ones((BLOCK, 1)), np.zeros((1, 1)), sums[0])
-    moments = WeightedSums(np.array([float(BLOCK)]), np.zeros((1, 1)), sums, np.zeros((1, 1))).moments()
+    moments = WeightedSums(
+        np.array([float(BLOCK)]), np.zeros((1, 1)), sums, np.zeros((1, 1))
+    ).moments()
     assert not np.isinf(list(moments.values())).any()
     assert moments["lean_sd"] == moments["sd"] == 0.0
 
 
 def test_a_kurtosis_that_few_paths_make_up_does_not_hide_its_branch():
-    """A path or two may carry it by chance; where a hundred carry it, a branch of a sixth of it is not the cause."""
-    kurtosis, added, tails = np.array([[3.0, 12_000.0]]), [np.array([[0.0, 2000.0]])], np.array([2e-5])
+    """A path or two may carry it by chance; where a hundred carry it, a branch of a sixth of it is
+    not the cause."""
+    kurtosis = np.array([[3.0, 12_000.0]])
+    added = [np.array([[0.0, 2000.0]])]
+    tails = np.array([2e-5])
     assert _share_out(kurtosis, added, tails, PATHS)[0] > 0.0
     assert _share_out(kurtosis, added, tails, 100 * PATHS)[0] == 0.0
 
@@ -137,7 +158,8 @@ def test_a_kurtosis_that_few_paths_make_up_does_not_hide_its_branch():
 def test_where_no_branch_matters_paths_are_plain():
     scene = Scene.from_gears(DAT21, sigma=0.01)
     assert choose_mixture(simulate(scene, paths=4 * BLOCK, impacts=3)) is None
-    one, other = simulate_rare(scene, paths=PATHS, impacts=2, rng=5), simulate(scene, paths=PATHS, impacts=2, rng=5)
+    one = simulate_rare(scene, paths=PATHS, impacts=2, rng=5)
+    other = simulate(scene, paths=PATHS, impacts=2, rng=5)
     assert one.section.equals(other.section)
 
 
@@ -151,7 +173,9 @@ def test_an_accuracy_that_waits_for_a_branch_samples_it():
 
 def test_first_order_is_enough_on_the_scenes_of_the_table():
     """No curvature is corrected for; half of a window was once lost, which a tenth shows."""
-    table = pd.read_csv(Path(__file__).parents[2] / "docs/results/rare_branches.csv").dropna(subset="near")
+    table = pd.read_csv(Path(__file__).parents[2] / "docs/results/rare_branches.csv").dropna(
+        subset="near"
+    )
     assert len(table) >= 5
     off = table["first_order"] - table["near"]
     assert (off.abs() < 0.1 * table["near"]).all()
@@ -171,7 +195,9 @@ def test_probability_of_a_branch_near_its_design_point_is_that_of_plain_paths(na
     hits = []
     for b in range(8):
         rows, weights, _, _ = sample_mixture(plan, mixture, b)
-        off = (rows[:, impact - 1, 6] == code) & (rows[:, : impact - 1, 6] == orbit[:-1]).all(axis=1)
+        off = (rows[:, impact - 1, 6] == code) & (rows[:, : impact - 1, 6] == orbit[:-1]).all(
+            axis=1
+        )
         hits.append(weights[:, impact - 1] * off)
     one = np.concatenate(hits)
     raw = simulate(scene, paths=64 * BLOCK, impacts=impacts, rng=9).result.codes[impact - 1]

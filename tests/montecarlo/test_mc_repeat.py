@@ -1,4 +1,5 @@
-"""A run is a function of its seed: the same bit for bit for any workers and blocks, and whatever runs beside it."""
+"""A run is a function of its seed: the same bit for bit for any workers and blocks, and whatever
+runs beside it."""
 
 import numpy as np
 import pytest
@@ -23,7 +24,8 @@ def run_with(scheme="euler-maruyama-located", scene=None, **changes):
 @pytest.mark.parametrize("workers", [2, 3, 16])
 def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(scheme, workers):
     settings = {"scheme": scheme, "times": [0.6, 1.0], "histogram": True}
-    alone, many = run_with(**settings), run_with(**settings, workers=workers)
+    alone = run_with(**settings)
+    many = run_with(**settings, workers=workers)
     assert np.array_equal(alone.raw, many.raw)
     assert alone.section.equals(many.section)
     assert alone.at_times().equals(many.at_times())
@@ -32,9 +34,12 @@ def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(scheme, worker
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("scene", [dat21(0.5), TOLERANT.with_sigma(0.2)], ids=["DAT21", "redrawn walls"])
+@pytest.mark.parametrize(
+    "scene", [dat21(0.5), TOLERANT.with_sigma(0.2)], ids=["DAT21", "redrawn walls"]
+)
 def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, monkeypatch):
-    """Other neighbours, other lanes, other times at which lanes change hands; merged sums differ by rounding alone."""
+    """Other neighbours, other lanes, other times at which lanes change hands; merged sums differ by
+    rounding alone."""
     settings = {"scheme": scheme, "scene": scene, "paths": 1100, "impacts": 12, "times": [1.0]}
     whole = run_with(**settings)
     for size in (64, 100, 1024):
@@ -44,23 +49,35 @@ def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, m
         assert np.array_equal(whole.raw, cut.raw)
         a, b = (r.section.to_numpy(dtype=float) for r in (whole, cut))
         assert np.allclose(a, b, rtol=1e-9, atol=1e-9, equal_nan=True)
-        assert np.allclose(whole.at_times().to_numpy(), cut.at_times().to_numpy(), rtol=1e-9, atol=1e-9, equal_nan=True)
+        assert np.allclose(
+            whole.at_times().to_numpy(),
+            cut.at_times().to_numpy(),
+            rtol=1e-9,
+            atol=1e-9,
+            equal_nan=True,
+        )
 
 
 CHANGES = {
-    "step bias": {"step_bias": True}, "fixed times": {"times": [0.6, 5.0]}, "histogram": {"histogram": True},
-    "more paths": {"paths": 2 * PATHS}, "fewer paths": {"paths": 7},
-    "itineraries": {"itineraries": {"mine": [1, -1, 1, -1]}}, "horizon": {"horizon": 77.7},
+    "step bias": {"step_bias": True},
+    "fixed times": {"times": [0.6, 5.0]},
+    "histogram": {"histogram": True},
+    "more paths": {"paths": 2 * PATHS},
+    "fewer paths": {"paths": 7},
+    "itineraries": {"itineraries": {"mine": [1, -1, 1, -1]}},
+    "horizon": {"horizon": 77.7},
     "sequence": {"rng": np.random.SeedSequence(3)},
-    "more impacts": {"impacts": 9}, "batches and energy": {"batches": True, "energy": True},
+    "more impacts": {"impacts": 9},
+    "batches and energy": {"batches": True, "energy": True},
     "all": {"step_bias": True, "times": [0.6, 5.0], "histogram": True, "workers": 3},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_paths_are_the_same_bit_for_bit_whatever_runs_beside_them(scheme, change):
-    plain, other = run_with(scheme).raw, run_with(scheme, **CHANGES[change]).raw
+    plain = run_with(scheme).raw
+    other = run_with(scheme, **CHANGES[change]).raw
     common = min(len(plain), len(other))
     assert np.array_equal(plain[:common], other[:common, :4])
 

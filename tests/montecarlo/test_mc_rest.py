@@ -1,4 +1,5 @@
-"""Closed meshes in the sampler: the rule of `rattle.montecarlo.schemes.sticking`, and what it costs in accuracy."""
+"""Closed meshes in the sampler: the rule of `rattle.montecarlo.schemes.sticking`, and what it costs
+in accuracy."""
 
 import numpy as np
 import pytest
@@ -13,19 +14,31 @@ SCENES = {
     "one stage": Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1),
     "mesh 1": Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5),
     "mesh 2": Scene(
-        alpha=0.0, epsilon=0.4, beta1=0.5, beta2=0.1, gamma1=0.0, gamma2=1.0, mu=0.6, gap1=50.0,
+        alpha=0.0,
+        epsilon=0.4,
+        beta1=0.5,
+        beta2=0.1,
+        gamma1=0.0,
+        gamma2=1.0,
+        mu=0.6,
+        gap1=50.0,
         start=Start(0.0, 0.0, -5.0, 0.4, 0.1),
     ),
-    "both meshes": Scene(alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6),
+    "both meshes": Scene(
+        alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6
+    ),
     "plastic": Scene(alpha=1.0, epsilon=0.0, beta1=0.1, gamma1=0.3, stages=1),
-}  # fmt: skip
+}
 
 
 def distances(scene, scheme, dt):
     """Distance in x from the orbit at 200 times, as far as it is followed, and the run."""
     orbit = follow(scene, 150)
     end = min(float(orbit.tau[orbit.found]), 12.0)
-    settings = {"sampling": Sampling(horizon=end), "record": Record(times=np.linspace(0.3, end - dt, 200))}
+    settings = {
+        "sampling": Sampling(horizon=end),
+        "record": Record(times=np.linspace(0.3, end - dt, 200)),
+    }
     run = simulate(scene, paths=1, impacts=10_000, dt=dt, scheme=scheme, rng=1, **settings)
     table = run.at_times()
     stages = ["x1", "x2"][: scene.stages]
@@ -37,7 +50,8 @@ def distances(scene, scheme, dt):
 @pytest.mark.parametrize("scheme", ["exact-flight", "euler-maruyama-located", "euler-maruyama"])
 @pytest.mark.parametrize("name", SCENES)
 def test_sticking_costs_no_more_than_the_way_of_a_step(name, scheme):
-    """The rule is late by less than a step.  What comes of that later, through ten or so impacts, is of its order."""
+    """The rule is late by less than a step.  What comes of that later, through ten or so impacts,
+    is of its order."""
     coarse, speed, _ = distances(SCENES[name], scheme, 0.02)
     fine, _, _ = distances(SCENES[name], scheme, 0.0023)
     assert np.median(coarse) <= 0.02 * speed
@@ -49,7 +63,8 @@ def test_sticking_costs_no_more_than_the_way_of_a_step(name, scheme):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_exact_flights_are_right_to_second_order_through_sticking(name):
-    """But where both meshes meet: there the impact of the other stage waits for the end of the step."""
+    """But where both meshes meet: there the impact of the other stage waits for the end of the
+    step."""
     far, _, run = distances(SCENES[name], "exact-flight", 0.005)
     assert run.sticking_steps > 10
     assert np.median(far) < 1e-5
@@ -67,13 +82,21 @@ def test_a_path_that_never_leaves_a_closed_mesh_is_noticed():
 
 def test_a_mesh_that_never_opens_again_has_no_moments():
     scene = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=2.0, stages=1, sigma=1e-3)
-    run = simulate(scene, impacts=10_000, paths=8, scheme="exact-flight", rng=1, sampling=Sampling(horizon=60.0))
+    run = simulate(
+        scene,
+        impacts=10_000,
+        paths=8,
+        scheme="exact-flight",
+        rng=1,
+        sampling=Sampling(horizon=60.0),
+    )
     assert run.unfinished == 8
     assert run.sticking_steps > 1000
 
 
 def test_a_path_that_has_had_its_impacts_is_not_followed_through_the_chatter_after_them():
-    """The same impacts bit for bit as where states at later times are asked for; there, sticking steps are counted."""
+    """The same impacts bit for bit as where states at later times are asked for; there, sticking
+    steps are counted."""
     scene = Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1, sigma=1e-3)
     short, whole = (
         simulate(scene, paths=64, impacts=8, dt=0.02, rng=3, record=Record(raw=True, times=times))
@@ -85,7 +108,10 @@ def test_a_path_that_has_had_its_impacts_is_not_followed_through_the_chatter_aft
 
 @pytest.mark.parametrize("drag", [5.0, 20.0])
 def test_wheels_that_press_each_other_come_to_rest_with_noise(drag):
-    """A stage that falls onto its wall beside a closed mesh gains nothing beyond it: it kept them moving for good."""
-    scene = Scene(alpha=1.5, epsilon=0.9, beta1=0.0, gamma1=drag, gamma2=0.5 * drag, mu=0.6, sigma=0.01)
+    """A stage that falls onto its wall beside a closed mesh gains nothing beyond it: it kept them
+    moving for good."""
+    scene = Scene(
+        alpha=1.5, epsilon=0.9, beta1=0.0, gamma1=drag, gamma2=0.5 * drag, mu=0.6, sigma=0.01
+    )
     with pytest.raises(AtRest):
         long_run(scene, periods=64, paths=16, rng=1)

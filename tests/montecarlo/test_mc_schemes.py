@@ -1,4 +1,5 @@
-"""Orders without walls and on the noise-free orbit; and mesh 1 comes first where both are struck at once."""
+"""Orders without walls and on the noise-free orbit; and mesh 1 comes first where both are struck at
+once."""
 
 from dataclasses import replace
 
@@ -15,7 +16,8 @@ from rattle.scene import Scene, Start
 
 def exact_covariance(scene, t):
     """int exp(A r) g g' exp(A' r) sigma^2 dr, written from Eq. 5 and integrated by scipy."""
-    b1, b2 = scene.beta1, scene.beta2
+    b1 = scene.beta1
+    b2 = scene.beta2
     a = np.array([[0, 1, 0, 0], [0, -b1, 0, 0], [0, 0, 0, 1], [0, b2 - b1, 0, -b2]], dtype=float)
 
     def integrand(r):
@@ -31,41 +33,62 @@ def slope(steps, errors):
 
 
 def test_mean_and_covariance_of_a_flight_converge_at_first_order():
-    scene, steps = open_space(0.4, beta2=0.9), np.array([0.04, 0.02, 0.01, 0.005])
-    mean, cov = follow(scene.with_sigma(0.0), 1).state(scene.start.tau + 2.0), exact_covariance(scene, 2.0)
+    scene = open_space(0.4, beta2=0.9)
+    steps = np.array([0.04, 0.02, 0.01, 0.005])
+    mean = follow(scene.with_sigma(0.0), 1).state(scene.start.tau + 2.0)
+    cov = exact_covariance(scene, 2.0)
     found = [by_steps(scene, 2.0, h) for h in steps]
-    assert slope(steps, [np.abs(one - mean).max() for one, _ in found]) == pytest.approx(1.0, abs=0.1)
-    assert slope(steps, [np.abs(one - cov).max() for _, one in found]) == pytest.approx(1.0, abs=0.1)
+    assert slope(steps, [np.abs(one - mean).max() for one, _ in found]) == pytest.approx(
+        1.0, abs=0.1
+    )
+    assert slope(steps, [np.abs(one - cov).max() for _, one in found]) == pytest.approx(
+        1.0, abs=0.1
+    )
     off = [np.abs(one - 1.01 * cov).max() for _, one in found]  # a planted error of 1 %
     assert slope(steps, off) != pytest.approx(1.0, abs=0.1)
 
 
 def test_order_check_sees_a_wrong_drag():
     """Negative control: against the orbit of a drag 0.2 % off, the error stops falling with dt."""
-    values = {name: getattr(dat21(), name) for name in ("alpha", "epsilon", "beta1", "beta2", "gamma2", "mu")}
+    values = {
+        name: getattr(dat21(), name)
+        for name in ("alpha", "epsilon", "beta1", "beta2", "gamma2", "mu")
+    }
     orbit = follow(Scene(**values, gamma1=1.002 * dat21().gamma1), 6)
     steps = 2e-3 / 2.0 ** np.arange(8)
     wrong = [
-        abs(simulate(dat21(), paths=1, impacts=6, dt=h, scheme="euler-maruyama-located").section.tau[6] - orbit.tau[6])
+        abs(
+            simulate(
+                dat21(), paths=1, impacts=6, dt=h, scheme="euler-maruyama-located"
+            ).section.tau[6]
+            - orbit.tau[6]
+        )
         for h in steps
     ]
     assert abs(slope(steps, wrong) - 1.0) > 0.1
 
 
 def both_walls_at(time, gap1=0.5, gap2=1.7):
-    """No force, and both displacements meet their walls at one instant; there mesh 2 reverses mesh 1 again."""
+    """No force, and both displacements meet their walls at one instant; there mesh 2 reverses mesh
+    1 again."""
     start = Start(0.0, 0.0, gap1 / time, 0.1, -(gap2 + 0.1) / time)
-    return Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.3, gap1=gap1, gap2=gap2, start=start)
+    return Scene(
+        alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.3, gap1=gap1, gap2=gap2, start=start
+    )
 
 
 @pytest.mark.parametrize("side", ["orbit", "exact-flight", "euler-maruyama-located"])
 def test_mesh_1_comes_first_where_both_are_struck_at_one_instant(side):
     def struck_together(scene, impacts):
         orbit = follow(scene, impacts)
-        mesh, tau = orbit.mesh[1:], orbit.tau[1:]
+        mesh = orbit.mesh[1:]
+        tau = orbit.tau[1:]
         if side != "orbit":
-            columns = simulate(scene, paths=1, impacts=impacts, scheme=side, record=Record(step_bias=False)).columns
-            mesh, tau = columns["mesh"], columns["tau"]
+            columns = simulate(
+                scene, paths=1, impacts=impacts, scheme=side, record=Record(step_bias=False)
+            ).columns
+            mesh = columns["mesh"]
+            tau = columns["tau"]
         return list(zip(mesh.tolist(), tau.round(9).tolist(), strict=True))
 
     for time in (0.1, 0.5, 1.0, 2.0, 3.0, 7.0):

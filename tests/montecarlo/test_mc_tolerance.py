@@ -13,7 +13,9 @@ from settings import recorded
 from rattle.montecarlo import Record
 from rattle.scene import Scene, Start, Tolerance
 
-GAP, C1, C2 = 0.5, 0.04, 0.02
+GAP = 0.5
+C1 = 0.04
+C2 = 0.02
 PATHS = 4000
 DISTRIBUTIONS = {
     "uniform": lambda c: stats.uniform(-c, 2.0 * c),
@@ -33,19 +35,32 @@ def test_per_path_a_mesh_has_one_half_gap_on_both_flanks(distribution):
 
 
 def free(distribution, draw, mesh=1, impacts=4, paths=PATHS, start=None, **settings):
-    """A lossless free wheel that bounces between the flanks of one mesh at speed 2, the other mesh far off.
+    """A lossless free wheel that bounces between the flanks of one mesh at speed 2, the other mesh
+    far off.
 
     Every path meets the flanks -, +, -... in turn, so that no path is selected by its walls.
     """
-    start = start or {
-        1: Start(0.0, GAP, 2.0, 0.0, 0.0, mesh=1), 2: Start(0.0, 0.0, 0.0, GAP, 2.0, mesh=2),
-    }[mesh]  # fmt: skip
+    start = (
+        start
+        or {
+            1: Start(0.0, GAP, 2.0, 0.0, 0.0, mesh=1),
+            2: Start(0.0, 0.0, 0.0, GAP, 2.0, mesh=2),
+        }[mesh]
+    )
     scene = Scene(
-        alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=0.5, start=start,
+        alpha=0.0,
+        epsilon=1.0,
+        beta1=0.0,
+        gamma1=0.0,
+        mu=0.5,
+        start=start,
         tolerance=Tolerance(C1, C2, distribution=distribution, draw=draw),
-        gap1=1e3 if mesh == 2 else GAP, gap2=1e3 if mesh == 1 else GAP,
-    )  # fmt: skip
-    return simulate(scene, paths=paths, impacts=impacts, dt=0.01, rng=2, **recorded({"raw": True} | settings))
+        gap1=1e3 if mesh == 2 else GAP,
+        gap2=1e3 if mesh == 1 else GAP,
+    )
+    return simulate(
+        scene, paths=paths, impacts=impacts, dt=0.01, rng=2, **recorded({"raw": True} | settings)
+    )
 
 
 def fits(values, distribution, c, checks):
@@ -57,7 +72,8 @@ def fits(values, distribution, c, checks):
 @pytest.mark.parametrize("draw", ["path", "contact"])
 @pytest.mark.parametrize("scheme", ["euler-maruyama-located", "exact-flight"])
 def test_walls_have_the_distribution_asked_for(distribution, draw, mesh, scheme):
-    raw, c = free(distribution, draw, mesh, scheme=scheme).raw, (C1, C2)[mesh - 1]
+    raw = free(distribution, draw, mesh, scheme=scheme).raw
+    c = (C1, C2)[mesh - 1]
     assert (raw[:, :, 6] == mesh * np.array([-1, 1, -1, 1])).all()
     for k in range(4):
         deviation = np.abs(raw[:, k, 2 * mesh]) - GAP
@@ -86,11 +102,17 @@ def uncorrelated(a, b):
 
 @pytest.mark.parametrize("draw", ["path", "contact"])
 def test_meshes_have_independent_tolerances(draw):
-    """Stage 1 meets its flank - first, is thrown back and drives stage 2 to its flank +: the same for every path."""
+    """Stage 1 meets its flank - first, is thrown back and drives stage 2 to its flank +: the same
+    for every path."""
     scene = Scene(
-        alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=0.5, start=Start(0.0, 0.0, -1.0, 0.0, 0.3),
+        alpha=0.0,
+        epsilon=1.0,
+        beta1=0.0,
+        gamma1=0.0,
+        mu=0.5,
+        start=Start(0.0, 0.0, -1.0, 0.0, 0.3),
         tolerance=Tolerance(C1, C2, draw=draw),
-    )  # fmt: skip
+    )
     raw = simulate(scene, paths=PATHS, impacts=2, dt=0.01, rng=2, record=Record(raw=True)).raw
     assert (raw[:, :, 6] == [-1, 2]).all()
     assert uncorrelated(raw[:, 0, 2], raw[:, 1, 4])
@@ -105,19 +127,22 @@ def test_contacts_have_independent_tolerances():
 
 
 def spread_after_twenty_crossings(impacts):
-    """sd of a bouncing wheel's place at a time when it is nominally half way, and the sd's relative error."""
+    """sd of a bouncing wheel's place at a time when it is nominally half way, and the sd's relative
+    error."""
     run = free("uniform", "contact", impacts=impacts, times=[20.5 * GAP])
     return np.sqrt(run.at_times().cov_x1_x1.iloc[0]), 1.0 / np.sqrt(2.0 * PATHS)
 
 
 def test_walls_of_successive_contacts_add_up_as_independent():
-    """The start's wall shifts the place once; each of 20 walls met since, of sd C1 / sqrt(3), shifts it twice."""
+    """The start's wall shifts the place once; each of 20 walls met since, of sd C1 / sqrt(3),
+    shifts it twice."""
     sd, error = spread_after_twenty_crossings(40)
     assert abs(sd / (C1 / np.sqrt(3.0) * np.sqrt(1.0 + 4.0 * 20.0)) - 1.0) < 4.0 * error
 
 
 def test_contacts_beyond_the_impacts_asked_for_have_walls_of_their_own():
-    """A fixed time after the last impact keeps paths running; how many impacts are tabled must not matter to it."""
+    """A fixed time after the last impact keeps paths running; how many impacts are tabled must not
+    matter to it."""
     short, error = spread_after_twenty_crossings(1)
     full, _ = spread_after_twenty_crossings(40)
     assert abs(short / full - 1.0) < 4.0 * np.sqrt(2.0) * error

@@ -15,8 +15,10 @@ from rattle.montecarlo.branches.search import BranchSearch, rare_events
 from rattle.montecarlo.diagnostics.unseen import Unseen
 from rattle.scene import DAT21, Scene
 
-PROBABILITY, SD = 7.9e-6, 0.01528
-"""Of the branch of `PAIR_B`, and sd of y2 at impact 2, from 8 million exact flights (63 paths on the branch)."""
+PROBABILITY = 7.9e-6
+SD = 0.01528
+"""Of the branch of `PAIR_B`, and sd of y2 at impact 2, from 8 million exact flights (63 paths on
+the branch)."""
 
 
 def test_a_rare_branch_has_the_probability_and_the_size_that_eight_million_paths_show():
@@ -35,7 +37,9 @@ def _verdict(monkeypatch, bounded):
     if not bounded:
         nil = np.zeros((2, 6))
         monkeypatch.setattr(errors, "unseen", lambda *_: Unseen(nil, nil, nil, nil, nil, nil, 2))
-    table = section_errors([SimpleNamespace(closure="exact", section=truth)], run, widest(48), Tolerances())
+    table = section_errors(
+        [SimpleNamespace(closure="exact", section=truth)], run, widest(48), Tolerances()
+    )
     return table.query("impact == 2 and quantity == 'y2' and moment == 'sd'").iloc[0]
 
 
@@ -59,7 +63,9 @@ def test_a_branch_whose_window_lies_between_the_points_of_the_grid_is_found():
     sigmas = (0.055, 0.06, 0.065, 0.07)
     found = [rare_events(Scene.from_gears(DAT21, sigma=s), 1).branches for s in sigmas]
     assert [(b.mesh, b.side) for (b,) in found] == [(2, -1)] * 4
-    np.testing.assert_allclose([b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3)
+    np.testing.assert_allclose(
+        [b.beta * s for (b,), s in zip(found, sigmas, strict=True)], 0.328, rtol=5e-3
+    )
 
 
 def test_an_orbit_that_ends_leaves_later_impacts_unknown():
@@ -70,11 +76,14 @@ def test_an_orbit_that_ends_leaves_later_impacts_unknown():
 
 
 def test_one_search_serves_all_probabilities(monkeypatch):
-    """Whatever is asked for first, no flight is searched twice, and the answers are those of searches of their own."""
-    flights, one = [], branches.events
+    """Whatever is asked for first, no flight is searched twice, and the answers are those of
+    searches of their own."""
+    flights = []
+    one = branches.events
     monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
     scene = Scene.from_gears(DAT21, sigma=0.1).phase_reduced
-    wanted, search = [2.0**-k for k in (9, 2, 12, 8)], BranchSearch(scene, 12)
+    wanted = [2.0**-k for k in (9, 2, 12, 8)]
+    search = BranchSearch(scene, 12)
     found = [[b.probability for b in search.until(least).branches] for least in wanted]
     together = len(flights)
     apart = []
@@ -91,8 +100,10 @@ def test_one_search_serves_all_probabilities(monkeypatch):
 
 @pytest.mark.slow
 def test_the_search_is_bounded_whatever_the_number_of_impacts(monkeypatch):
-    """It took 45 seconds of an answer whose budget was 2; beyond what is searched, branches count as unknown."""
-    flights, one = [], branches.events
+    """It took 45 seconds of an answer whose budget was 2; beyond what is searched, branches count
+    as unknown."""
+    flights = []
+    one = branches.events
     monkeypatch.setattr(branches, "events", lambda flight: flights.append(flight) or one(flight))
     scene = Scene.from_gears(DAT21, sigma=1.2).phase_reduced
     for impacts in (200, 400):

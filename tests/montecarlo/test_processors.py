@@ -1,4 +1,5 @@
-"""One source, one set of bits on every x86-64 with AVX2 and FMA: code for other processors runs here, where it can."""
+"""One source, one set of bits on every x86-64 with AVX2 and FMA: code for other processors runs
+here, where it can."""
 
 import json
 import platform
@@ -14,8 +15,10 @@ pytestmark = pytest.mark.slow
 LEVEL_3 = ("avx2", "fma", "bmi", "bmi2", "lzcnt", "popcnt", "f16c", "movbe")
 LEVEL_4 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
 PROCESSORS = {
-    "haswell": (LEVEL_3, "Haswell"), "skylake-avx512": (LEVEL_3 + LEVEL_4, "SkylakeX"), "znver3": (LEVEL_3, "Zen")
-}  # fmt: skip
+    "haswell": (LEVEL_3, "Haswell"),
+    "skylake-avx512": (LEVEL_3 + LEVEL_4, "SkylakeX"),
+    "znver3": (LEVEL_3, "Zen"),
+}
 """Name of a processor: the instructions that code for it may use, and OpenBLAS's name of it."""
 
 
@@ -26,9 +29,14 @@ def has(features):
 
 
 def as_on(processor):
-    """Environment in which numba, numpy, the C library and OpenBLAS choose as they would on a processor."""
+    """Environment in which numba, numpy, the C library and OpenBLAS choose as they would on a
+    processor."""
     features, core = PROCESSORS[processor]
-    newer = ["AVX512_ICL", "AVX512_SPR"] if "avx512f" in features else ["X86_V4", "AVX512_ICL", "AVX512_SPR"]
+    newer = (
+        ["AVX512_ICL", "AVX512_SPR"]
+        if "avx512f" in features
+        else ["X86_V4", "AVX512_ICL", "AVX512_SPR"]
+    )
     without = [] if "avx512f" in features else [f"-{name.upper()}" for name in LEVEL_4]
     return {
         "NUMBA_CPU_NAME": processor,

@@ -11,10 +11,17 @@ from pathlib import Path
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 OPTIONS = [
-    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
     "--remote-debugging-pipe",
-]  # fmt: skip
+]
 
 
 class Browser:
@@ -23,17 +30,33 @@ class Browser:
     def __init__(self, home: Path):
         command_in, self._out = os.pipe()
         self._in, answer_out = os.pipe()
-        # Chromium reads from descriptor 3 and writes to 4; those of the pipes are first put out of their way
+        # Chromium reads from descriptor 3 and writes to 4; those of the pipes are first put out of
+        # their way
         shell = f'exec 13<&{command_in} 14>&{answer_out}; exec 3<&13 4>&14 13<&- 14>&-; exec "$@"'
         self._process = subprocess.Popen(
-            ["bash", "-c", shell, "chromium", CHROMIUM, *OPTIONS, f"--user-data-dir={home}", "about:blank"],
-            pass_fds=(command_in, answer_out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+            [
+                "bash",
+                "-c",
+                shell,
+                "chromium",
+                CHROMIUM,
+                *OPTIONS,
+                f"--user-data-dir={home}",
+                "about:blank",
+            ],
+            pass_fds=(command_in, answer_out),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         os.close(command_in)
         os.close(answer_out)
-        self._number, self._read, self.events = 0, b"", []
+        self._number = 0
+        self._read = b""
+        self.events = []
         target = self._send("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self._send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session = self._send("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
@@ -49,7 +72,10 @@ class Browser:
     def _send(self, method, session=None, **params):
         self._number += 1
         message = {"id": self._number, "method": method, "params": params}
-        os.write(self._out, json.dumps(message | ({"sessionId": session} if session else {})).encode() + b"\0")
+        os.write(
+            self._out,
+            json.dumps(message | ({"sessionId": session} if session else {})).encode() + b"\0",
+        )
         while (answer := self._next()).get("id") != self._number:
             self.events.append(answer)
         assert "error" not in answer, answer
@@ -77,27 +103,45 @@ class Browser:
             self.events.append(self._next())
 
     def complaints(self):
-        """What the page has logged and thrown, and the addresses it has asked for besides its own."""
+        """What the page has logged and thrown, and the addresses it has asked for besides its
+        own."""
         methods = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
         said = [e["params"] for e in self.events if e["method"] in methods]
-        asked = [e["params"]["request"]["url"] for e in self.events if e["method"] == "Network.requestWillBeSent"]
+        asked = [
+            e["params"]["request"]["url"]
+            for e in self.events
+            if e["method"] == "Network.requestWillBeSent"
+        ]
         return said + [url for url in asked[1:] if not url.startswith("data:")]
 
     def size(self, width, height=900):
         self.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 600,
         )
 
     def run(self, script):
         """The value of a script."""
-        found = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        found = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 
     def press(self, key, code):
         for kind in ("keyDown", "keyUp"):
             text = {"text": "\r"} if key == "Enter" and kind == "keyDown" else {}
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **text)
+            self.call(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=key,
+                windowsVirtualKeyCode=code,
+                **text,
+            )
 
     def picture(self, path, whole=True):
         """Save what is seen, or the whole page, as PNG."""

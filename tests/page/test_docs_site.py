@@ -1,6 +1,8 @@
-"""The documentation site: built without a warning and without a network, and what a browser shows of it.
+"""The documentation site: built without a warning and without a network, and what a browser shows
+of it.
 
-The code cells of its pages are run; the scripts of its gallery are run by ``make docs``, and one of them here.
+The code cells of its pages are run; the scripts of its gallery are run by ``make docs``, and one of
+them here.
 """
 
 import json
@@ -24,17 +26,46 @@ SHOWN = ("start", "results/dat21", "results/claims", "reference/notation", "guid
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The site, from a copy of its sources: what is generated beside them stays out of the tree."""
-    copy, out = tmp_path_factory.mktemp("repository"), tmp_path_factory.mktemp("site")
-    listed = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "docs", "reports", "CHANGELOG.md"]
+    copy = tmp_path_factory.mktemp("repository")
+    out = tmp_path_factory.mktemp("site")
+    listed = [
+        "git",
+        "ls-files",
+        "--cached",
+        "--others",
+        "--exclude-standard",
+        "docs",
+        "reports",
+        "CHANGELOG.md",
+    ]
     listed += ["tests/helpers", *source_tree.PACKAGES]  # whose lines a page counts
-    for name in subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines():
+    for name in subprocess.run(
+        listed, cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines():
         if (ROOT / name).exists():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             (copy / name).write_bytes((ROOT / name).read_bytes())
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-D", "plot_gallery=0"]
-    offline = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-W",
+        "--keep-going",
+        "-q",
+        "-b",
+        "html",
+        "-D",
+        "plot_gallery=0",
+    ]
+    offline = dict.fromkeys(
+        ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9"
+    )
     done = subprocess.run(
-        [*command, copy / "docs", out], capture_output=True, text=True, env=os.environ | offline, timeout=850
+        [*command, copy / "docs", out],
+        capture_output=True,
+        text=True,
+        env=os.environ | offline,
+        timeout=850,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return out
@@ -63,15 +94,20 @@ def test_tables_are_those_of_the_reports(site):
     assert all(table.count("<tr") > 4 for table in found)
 
 
-SOURCES = [p for p in sorted(DOCS.rglob("*.md")) if not {"_build", "generated", "auto_gallery"} & set(p.parts)]
+SOURCES = [
+    p
+    for p in sorted(DOCS.rglob("*.md"))
+    if not {"_build", "generated", "auto_gallery"} & set(p.parts)
+]
 
 
 def test_no_output_is_typed_by_hand(site):
     """What the program prints, and what a report took, is made or read when the site is built."""
     assert not [p for p in SOURCES if "at version 0" in p.read_text()]
     for page, said in (
-        ("trust/published", " results hold; "), ("guide/pytest", "rattle: my_model exceeds the allowed error"),
-    ):  # fmt: skip
+        ("trust/published", " results hold; "),
+        ("guide/pytest", "rattle: my_model exceeds the allowed error"),
+    ):
         assert said not in (DOCS / f"{page}.md").read_text()
         assert said in (site / f"{page}.html").read_text(), page
     took = json.loads((ROOT / "reports" / "chaos" / "manifest.json").read_text())["wall_seconds"]
@@ -91,14 +127,23 @@ def test_a_reference_that_leads_nowhere_ends_the_build():
 @pytest.mark.parametrize("name", ["plot_orbit.py", "plot_backlash.py"])
 def test_a_script_of_the_gallery_runs(name):
     environment = os.environ | {"MPLBACKEND": "agg"}
-    subprocess.run([sys.executable, "-W", "ignore", DOCS / "gallery" / name], env=environment, check=True, timeout=300)
+    subprocess.run(
+        [sys.executable, "-W", "ignore", DOCS / "gallery" / name],
+        env=environment,
+        check=True,
+        timeout=300,
+    )
 
 
 def test_no_page_asks_for_another_host(site):
     """No script, style, font or picture of another host: links alone lead there."""
     for page in site.rglob("*.html"):
-        assert not re.search(r'<(script|img|iframe|source)[^>]* src="(https?:)?//', page.read_text()), page
-        assert not re.search(r'<link[^>]* rel="(stylesheet|preload)"[^>]* href="(https?:)?//', page.read_text()), page
+        assert not re.search(
+            r'<(script|img|iframe|source)[^>]* src="(https?:)?//', page.read_text()
+        ), page
+        assert not re.search(
+            r'<link[^>]* rel="(stylesheet|preload)"[^>]* href="(https?:)?//', page.read_text()
+        ), page
 
 
 @pytest.mark.parametrize("width", [1280, 390])
@@ -107,22 +152,34 @@ def test_fits_in_a_browser(browser, site, name, width):
     browser.open(site / f"{name}.html", width)
     assert browser.run("document.documentElement.clientWidth") == width
     assert browser.run("document.documentElement.scrollWidth") <= width
-    assert browser.run("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
-    assert browser.run("[...document.querySelectorAll('figure img')].every(image => image.alt.trim().length > 0)")
-    asked = [e["params"]["request"]["url"] for e in browser.events if e["method"] == "Network.requestWillBeSent"]
+    assert browser.run(
+        "[...document.images].every(image => image.complete && image.naturalWidth > 0)"
+    )
+    assert browser.run(
+        "[...document.querySelectorAll('figure img')].every(image => image.alt.trim().length > 0)"
+    )
+    asked = [
+        e["params"]["request"]["url"]
+        for e in browser.events
+        if e["method"] == "Network.requestWillBeSent"
+    ]
     assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
     assert not [e for e in browser.events if e["method"] == "Runtime.exceptionThrown"]
 
 
 @pytest.mark.parametrize("width", [1280, 800, 390])
-def test_the_start_page_shows_all_of_its_animation_and_a_figure_that_can_be_read(browser, site, width):
+def test_the_start_page_shows_all_of_its_animation_and_a_figure_that_can_be_read(
+    browser, site, width
+):
     browser.open(site / "index.html", width)
-    browser.run(
-        "new Promise(done => setTimeout(done, 500))"
-    )  # the animation says how high it is when it has been drawn
-    inner, height = browser.run("(f => [f.clientWidth, f.clientHeight])(document.querySelector('iframe'))")
+    # the animation says how high it is when it has been drawn
+    browser.run("new Promise(done => setTimeout(done, 500))")
+    inner, height = browser.run(
+        "(f => [f.clientWidth, f.clientHeight])(document.querySelector('iframe'))"
+    )
     natural, shown = browser.run(
-        "(i => [i.naturalWidth, i.getBoundingClientRect().width])(document.querySelector('figure img'))"
+        "(i => [i.naturalWidth, i.getBoundingClientRect().width])(document.querySelector('figure"
+        " img'))"
     )
     assert shown > 0.8 * min(natural, 900)  # its letters are of 9 px
     browser.open(site / "_static" / "animation.html", inner)
@@ -137,11 +194,18 @@ def test_pictures_of_the_gallery_can_be_told_apart(browser, site):
 def test_formulas_are_drawn(browser, site):
     """In the site's own font with a table for mathematics, whatever fonts the machine has."""
     browser.open(site / "model.html")
-    fonts = "document.fonts.ready.then(all => [...all].filter(f => f.status == 'loaded').map(f => f.family))"
+    fonts = (
+        "document.fonts.ready.then(all => [...all].filter(f => f.status == 'loaded').map(f =>"
+        " f.family))"
+    )
     assert "STIX Two Math" in str(browser.run(fonts))
-    assert "STIX Two Math" in browser.run("getComputedStyle(document.querySelector('math')).fontFamily")
+    assert "STIX Two Math" in browser.run(
+        "getComputedStyle(document.querySelector('math')).fontFamily"
+    )
     assert browser.run("document.querySelectorAll('math').length") > 100
-    assert browser.run("[...document.querySelectorAll('math')].every(m => m.getBoundingClientRect().height > 5)")
+    assert browser.run(
+        "[...document.querySelectorAll('math')].every(m => m.getBoundingClientRect().height > 5)"
+    )
 
 
 def test_the_page_of_the_commands_is_short_and_has_every_option(browser, site):
@@ -149,7 +213,10 @@ def test_the_page_of_the_commands_is_short_and_has_every_option(browser, site):
     browser.open(site / "guide" / "command-line.html")
     assert browser.run("document.documentElement.scrollHeight") < 6000
     text = browser.run("document.body.textContent")
-    assert all(f"rattle {name} --help" in text and f"Usage: rattle {name}" in text for name, _ in commands())
+    assert all(
+        f"rattle {name} --help" in text and f"Usage: rattle {name}" in text
+        for name, _ in commands()
+    )
     assert "--accuracy" in text
 
 
@@ -163,9 +230,13 @@ def missing_links(page, committed):
     return sorted({link for link in links if str(page.parent / link) not in committed})
 
 
-@pytest.mark.skipif(not (REPOSITORY / ".git").exists() or not shutil.which("git"), reason="needs the repository")
+@pytest.mark.skipif(
+    not (REPOSITORY / ".git").exists() or not shutil.which("git"), reason="needs the repository"
+)
 def test_local_links_of_committed_reports_lead_to_committed_files():
-    listing = subprocess.run(["git", "ls-files", "reports"], cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    listing = subprocess.run(
+        ["git", "ls-files", "reports"], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
     committed = set(listing.stdout.splitlines())
     pages = [Path(name) for name in sorted(committed) if name.endswith((".html", ".md"))]
     assert len(pages) > 10

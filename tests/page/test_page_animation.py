@@ -1,4 +1,5 @@
-"""The animation in a real browser: loading, layout, one flash for each impact, controls, reduced motion."""
+"""The animation in a real browser: loading, layout, one flash for each impact, controls, reduced
+motion."""
 
 import pytest
 
@@ -6,9 +7,13 @@ from rattle.compare.animation.page import write_animation
 from rattle.compare.animation.record import record
 from rattle.scene import DAT21, Scene
 
-SHOWN = "paths.map(p => p.flashes.map(f => f.style.visibility === 'visible' ? Number(f.dataset.impact) : 0))"
+SHOWN = (
+    "paths.map(p => p.flashes.map(f => f.style.visibility === 'visible' ? Number(f.dataset.impact)"
+    " : 0))"
+)
 OVERLAPS = """(() => {
-  const boxes = [...document.querySelectorAll('h2, .state, .now, .buttons > *, figcaption, .tick, .axis text')]
+  const boxes = [...document.querySelectorAll(
+      'h2, .state, .now, .buttons > *, figcaption, .tick, .axis text')]
     .map(e => [e.textContent, e.getBoundingClientRect()]);
   return boxes.flatMap(([one, a], i) => boxes.slice(i + 1).filter(([, b]) =>
     a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 3 && b.top < a.bottom - 3)
@@ -35,7 +40,10 @@ def test_loads_alone_and_fits(browser, page, width, scheme):
     assert browser.complaints() == []
     assert browser.run("document.documentElement.scrollWidth") <= width
     assert browser.run(OVERLAPS) == []
-    small = "[...document.querySelectorAll('svg text')].map(t => t.getBoundingClientRect().height).every(h => h > 11)"
+    small = (
+        "[...document.querySelectorAll('svg text')].map(t =>"
+        " t.getBoundingClientRect().height).every(h => h > 11)"
+    )
     assert browser.run(small)
     paper = browser.run("getComputedStyle(document.body).backgroundColor")
     assert (paper == "rgb(255, 255, 255)") == (scheme == "light")
@@ -47,7 +55,10 @@ def test_each_impact_flashes_at_its_mesh(browser, page, shown):
     for i, motion in enumerate((shown.orbit, shown.path)):
         for k, mesh in enumerate(abs(motion.code)):
             assert browser.run(f"go(paths[{i}].hits[{k}]), {SHOWN}")[i][mesh - 1] == k + 1
-            lit = browser.run(f"[...document.querySelectorAll('.lit.{('orbit', 'path')[i]}')].map(m => m.dataset.k)")
+            lit = browser.run(
+                f"[...document.querySelectorAll('.lit.{('orbit', 'path')[i]}')].map(m =>"
+                " m.dataset.k)"
+            )
             assert str(k) in lit
     assert browser.run(f"go(0), {SHOWN}") == [[0, 0], [0, 0]]
     assert browser.run(f"go(paths[0].hits[0] - 1e-6), {SHOWN}")[0] == [0, 0]
@@ -69,7 +80,9 @@ def test_controls(browser, page, shown):
     assert browser.run("now") == 0.0
     browser.run("slider.value = 0.5, slider.dispatchEvent(new Event('input'))")
     assert browser.run("now") == pytest.approx(0.5 * shown.span)
-    assert float(browser.run("find('tau').textContent")) == pytest.approx(0.5 * shown.span, abs=0.01)
+    assert float(browser.run("find('tau').textContent")) == pytest.approx(
+        0.5 * shown.span, abs=0.01
+    )
     browser.run("location.hash = '#t=2'")
     assert browser.run("new Promise(done => setTimeout(() => done(now), 200))") == 2.0
     assert browser.run("find('phase').textContent") == "114°"
@@ -84,7 +97,10 @@ def test_reduced_motion(browser, page):
     browser.call("Page.reload")
     while not any(event["method"] == "Page.loadEventFired" for event in browser.events):
         browser.events.append(browser._next())
-    assert browser.run("new Promise(done => setTimeout(() => done([running, now]), 300))") == [False, 0]
+    assert browser.run("new Promise(done => setTimeout(() => done([running, now]), 300))") == [
+        False,
+        0,
+    ]
     browser.run("speed.value = '2', play.click()")
     times = browser.run(
         "new Promise(done => { const seen = []; const timer = setInterval(() => { seen.push(now);"

@@ -1,4 +1,5 @@
-"""The page in a real browser: loading, sorting, filtering, enlarged figures, layout, light and dark styles."""
+"""The page in a real browser: loading, sorting, filtering, enlarged figures, layout, light and dark
+styles."""
 
 import json
 
@@ -12,9 +13,20 @@ from rattle.compare.report import Page, Source, Table
 from rattle.compare.report.render import write_page
 from rattle.compare.report.style import STYLE
 
-COLUMN = "[...document.querySelectorAll('section table')[0].rows].slice(1).map(row => row.cells[{}].textContent)"
+COLUMN = (
+    "[...document.querySelectorAll('section table')[0].rows].slice(1).map(row =>"
+    " row.cells[{}].textContent)"
+)
 SPEED = "document.querySelectorAll('section table')[0].tHead.rows[0].cells[1]"
-NAMES = ["saltation", "published", "corrected", "branching", "other", "a plain text", *(f"row {i}" for i in range(6))]
+NAMES = [
+    "saltation",
+    "published",
+    "corrected",
+    "branching",
+    "other",
+    "a plain text",
+    *(f"row {i}" for i in range(6)),
+]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +47,10 @@ def nasty(tmp_path_factory):
 def report(tmp_path_factory):
     """A report of the command itself."""
     out = tmp_path_factory.mktemp("report") / "r"
-    words = "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --validity 0.01:1:2 --validity-paths 600 --out"
+    words = (
+        "--sigma 0.1 --paths 600 --impacts 3 --dt 0.01 --validity 0.01:1:2 --validity-paths 600"
+        " --out"
+    )
     rattle("validate", *words.split(), out)
     return out / "report.html"
 
@@ -49,16 +64,23 @@ def test_loads_alone_and_fits(browser, request, name, width):
     browser.run("document.querySelectorAll('details').forEach(folded => { folded.open = true; })")
     assert browser.run("document.documentElement.clientWidth") == width
     assert browser.run("document.documentElement.scrollWidth") <= width
-    assert browser.run("[...document.images].every(image => !image.src || (image.complete && image.naturalWidth > 0))")
-    assert browser.run("[...document.querySelectorAll('figure img')].every(image => image.alt.trim().length > 0)")
+    assert browser.run(
+        "[...document.images].every(image => !image.src || (image.complete && image.naturalWidth"
+        " > 0))"
+    )
+    assert browser.run(
+        "[...document.querySelectorAll('figure img')].every(image => image.alt.trim().length > 0)"
+    )
     assert browser.complaints() == []
 
 
 def test_injected_content_has_no_effect(browser, page, tmp_path):
-    """Beside the escaping: a script, style or picture that got into the page nevertheless would have no effect."""
+    """Beside the escaping: a script, style or picture that got into the page nevertheless would
+    have no effect."""
     injected = (
-        "<script>document.title = 'owned'</script><img src='x' onerror=\"document.title = 'owned'\">"
-        "<img src='https://example.invalid/a.png'><style>body { display: none }</style></main>"
+        "<script>document.title = 'owned'</script><img src='x' onerror=\"document.title ="
+        " 'owned'\"><img src='https://example.invalid/a.png'><style>body { display: none"
+        " }</style></main>"
     )
     path = tmp_path / "injected.html"
     path.write_text(page.read_text().replace("</main>", injected))
@@ -93,11 +115,17 @@ def test_sorts_words_from_the_keyboard(browser, page):
 
 def test_filters_in_place(browser, page):
     browser.open(page)
-    assert browser.run("document.querySelectorAll('.filter').length") == 1  # the other tables are short
+    assert (
+        browser.run("document.querySelectorAll('.filter').length") == 1
+    )  # the other tables are short
     typed = (
-        "const box = document.querySelector('.filter input'); box.value = '{}'; box.dispatchEvent(new Event('input'))"
+        "const box = document.querySelector('.filter input'); box.value = '{}';"
+        " box.dispatchEvent(new Event('input'))"
     )
-    shown = "[...document.querySelectorAll('section table')[0].tBodies[0].rows].filter(r => r.checkVisibility()).length"
+    shown = (
+        "[...document.querySelectorAll('section table')[0].tBodies[0].rows].filter(r =>"
+        " r.checkVisibility()).length"
+    )
     number_text = "document.querySelector('.filter span').textContent"
     none = "No row of 12 has this word."
     for words, rows, text in (("ROW 9", 6, "6 of 12 rows"), ("nothing", 0, none), ("", 12, "")):
@@ -122,7 +150,9 @@ def luminance(browser, what, of):
     """Luminance, 0 to 1, of a colour that the page has computed."""
     colour = browser.run(f"getComputedStyle(document.querySelector('{what}'))['{of}']")
     red, green, blue = (int(part) / 255.0 for part in colour.strip("rgba()").split(",")[:3])
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (red, green, blue)]
+    linear = [
+        c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (red, green, blue)
+    ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
@@ -134,15 +164,22 @@ def test_every_text_is_readable_by_day_and_by_night(browser, page, scheme):
     assert luminance(browser, "figure img", "backgroundColor") == 1.0
     for what in ("body", "a", "td.good", "td.bad", "td.open"):
         ink = luminance(browser, what, "color")
-        assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 4.5, what  # WCAG 2.2, level AA
+        assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 4.5, (
+            what
+        )  # WCAG 2.2, level AA
 
 
 STRIPES = """(() => {
   const image = document.querySelector("img[src^='data:image/svg']");
-  const stripes = %s.map((colour, n) => `<rect x="${20 * n}" width="20" height="20" fill="${colour}"/>`);
-  const svg = `<svg xmlns="http://www.w3.org/2000/svg" width="640" height="20">${stripes.join("")}</svg>`;
+  const stripes = %s.map((colour, n) =>
+    `<rect x="${20 * n}" width="20" height="20" fill="${colour}"/>`);
+  const size = 'xmlns="http://www.w3.org/2000/svg" width="640" height="20"';
+  const svg = `<svg ${size}>${stripes.join("")}</svg>`;
   image.src = "data:image/svg+xml," + encodeURIComponent(svg);
-  return image.decode().then(() => { image.scrollIntoView(); return image.getBoundingClientRect().toJSON(); });
+  return image.decode().then(() => {
+    image.scrollIntoView();
+    return image.getBoundingClientRect().toJSON();
+  });
 })()"""
 
 
@@ -150,7 +187,10 @@ def lab(colour):
     """A colour in CIELAB (D65), where distances are about those that are seen."""
     linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
     rows = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-    x, y, z = (np.cbrt(v) if v > 0.008856 else 7.787 * v + 16 / 116 for v in rows @ linear / [0.9505, 1.0, 1.089])
+    x, y, z = (
+        np.cbrt(v) if v > 0.008856 else 7.787 * v + 16 / 116
+        for v in rows @ linear / [0.9505, 1.0, 1.089]
+    )
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
@@ -162,7 +202,9 @@ def test_figures_are_dark_by_night_and_their_colours_stay_apart(browser, page, t
     colours = ["#ffffff", *(style["color"] for style in STYLE.values())]
     for scheme in ("light", "dark"):
         browser.open(page, scheme=scheme)
-        assert browser.run("getComputedStyle(document.images[0]).filter") == "none"  # a picture of points is none
+        assert (
+            browser.run("getComputedStyle(document.images[0]).filter") == "none"
+        )  # a picture of points is none
         box = browser.run(STRIPES % json.dumps(colours))
         browser.picture(tmp_path / "seen.png", whole=False)
         pixels = plt.imread(tmp_path / "seen.png")[round(box["y"]) + 10, :, :3]
@@ -172,20 +214,29 @@ def test_figures_are_dark_by_night_and_their_colours_stay_apart(browser, page, t
             assert abs(lab(one)[0] - lab(ground)[0]) > 25.0
             own = np.array([int(colours[n + 1][i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
             turned = (hue(one) - hue(own) + np.pi) % (2.0 * np.pi) - np.pi
-            assert scheme == "light" or (lab(one)[0] > 55.0 and (not own.any() or abs(turned) < 0.45))  # no brown
+            assert scheme == "light" or (
+                lab(one)[0] > 55.0 and (not own.any() or abs(turned) < 0.45)
+            )  # no brown
             assert all(np.linalg.norm(lab(one) - lab(other)) > 20.0 for other in seen[:n])
 
 
 def test_first_screen_has_advice_and_key_figure(browser, report):
     browser.open(report)
     browser.size(1280, 800)
-    assert browser.run("document.querySelector('.advice').textContent").startswith("For this gear pair ")
+    assert browser.run("document.querySelector('.advice').textContent").startswith(
+        "For this gear pair "
+    )
     assert browser.run("document.querySelector('figure img').getBoundingClientRect().bottom") < 800
     table, nav = (f"document.querySelector('{what}')" for what in ("main > .scroll", "nav"))
-    assert browser.run(f"{table}.compareDocumentPosition({nav})") == 4  # the contents follow the table
+    assert (
+        browser.run(f"{table}.compareDocumentPosition({nav})") == 4
+    )  # the contents follow the table
     assert browser.run("document.querySelectorAll('a[href=\"table.csv\"]').length") >= 1
     browser.run("document.querySelectorAll('details').forEach(folded => { folded.open = true; })")
-    cut = "[...document.querySelectorAll('main .scroll')].filter(box => box.scrollWidth > box.clientWidth + 1).length"
+    cut = (
+        "[...document.querySelectorAll('main .scroll')].filter(box => box.scrollWidth >"
+        " box.clientWidth + 1).length"
+    )
     assert browser.run(cut) == 0  # no table is cut at 1280 pixels
 
 
@@ -202,15 +253,21 @@ def test_long_folded_tables_are_not_printed_and_say_so(browser, tmp_path):
 def test_print_is_light_opens_everything_and_has_no_controls(browser, page):
     browser.open(page, 794, scheme="dark", medium="print")
     assert luminance(browser, "body", "backgroundColor") == 1.0
-    assert browser.run("document.querySelector('details table').getBoundingClientRect().height") > 20
-    assert not browser.run("['nav', '.filter', 'dialog'].some(s => document.querySelector(s).checkVisibility())")
+    assert (
+        browser.run("document.querySelector('details table').getBoundingClientRect().height") > 20
+    )
+    assert not browser.run(
+        "['nav', '.filter', 'dialog'].some(s => document.querySelector(s).checkVisibility())"
+    )
 
 
 def test_reads_without_scripts(browser, page):
     browser.call("Emulation.setScriptExecutionDisabled", value=True)
     try:
         browser.open(page)
-        assert not browser.run("document.querySelectorAll('th button, .filter, button.enlarge').length")
+        assert not browser.run(
+            "document.querySelectorAll('th button, .filter, button.enlarge').length"
+        )
         assert browser.run("document.querySelector('section table').checkVisibility()")
         assert not browser.run("document.querySelector('dialog').checkVisibility()")
     finally:

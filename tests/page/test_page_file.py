@@ -10,7 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, figures, sample
 
-from rattle.compare.report import Column, Page, PageSection, Source, Table, TableCell, Text, leading_number, numbers
+from rattle.compare.report import (
+    Column,
+    Page,
+    PageSection,
+    Source,
+    Table,
+    TableCell,
+    Text,
+    leading_number,
+    numbers,
+)
 from rattle.compare.report.json_text import page_text, read_page
 from rattle.compare.report.render import write_page
 from rattle.scene import FileError
@@ -26,7 +36,9 @@ def test_what_is_written_is_read(tmp_path, text):
 @given(st.text(), st.floats(allow_nan=False, allow_infinity=False), st.lists(st.text()))
 def test_any_text_and_number_is_read_back(tmp_path_factory, text, value, titles):
     table = Table((Column(text),), ((TableCell(text, "open", value),),))
-    page = Page(text, (text,), Source(text), (table,), tuple(PageSection(t, (Text(text),)) for t in titles))
+    page = Page(
+        text, (text,), Source(text), (table,), tuple(PageSection(t, (Text(text),)) for t in titles)
+    )
     path = tmp_path_factory.mktemp("p") / "page.json"
     path.write_text(page_text(page), encoding="utf-8")
     assert read_page(path) == page
@@ -73,7 +85,12 @@ def test_numbers_of_cells():
     assert [row[1].text for row in table.rows] == ["0.25", "–", "inf", "1,200", "1e+300"]
     assert [row[1].value for row in table.rows] == [0.25, None, None, 1200.0, 1e300]
     assert [row[0].value for row in table.rows] == [None] * 5
-    assert [leading_number(t) for t in ("below 0.5", "+3e-4 ✓", "0.001 – 2", "no")] == [0.5, 3e-4, 0.001, None]
+    assert [leading_number(t) for t in ("below 0.5", "+3e-4 ✓", "0.001 – 2", "no")] == [
+        0.5,
+        3e-4,
+        0.001,
+        None,
+    ]
 
 
 show = partial(rattle, "show")
@@ -88,7 +105,13 @@ def report(tmp_path_factory):
 
 def test_shows_the_answer_first_and_what_repeats_it_last(report):
     shown = show(report).stdout
-    order = ["Is a plain text right?", "Yes: a plain text.", "[b.png] A point.", "First a plain", "rattle validate"]
+    order = [
+        "Is a plain text right?",
+        "Yes: a plain text.",
+        "[b.png] A point.",
+        "First a plain",
+        "rattle validate",
+    ]
     assert sorted(order, key=shown.index) == order
     assert "\x1b" not in shown
     assert show(report / "page.json").stdout == shown
@@ -108,7 +131,9 @@ def test_one_section(report):
 
 
 def test_width(report):
-    assert max(map(len, show(report, "--width", 60, "--section", "inner").stdout.splitlines())) <= 60
+    assert (
+        max(map(len, show(report, "--width", 60, "--section", "inner").stdout.splitlines())) <= 60
+    )
     assert "width = 3: must be at least 20" in show(report, "--width", 3, code=2).stderr
 
 

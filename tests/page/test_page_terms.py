@@ -1,4 +1,5 @@
-"""Terms of a page's glossary show their meaning where they stand: on hover, from the keyboard, and on a tap."""
+"""Terms of a page's glossary show their meaning where they stand: on hover, from the keyboard, and
+on a tap."""
 
 import re
 
@@ -10,7 +11,13 @@ from rattle.compare.report.render import Terms, as_html, write_page
 from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 
 GLOSSARY = Glossary(
-    "Words", (("`published`", "as printed"), ("x1, x2", "position <b>"), ("σ", "noise"), ("E, sd", "spread"))
+    "Words",
+    (
+        ("`published`", "as printed"),
+        ("x1, x2", "position <b>"),
+        ("σ", "noise"),
+        ("E, sd", "spread"),
+    ),
 )
 MARKED = re.compile(r'<abbr title="([^"]*)"(?: tabindex="(-?\d)")?>(.*?)</abbr>')
 
@@ -19,8 +26,11 @@ def test_words_are_marked_once_in_a_text_and_names_only_in_code():
     text = "`published` results, published: sds of x1 and x1, not ax1 or x1-x2, at σ"
     found = MARKED.findall(str(as_html(text, words=Terms([GLOSSARY]).text)))
     assert [(title.split(":")[0], word) for title, _, word in found] == [
-        ("published", "published"), ("E, sd", "sds"), ("x1, x2", "x1"), ("σ", "σ"),
-    ]  # fmt: skip
+        ("published", "published"),
+        ("E, sd", "sds"),
+        ("x1, x2", "x1"),
+        ("σ", "σ"),
+    ]
 
 
 def test_heads_say_all_their_terms_and_cells_that_are_one():
@@ -38,8 +48,12 @@ def test_without_a_glossary_nothing_is_marked_and_everything_escaped():
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory, browser):
     folder = tmp_path_factory.mktemp("terms")
-    (folder / "a.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"/>')
-    table = Table.of(["closure", *numbers("E τ", "sd y1")], [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]])
+    (folder / "a.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"/>'
+    )
+    table = Table.of(
+        ["closure", *numbers("E τ", "sd y1")], [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]]
+    )
     words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "σ")
     opening = (Figure("a.svg", "Is it accurate?", "a"), table, words)
     section = PageSection("s", (Text("The closures are accurate."),))
@@ -51,7 +65,8 @@ def shown(tmp_path_factory, browser):
 FOCUSED = "(document.activeElement.closest('abbr') ?? document.activeElement.querySelector('abbr'))"
 POPUP = f"getComputedStyle({FOCUSED}, '::after')"
 CELL = (
-    "(() => { const at = document.querySelector('td abbr').getBoundingClientRect(); return [at.x + 5, at.y + 5]; })()"
+    "(() => { const at = document.querySelector('td abbr').getBoundingClientRect(); return [at.x +"
+    " 5, at.y + 5]; })()"
 )
 
 
@@ -78,7 +93,9 @@ def test_the_head_of_a_column_sorts_and_explains(shown):
     browser.run("document.querySelectorAll('th button')[2].focus()")
     assert "standard deviation" in browser.run(f"{POPUP}.content")
     assert "velocities" in browser.run(f"{POPUP}.content")
-    assert browser.run("document.querySelectorAll('th [tabindex]').length") == 0  # the button is what is reached
+    assert (
+        browser.run("document.querySelectorAll('th [tabindex]').length") == 0
+    )  # the button is what is reached
     browser.press("Enter", 13)
     assert browser.run("document.querySelectorAll('[aria-sort]').length") == 1
 

@@ -1,4 +1,5 @@
-"""HTML, Markdown and terminal show the same content, and no text from a scene is interpreted as markup."""
+"""HTML, Markdown and terminal show the same content, and no text from a scene is interpreted as
+markup."""
 
 import re
 from html.parser import HTMLParser
@@ -16,11 +17,15 @@ from rattle.scene.text import line
 
 
 class Read(HTMLParser):
-    """The tags of an HTML file with the names of their attributes, and the text that a reader sees."""
+    """The tags of an HTML file with the names of their attributes, and the text that a reader
+    sees."""
 
     def __init__(self, text):
         super().__init__()
-        self.tags, self.text, self.alts, self._hidden = [], "", [], False
+        self.tags = []
+        self.text = ""
+        self.alts = []
+        self._hidden = False
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
@@ -93,7 +98,9 @@ def test_what_is_left_out_would_be_noticed():
 
 def tags(text, folder):
     """The tags of the sample except those of code, which a text may contain between backticks."""
-    return [tag for tag in Read(html(sample(text), folder)).tags if tag not in (("code", ()), "code")]
+    return [
+        tag for tag in Read(html(sample(text), folder)).tags if tag not in (("code", ()), "code")
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +112,8 @@ def drawn(tmp_path_factory):
 @example(NASTY)
 @given(st.text(min_size=1) | st.text("<>&'\"`/!-= aimgonx[]", min_size=1))
 def test_html_has_the_same_tags_whatever_the_texts(drawn, text):
-    assume(not re.search("σ|other", text))  # these are explained where they stand, by an element of their own
+    # these are explained where they stand, by an element of their own
+    assume(not re.search("σ|other", text))
     plain = tags("a plain text", drawn)
     assert [tag[0] for tag in plain].count("script") == 1
     assert tags(text, drawn) == plain
@@ -121,11 +129,17 @@ def test_html_asks_nothing_of_the_network_and_describes_every_figure(tmp_path):
 
 
 def test_advice_key_figure_and_table_stand_before_the_other_sentences(tmp_path):
-    order = ("Yes: a plain text.", "A point.", "noise intensity", "It holds up to", "First a plain text")
+    order = (
+        "Yes: a plain text.",
+        "A point.",
+        "noise intensity",
+        "It holds up to",
+        "First a plain text",
+    )
     for shown in (Read(html(sample(), figures(tmp_path))).text, bare(markdown(sample()))):
-        assert sorted(order, key=lambda words: shown.rindex(words) if "First" in words else shown.index(words)) == list(
-            order
-        )
+        assert sorted(
+            order, key=lambda words: shown.rindex(words) if "First" in words else shown.index(words)
+        ) == list(order)
 
 
 def test_tables_beside_a_page_are_links_and_nothing_else_is(tmp_path):
@@ -142,7 +156,8 @@ def test_tables_beside_a_page_are_links_and_nothing_else_is(tmp_path):
 
 def test_links_of_the_contents_lead_somewhere(tmp_path):
     text = html(sample(NASTY), figures(tmp_path))
-    links, ids = re.findall(r'href="#([^"]+)"', text), re.findall(r'<(?!filter)[^<>]* id="([^"]+)"', text)
+    links = re.findall(r'href="#([^"]+)"', text)
+    ids = re.findall(r'<(?!filter)[^<>]* id="([^"]+)"', text)
     assert links == ids
     assert len(set(ids)) == len(ids) == 4
 
@@ -153,7 +168,9 @@ def test_markdown_has_the_same_lines_whatever_the_texts():
     nasty[code[0] : code[0] + 3] = ["x = ..."]  # the text has two line ends, which code keeps
     assert len(plain) == len(nasty)
     for one, other in zip(plain, nasty, strict=True):
-        assert len(re.findall(r"(?<!\\)\|", one)) == len(re.findall(r"(?<!\\)\|", other)) or not one.startswith("|")
+        assert len(re.findall(r"(?<!\\)\|", one)) == len(
+            re.findall(r"(?<!\\)\|", other)
+        ) or not one.startswith("|")
         assert one[:2] == other[:2]
         if not other.startswith("x = "):
             assert not re.search(r"(?<!\\)<", re.sub(r"(?<!`)(`+)(?!`).*?(?<!`)\1(?!`)", "", other))

@@ -1,4 +1,5 @@
-"""Arithmetic that no processor changes: the fused multiply-add, exponentials, and small eigenvalues."""
+"""Arithmetic that no processor changes: the fused multiply-add, exponentials, and small
+eigenvalues."""
 
 import math
 from fractions import Fraction
@@ -11,7 +12,9 @@ from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.linear_algebra import eigen, image, product, totals, transform
 from rattle.scene.moments import semidefinite
 
-MOST, LEAST, NORMAL = 1.7976931348623157e308, 5e-324, 2.2250738585072014e-308
+MOST = 1.7976931348623157e308
+LEAST = 5e-324
+NORMAL = 2.2250738585072014e-308
 
 
 @jit
@@ -51,11 +54,20 @@ def test_it_rounds_once():
 @pytest.mark.parametrize(
     ("a", "b", "c"),
     [
-        (MOST, 2.0, -MOST), (MOST, 1.5, 0.0), (1e160, 1e160, -1e300), (1e-200, 1e-200, 1.0), (1e-170, 1e-150, LEAST),
-        (NORMAL, 0.5, LEAST), (LEAST, 0.5, 0.0), (LEAST, 0.75, LEAST), (1e-300, 1e300, -1.0), (0.0, 3.0, -2.0),
-        (1.0 + 2.0**-52, 1.0 - 2.0**-53, -1.0), (1e308, 1e-308, -1.0),
+        (MOST, 2.0, -MOST),
+        (MOST, 1.5, 0.0),
+        (1e160, 1e160, -1e300),
+        (1e-200, 1e-200, 1.0),
+        (1e-170, 1e-150, LEAST),
+        (NORMAL, 0.5, LEAST),
+        (LEAST, 0.5, 0.0),
+        (LEAST, 0.75, LEAST),
+        (1e-300, 1e300, -1.0),
+        (0.0, 3.0, -2.0),
+        (1.0 + 2.0**-52, 1.0 - 2.0**-53, -1.0),
+        (1e308, 1e-308, -1.0),
     ],
-)  # fmt: skip
+)
 def test_at_the_ends_of_the_range(a, b, c):
     assert emulate_fma(a, b, c) == fused(a, b, c)
     if math.isfinite(a * b + c):
@@ -77,7 +89,9 @@ def test_small_eigenvalues_keep_their_relative_accuracy():
     sizes = np.array([1e-6, 1e-12, 1.0])
     correlation = np.array([[1.0, 0.3, 0.2], [0.3, 1.0, -0.4], [0.2, -0.4, 1.0]])
     others = correlation[np.ix_([0, 2], [0, 2])]
-    smallest = sizes[1] ** 2 * (1.0 - correlation[1, [0, 2]] @ np.linalg.solve(others, correlation[[0, 2], 1]))
+    smallest = sizes[1] ** 2 * (
+        1.0 - correlation[1, [0, 2]] @ np.linalg.solve(others, correlation[[0, 2], 1])
+    )
     matrix = sizes[:, None] * correlation * sizes
     assert eigen(matrix)[0][0] == pytest.approx(smallest, rel=1e-10, abs=0.0)
     assert np.linalg.eigvalsh(matrix)[0] != pytest.approx(smallest, rel=0.1, abs=0.0)

@@ -15,7 +15,9 @@ from programs import python
 
 from rattle.scene import compile_ahead, compiled
 
-COMPILED = pytest.mark.skipif(bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off")
+COMPILED = pytest.mark.skipif(
+    bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"
+)
 
 
 @compiled.jit
@@ -108,7 +110,9 @@ def test_locks_are_released_whether_a_function_can_be_compiled_or_not(kept, tmp_
 
 
 @COMPILED
-@pytest.mark.parametrize("fault", [PermissionError, NotImplementedError, OSError(28, "No space left on device")])
+@pytest.mark.parametrize(
+    "fault", [PermissionError, NotImplementedError, OSError(28, "No space left on device")]
+)
 def test_without_locks_every_process_compiles(kept, monkeypatch, fault):
     def refuse(*words, **settings):
         raise fault
@@ -137,13 +141,17 @@ def test_a_process_is_started_on_every_other_core_once_for_each_command(started,
         ("threading.current_thread", lambda: "a server's"),
     ],
 )
-def test_none_is_started_where_that_is_not_allowed_or_makes_no_sense(started, monkeypatch, tmp_path, what, value):
+def test_none_is_started_where_that_is_not_allowed_or_makes_no_sense(
+    started, monkeypatch, tmp_path, what, value
+):
     monkeypatch.setattr(what, value)
     compile_ahead.start(tmp_path)
     assert not started
 
 
-@pytest.mark.parametrize(("name", "value"), [(compile_ahead.NUMBER, "1"), ("PYTEST_XDIST_WORKER", "gw0")])
+@pytest.mark.parametrize(
+    ("name", "value"), [(compile_ahead.NUMBER, "1"), ("PYTEST_XDIST_WORKER", "gw0")]
+)
 def test_none_is_started_where_the_environment_says_so(started, monkeypatch, tmp_path, name, value):
     monkeypatch.setenv(name, value)
     compile_ahead.start(tmp_path)
@@ -157,8 +165,12 @@ def test_one_core_has_no_other_process(started, monkeypatch, tmp_path):
     assert not started
 
 
-@pytest.mark.parametrize("fault", [OSError(11, "Resource temporarily unavailable"), RuntimeError("audit")])
-def test_where_no_process_can_be_started_nothing_is_said(started, monkeypatch, tmp_path, capfd, fault):
+@pytest.mark.parametrize(
+    "fault", [OSError(11, "Resource temporarily unavailable"), RuntimeError("audit")]
+)
+def test_where_no_process_can_be_started_nothing_is_said(
+    started, monkeypatch, tmp_path, capfd, fault
+):
     def refuse(*words, **settings):
         raise fault
 
@@ -187,7 +199,9 @@ def is_running(process):
         return file.read().rpartition(")")[2].split()[0] != "Z"
 
 
-@pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="processes are looked up in /proc")
+@pytest.mark.skipif(
+    not os.path.exists("/proc/self/stat"), reason="processes are looked up in /proc"
+)
 @pytest.mark.parametrize("end", [None, signal.SIGKILL])
 def test_what_was_started_ends_with_this_process(end):
     """By itself or killed."""
@@ -195,7 +209,9 @@ def test_what_was_started_ends_with_this_process(end):
     code = SLEEPER.format(then=then, alive=60 if end else 0.5)
     environment = os.environ | {compile_ahead.NUMBER: "2", "PYTHONPATH": os.pathsep.join(sys.path)}
     environment.pop("PYTEST_XDIST_WORKER", None)
-    with subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE) as parent:
+    with subprocess.Popen(
+        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE
+    ) as parent:
         child = int(parent.stdout.readline())
         if end:
             parent.send_signal(end)

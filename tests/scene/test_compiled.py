@@ -15,7 +15,9 @@ from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
 from rattle.scene.scene import Scene
 
-COMPILED = pytest.mark.skipif(bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off")
+COMPILED = pytest.mark.skipif(
+    bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"
+)
 
 
 @numba.njit
@@ -34,7 +36,8 @@ def halved(i):
 
 @jit
 def below(i):
-    """A function of ours that raises by way of a user's, with an argument that only numba's environment holds."""
+    """A function of ours that raises by way of a user's, with an argument that only numba's
+    environment holds."""
     return halved(i) + 1
 
 
@@ -77,7 +80,12 @@ CODE = (
 def test_two_processes_fill_one_cache_and_compile_once(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     both = [
-        subprocess.Popen([sys.executable, "-c", CODE], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        subprocess.Popen(
+            [sys.executable, "-c", CODE],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
         for _ in range(2)
     ]
     said = [process.communicate() for process in both]
@@ -89,14 +97,22 @@ def test_two_processes_fill_one_cache_and_compile_once(tmp_path):
 
 
 def test_what_python_runs_calls_nothing_that_compiled_code_alone_can_call():
-    """A shared function runs as it stands in Python, where a call of an internal one ends the process."""
-    kinds, calls = {}, {}
+    """A shared function runs as it stands in Python, where a call of an internal one ends the
+    process."""
+    kinds = {}
+    calls = {}
     for tree in source_tree.sources().values():
         for node in source_tree.functions(tree):
             marks = {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
             kinds |= dict.fromkeys([node.name] * bool(marks), marks)
-            calls[node.name] = {c.func.id for c in ast.walk(node) if isinstance(c, ast.Call) and hasattr(c.func, "id")}
+            calls[node.name] = {
+                c.func.id
+                for c in ast.walk(node)
+                if isinstance(c, ast.Call) and hasattr(c.func, "id")
+            }
     shared = [name for name, marks in kinds.items() if "shared" in marks]
     assert shared
     for name in shared:
-        assert not [other for other in calls[name] if kinds.get(other, set()) & {"internal", "inline"}], name
+        assert not [
+            other for other in calls[name] if kinds.get(other, set()) & {"internal", "inline"}
+        ], name

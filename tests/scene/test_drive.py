@@ -17,7 +17,11 @@ from rattle.scene.sticking import opening
 ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
 THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)
 STATE = (0.1, -1.3, 0.2, 0.7)
-SPARSE = (Order(3, 0.3, 0.1), Order(40, 1e-3, 1.0))  # the second is too far from the first for a recurrence
+# the second is too far from the first for a recurrence
+SPARSE = (
+    Order(3, 0.3, 0.1),
+    Order(40, 1e-3, 1.0),
+)
 
 
 @pytest.mark.parametrize("orders", [ORDERS, SPARSE])
@@ -29,9 +33,13 @@ def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     def rates(tau, s):
         return drift_matrix(c) @ s + drag + c.alpha * modulation(c, tau, orders)
 
-    exact = solve_ivp(rates, (0.4, 0.4 + t), STATE, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    exact = solve_ivp(rates, (0.4, 0.4 + t), STATE, method="DOP853", rtol=1e-13, atol=1e-14).y[
+        :, -1
+    ]
     assert flow(c, 0.4, *STATE, t) == pytest.approx(exact, abs=1e-12)
-    shifted = replace(THREE, drive=(Order(1, 1.0, 0.2 + 1e-9), *orders[1:])).constants  # negative control
+    shifted = replace(
+        THREE, drive=(Order(1, 1.0, 0.2 + 1e-9), *orders[1:])
+    ).constants  # negative control
     assert flow(shifted, 0.4, *STATE, 0.7) != pytest.approx(flow(c, 0.4, *STATE, 0.7), abs=1e-12)
 
 
@@ -44,7 +52,9 @@ def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
         grown = drift_matrix(c) @ p.reshape(4, 4)
         return (grown + grown.T + c.sigma**2 * np.outer(m, m)).ravel()
 
-    exact = solve_ivp(rates, (0.4, 0.4 + t), np.zeros(16), method="DOP853", rtol=1e-12, atol=1e-18).y[:, -1]
+    exact = solve_ivp(
+        rates, (0.4, 0.4 + t), np.zeros(16), method="DOP853", rtol=1e-12, atol=1e-18
+    ).y[:, -1]
     found = noise_covariance(c, 0.4, t)
     assert found == pytest.approx(exact.reshape(4, 4), rel=1e-9, abs=1e-11 * np.abs(found).max())
     h = 1e-5
@@ -61,7 +71,9 @@ def test_a_mesh_opens_where_its_contact_force_first_falls_to_zero(side, gamma):
     force = side * (gamma + 0.5 * push)
     found = opening(scene.constants, 0.3, 0.0, 0.0, (side, 0))[0]
     below = np.flatnonzero(force <= 0.0)
-    assert found == (pytest.approx(tau[::100][below[0]] - 0.3, abs=4e-3) if below.size else math.inf)
+    assert found == (
+        pytest.approx(tau[::100][below[0]] - 0.3, abs=4e-3) if below.size else math.inf
+    )
 
 
 def test_one_order_that_is_the_sine_is_the_default():
@@ -80,7 +92,11 @@ def test_a_single_order_of_another_phase_is_a_start_at_another_time():
 
 
 def test_files_give_back_the_drive():
-    for scene in (THREE, replace(THREE, correlation_time=0.3), replace(THREE, gears=None, alpha=1.2)):
+    for scene in (
+        THREE,
+        replace(THREE, correlation_time=0.3),
+        replace(THREE, gears=None, alpha=1.2),
+    ):
         again = Scene.from_toml(scene.to_toml())
         assert again == scene
         assert again.gears == scene.gears
@@ -88,15 +104,22 @@ def test_files_give_back_the_drive():
         assert eval(repr(again), names) == scene
 
 
-GEARS = "[gears]\nepsilon = 0.9\nomega = 300.0\ninertia1 = 4000.0\nradius1 = 41.0\nbacklash1 = 0.2\n"
+GEARS = (
+    "[gears]\nepsilon = 0.9\nomega = 300.0\ninertia1 = 4000.0\nradius1 = 41.0\nbacklash1 = 0.2\n"
+)
 GEARS += "[scene]\nstages = 1\n"
 
 
 def test_amplitudes_may_be_given_on_the_pitch_circle_or_as_angles():
     alpha = GEARS.replace("omega", "alpha = 1.5\nomega")
-    relative = Scene.from_toml(alpha + "[[drive]]\norder = 1\namplitude = 1.0\n[[drive]]\norder = 2\namplitude = 0.5\n")
+    relative = Scene.from_toml(
+        alpha + "[[drive]]\norder = 1\namplitude = 1.0\n[[drive]]\norder = 2\namplitude = 0.5\n"
+    )
     assert relative.drive == (Order(1), Order(2, 0.5))
-    in_mm = "[[drive]]\norder = 1\namplitude_mm = 0.3\n[[drive]]\norder = 2\namplitude_mm = 0.15\nphase = 0.1\n"
+    in_mm = (
+        "[[drive]]\norder = 1\namplitude_mm = 0.3\n[[drive]]\norder = 2\namplitude_mm = 0.15\nphase"
+        " = 0.1\n"
+    )
     assert Scene.from_toml(GEARS + in_mm).alpha == pytest.approx(1.5)
     assert Scene.from_toml(GEARS + in_mm).drive[1] == Order(2, 0.5, 0.1)
     assert Scene.from_toml(GEARS + in_mm).drive[0] == Order(1)
@@ -120,15 +143,24 @@ ONE = "[scene]\nalpha = 1.0\nepsilon = 0.5\nbeta1 = 0.1\ngamma1 = 0.1\nstages = 
         ("[[drive]]\norder = 1001\namplitude = 1.0", "drive.order = 1001: must be at most 1000"),
         ("[[drive]]\namplitude = 1.0", "drive.order = None: is missing"),
         ("[[drive]]\norder = 2", "give the amplitude of order 2 once"),
-        ("[[drive]]\norder = 2\namplitude = 0.1\namplitude_mm = 1.0", "give the amplitude of order 2 once"),
+        (
+            "[[drive]]\norder = 2\namplitude = 0.1\namplitude_mm = 1.0",
+            "give the amplitude of order 2 once",
+        ),
         ("[[drive]]\norder = 2\namplitude_mm = 1.0", r"needs \[gears\]"),
         ("[[drive]]\norder = 2\namplitude = nan", "drive.amplitude = nan: give a finite number"),
-        ("[[drive]]\norder = 2\namplitude = 0.1\nphase = inf", "drive.phase = inf: give a finite number"),
+        (
+            "[[drive]]\norder = 2\namplitude = 0.1\nphase = inf",
+            "drive.phase = inf: give a finite number",
+        ),
         ("[[drive]]\norder = 2\namplitude = 0.1\nfase = 1.0", "did you mean 'phase'"),
         ("[[drive]]\norder = 2\namplitude = 0.0", "has no order with an amplitude"),
         ("[drive]\norder = 2\namplitude = 1.0", r"write each order as a table: \[\[drive\]\]"),
         ("[[scene.drive]]\norder = 2\namplitude = 1.0", r"\[\[drive\]\] beside \[scene\]"),
-        ("[[drive]]\norder = 2\namplitude = 1.0\n[[drive]]\norder = 2\namplitude = 0.5", "is given twice"),
+        (
+            "[[drive]]\norder = 2\namplitude = 1.0\n[[drive]]\norder = 2\namplitude = 0.5",
+            "is given twice",
+        ),
     ],
 )
 def test_a_drive_that_is_none_is_refused(text, message):
@@ -137,7 +169,8 @@ def test_a_drive_that_is_none_is_refused(text, message):
 
 
 @pytest.mark.parametrize(
-    ("drive", "message"), [((), "has no order"), (3, "give a sequence of Order"), ((2,), "give a sequence of Order")]
+    ("drive", "message"),
+    [((), "has no order"), (3, "give a sequence of Order"), ((2,), "give a sequence of Order")],
 )
 def test_a_drive_that_holds_no_orders_is_refused(drive, message):
     with pytest.raises(InputError, match=message):

@@ -1,4 +1,5 @@
-"""Files that are read by every reader of TOML and JSON: line ends, byte-order marks, other encodings."""
+"""Files that are read by every reader of TOML and JSON: line ends, byte-order marks, other
+encodings."""
 
 from pathlib import Path
 
@@ -23,14 +24,18 @@ READERS = {
 @pytest.mark.parametrize("reader", READERS)
 def test_a_file_that_is_no_text_or_not_there_is_refused_by_name(reader, tmp_path):
     (path := tmp_path / "latin.toml").write_bytes("name = 'Übersetzung'".encode("latin-1"))
-    for place, why in ((path, "is not UTF-8 text; give a"), (tmp_path / "none", "cannot be read (No such file")):
+    for place, why in (
+        (path, "is not UTF-8 text; give a"),
+        (tmp_path / "none", "cannot be read (No such file"),
+    ):
         with pytest.raises(FileError) as refused:
             READERS[reader](place)
         assert str(refused.value).startswith(f"{reader} = {str(place)!r}: {why}")
 
 
 def test_line_ends_and_a_byte_order_mark_of_other_systems(tmp_path):
-    path, scene = tmp_path / "windows.toml", Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
+    path = tmp_path / "windows.toml"
+    scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
     path.write_bytes(b"\xef\xbb\xbf" + scene.to_toml().replace("\n", "\r\n").encode())
     assert Scene.load(path) == scene
 

@@ -17,7 +17,14 @@ STATE = (0.31, -1.2, -0.17, 0.9)
 
 
 def constants(beta1, beta2, **changes):
-    values = {"alpha": 1.5, "epsilon": 0.9, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6, "sigma": 0.7} | changes
+    values = {
+        "alpha": 1.5,
+        "epsilon": 0.9,
+        "gamma1": 0.06,
+        "gamma2": 0.03,
+        "mu": 0.6,
+        "sigma": 0.7,
+    } | changes
     return Scene(beta1=beta1, beta2=beta2, **values).constants
 
 
@@ -35,7 +42,8 @@ def test_the_misprinted_damping_of_stage_2_is_distinguished():
 
 
 def test_stage_1_flies_alike_with_and_without_stage_2():
-    one, two = constants(0.08, 0.13, stages=1), constants(0.08, 0.13)
+    one = constants(0.08, 0.13, stages=1)
+    two = constants(0.08, 0.13)
     assert flow(one, 0.7, *STATE, 2.5)[:2] == flow(two, 0.7, *STATE, 2.5)[:2]
 
 
@@ -43,10 +51,13 @@ def test_stage_1_flies_alike_with_and_without_stage_2():
 @pytest.mark.parametrize("t", [1e-9, 0.5, 2.0, 30.0])
 def test_phi_functions_are_accurate_to_rounding(beta, t):
     getcontext().prec = 700  # enough digits for the cancellation at beta = 1e-300
-    b, d = Decimal(beta), Decimal(t)
+    b = Decimal(beta)
+    d = Decimal(t)
     travel = (1 - (-b * d).exp()) / b
     assert phi1(beta, t) == pytest.approx(float(travel), rel=1e-15)
-    assert phi2(beta, t) == pytest.approx(float((d - travel) / b), rel=3e-15)  # the sum of its terms at z = 0.5
+    assert phi2(beta, t) == pytest.approx(
+        float((d - travel) / b), rel=3e-15
+    )  # the sum of its terms at z = 0.5
     assert decay(beta, t) == pytest.approx(float((-b * d).exp()), rel=1e-15 * (1 + beta * t))
 
 
@@ -70,10 +81,21 @@ def integral(c, tau, t):
         return c.sigma**2 * np.outer(g, g)
 
     fast = 1.0 / max(c.beta1, c.beta2, 1.0)
-    return quad_vec(integrand, 0.0, t, epsabs=1e-14, epsrel=1e-12, points=[fast, 5 * fast, 20 * fast])[0]
+    return quad_vec(
+        integrand, 0.0, t, epsabs=1e-14, epsrel=1e-12, points=[fast, 5 * fast, 20 * fast]
+    )[0]
 
 
-NOISY = [(0.0, 0.0), (0.0, 0.08), (1e-12, 1e-6), (0.08, 0.08), (0.08, 1.0), (1.0, 50.0), (50.0, 50.0), (50.0, 0.08)]
+NOISY = [
+    (0.0, 0.0),
+    (0.0, 0.08),
+    (1e-12, 1e-6),
+    (0.08, 0.08),
+    (0.08, 1.0),
+    (1.0, 50.0),
+    (50.0, 50.0),
+    (50.0, 0.08),
+]
 
 
 @pytest.mark.parametrize(("beta1", "beta2"), NOISY)
@@ -86,7 +108,9 @@ def test_noise_covariance_is_its_integral(beta1, beta2):
 def test_noise_covariance_without_modulation_is_distinguished():
     c = constants(0.08, 0.13)
     a = drift_matrix(c)
-    flat, _ = quad_vec(lambda r: c.sigma**2 * np.outer(*[expm(a * r) @ [0.0, 1.0, 0.0, 1.0]] * 2), 0.0, 2.0)
+    flat, _ = quad_vec(
+        lambda r: c.sigma**2 * np.outer(*[expm(a * r) @ [0.0, 1.0, 0.0, 1.0]] * 2), 0.0, 2.0
+    )
     assert abs(noise_covariance(c, 0.7, 2.0) - flat).max() > 0.1 * flat.max()
 
 

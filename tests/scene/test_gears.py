@@ -7,9 +7,18 @@ from rattle.scene import DAT21, Gears, InputError, Scene
 
 
 def test_dat21_has_the_dimensionless_numbers_of_the_model():
-    found = [*map(DAT21.beta, (1, 2)), *map(DAT21.gamma, (1, 2)), DAT21.mu, DAT21.gap2, DAT21.alpha, DAT21.epsilon]
+    found = [
+        *map(DAT21.beta, (1, 2)),
+        *map(DAT21.gamma, (1, 2)),
+        DAT21.mu,
+        DAT21.gap2,
+        DAT21.alpha,
+        DAT21.epsilon,
+    ]
     printed = [0.083333, 0.133333, 0.056944, 0.029333, 0.601187, 0.5, 1.5, 0.9]
-    assert found == pytest.approx(printed, rel=0, abs=6e-7)  # docs/model.md section 1 prints six decimals
+    assert found == pytest.approx(
+        printed, rel=0, abs=6e-7
+    )  # docs/model.md section 1 prints six decimals
 
 
 POSITIVE = ("omega", "inertia1", "inertia2", "radius1", "radius2", "backlash1", "backlash2")
@@ -19,7 +28,11 @@ BAD = (
     [(name, value, "must be greater than 0") for name in POSITIVE for value in (0.0, -1.0)]
     + [(name, -1.0, "must be 0 or greater") for name in NON_NEGATIVE]
     + [("epsilon", value, "must lie between 0 and 1") for value in (-0.1, 1.1)]
-    + [(name, value, "give a finite number") for name in NAMES for value in (float("nan"), float("inf"))]
+    + [
+        (name, value, "give a finite number")
+        for name in NAMES
+        for value in (float("nan"), float("inf"))
+    ]
     + [(name, value, "give a number") for name in NAMES for value in ("1", True, [1.0], 1j)]
     + [(name, None, "give a number") for name in NAMES if not name.endswith("2")]
 )
@@ -49,13 +62,35 @@ WHEELS = {"inertia1": 4000.0, "inertia2": 2500.0, "radius1": 41.0, "radius2": 26
 
 def test_what_acts_on_no_wheel_is_left_out_and_a_second_value_is_the_first():
     pair = Gears(alpha=1.5, epsilon=0.9, omega=300.0, backlash1=0.3, **WHEELS)
-    assert (pair.backlash2, pair.damping1, pair.damping2, pair.torque1, pair.torque2) == (0.3, 0.0, 0.0, 0.0, 0.0)
-    pair = Gears(alpha=1.5, epsilon=0.9, omega=300.0, backlash1=0.3, damping1=7.0, torque1=8.0, torque2=9.0, **WHEELS)
+    assert (pair.backlash2, pair.damping1, pair.damping2, pair.torque1, pair.torque2) == (
+        0.3,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
+    pair = Gears(
+        alpha=1.5,
+        epsilon=0.9,
+        omega=300.0,
+        backlash1=0.3,
+        damping1=7.0,
+        torque1=8.0,
+        torque2=9.0,
+        **WHEELS,
+    )
     assert (pair.damping2, pair.torque2) == (7.0, 9.0)
     assert replace(DAT21, backlash1=0.3).backlash2 == 0.2  # a value that was given stays
 
 
-FIRST = {"alpha": 1.5, "epsilon": 0.9, "omega": 300.0, "inertia1": 4000.0, "radius1": 41.0, "backlash1": 0.2}
+FIRST = {
+    "alpha": 1.5,
+    "epsilon": 0.9,
+    "omega": 300.0,
+    "inertia1": 4000.0,
+    "radius1": 41.0,
+    "backlash1": 0.2,
+}
 
 
 def test_gears_of_one_stage_have_one_wheel():

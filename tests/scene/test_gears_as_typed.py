@@ -1,4 +1,5 @@
-"""Gears keep what was typed: a changed copy, a repr and a file have the drive in mm and the mean speed as given."""
+"""Gears keep what was typed: a changed copy, a repr and a file have the drive in mm and the mean
+speed as given."""
 
 import copy
 import math
@@ -80,12 +81,17 @@ DRIVE = f"{SINGLE}[[drive]]\norder = 1\namplitude = 1.0\n"
 
 def test_a_phase_is_in_radians_or_said_to_be_in_degrees():
     for phase in (30, -90.0, 6.4):
-        with pytest.raises(InputError, match=r"drive.phase = .*: is in radians, .* write .*, or phase_degrees = "):
+        with pytest.raises(
+            InputError, match=r"drive.phase = .*: is in radians, .* write .*, or phase_degrees = "
+        ):
             Scene.from_toml(f"{DRIVE}phase = {phase}")
     with pytest.raises(InputError, match=r"if it is in degrees, write 0\.523599"):
         Order(2, 0.4, 30.0)
     assert Scene.from_toml(f"{DRIVE}phase_degrees = 30").drive[0].phase == math.radians(30.0)
     assert Scene.from_toml(f"{DRIVE}phase = 6.2832").drive[0].phase == 6.2832
-    for text, message in (("phase_degrees = 500", "between 0 and 360"), ("phase = 1\nphase_degrees = 2", "keep one")):
+    for text, message in (
+        ("phase_degrees = 500", "between 0 and 360"),
+        ("phase = 1\nphase_degrees = 2", "keep one"),
+    ):
         with pytest.raises(InputError, match=f"drive.phase_degrees = .*{message}"):
             Scene.from_toml(DRIVE + text)

@@ -1,4 +1,5 @@
-"""Gears as an engineer writes them: the drive as an amplitude, tolerances of a drawing, and what cannot be right."""
+"""Gears as an engineer writes them: the drive as an amplitude, tolerances of a drawing, and what
+cannot be right."""
 
 import math
 import re
@@ -19,7 +20,9 @@ def written(tmp_path, text):
     return path
 
 
-@pytest.mark.parametrize("drive", ["alpha = 1.5", "amplitude = 0.3", "amplitude_rad = 0.01\ndriver_radius = 30.0"])
+@pytest.mark.parametrize(
+    "drive", ["alpha = 1.5", "amplitude = 0.3", "amplitude_rad = 0.01\ndriver_radius = 30.0"]
+)
 def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
     scene = Scene.load(written(tmp_path, TEXT + drive))
     assert scene.alpha == pytest.approx(1.5, rel=1e-15)
@@ -36,13 +39,28 @@ def test_the_drive_is_given_as_alpha_or_as_an_amplitude(tmp_path, drive):
         ("alpha = 1.0\ndriver_radius = 3.0", "gears.driver_radius = 3.0: goes with amplitude_rad"),
         ("amplitude = -0.3", "gears.amplitude = -0.3: must be 0 or greater"),
         ("amplitude = 'big'", "gears.amplitude = 'big': give a number"),
-        ("alpha = 1.5\nspeed_rpm = 800", "gears.driver_radius = None: give the driver's base radius in mm"),
-        ("alpha = 1.5\ndriver_radius = 30.0\nspeed_rpm = 8\nspeed_rad_s = 9", "give the mean speed of the driver once"),
-        ("alpha = 1.5\ndriver_radius = 30.0\nspeed_rpm = -8", "gears.speed_rpm = -8: must be 0 or greater"),
+        (
+            "alpha = 1.5\nspeed_rpm = 800",
+            "gears.driver_radius = None: give the driver's base radius in mm",
+        ),
+        (
+            "alpha = 1.5\ndriver_radius = 30.0\nspeed_rpm = 8\nspeed_rad_s = 9",
+            "give the mean speed of the driver once",
+        ),
+        (
+            "alpha = 1.5\ndriver_radius = 30.0\nspeed_rpm = -8",
+            "gears.speed_rpm = -8: must be 0 or greater",
+        ),
         ("alpha = 1.5\nspeed = 800", "did you mean 'speed_rpm'?"),
-        ("amplitude_rad = 0.01\ndriver_radius = 0.0", "gears.driver_radius = 0.0: must be greater than 0"),
+        (
+            "amplitude_rad = 0.01\ndriver_radius = 0.0",
+            "gears.driver_radius = 0.0: must be greater than 0",
+        ),
         ("amplitud = 0.3", "did you mean 'amplitude'?"),
-        ("amplitude = 0.3\n[gears.tolerance]\nbacklash1 = 0.2", "gears.tolerance.backlash1 = 0.2: must be below"),
+        (
+            "amplitude = 0.3\n[gears.tolerance]\nbacklash1 = 0.2",
+            "gears.tolerance.backlash1 = 0.2: must be below",
+        ),
         ("amplitude = 0.3\n[gears.tolerance]\nbacklash = 0.2", "did you mean 'backlash"),
         ("amplitude = 0.3\ntolerance = 1", "gears.tolerance = 1: write it as a table"),
         ("alpha = 1.5\n[gears.tolerance]\n[scene.tolerance]\nc1_max = 0.1", "give it once"),
@@ -55,13 +73,18 @@ def test_a_drive_or_tolerance_is_refused_in_words(drive, words):
 
 
 def test_the_tolerance_of_a_drawing_is_that_of_the_full_backlash():
-    table = '[gears.tolerance]\nbacklash1 = 0.05\nbacklash2 = 0.1\ndistribution = "normal"\ndraw = "contact"\n'
+    table = (
+        '[gears.tolerance]\nbacklash1 = 0.05\nbacklash2 = 0.1\ndistribution = "normal"\ndraw ='
+        ' "contact"\n'
+    )
     scene = Scene.from_toml(TEXT + "alpha = 1.5\n" + table)
     assert scene.tolerance == Tolerance(0.125, 0.25, distribution="normal", draw="contact")
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
-FIRST = "".join(line for line in TEXT.splitlines(keepends=True) if "2 =" not in line) + "alpha = 1.5\n"
+FIRST = (
+    "".join(line for line in TEXT.splitlines(keepends=True) if "2 =" not in line) + "alpha = 1.5\n"
+)
 
 
 def test_a_single_stage_needs_no_second_wheel_and_invents_none():
@@ -69,7 +92,9 @@ def test_a_single_stage_needs_no_second_wheel_and_invents_none():
     assert scene.constants == Scene.from_gears(DAT21, stages=1).constants
     assert not re.search("(inertia|radius|backlash|damping|torque)2", scene.to_toml() + repr(scene))
     assert Scene.from_toml(scene.to_toml()).gears == scene.gears
-    with pytest.raises(InputError, match=r"gears = \['inertia2', 'radius2'\]: .* write stages = 1 in \[scene\]"):
+    with pytest.raises(
+        InputError, match=r"gears = \['inertia2', 'radius2'\]: .* write stages = 1 in \[scene\]"
+    ):
         Scene.from_toml(FIRST)
     with pytest.raises(InputError, match=r"gears\.tolerance\.backlash2 = 0\.1: belongs to wheel 2"):
         Scene.from_toml(FIRST + "[gears.tolerance]\nbacklash2 = 0.1\n[scene]\nstages = 1")
@@ -84,7 +109,8 @@ def test_a_slip_in_a_single_stage_is_named_by_itself():
 
 def test_the_mean_speed_adds_what_damping_takes_to_the_drag():
     """d Omega_i of each wheel at its own speed: R_i Omega_i is the same on all pitch circles."""
-    speed, radius = 80.0, 30.0
+    speed = 80.0
+    radius = 30.0
     speed1 = speed * radius / DAT21.radius1
     speed2 = speed1 * DAT21.radius1 / DAT21.radius2
     for drive in ("amplitude = 0.3", "alpha = 1.5", "amplitude_rad = 0.01"):
@@ -93,7 +119,9 @@ def test_the_mean_speed_adds_what_damping_takes_to_the_drag():
             assert gears.torque1 == pytest.approx(100.0 + 100.0 * speed1, rel=1e-14)
             assert gears.torque2 == pytest.approx(50.0 + 100.0 * speed2, rel=1e-14)
             assert gears.damping1 == DAT21.damping1
-    single = Scene.from_toml(FIRST + "driver_radius = 30.0\nspeed_rad_s = 80.0\n[scene]\nstages = 1")
+    single = Scene.from_toml(
+        FIRST + "driver_radius = 30.0\nspeed_rad_s = 80.0\n[scene]\nstages = 1"
+    )
     assert single.gears.torque1 == pytest.approx(100.0 + 100.0 * speed1, rel=1e-14)
     assert Scene.from_toml(single.to_toml()).gears == single.gears  # added once
 
@@ -115,7 +143,11 @@ def test_a_pair_takes_ten_lines_and_says_which_are_missing(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "field", "conversion"),
     [
-        ({"inertia1": 0.004}, "gears.inertia1", "the unit is kg mm^2: if 0.004 is in kg m^2, write 4000"),
+        (
+            {"inertia1": 0.004},
+            "gears.inertia1",
+            "the unit is kg mm^2: if 0.004 is in kg m^2, write 4000",
+        ),
         ({"inertia2": 0.0025}, "gears.inertia2", "write 2500"),
         ({"radius1": 0.041}, "gears.radius1", "the unit is mm: if 0.041 is in m, write 41"),
         ({"radius2": 0.12}, "gears.radius2", "if 0.12 is in m, write 120"),
@@ -139,20 +171,35 @@ def test_gears_that_cannot_be_are_questioned_in_the_users_unit(changes, field, c
 @pytest.mark.parametrize(
     "changes",
     [
-        {}, {"backlash1": 0.002, "backlash2": 0.002}, {"inertia1": 40.0}, {"inertia1": 4e7, "torque1": 1e5},
+        {},
+        {"backlash1": 0.002, "backlash2": 0.002},
+        {"inertia1": 40.0},
+        {"inertia1": 4e7, "torque1": 1e5},
         {"omega": 1e5},
-        {"damping1": 0.0, "torque1": 0.0}, {"radius1": 400.0, "inertia1": 1e7, "torque1": 1e4},
-        {"radius1": 0.3, "radius2": 0.2, "inertia1": 1e-4, "inertia2": 1e-5, "backlash1": 0.01, "backlash2": 0.01},
+        {"damping1": 0.0, "torque1": 0.0},
+        {"radius1": 400.0, "inertia1": 1e7, "torque1": 1e4},
+        {
+            "radius1": 0.3,
+            "radius2": 0.2,
+            "inertia1": 1e-4,
+            "inertia2": 1e-5,
+            "backlash1": 0.01,
+            "backlash2": 0.01,
+        },
     ],
-)  # fmt: skip
+)
 def test_gears_of_watches_and_of_ships_are_not(changes):
     check_plausible(replace(DAT21, **changes), {})
 
 
 def test_only_what_was_written_in_a_file_is_questioned(tmp_path):
-    text = TEXT.replace("inertia1 = 4000.0", "inertia1 = 0.004").replace("damping1 = 100.0", "damping1 = 0.0")
+    text = TEXT.replace("inertia1 = 4000.0", "inertia1 = 0.004").replace(
+        "damping1 = 100.0", "damping1 = 0.0"
+    )
     assert Scene.from_toml(text + "alpha = 1.5").beta1 == 0.0
-    with pytest.raises(InputError, match=r"mine\.toml, line 4: gears\.inertia1 = 0\.004: is too little") as caught:
+    with pytest.raises(
+        InputError, match=r"mine\.toml, line 4: gears\.inertia1 = 0\.004: is too little"
+    ) as caught:
         Scene.load(written(tmp_path, text + "alpha = 1.5"))
     assert caught.value.field == "gears.inertia1"
 
@@ -203,19 +250,37 @@ def test_an_unknown_keyword_suggests_the_nearest(make, words):
 @pytest.mark.parametrize(
     ("text", "where"),
     [
-        ("[scene]\nalpha = 1.5\nepsilon = 2\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n", "line 3: epsilon = 2"),
+        (
+            "[scene]\nalpha = 1.5\nepsilon = 2\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n",
+            "line 3: epsilon = 2",
+        ),
         ("[scene]\nalhpa = 1.5\n", "line 2: scene = 'alhpa'"),
         ("[scene]\nalpha = 1.5\n", "mine.toml: scene = ['epsilon'"),
         (TEXT + "alpha = 1.5\n[scene.start]\n\ny1 = 'fast'", "line 17: start.y1 = 'fast'"),
-        (TEXT.replace("epsilon = 0.9", "epsilon = 9.0") + "alpha = 1.5", "line 2: gears.epsilon = 9.0"),
+        (
+            TEXT.replace("epsilon = 0.9", "epsilon = 9.0") + "alpha = 1.5",
+            "line 2: gears.epsilon = 9.0",
+        ),
         (TEXT + "alpha = \n", "mine.toml: TOML = 'Invalid value (at line 14, column 9)'"),
         (TEXT + "alpha = 1,5\n", "use a decimal point: 1.5"),
-        ("name,value\nalpha,1.5\n", "write each value on a line as name = value, with a decimal point"),
+        (
+            "name,value\nalpha,1.5\n",
+            "write each value on a line as name = value, with a decimal point",
+        ),
         ("alpha;epsilon\n1,5;0,9\n", "this looks like a table (CSV)"),
-        (TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0", "line 14: gears.amplitude_rad = 2.8: swings"),
-        (TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0", "if 2.8 is in degrees, write 0.0488692"),
+        (
+            TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
+            "line 14: gears.amplitude_rad = 2.8: swings",
+        ),
+        (
+            TEXT + "amplitude_rad = 2.8\ndriver_radius = 30.0",
+            "if 2.8 is in degrees, write 0.0488692",
+        ),
         (TEXT + "amplitude = 300.0", "line 14: gears.amplitude = 300.0: swings"),
-        (TEXT.replace("torque1 = 100.0", "torque1 = 0.5") + "alpha = 1.5", "gears.torque1 = 0.5: is less than"),
+        (
+            TEXT.replace("torque1 = 100.0", "torque1 = 0.5") + "alpha = 1.5",
+            "gears.torque1 = 0.5: is less than",
+        ),
     ],
 )
 def test_an_error_from_a_file_names_file_line_and_key(tmp_path, text, where):

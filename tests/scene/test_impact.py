@@ -32,13 +32,15 @@ def still():
 
 
 def wheels_after_mesh_2(gears, y2):
-    """Changes of (u_1, u_2) by the impulse of Eq. 2 along W = (-R_1, R_2), such that Newton's law holds."""
+    """Changes of (u_1, u_2) by the impulse of Eq. 2 along W = (-R_1, R_2), such that Newton's law
+    holds."""
     masses = np.array([gears.inertia1 / gears.radius1**2, gears.inertia2 / gears.radius2**2])
     return np.linalg.solve(np.array([masses, [-1.0, 1.0]]), [0.0, -(1 + gears.epsilon) * y2])
 
 
 @pytest.mark.parametrize(
-    "gears", [DAT21, replace(DAT21, inertia1=300.0, epsilon=0.4), replace(DAT21, radius2=90.0, epsilon=0.0)]
+    "gears",
+    [DAT21, replace(DAT21, inertia1=300.0, epsilon=0.4), replace(DAT21, radius2=90.0, epsilon=0.0)],
 )
 @pytest.mark.parametrize("y", [(0.3, 1.7), (-2.0, -0.4), (0.0, 1e-6)])
 def test_mesh_2_conserves_momentum(gears, y):
@@ -59,7 +61,9 @@ def test_mesh_1_reverses_wheel_1_and_leaves_wheel_2(y):
     c = Scene.from_gears(DAT21).constants
     y1, y2 = struck(c, 1, *y)
     assert y1 == -c.epsilon * y[0]
-    assert y2 - y1 == pytest.approx(y[1] - y[0], rel=1e-15)  # u_2 - f' is untouched: the driver is prescribed
+    assert y2 - y1 == pytest.approx(
+        y[1] - y[0], rel=1e-15
+    )  # u_2 - f' is untouched: the driver is prescribed
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.601187])
@@ -71,17 +75,23 @@ def test_energy_lost_is_that_of_the_rims(mu):
 
     for y in ((0.3, 1.7), (-2.0, -0.4)):
         after = struck(c, 2, *y)
-        assert energy_loss(c, 2, *y) == pytest.approx(energy(*y, mu) - energy(*after, mu), rel=1e-12)
-        wrong = energy_loss(c._replace(mu=1.0 - mu), 2, *y)  # negative control: the weight of the other wheel
+        assert energy_loss(c, 2, *y) == pytest.approx(
+            energy(*y, mu) - energy(*after, mu), rel=1e-12
+        )
+        # negative control: the weight of the other wheel
+        wrong = energy_loss(c._replace(mu=1.0 - mu), 2, *y)
         assert abs(wrong / energy_loss(c, 2, *y) - 1.0) > 0.3
-        assert energy_loss(c, 1, *y) == pytest.approx(0.5 * (y[0] ** 2 - struck(c, 1, *y)[0] ** 2), rel=1e-12)
+        assert energy_loss(c, 1, *y) == pytest.approx(
+            0.5 * (y[0] ** 2 - struck(c, 1, *y)[0] ** 2), rel=1e-12
+        )
 
 
 @pytest.mark.parametrize(("stages", "mu"), [(1, 0.5), (2, 0.2), (2, 0.601187)])
 def test_elastic_impacts_conserve_energy_over_thousands(still, stages, mu):
     start = Start(0.0, 0.1, 1.0, -0.2, -0.7)
     orbit = follow(still(epsilon=1.0, mu=mu, gap2=0.8, stages=stages, start=start), 5000)
-    u1, u2 = -orbit.after[:, 1], orbit.after[:, 3] - orbit.after[:, 1]
+    u1 = -orbit.after[:, 1]
+    u2 = orbit.after[:, 3] - orbit.after[:, 1]
     energy = (1 - mu) * u1**2 + (mu * u2**2 if stages == 2 else 0.0)
     assert orbit.found == 5000
     assert energy == pytest.approx(energy[0], rel=5000 * 4e-16)  # a rounding or two for each impact
@@ -90,10 +100,20 @@ def test_elastic_impacts_conserve_energy_over_thousands(still, stages, mu):
 SCENES = {
     "DAT21": Scene.from_gears(DAT21),
     "unequal gaps": Scene(
-        alpha=0.8, epsilon=0.7, beta1=0.3, beta2=0.01, gamma1=0.2, gamma2=0.5, mu=0.3, gap1=0.2, gap2=1.1
+        alpha=0.8,
+        epsilon=0.7,
+        beta1=0.3,
+        beta2=0.01,
+        gamma1=0.2,
+        gamma2=0.5,
+        mu=0.3,
+        gap1=0.2,
+        gap2=1.1,
     ),
     "single stage": Scene(alpha=2.0, epsilon=0.6, beta1=0.1, gamma1=0.3, stages=1),
-    "strong damping": Scene(alpha=3.0, epsilon=0.5, beta1=4.0, beta2=9.0, gamma1=1.0, gamma2=6.0, mu=0.8, gap2=0.05),
+    "strong damping": Scene(
+        alpha=3.0, epsilon=0.5, beta1=4.0, beta2=9.0, gamma1=1.0, gamma2=6.0, mu=0.8, gap2=0.05
+    ),
 }
 
 
@@ -111,13 +131,16 @@ def test_next_impact_is_the_first_crossing_of_an_integrator(name):
             continue
         assert (mesh, side) == expected[1:3]
         speed = abs(there[2 * mesh - 1])
-        assert abs(t - expected[0]) < 1e-11 + 1e-11 / speed  # what the integrator leaves in x, over the speed
+        assert (
+            abs(t - expected[0]) < 1e-11 + 1e-11 / speed
+        )  # what the integrator leaves in x, over the speed
         known = 2 * c.stages  # a single stage has no x2, y2
         assert there[:known] == pytest.approx(expected[3][:known], rel=0, abs=1e-10 + 1e-10 / speed)
 
 
 def turning_state(c, tau, x1, before):
-    """The state `before` earlier than a turning point of x1 at time tau (x2 in the middle, at rest)."""
+    """The state `before` earlier than a turning point of x1 at time tau (x2 in the middle, at
+    rest)."""
     flown = np.array(flow(c, tau - before, 0.0, 0.0, 0.0, 0.0, before))
     return np.linalg.solve(jacobian(c, before), np.array([x1, 0.0, 0.0, 0.0]) - flown)
 
@@ -153,11 +176,13 @@ def test_a_narrow_miss_is_no_impact(dat21, distance):
 @pytest.mark.parametrize("speed", [1.0, 1e-2, 1e-4, 1e-6])
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_same_wall_is_struck_twice_in_a_row(still, speed, side):
-    drag = 3.0  # pulls wheel 1 back, so that x1 is pulled up; both wheels alike, so x2 keeps its place
+    # pulls wheel 1 back, so that x1 is pulled up; both wheels alike, so x2 keeps its place
+    drag = 3.0
     c = still(gamma1=drag, gamma2=drag).constants
     x2 = 0.1
     if side < 0:  # drag on wheel 2 alone: x2 falls
-        c, x2 = still(gamma2=drag).constants, -0.5
+        c = still(gamma2=drag).constants
+        x2 = -0.5
     state = (0.5, -speed, x2, 0.0) if side > 0 else (0.0, 0.0, -0.5, speed)
     t, mesh, hit, *there = next_impact(c, 0.3, *state, HORIZON)
     assert (mesh, hit) == ((1, 1) if side > 0 else (2, -1))
@@ -182,7 +207,9 @@ def test_no_impact_within_the_horizon_is_reported(still, y1, horizon):
 
 @pytest.mark.parametrize("drag", [3.0, 50.0])
 def test_a_mesh_under_drag_sticks(still, drag):
-    t, mesh, *_ = next_impact(still(gamma1=drag, gamma2=drag).constants, 0.0, 0.5, 0.0, 0.0, 0.0, HORIZON)
+    t, mesh, *_ = next_impact(
+        still(gamma1=drag, gamma2=drag).constants, 0.0, 0.5, 0.0, 0.0, 0.0, HORIZON
+    )
     assert (t, mesh) == (0.0, REST)
 
 
@@ -201,9 +228,12 @@ def test_a_touch_at_no_acceleration_rests_when_it_is_pushed_and_strikes_when_it_
 
 
 @given(
-    st.floats(0, 6.3), st.sampled_from([0.0, 1e-16, 1e-12, 1e-9, 1e-6]), st.sampled_from([0.0, -1e-12, 1e-9, -1e-6]),
-    st.sampled_from([0.0, 1e-14, 1e-9]), st.sampled_from([0.0, 1e-10, -1e-7]),
-)  # fmt: skip
+    st.floats(0, 6.3),
+    st.sampled_from([0.0, 1e-16, 1e-12, 1e-9, 1e-6]),
+    st.sampled_from([0.0, -1e-12, 1e-9, -1e-6]),
+    st.sampled_from([0.0, 1e-14, 1e-9]),
+    st.sampled_from([0.0, 1e-10, -1e-7]),
+)
 @settings(deadline=None, max_examples=50, derandomize=True)
 def test_states_that_barely_touch_their_walls_get_an_answer(tau, d1, y1, d2, y2):
     c = SCENES["DAT21"].constants
@@ -218,11 +248,14 @@ FIELDS = ("tau", "mesh", "side", "before", "after")
 
 def test_the_paper_s_orbit_is_that_of_an_integrator_with_events():
     scene = Scene.from_gears(DAT21)
-    c, orbit = scene.constants, follow(scene, 12)
-    tau, state = 0.0, contact(c, 1, (0.5, 2.0, 0.5, 2.0))
+    c = scene.constants
+    orbit = follow(scene, 12)
+    tau = 0.0
+    state = contact(c, 1, (0.5, 2.0, 0.5, 2.0))
     for k in range(1, 13):
         t, mesh, side, before = first_crossing(c, tau, state, 20.0)
-        tau, state = tau + t, contact(c, mesh, before)
+        tau = tau + t
+        state = contact(c, mesh, before)
         assert (orbit.mesh[k], orbit.side[k]) == (mesh, side)
         # 1e-13 of the integrator, stretched by the divergence of a chaotic orbit over 12 impacts
         assert orbit.tau[k] == pytest.approx(tau, rel=0, abs=1e-9)
@@ -231,7 +264,8 @@ def test_the_paper_s_orbit_is_that_of_an_integrator_with_events():
 
 
 def test_an_orbit_without_the_mesh_2_impact_rule_is_distinguished():
-    """Eq. 10 applied after every impact, as the paper has it, leaves the true orbit at its first mesh-2 impact."""
+    """Eq. 10 applied after every impact, as the paper has it, leaves the true orbit at its first
+    mesh-2 impact."""
     orbit = follow(Scene.from_gears(DAT21), 12)
     c = Scene.from_gears(DAT21).constants
     k = int(np.flatnonzero(orbit.mesh == 2)[0])
@@ -246,7 +280,8 @@ def test_an_orbit_restarted_at_its_own_impact_repeats_itself(k):
     scene = Scene.from_gears(DAT21, start=start)
     again = follow(scene, 12 - k)
     for name in FIELDS:
-        found, expected = getattr(again, name), getattr(orbit, name)[k:]
+        found = getattr(again, name)
+        expected = getattr(orbit, name)[k:]
         if scene.phase == start.tau:
             assert np.array_equal(found, expected)  # the same numbers, the same steps
         else:  # in local time, a whole period less

@@ -1,4 +1,5 @@
-"""A measured drive: orders and noise from made measurements of every kind, files of scenes, and bad files."""
+"""A measured drive: orders and noise from made measurements of every kind, files of scenes, and bad
+files."""
 
 import math
 import re
@@ -13,7 +14,8 @@ from measurements import motion as moved
 from rattle import InputError, Scene, measure_drive
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-OMEGA, RADIUS = 167.6, 32.0
+OMEGA = 167.6
+RADIUS = 32.0
 ORDERS = ((1, 0.45, 0.3), (2, 0.08, 1.1), (5, 0.002, -0.4))  # amplitudes in mm
 GEARS = """
 [gears]
@@ -28,12 +30,20 @@ backlash1 = 0.12
 torque1 = 6.0
 """
 DEGREES = {"displacement": "deg", "speed": "rpm", "acceleration": "rad/s^2"}
-TO_UNIT = {"mm": 1.0, "deg": math.degrees(1.0) / RADIUS, "rpm": 30.0 / math.pi / RADIUS, "rad/s^2": 1.0 / RADIUS}
+TO_UNIT = {
+    "mm": 1.0,
+    "deg": math.degrees(1.0) / RADIUS,
+    "rpm": 30.0 / math.pi / RADIUS,
+    "rad/s^2": 1.0 / RADIUS,
+}
 
 
 def motion(tau, power, orders=ORDERS):
     """The derivative of some order of the driver's motion by time, in mm and s."""
-    parts = [a * (1j * j * OMEGA) ** power * np.exp(1j * (j * tau + p - 0.5 * math.pi)) for j, a, p in orders]
+    parts = [
+        a * (1j * j * OMEGA) ** power * np.exp(1j * (j * tau + p - 0.5 * math.pi))
+        for j, a, p in orders
+    ]
     return np.real(sum(parts))
 
 
@@ -42,7 +52,8 @@ def table(head, x, y):
 
 
 def noisy(seed, ratio, periods=60, samples=32, finer=8, memory=0.0):
-    """The speed in mm/s of a drive whose modulation is white noise, or one with a memory, as a table."""
+    """The speed in mm/s of a drive whose modulation is white noise, or one with a memory, as a
+    table."""
     rng = np.random.default_rng(seed)
     step = 2.0 * math.pi / (samples * finer)
     tau = step * np.arange(periods * samples * finer + 1)
@@ -63,7 +74,8 @@ def test_the_orders_are_found_in_every_quantity_and_unit(quantity, angular):
     tau = 2.0 * math.pi / 40.0 * np.arange(40 * 30)
     power = ["displacement", "speed", "acceleration"].index(quantity)
     unit = DEGREES[quantity] if angular else "mm" + ("/s" * (power > 0) + "^2" * (power > 1))
-    y = motion(tau, power) * TO_UNIT.get(unit, 1.0) + 7.0 * (power < 2)  # a constant does not matter
+    # a constant does not matter
+    y = motion(tau, power) * TO_UNIT.get(unit, 1.0) + 7.0 * (power < 2)
     text = table(f"time [ms],{quantity} [{unit}]", 1e3 * tau / OMEGA, y)
     found = measure_drive(text, omega=1.01 * OMEGA, driver_radius=RADIUS if angular else None)
     assert found.omega == pytest.approx(OMEGA, rel=1e-6)
@@ -77,13 +89,18 @@ def test_the_orders_are_found_in_every_quantity_and_unit(quantity, angular):
 
 
 def test_an_angle_with_the_speed_of_rotation_needs_no_frequency():
-    """Equal steps of angle are not equal steps of time: a speed that swings by a tenth would distort the orders."""
-    mean, swing, per_turn = 80.0, 8.0, 2
+    """Equal steps of angle are not equal steps of time: a speed that swings by a tenth would
+    distort the orders."""
+    mean = 80.0
+    swing = 8.0
+    per_turn = 2
     t = np.linspace(0.0, 40.0 * 2.0 * math.pi / mean, 400_001)
     speed = mean + swing * np.sin(per_turn * mean * t)
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
     even = np.arange(0.0, angle[-1], math.radians(2.0))
-    text = table("crank angle (deg);speed (rad/s)", np.degrees(even), np.interp(even, angle, speed)).replace(",", ";")
+    text = table(
+        "crank angle (deg);speed (rad/s)", np.degrees(even), np.interp(even, angle, speed)
+    ).replace(",", ";")
     found = measure_drive(text, driver_radius=RADIUS, periods_per_turn=per_turn)
     assert found.omega == pytest.approx(per_turn * mean, rel=1e-4)
     assert [one.order for one in found.drive] == [1]
@@ -92,8 +109,10 @@ def test_an_angle_with_the_speed_of_rotation_needs_no_frequency():
 
 @pytest.mark.slow
 def test_the_interval_of_the_noise_holds():
-    """100 made measurements: 95 % of the intervals have the true intensity, and hardly any has half as much again."""
-    ratio, seeds = 0.05, range(100)
+    """100 made measurements: 95 % of the intervals have the true intensity, and hardly any has half
+    as much again."""
+    ratio = 0.05
+    seeds = range(100)
     found = [measure_drive(noisy(seed, ratio), omega=OMEGA) for seed in seeds]
     holds = sum(one.low < ratio < one.high for one in found)
     assert abs(holds - 95) <= 3.5 * math.sqrt(100 * 0.05 * 0.95)
@@ -118,7 +137,8 @@ def test_a_scene_file_takes_drive_and_noise_from_the_file_beside_it(tmp_path):
     (tmp_path / "speed.csv").write_text(noisy(3, 0.05))
     path = tmp_path / "gears.toml"
     path.write_text('[drive]\nfile = "speed.csv"\n' + GEARS)
-    scene, found = Scene.load(path), measure_drive(tmp_path / "speed.csv", omega=OMEGA)
+    scene = Scene.load(path)
+    found = measure_drive(tmp_path / "speed.csv", omega=OMEGA)
     assert scene.drive == found.drive
     assert scene.alpha == pytest.approx(found.amplitude / 0.12)
     assert scene.sigma == pytest.approx(found.sigma_ratio * scene.alpha)
@@ -144,8 +164,14 @@ def broken(change, rows=400):
         (lambda rows: rows.__setitem__(slice(None), ["# nothing"]), "is empty"),
         (lambda rows: rows.__setitem__(0, "time,speed"), "name two columns with their units"),
         (lambda rows: rows.__setitem__(0, "time [s],torque [N mm]"), "torque': is no such column"),
-        (lambda rows: rows.__setitem__(0, "time [min],speed [mm/s]"), "has an unknown unit; give s, ms"),
-        (lambda rows: rows.__setitem__(0, "time [s],speed [km/h]"), "has an unknown unit; give rad/s, rpm"),
+        (
+            lambda rows: rows.__setitem__(0, "time [min],speed [mm/s]"),
+            "has an unknown unit; give s, ms",
+        ),
+        (
+            lambda rows: rows.__setitem__(0, "time [s],speed [km/h]"),
+            "has an unknown unit; give rad/s, rpm",
+        ),
         (lambda rows: rows.__setitem__(9, "0.01,nan"), "line 10 = '0.01,nan': needs two numbers"),
         (lambda rows: rows.__setitem__(9, "0.01"), "line 10 = '0.01': needs two numbers"),
         (lambda rows: rows.__delitem__(slice(50, 60)), "line 51.*follows a gap of 11 steps"),
@@ -171,7 +197,9 @@ def test_a_bad_file_is_refused_in_its_own_words(change, message):
 def test_bad_settings_are_refused(settings, message):
     with pytest.raises(InputError, match=message):
         measure_drive(noisy(3, 0.0, periods=20), **settings)
-    assert measure_drive(noisy(3, 0.0, periods=20), periods=20).omega == pytest.approx(OMEGA, rel=1e-3)
+    assert measure_drive(noisy(3, 0.0, periods=20), periods=20).omega == pytest.approx(
+        OMEGA, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -181,7 +209,10 @@ def test_bad_settings_are_refused(settings, message):
         ("[drive]\nfil = 'speed.csv'" + GEARS, "did you mean 'file'"),
         ("[drive]\nperiods = 3" + GEARS, "drive.file = None: is missing"),
         ("[drive]\nfile = 'speed.csv'\n[scene]\nalpha = 1.5", r"needs \[gears\]"),
-        ("[drive]\nfile = 'speed.csv'" + GEARS + "amplitude = 0.3", "leave it out: the file of the drive"),
+        (
+            "[drive]\nfile = 'speed.csv'" + GEARS + "amplitude = 0.3",
+            "leave it out: the file of the drive",
+        ),
     ],
 )
 def test_bad_scene_files_are_refused(text, message, tmp_path):
@@ -192,18 +223,26 @@ def test_bad_scene_files_are_refused(text, message, tmp_path):
 
 
 def test_a_motion_in_rad_needs_the_radius_of_the_driver():
-    with pytest.raises(InputError, match="driver_radius = None: give it, in mm, for a drive in rad/s"):
+    with pytest.raises(
+        InputError, match="driver_radius = None: give it, in mm, for a drive in rad/s"
+    ):
         measure_drive(noisy(3, 0.0).replace("mm/s", "rad/s"), omega=OMEGA)
 
 
 def test_the_command_writes_its_page_and_refuses_a_scene_without_a_measurement(tmp_path):
-    assert "order 3" in rattle("drive", EXAMPLES / "measured-drive.toml", "--out", tmp_path / "out").output
-    assert {"drive.html", "drive.svg", "orders.csv"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    assert (
+        "order 3"
+        in rattle("drive", EXAMPLES / "measured-drive.toml", "--out", tmp_path / "out").output
+    )
+    assert {"drive.html", "drive.svg", "orders.csv"} <= {
+        path.name for path in (tmp_path / "out").iterdir()
+    }
     assert "has no measured drive" in rattle("drive", EXAMPLES / "gearbox.toml", code=2).output
 
 
 def test_the_example_is_found_again():
-    """Within four of its standard errors, and in its interval: what make_driver_speed.py put into the file."""
+    """Within four of its standard errors, and in its interval: what make_driver_speed.py put into
+    the file."""
     found = measure_drive(EXAMPLES / "driver-speed.csv", omega=167.0, driver_radius=RADIUS)
     assert [one.order for one in found.drive] == [1, 2, 3]
     for k, amplitude in enumerate((0.014, 0.0025, 0.0006)):
@@ -212,8 +251,10 @@ def test_the_example_is_found_again():
     assert found.low < 0.05 < found.high
 
 
-OMEGA2, TIMES = 300.0, np.arange(8000) * 2.5e-4
-SINE, TWO = ((1, 0.3, 0.2),), ((1, 1.0, -1.0), (4, 0.12, 0.5))
+OMEGA2 = 300.0
+TIMES = np.arange(8000) * 2.5e-4
+SINE = ((1, 0.3, 0.2),)
+TWO = ((1, 1.0, -1.0), (4, 0.12, 0.5))
 ERROR = 1.0 / math.sqrt(2.0 * 95.0)  # relative standard error of sigma from 95 periods
 UNITS = ("mm", "mm/s", "mm/s^2")
 SWING = tuple(0.3 * OMEGA2**power for power in range(3))  # of the sine in each unit
@@ -241,7 +282,9 @@ def assert_exact(found, amplitude=0.3, order=1):
     ],
 )
 def test_what_moves_slowly_is_no_order(quantity, extra):
-    found = measure_drive(measure(OMEGA2, SINE, TIMES, quantity=quantity, extra=extra), omega=OMEGA2)
+    found = measure_drive(
+        measure(OMEGA2, SINE, TIMES, quantity=quantity, extra=extra), omega=OMEGA2
+    )
     assert_exact(found)
     assert found.left_out < 1e-3
 
@@ -305,13 +348,17 @@ def test_the_times_are_used_as_they_are(quantity, times):
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-@pytest.mark.parametrize(("order", "cycle"), [(0.5, 2), (1.5, 2), (1 / 3, 3), (2 / 3, 3), (1.25, 4)])
+@pytest.mark.parametrize(
+    ("order", "cycle"), [(0.5, 2), (1.5, 2), (1 / 3, 3), (2 / 3, 3), (1.25, 4)]
+)
 @pytest.mark.parametrize("ratio", [0.0, 0.02])
 def test_an_order_between_whole_ones_is_named_and_no_noise(quantity, order, cycle, ratio):
     power = QUANTITIES.index(quantity)
     size = 0.1 if ratio else 0.02
     extra = moved(OMEGA2 * TIMES, power, ((order, size, 1.0),)) * OMEGA2**power
-    found = measure_drive(measure(OMEGA2, SINE, TIMES, quantity=quantity, ratio=ratio, extra=extra), omega=OMEGA2)
+    found = measure_drive(
+        measure(OMEGA2, SINE, TIMES, quantity=quantity, ratio=ratio, extra=extra), omega=OMEGA2
+    )
     said = next(remark for remark in found.remarks if "repeats only after" in remark)
     assert f"after {cycle} periods" in said
     assert f"order {order:.3g} 0.02 mm" in said or ratio > 0.0
@@ -326,11 +373,15 @@ def test_a_modulation_by_half_orders_is_named():
     value = 0.3 * np.sin(OMEGA2 * TIMES) * (1.0 + 0.05 * np.sin(0.5 * OMEGA2 * TIMES))
     found = measure_drive(write(TIMES, value), omega=OMEGA2)
     assert_exact(found)
-    assert "after 2 periods: order 0.5 0.0075 mm, order 1.5 0.0075 mm count as left out" in found.remarks[0]
+    assert (
+        "after 2 periods: order 0.5 0.0075 mm, order 1.5 0.0075 mm count as left out"
+        in found.remarks[0]
+    )
 
 
 def test_noise_that_alternates_is_said():
-    """An order that repeats after no few periods: the periods correlate, and no half order is claimed."""
+    """An order that repeats after no few periods: the periods correlate, and no half order is
+    claimed."""
     extra = 0.02 * np.sin(0.5377 * OMEGA2 * TIMES)
     found = measure_drive(measure(OMEGA2, SINE, TIMES, extra=extra), omega=OMEGA2)
     assert found.memory < -0.5
@@ -345,7 +396,10 @@ def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
     spikes[rows] = jump * SWING[power]
     clean, found = (
         measure_drive(
-            measure(OMEGA2, SINE, TIMES, quantity=QUANTITIES[power], ratio=ratio, extra=extra, seed=3), omega=OMEGA2
+            measure(
+                OMEGA2, SINE, TIMES, quantity=QUANTITIES[power], ratio=ratio, extra=extra, seed=3
+            ),
+            omega=OMEGA2,
         )
         for extra in (0.0, spikes)
     )
@@ -357,7 +411,9 @@ def test_bad_samples_are_named_and_decide_nothing(power, rows, ratio, jump):
 def test_dropouts_to_zero_are_named():
     speed = 800.0 + 20.0 * np.sin(OMEGA2 * TIMES)
     speed[[100, 900, 4000, 5000, 7000]] = 0.0
-    found = measure_drive(write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA2, driver_radius=30.0)
+    found = measure_drive(
+        write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA2, driver_radius=30.0
+    )
     assert_exact(found, amplitude=20.0 * math.pi / 30.0 * 30.0 / OMEGA2)
     assert "line 102 (0), 902 (0), 4002 (0), 5002 (0), 7002 (0)" in found.remarks[0]
 
@@ -365,7 +421,9 @@ def test_dropouts_to_zero_are_named():
 def test_a_bad_stretch_costs_its_periods_alone():
     speed = 800.0 + 20.0 * np.sin(OMEGA2 * TIMES)
     speed[4000:4060] = 0.0
-    found = measure_drive(write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA2, driver_radius=30.0)
+    found = measure_drive(
+        write(TIMES, speed, "time [s],speed [rpm]"), omega=OMEGA2, driver_radius=30.0
+    )
     assert_exact(found, amplitude=20.0 * math.pi / 30.0 * 30.0 / OMEGA2)
     assert "2 of 95 periods are left out, far off the others: line 3940 to 4023" in found.answer[-1]
 
@@ -376,13 +434,19 @@ def drifting(power, ratio, wave, seed=1):
     values = moved(tau, power, SINE)
     if ratio:
         values += wander(np.random.default_rng(seed), ratio, tau, power, SINE)
-    return write(TIMES, values * (OMEGA2 * (1.0 + wave)) ** power, f"time [s],{QUANTITIES[power]} [{UNITS[power]}]")
+    return write(
+        TIMES,
+        values * (OMEGA2 * (1.0 + wave)) ** power,
+        f"time [s],{QUANTITIES[power]} [{UNITS[power]}]",
+    )
 
 
 @pytest.mark.parametrize("power", [0, 1, 2])
 @pytest.mark.parametrize("ratio", [0.0, 0.03])
 @pytest.mark.parametrize(
-    "wave", [0.005 * (TIMES - 1.0), 0.005 * np.sin(math.pi * TIMES), 0.02 * (TIMES - 1.0)], ids=["ramp", "swing", "2%"]
+    "wave",
+    [0.005 * (TIMES - 1.0), 0.005 * np.sin(math.pi * TIMES), 0.02 * (TIMES - 1.0)],
+    ids=["ramp", "swing", "2%"],
 )
 def test_a_drifting_frequency_is_no_noise(power, ratio, wave):
     found = measure_drive(drifting(power, ratio, wave), omega=OMEGA2)
@@ -409,12 +473,16 @@ def measure_often(quantity, ratio, seeds):
     """What is found in made measurements of 30 periods with some noise of the measurement."""
     times = 2.0 * math.pi / OMEGA2 / 40.0 * np.arange(40 * 30)
     own = 2e-4 * OMEGA2 ** QUANTITIES.index(quantity)
-    texts = (measure(OMEGA2, TWO, times, quantity=quantity, ratio=ratio, seed=s, noise=own) for s in range(seeds))
+    texts = (
+        measure(OMEGA2, TWO, times, quantity=quantity, ratio=ratio, seed=s, noise=own)
+        for s in range(seeds)
+    )
     return [measure_drive(text, omega=OMEGA2) for text in texts]
 
 
 def assert_coverage(quantity, ratio, seeds):
-    """95 % of the intervals hold the noise, within 3.5 standard errors; half as much again is hardly in any."""
+    """95 % of the intervals hold the noise, within 3.5 standard errors; half as much again is
+    hardly in any."""
     found = measure_often(quantity, ratio, seeds)
     holds = sum(one.low <= ratio <= one.high for one in found)
     assert abs(holds - 0.95 * seeds) <= 3.5 * math.sqrt(seeds * 0.05 * 0.95)
@@ -435,7 +503,8 @@ def test_the_interval_holds_for_each_quantity(quantity, ratio):
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_noise_of_the_measurement_is_none_of_the_drive(quantity):
-    """The 95 % interval of no noise starts at 0; the floor is what the scatter would be taken for."""
+    """The 95 % interval of no noise starts at 0; the floor is what the scatter would be taken
+    for."""
     found = measure_often(quantity, 0.0, 12)
     assert sum(one.low == 0.0 for one in found) >= 11
     assert all("sigma is at most" in one.answer[1] for one in found if one.low == 0.0)

@@ -1,4 +1,5 @@
-"""Files of measurements as other programs write them, and what is said of those that cannot be read."""
+"""Files of measurements as other programs write them, and what is said of those that cannot be
+read."""
 
 import re
 
@@ -28,14 +29,16 @@ HEAD = "time [s],displacement [mm]"
         lambda text: text.replace(HEAD, '"time [s]","displacement [mm]"'),
         lambda text: "".join('"' + line.replace(",", '","') + '"\n' for line in text.splitlines()),
         lambda text: "".join(
-            '"' + line.replace(".", "@").replace(",", '";"').replace("@", ",") + '"\n' for line in text.splitlines()
+            '"' + line.replace(".", "@").replace(",", '";"').replace("@", ",") + '"\n'
+            for line in text.splitlines()
         ),
         lambda text: text.replace(",", " , "),
         lambda text: "# a remark\n\n" + text + "\n\n",
     ],
 )
 def test_what_other_programs_write_is_read_alike(change):
-    plain, other = read_measurement(PLAIN), read_measurement(change(PLAIN))
+    plain = read_measurement(PLAIN)
+    other = read_measurement(change(PLAIN))
     assert np.array_equal(other.at, plain.at)
     assert np.array_equal(other.values, plain.values)
 
@@ -49,27 +52,63 @@ def with_line(number, text):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (with_line(7, "0.00125,nan"), "line 7 = '0.00125,nan': needs two numbers; leave out a row without a value"),
-        (with_line(7, "0.00125,"), "line 7 = '0.00125,': needs two numbers; leave out a row without a value"),
-        (with_line(7, "0.00125,1,2"), "line 7 = '0.00125,1,2': needs two numbers, and has 3 columns"),
-        (with_line(7, "0,00125,0,2"), "line 7 = '0,00125,0,2': has 4 columns, not two numbers; put semicolons"),
-        (with_line(7, "12:30:01.5,0.2"), "line 7 = '12:30:01.5,0.2': has a time of day or a date; give seconds from"),
-        (with_line(7, "2024-05-01T12:30:01,0.2"), "has a time of day or a date; give seconds from the first row"),
-        (with_line(7, "01.05.2024 12:30,0.2"), "has a time of day or a date; give seconds from the first row"),
+        (
+            with_line(7, "0.00125,nan"),
+            "line 7 = '0.00125,nan': needs two numbers; leave out a row without a value",
+        ),
+        (
+            with_line(7, "0.00125,"),
+            "line 7 = '0.00125,': needs two numbers; leave out a row without a value",
+        ),
+        (
+            with_line(7, "0.00125,1,2"),
+            "line 7 = '0.00125,1,2': needs two numbers, and has 3 columns",
+        ),
+        (
+            with_line(7, "0,00125,0,2"),
+            "line 7 = '0,00125,0,2': has 4 columns, not two numbers; put semicolons",
+        ),
+        (
+            with_line(7, "12:30:01.5,0.2"),
+            "line 7 = '12:30:01.5,0.2': has a time of day or a date; give seconds from",
+        ),
+        (
+            with_line(7, "2024-05-01T12:30:01,0.2"),
+            "has a time of day or a date; give seconds from the first row",
+        ),
+        (
+            with_line(7, "01.05.2024 12:30,0.2"),
+            "has a time of day or a date; give seconds from the first row",
+        ),
         (with_line(7, '"0.00125,0.2'), "line 7 = .*has a quotation mark that is not closed"),
         (with_line(7, '"' + 200_000 * "1"), "line 7 = .*has a quotation mark that is not closed"),
         (with_line(7, 200_000 * "1"), "line 7 = .*too much in one cell"),
-        (with_line(1, '"time [s],displacement [mm]'), "line 1 = .*has a quotation mark that is not closed"),
+        (
+            with_line(1, '"time [s],displacement [mm]'),
+            "line 1 = .*has a quotation mark that is not closed",
+        ),
         (with_line(7, "0.00125,much"), "line 7 = '0.00125,much': needs two numbers, such as 0.25"),
-        (with_line(701, "0.1745,0.2"), "line 701 = 'time = 0.1745': is that of line 700 again; each row needs a later"),
-        (with_line(701, "0.1,0.2"), "line 701 = 'time = 0.1': is another step than the others, back from 0.1745 of"),
+        (
+            with_line(701, "0.1745,0.2"),
+            "line 701 = 'time = 0.1745': is that of line 700 again; each row needs a later",
+        ),
+        (
+            with_line(701, "0.1,0.2"),
+            "line 701 = 'time = 0.1': is another step than the others, back from 0.1745 of",
+        ),
         (HEAD + "\n", "has no rows below its header"),
         ("\n", "is empty"),
         (PLAIN.replace(HEAD, HEAD + ",torque [N m]"), "has 3 columns; keep two, as in: time"),
         (PLAIN.replace(HEAD, "time [s]"), "has 1 column; keep two"),
-        (PLAIN.replace(HEAD, "Zeit [s],Drehzahl [1/min]"), "'Zeit': is no such column; give time or angle"),
+        (
+            PLAIN.replace(HEAD, "Zeit [s],Drehzahl [1/min]"),
+            "'Zeit': is no such column; give time or angle",
+        ),
         (PLAIN.replace(HEAD, "time [s],speed [U/min]"), "has an unknown unit; give rad/s, rpm"),
-        (PLAIN.replace(HEAD, "time [h],speed [rpm]"), "'time .h.': has an unknown unit; give s, ms"),
+        (
+            PLAIN.replace(HEAD, "time [h],speed [rpm]"),
+            "'time .h.': has an unknown unit; give s, ms",
+        ),
         (PLAIN.replace(HEAD, "time,displacement"), "name two columns with their units"),
     ],
 )
@@ -85,7 +124,9 @@ def test_wrapped_angles_are_unwrapped(unit, turn, start):
     angle = np.linspace(0.0, 40.2 * turn, 4000)
     wrapped = (angle - start * turn) % turn + start * turn
     for text in (
-        write(TIMES.repeat(2) + np.tile([0.0, 1e-5], 2000), wrapped, f"time [s],displacement [{unit}]"),
+        write(
+            TIMES.repeat(2) + np.tile([0.0, 1e-5], 2000), wrapped, f"time [s],displacement [{unit}]"
+        ),
         write(wrapped, np.sin(angle), f"crank angle [{unit}],speed [mm/s]"),
         write(-wrapped, np.sin(angle), f"crank angle [{unit}],speed [mm/s]"),
     ):
@@ -102,7 +143,9 @@ def test_a_speed_against_the_angle_is_said_to_be():
     forward = measure_drive(write(angle, speed, head), driver_radius=30.0)
     backward = measure_drive(write(-angle, -speed, head), driver_radius=30.0)
     assert backward.amplitude == pytest.approx(forward.amplitude)
-    with pytest.raises(InputError, match="line 2 = 'speed = -800 rpm': is negative where the angle rises; turn the"):
+    with pytest.raises(
+        InputError, match="line 2 = 'speed = -800 rpm': is negative where the angle rises; turn the"
+    ):
         measure_drive(write(angle, -speed, head), driver_radius=30.0)
     with pytest.raises(InputError, match="give omega, since it is no speed of rotation"):
         measure_drive(write(angle, speed - 800.0, head), driver_radius=30.0)

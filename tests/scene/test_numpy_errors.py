@@ -1,4 +1,5 @@
-"""``np.seterr(all="raise")`` in a user's program ends nothing of the package, and holds in his own functions."""
+"""``np.seterr(all="raise")`` in a user's program ends nothing of the package, and holds in his own
+functions."""
 
 import inspect
 
@@ -6,7 +7,17 @@ import numpy as np
 import pytest
 
 import rattle
-from rattle import DAT21, Closure, Record, Scene, mean_map, simulate, simulate_rare, simulate_to, validate
+from rattle import (
+    DAT21,
+    Closure,
+    Record,
+    Scene,
+    mean_map,
+    simulate,
+    simulate_rare,
+    simulate_to,
+    validate,
+)
 
 SOFT = Scene.from_gears(DAT21, sigma=0.01)
 LOUD = Scene.from_gears(DAT21, sigma=0.1, stages=1)
@@ -25,7 +36,14 @@ COMPUTE = {
 def test_what_underflows_is_no_exception(name, scene):
     with np.errstate(all="raise"):
         found = COMPUTE[name](scene)
-        for attribute in set(dir(found)) & {"section", "step_bias", "diagnostics", "counts", "errors", "advice"}:
+        for attribute in set(dir(found)) & {
+            "section",
+            "step_bias",
+            "diagnostics",
+            "counts",
+            "errors",
+            "advice",
+        }:
             getattr(found, attribute)
         assert repr(found)
         assert np.geterr()["under"] == "raise"
@@ -40,7 +58,11 @@ def test_a_function_of_ones_own_has_the_settings_of_its_program():
         return section
 
     with np.errstate(all="raise", over="ignore"):
-        mean_map(SOFT, impacts=2, closure=Closure("mine", own, at_times=lambda scene, times: own(scene, 2) and None))
+        mean_map(
+            SOFT,
+            impacts=2,
+            closure=Closure("mine", own, at_times=lambda scene, times: own(scene, 2) and None),
+        )
         expected = np.geterr()
     assert seen == [expected]
     with np.errstate(all="raise"), pytest.raises(FloatingPointError):
@@ -48,5 +70,7 @@ def test_a_function_of_ones_own_has_the_settings_of_its_program():
 
 
 def test_every_public_function_computes_under_the_defaults_of_numpy():
-    functions = [named for name in rattle.__all__ if inspect.isfunction(named := getattr(rattle, name))]
+    functions = [
+        named for name in rattle.__all__ if inspect.isfunction(named := getattr(rattle, name))
+    ]
     assert [f.__name__ for f in functions if not hasattr(f, "__wrapped__")] == []

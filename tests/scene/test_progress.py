@@ -13,7 +13,9 @@ from programs import on_terminal, python
 from rattle.scene import progress
 from rattle.scene.progress import ProgressBar, do, speaking
 
-AT_ONCE = "from rattle.scene import progress; progress.FIRST = progress.BETWEEN = progress.TICK = 0.005\n"
+AT_ONCE = (
+    "from rattle.scene import progress; progress.FIRST = progress.BETWEEN = progress.TICK = 0.005\n"
+)
 RUN = AT_ONCE + "from rattle.compare.cli.main import main; main({words})"
 HELD = """
 import sys
@@ -50,7 +52,9 @@ print("answer")
 def test_a_command_says_what_it_does_before_it_answers():
     """A pipe is read while it runs: it is told to go on only after it has said where it is."""
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen([sys.executable, "-c", AT_ONCE + HELD], text=True, bufsize=1, **pipes) as held:
+    with subprocess.Popen(
+        [sys.executable, "-c", AT_ONCE + HELD], text=True, bufsize=1, **pipes
+    ) as held:
         seen = [held.stderr.readline()]
         while "holding: 0 of 4 stones" not in seen[-1]:
             seen.append(held.stderr.readline())
@@ -83,7 +87,9 @@ def test_no_bar_is_left_where_an_answer_is_printed_on_a_terminal():
 
 
 def test_compiling_is_said_by_a_command_in_a_pipe():
-    done = python("-c", AT_ONCE + COMPILE.format(package="rattle", how="with speaking('nothing'): twice(1)"))
+    done = python(
+        "-c", AT_ONCE + COMPILE.format(package="rattle", how="with speaking('nothing'): twice(1)")
+    )
     assert "rattle: compiling for this processor, once" in done.stderr
     assert done.stdout == "answer\n"
 
@@ -105,11 +111,16 @@ def test_workers_and_tests_on_a_terminal_compile_silently_and_so_do_users_functi
     package = "mine" if place == "a user's function" else "rattle"
     environment = {}
     if place == "multiprocessing":
-        how = "import multiprocessing; p = multiprocessing.get_context('fork').Process(target=twice, args=(1,))"
+        how = (
+            "import multiprocessing; p = multiprocessing.get_context('fork').Process(target=twice,"
+            " args=(1,))"
+        )
         how += "; p.start(); p.join()"
     elif place == "PYTEST_CURRENT_TEST":
         environment["PYTEST_CURRENT_TEST"] = "a test"
-    written, _ = on_terminal("-c", AT_ONCE + COMPILE.format(package=package, how=how), **environment)
+    written, _ = on_terminal(
+        "-c", AT_ONCE + COMPILE.format(package=package, how=how), **environment
+    )
     assert written.strip() == "answer"
 
 
@@ -138,7 +149,8 @@ end.set()
 
 @pytest.fixture
 def words(monkeypatch):
-    """Lines that are said at once, as they are said; what is waited for is the thread's, not a time."""
+    """Lines that are said at once, as they are said; what is waited for is the thread's, not a
+    time."""
     said = []
     heard = threading.Condition()
 

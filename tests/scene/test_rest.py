@@ -18,14 +18,23 @@ from rattle.scene import DAT21, Gears, Scene, Start
 from rattle.scene.impact import MISSES, NONE, REST
 from rattle.scene.sticking import find_sticking, opening, stuck
 
-COMPILED = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off")
+COMPILED = pytest.mark.skipif(
+    bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off"
+)
 
 SINGLE = Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1)
 FIRST = Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5)
 SECOND = Scene(  # both wheels slow down together, until wheel 2 falls behind
-    alpha=0.0, epsilon=0.4, beta1=0.5, beta2=0.1, gamma1=0.0, gamma2=1.0, mu=0.6, gap1=50.0,
+    alpha=0.0,
+    epsilon=0.4,
+    beta1=0.5,
+    beta2=0.1,
+    gamma1=0.0,
+    gamma2=1.0,
+    mu=0.6,
+    gap1=50.0,
     start=Start(0.0, 0.0, -5.0, 0.4, 0.1),
-)  # fmt: skip
+)
 BOTH = Scene(alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6)
 
 
@@ -42,7 +51,8 @@ def spring_and_damper(epsilon, stiffness):
 
 
 def compliant(c, tau, state, until, stiffness):
-    """Solution from a state, with contact forces in the proportions of the impact rules (docs/model.md section 3)."""
+    """Solution from a state, with contact forces in the proportions of the impact rules
+    (docs/model.md section 3)."""
     damping = spring_and_damper(c.epsilon, stiffness)
 
     def push(x, y, wall):
@@ -56,13 +66,20 @@ def compliant(c, tau, state, until, stiffness):
         return x1, y1 + first + c.mu * second, x2, y2 + first + second
 
     return solve_ivp(
-        rate, (tau, until), state, method="DOP853", rtol=1e-9, atol=1e-12, max_step=10.0 / math.sqrt(stiffness),
+        rate,
+        (tau, until),
+        state,
+        method="DOP853",
+        rtol=1e-9,
+        atol=1e-12,
+        max_step=10.0 / math.sqrt(stiffness),
         dense_output=True,
-    )  # fmt: skip
+    )
 
 
 def furthest(orbit, since, until, stiffness):
-    """Largest distance in x between an orbit and the compliant system started on it, over a stretch of time."""
+    """Largest distance in x between an orbit and the compliant system started on it, over a stretch
+    of time."""
     used = slice(0, 2 * orbit.constants.stages, 2)
     run = compliant(orbit.constants, since, orbit.state(since), until, stiffness)
     times = np.linspace(since, until, 300)
@@ -76,11 +93,14 @@ def furthest(orbit, since, until, stiffness):
     ids=["one stage", "mesh 1, stage 2 in flight", "mesh 2", "both meshes"],
 )
 def test_sticking_is_the_limit_of_compliant_contact(scene, mesh, impacts):
-    """From before the impacts accumulate (both meshes: from their closing) until after the mesh has opened."""
+    """From before the impacts accumulate (both meshes: from their closing) until after the mesh has
+    opened."""
     orbit, phase = sticking_of(scene, mesh, impacts)
     both = any(r is not phase and r.closed <= phase.closed < r.opened for r in orbit.sticking)
     since = phase.closed if both else float(orbit.tau[max(phase.impact - 3, 0)]) + 1e-3
-    until = min([r.opened + 0.05 for r in (phase,)] + [t for t in orbit.tau if t > phase.closed + 1e-6])
+    until = min(
+        [r.opened + 0.05 for r in (phase,)] + [t for t in orbit.tau if t > phase.closed + 1e-6]
+    )
     soft, hard = (furthest(orbit, since, until - 1e-6, k) for k in (1e5, 1e7))
     assert hard < 2e-3
     assert hard < 0.2 * soft
@@ -99,7 +119,8 @@ def test_a_mesh_closed_too_long_is_noticed():
 
 
 def contact_forces(c, tau, state, sides):
-    """Contact accelerations that keep meshes closed: a linear system from Eq. 5 and the impulses' proportions."""
+    """Contact accelerations that keep meshes closed: a linear system from Eq. 5 and the impulses'
+    proportions."""
     f = np.array(rates(c, tau, state))[[1, 3]]
     effect = np.array([[1.0, c.mu], [1.0, 1.0]])
     sticking = [i for i in (0, 1) if sides[i]]
@@ -108,17 +129,33 @@ def contact_forces(c, tau, state, sides):
     return force, f + effect @ force
 
 
-@pytest.mark.parametrize("sides", [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)])
+@pytest.mark.parametrize(
+    "sides", [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)]
+)
 def test_the_opening_is_the_first_root_of_the_contact_force(sides):
     rng = np.random.default_rng(11)
     seen = 0
     while seen < 12:
         b1, b2, g1, g2 = rng.uniform(0.0, 1.0, 4)
         scene = Scene(
-            alpha=1.0, epsilon=0.5, beta1=b1, beta2=b2, gamma1=g1, gamma2=g2, mu=rng.uniform(0.1, 0.9), gap1=1e3
+            alpha=1.0,
+            epsilon=0.5,
+            beta1=b1,
+            beta2=b2,
+            gamma1=g1,
+            gamma2=g2,
+            mu=rng.uniform(0.1, 0.9),
+            gap1=1e3,
         )
-        c, tau, y1 = scene.constants, rng.uniform(0.0, 6.0), 0.0 if sides[0] else rng.uniform(-5.0, 5.0)
-        state = (sides[0] * c.wall1, y1, sides[1] * c.wall2, 0.0 if sides[1] else rng.uniform(-1.0, 1.0))
+        c = scene.constants
+        tau = rng.uniform(0.0, 6.0)
+        y1 = 0.0 if sides[0] else rng.uniform(-5.0, 5.0)
+        state = (
+            sides[0] * c.wall1,
+            y1,
+            sides[1] * c.wall2,
+            0.0 if sides[1] else rng.uniform(-1.0, 1.0),
+        )
 
         def least(t, c=c, tau=tau, state=state):
             """Contact forces of the sticking meshes, at a time t later."""
@@ -136,15 +173,19 @@ def test_the_opening_is_the_first_root_of_the_contact_force(sides):
         if below.size == 0:
             assert t > 12.0 or abs(least(t)) < 1e-9
         else:
-            assert t == pytest.approx(brentq(least, grid[below[0] - 1], grid[below[0]], xtol=1e-14), abs=1e-10)
+            assert t == pytest.approx(
+                brentq(least, grid[below[0] - 1], grid[below[0]], xtol=1e-14), abs=1e-10
+            )
 
 
 def orbit_state(c, tau, state, sides, t):
-    """Closed meshes stay where they are; one common speed or the driver's, from first principles."""
+    """Closed meshes stay where they are; one common speed or the driver's, from first
+    principles."""
     x1, y1, x2, y2 = state
     if sides[0]:
         return x1, 0.0, x2, y2
-    beta, gamma = (1 - c.mu) * c.beta1 + c.mu * c.beta2, (1 - c.mu) * c.gamma1 + c.mu * c.gamma2
+    beta = (1 - c.mu) * c.beta1 + c.mu * c.beta2
+    gamma = (1 - c.mu) * c.gamma1 + c.mu * c.gamma2
     u = c.alpha * math.cos(tau) - y1
     u = (u + gamma / beta) * math.exp(-beta * t) - gamma / beta
     return x1, c.alpha * math.cos(tau + t) - u, x2, 0.0
@@ -157,9 +198,16 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
     for _ in range(2000):
         b1, b2, g1, g2 = rng.uniform(0.0, 1.0, 4)
         c = Scene(
-            alpha=1.0, epsilon=0.5, beta1=b1, beta2=b2, gamma1=g1, gamma2=g2, mu=rng.uniform(0.1, 0.9)
-        ).constants  # fmt: skip
-        tau, at = rng.uniform(0.0, 6.3), rng.choice([-1, 1], 2)
+            alpha=1.0,
+            epsilon=0.5,
+            beta1=b1,
+            beta2=b2,
+            gamma1=g1,
+            gamma2=g2,
+            mu=rng.uniform(0.1, 0.9),
+        ).constants
+        tau = rng.uniform(0.0, 6.3)
+        at = rng.choice([-1, 1], 2)
         state = at[0] * c.wall1, 0.0, at[1] * c.wall2, 0.0
         able = []
         for first, second in counts:
@@ -175,12 +223,15 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
 
 
 def test_sticking_keeps_what_the_contact_does_not_act_on():
-    """Momentum of both wheels at mesh 2, wheel 2 at mesh 1, in the speeds and in the places (model.md section 3)."""
+    """Momentum of both wheels at mesh 2, wheel 2 at mesh 1, in the speeds and in the places
+    (model.md section 3)."""
     c = FIRST.constants
     state = np.array([0.5 - 1e-7, -1e-6, -0.3, 0.7])
     x1, y1, x2, y2 = stuck(c, *state, (1, 0))
     assert (x1, y1) == (c.wall1, 0.0)
-    assert (x2 - x1, y2 - y1) == pytest.approx((state[2] - state[0], state[3] - state[1]), abs=1e-15)
+    assert (x2 - x1, y2 - y1) == pytest.approx(
+        (state[2] - state[0], state[3] - state[1]), abs=1e-15
+    )
     state = np.array([0.1, 0.7, -0.5 + 1e-7, 1e-6])
     x1, y1, x2, y2 = stuck(c, *state, (0, -1))
     assert (x2, y2) == (-c.wall2, 0.0)
@@ -192,20 +243,35 @@ def test_sticking_keeps_what_the_contact_does_not_act_on():
 @pytest.mark.parametrize("epsilon", [0.0, 0.1, 0.5, 0.9, 0.99])
 @pytest.mark.parametrize("drag", [1e-3, 1.0, 50.0])
 def test_the_sum_of_all_bounces(epsilon, drag):
-    """A ball falls freely from rest: its bounces end after (1 + eps) / (1 - eps) times its first fall."""
+    """A ball falls freely from rest: its bounces end after (1 + eps) / (1 - eps) times its first
+    fall."""
     scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, stages=1, start=Start())
     orbit = follow(scene, 10_000)
     assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
     assert (len(orbit.sticking), orbit.sticking[0].opened) == (1, math.inf)
-    assert orbit.sticking[0].closed == pytest.approx(math.sqrt(1.0 / drag) * (1 + epsilon) / (1 - epsilon), rel=1e-11)
+    assert orbit.sticking[0].closed == pytest.approx(
+        math.sqrt(1.0 / drag) * (1 + epsilon) / (1 - epsilon), rel=1e-11
+    )
 
 
 def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls_at_one_instant():
-    """Impacts at mesh 1 and mesh 2 in turn, down to flights in which doubles no longer resolve a displacement."""
+    """Impacts at mesh 1 and mesh 2 in turn, down to flights in which doubles no longer resolve a
+    displacement."""
     gears = Gears(
-        alpha=3.7333333333333334, epsilon=0.7, omega=167.6, inertia1=950.0, inertia2=620.0, radius1=38.0, radius2=30.0,
-        backlash1=0.12, backlash2=0.1, damping1=20.0, damping2=15.0, torque1=60.0, torque2=40.0,
-    )  # fmt: skip
+        alpha=3.7333333333333334,
+        epsilon=0.7,
+        omega=167.6,
+        inertia1=950.0,
+        inertia2=620.0,
+        radius1=38.0,
+        radius2=30.0,
+        backlash1=0.12,
+        backlash2=0.1,
+        damping1=20.0,
+        damping2=15.0,
+        torque1=60.0,
+        torque2=40.0,
+    )
     orbit = LongOrbit(Scene.from_gears(gears), start=148)
     found = orbit.stretch(1000, tangent=False)
     assert (orbit.ended, found.code[-6:].tolist()) == (REST, [1, -2, 1, -2, 1, -2])
@@ -214,7 +280,9 @@ def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls
 
 @COMPILED
 def test_an_elastic_mesh_never_sticks():
-    orbit = follow(Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=1.0, stages=1, start=Start()), 5000)
+    orbit = follow(
+        Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=1.0, stages=1, start=Start()), 5000
+    )
     assert (orbit.found, orbit.sticking) == (5000, ())
 
 
@@ -226,14 +294,16 @@ def test_the_orbit_goes_on_and_linearisations_stop_at_sticking():
     m = mean_map(SINGLE, impacts=40, closure="corrected")
     assert m.stopped == f"{MISSES[REST]} after impact {first}"
     assert m.section["tau"].notna().sum() == first
-    m = mean_map(SINGLE, impacts=40, closure="saltation")  # which ends at the first impact that is too slow for it
+    # which ends at the first impact that is too slow for it
+    m = mean_map(SINGLE, impacts=40, closure="saltation")
     assert m.stopped == f"impact {m.trace.found + 1} grazes its wall"
     assert 0 < m.trace.found <= first
 
 
 @COMPILED
 def test_dat21_sticks_now_and_then_and_goes_on():
-    """Chatter is not confined to other scenes: at eps = 0.9 a slow enough hit against the excitation accumulates."""
+    """Chatter is not confined to other scenes: at eps = 0.9 a slow enough hit against the
+    excitation accumulates."""
     orbit = follow(Scene.from_gears(DAT21), 100_000)
     assert (orbit.found, orbit.stopped) == (100_000, "")
     assert 1 <= len(orbit.sticking) <= 20
@@ -241,7 +311,9 @@ def test_dat21_sticks_now_and_then_and_goes_on():
 
 
 def test_an_orbit_that_strikes_no_more_is_reported():
-    orbit = follow(Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(y1=0.01)), 5)
+    orbit = follow(
+        Scene(alpha=0.0, epsilon=0.9, beta1=0.1, gamma1=0.0, stages=1, start=Start(y1=0.01)), 5
+    )
     assert (orbit.found, orbit.stopped) == (0, f"{MISSES[NONE]} after impact 0")
 
 
@@ -250,14 +322,18 @@ SCENES = {
     "one stage": Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1),
     "three orders": Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1, drive=THREE),
     "two stages": replace(Scene.from_gears(DAT21), epsilon=0.3, gears=None),
-    "two stages, three orders": replace(Scene.from_gears(DAT21), epsilon=0.3, gears=None, drive=THREE),
+    "two stages, three orders": replace(
+        Scene.from_gears(DAT21), epsilon=0.3, gears=None, drive=THREE
+    ),
 }
 
 
 def dragged(scene, factor, wheel):
     """The scene with one wheel at a factor of its threshold, the other well above."""
     if scene.stages == 2:
-        scene = replace(scene, gamma2=rattle_threshold(scene)[1].least * (factor if wheel == 2 else 1.1))
+        scene = replace(
+            scene, gamma2=rattle_threshold(scene)[1].least * (factor if wheel == 2 else 1.1)
+        )
     return replace(scene, gamma1=rattle_threshold(scene)[0].least * (factor if wheel == 1 else 1.5))
 
 
@@ -266,7 +342,8 @@ def test_closed_teeth_open_just_below_it_and_stay_closed_just_above(name):
     """A planted error of half a percent would be seen."""
     scene = SCENES[name]
     for wheel in range(1, scene.stages + 1):
-        below, above = dragged(scene, 0.995, wheel), dragged(scene, 1.005, wheel)
+        below = dragged(scene, 0.995, wheel)
+        above = dragged(scene, 1.005, wheel)
         assert attractor(above).kind == "rest", wheel
         assert attractor(below).kind != "rest", wheel
         assert any(t.opens for t in rattle_threshold(below))
@@ -275,7 +352,15 @@ def test_closed_teeth_open_just_below_it_and_stay_closed_just_above(name):
 
 def test_torques_are_in_newton_millimetres():
     """Inertia times acceleration over the radius, for gears without damping."""
-    gears = Gears(alpha=2.0, epsilon=0.5, omega=100.0, inertia1=500.0, radius1=40.0, backlash1=0.3, torque1=7.0)
+    gears = Gears(
+        alpha=2.0,
+        epsilon=0.5,
+        omega=100.0,
+        inertia1=500.0,
+        radius1=40.0,
+        backlash1=0.3,
+        torque1=7.0,
+    )
     (wheel,) = rattle_threshold(Scene.from_gears(gears, stages=1))
     assert wheel.drag == 7.0
     assert wheel.unit == "N mm"

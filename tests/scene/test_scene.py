@@ -9,44 +9,69 @@ from rattle.scene import DAT21, FileError, Gears, InputError, Scene, Start, Tole
 from rattle.scene.units import in_units
 
 VALUES = {
-    "alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.13, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6,
-    "gap1": 0.5, "gap2": 0.4, "sigma": 0.1,
-}  # fmt: skip
+    "alpha": 1.5,
+    "epsilon": 0.9,
+    "beta1": 0.08,
+    "beta2": 0.13,
+    "gamma1": 0.06,
+    "gamma2": 0.03,
+    "mu": 0.6,
+    "gap1": 0.5,
+    "gap2": 0.4,
+    "sigma": 0.1,
+}
 NON_NEGATIVE = ("alpha", "beta1", "beta2", "gamma1", "gamma2", "sigma")
 NUMBERS = tuple(VALUES)
 
 
 def refused(field, value, remedy):
     """What must be raised: field, value and remedy, all three in the text."""
-    return pytest.raises(InputError, match=re.escape(f"{field} = {value!r}: ") + ".*" + re.escape(remedy))
+    return pytest.raises(
+        InputError, match=re.escape(f"{field} = {value!r}: ") + ".*" + re.escape(remedy)
+    )
 
 
-NAN_INF, NO_NUMBER = (float("nan"), float("inf"), float("-inf")), ("0.5", None, True, [0.5])
+NAN_INF = (float("nan"), float("inf"), float("-inf"))
+NO_NUMBER = ("0.5", None, True, [0.5])
 NO_COUNT = (2.0, "2", None, True)
 BAD = {
-    Scene: [(name, -1e-9, "must be 0 or greater") for name in NON_NEGATIVE]
-    + [(name, value, "must be greater than 0") for name in ("gap1", "gap2") for value in (0.0, -0.5)]
-    + [("epsilon", value, "must lie between 0 and 1") for value in (-0.01, 1.2)]
-    + [("mu", value, "between 0 and 1") for value in (0.0, 1.0, -0.5, 1.5)]
-    + [("stages", 0, "must be at least 1"), ("stages", 3, "must be at most 2")]
-    + [("stages", value, "give a whole number") for value in NO_COUNT]
-    + [("tolerance", value, "give a Tolerance") for value in (0.1, {"c1_max": 0.1}, False)]
-    + [("start", value, "give a Start") for value in (0.1, (0.0, 0.5, 2.0, 0.5, 2.0), "paper")],
+    Scene: (
+        [(name, -1e-9, "must be 0 or greater") for name in NON_NEGATIVE]
+        + [
+            (name, value, "must be greater than 0")
+            for name in ("gap1", "gap2")
+            for value in (0.0, -0.5)
+        ]
+        + [("epsilon", value, "must lie between 0 and 1") for value in (-0.01, 1.2)]
+        + [("mu", value, "between 0 and 1") for value in (0.0, 1.0, -0.5, 1.5)]
+        + [("stages", 0, "must be at least 1"), ("stages", 3, "must be at most 2")]
+        + [("stages", value, "give a whole number") for value in NO_COUNT]
+        + [("tolerance", value, "give a Tolerance") for value in (0.1, {"c1_max": 0.1}, False)]
+        + [("start", value, "give a Start") for value in (0.1, (0.0, 0.5, 2.0, 0.5, 2.0), "paper")]
+    ),
     Tolerance: [
         ("c1_max", -0.1, "must be 0 or greater"),
         ("distribution", "unifrom", "did you mean 'uniform'?"),
         ("distribution", "zzz", "valid are 'fixed', 'uniform', 'normal'"),
         ("draw", None, "valid are 'path', 'contact'"),
     ],
-    Start: [("mesh", 3, "must be at most 2"), ("mesh", -1, "must be at least 0")]
-    + [("mesh", value, "give a whole number") for value in NO_COUNT],
+    Start: (
+        [("mesh", 3, "must be at most 2"), ("mesh", -1, "must be at least 0")]
+        + [("mesh", value, "give a whole number") for value in NO_COUNT]
+    ),
 }
-for kind, names in ((Scene, NUMBERS), (Tolerance, ("c1_max", "c2_max")), (Start, ("tau", "x1", "y1", "x2", "y2"))):
+for kind, names in (
+    (Scene, NUMBERS),
+    (Tolerance, ("c1_max", "c2_max")),
+    (Start, ("tau", "x1", "y1", "x2", "y2")),
+):
     BAD[kind] += [(name, value, "give a finite number") for name in names for value in NAN_INF]
     BAD[kind] += [(name, value, "give a number") for name in names for value in NO_NUMBER]
 
 
-@pytest.mark.parametrize(("kind", "field", "value", "remedy"), [(kind, *row) for kind in BAD for row in BAD[kind]])
+@pytest.mark.parametrize(
+    ("kind", "field", "value", "remedy"), [(kind, *row) for kind in BAD for row in BAD[kind]]
+)
 def test_a_bad_value_is_refused_by_field_value_and_remedy(kind, field, value, remedy):
     prefix = "" if kind is Scene else f"{kind.__name__.lower()}."
     with refused(prefix + field, value, remedy):
@@ -109,12 +134,19 @@ def test_a_single_stage_knows_mesh_1_only():
 
 def test_from_gears_takes_the_gears_numbers_and_keeps_the_gears():
     scene = Scene.from_gears(DAT21, sigma=0.2, stages=1)
-    assert (scene.alpha, scene.epsilon, scene.beta2, scene.gamma1) == (1.5, 0.9, DAT21.beta(2), DAT21.gamma(1))
+    assert (scene.alpha, scene.epsilon, scene.beta2, scene.gamma1) == (
+        1.5,
+        0.9,
+        DAT21.beta(2),
+        DAT21.gamma(1),
+    )
     assert (scene.mu, scene.gap1, scene.gap2) == (DAT21.mu, 0.5, DAT21.gap2)
     assert (scene.sigma, scene.stages, scene.gears) == (0.2, 1, DAT21)
 
 
-@pytest.mark.parametrize(("key", "remedy"), [("sigm", "did you mean 'sigma'?"), ("beta1", "unknown key")])
+@pytest.mark.parametrize(
+    ("key", "remedy"), [("sigm", "did you mean 'sigma'?"), ("beta1", "unknown key")]
+)
 def test_from_gears_refuses_what_gears_fix(key, remedy):
     with refused("Scene.from_gears", key, remedy):
         Scene.from_gears(DAT21, **{key: 0.1})
@@ -129,7 +161,13 @@ def test_with_sigma_changes_the_noise_alone():
 
 def test_a_scene_keeps_its_gears_while_they_are_its_gears():
     scene = Scene.from_gears(DAT21, sigma=0.1)
-    for same in ({}, {"sigma": 0.2}, {"stages": 1}, {"tolerance": Tolerance(0.1, 0.1)}, {"start": Start()}):
+    for same in (
+        {},
+        {"sigma": 0.2},
+        {"stages": 1},
+        {"tolerance": Tolerance(0.1, 0.1)},
+        {"start": Start()},
+    ):
         assert replace(scene, **same).gears is DAT21
         assert "[gears]" in replace(scene, **same).to_toml()
     for other in ({"alpha": 2.0}, {"gap2": 0.6}, {"gears": None}):
@@ -138,7 +176,9 @@ def test_a_scene_keeps_its_gears_while_they_are_its_gears():
     assert Scene.from_toml(replace(scene, alpha=2.0).to_toml()).alpha == 2.0
 
 
-@pytest.mark.parametrize(("distribution", "kept"), [("fixed", True), ("uniform", False), ("normal", False)])
+@pytest.mark.parametrize(
+    ("distribution", "kept"), [("fixed", True), ("uniform", False), ("normal", False)]
+)
 def test_noise_free_drops_what_is_random(distribution, kept):
     tolerance = Tolerance(0.05, 0.02, distribution=distribution)
     quiet = Scene(**VALUES, tolerance=tolerance).noise_free
@@ -146,11 +186,15 @@ def test_noise_free_drops_what_is_random(distribution, kept):
     assert quiet.tolerance == (tolerance if kept else None)
 
 
-@pytest.mark.parametrize(("distribution", "wall1"), [("fixed", 0.55), ("uniform", 0.5), ("normal", 0.5)])
+@pytest.mark.parametrize(
+    ("distribution", "wall1"), [("fixed", 0.55), ("uniform", 0.5), ("normal", 0.5)]
+)
 def test_only_a_fixed_tolerance_moves_the_orbits_walls(distribution, wall1):
     scene = Scene(**VALUES, tolerance=Tolerance(0.05, 0.0, distribution=distribution))
     assert scene.constants.wall1 == pytest.approx(wall1)
-    assert scene.windows == pytest.approx((0.55, 0.4))  # Eqs. 20, 21 use g + c_max for every distribution
+    assert scene.windows == pytest.approx(
+        (0.55, 0.4)
+    )  # Eqs. 20, 21 use g + c_max for every distribution
     assert scene.start_state == pytest.approx((wall1, 2.0, 0.4, 2.0))
 
 
@@ -158,15 +202,23 @@ MINIMAL = "alpha = 1.5\nepsilon = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\nmu = 0.5\n"
 
 
 def test_a_minimal_scene_takes_the_defaults():
-    assert Scene.from_toml("[scene]\n" + MINIMAL) == Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5)
+    assert Scene.from_toml("[scene]\n" + MINIMAL) == Scene(
+        alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.0, mu=0.5
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[scene]\n" + MINIMAL + "gama2 = 0.1", "scene = 'gama2': unknown key; did you mean 'gamma2'?"),
+        (
+            "[scene]\n" + MINIMAL + "gama2 = 0.1",
+            "scene = 'gama2': unknown key; did you mean 'gamma2'?",
+        ),
         ("[scen]\n" + MINIMAL, "top level = 'scen': unknown key; did you mean 'scene'?"),
-        ("[scene]\n" + MINIMAL + "[scene.start]\nmesch = 1", "scene.start = 'mesch': unknown key; did you mean 'mesh'"),
+        (
+            "[scene]\n" + MINIMAL + "[scene.start]\nmesch = 1",
+            "scene.start = 'mesch': unknown key; did you mean 'mesh'",
+        ),
         ("[scene]\n" + MINIMAL + "[scene.tolerance]\nc1_mx = 1", "did you mean 'c1_max'?"),
         ("[scene]\n" + MINIMAL + "qqqq = 1", "valid are 'alpha', "),
         ("[scene]\nalpha = 1.0", "scene = ['epsilon', 'beta1', 'gamma1']: these keys are missing"),
@@ -174,7 +226,10 @@ def test_a_minimal_scene_takes_the_defaults():
         ("[gears]\nomegga = 1.0", "did you mean 'omega'?"),
         ("scene = 3", "scene = 3: write it as a table: [scene]"),
         ("gears = 3", "gears = 3: write it as a table: [gears]"),
-        ("[scene]\n" + MINIMAL + "start = 1", "scene.start = 1: write it as a table: [scene.start]"),
+        (
+            "[scene]\n" + MINIMAL + "start = 1",
+            "scene.start = 1: write it as a table: [scene.start]",
+        ),
         ("[scene]\n" + MINIMAL + "sigma = 'loud'", "sigma = 'loud': give a number"),
         ("[scene]\n" + MINIMAL + "sigma = nan", "sigma = nan: give a finite number"),
         ("[scene]\n" + MINIMAL + "gears = 1", "scene = 'gears': unknown key"),
@@ -202,7 +257,9 @@ def test_a_scene_is_loaded_from_its_file(tmp_path):
 
 def test_a_missing_file_is_named(tmp_path):
     path = tmp_path / "none.toml"
-    with pytest.raises(FileError, match=r"cannot be read \(No such file or directory\); give a TOML file") as caught:
+    with pytest.raises(
+        FileError, match=r"cannot be read \(No such file or directory\); give a TOML file"
+    ) as caught:
         Scene.load(path)
     assert str(caught.value).count("none.toml") == 1
 
@@ -230,7 +287,9 @@ LOOSE = replace(DAT21, backlash2=0.25)
 def test_its_repr_and_its_toml_make_a_scene_again_to_the_last_bit(scene):
     for again in (eval(repr(scene), NAMES), Scene.from_toml(scene.to_toml())):
         assert (again, again.gears, repr(again)) == (scene, scene.gears, repr(scene))
-    assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(scene)  # one bit would be noticed
+    assert repr(replace(scene, alpha=np.nextafter(scene.alpha, 9.0))) != repr(
+        scene
+    )  # one bit would be noticed
     assert len(repr(scene).splitlines()) <= 4
     assert max(map(len, repr(scene).splitlines())) <= 100
     assert "<pre>Scene" in scene._repr_html_()
@@ -252,13 +311,21 @@ def test_columns_in_physical_units():
     columns = {name: np.array([value]) for name, value in values.items()}
     found = in_units(columns | {"flight": np.array([2.0])}, DAT21, "physical")
     assert {name: value.item() for name, value in found.items()} == pytest.approx(
-        {"tau_ms": 10.0, "sd_x1_mm": 0.1, "se_sd_y2_mm_per_s": 6.0, "skew_y2": 1.0, "flight_ms": 20 / 3,
-         "impacts_per_s": 150.0}
-    )  # fmt: skip
+        {
+            "tau_ms": 10.0,
+            "sd_x1_mm": 0.1,
+            "se_sd_y2_mm_per_s": 6.0,
+            "skew_y2": 1.0,
+            "flight_ms": 20 / 3,
+            "impacts_per_s": 150.0,
+        }
+    )
     assert in_units(columns, None, "dimensionless") == columns
 
 
 def test_an_error_keeps_its_place_between_processes():
-    error = pickle.loads(pickle.dumps(InputError("sigma", -1.0, "must be 0 or greater", "mine.toml, line 2")))
+    error = pickle.loads(
+        pickle.dumps(InputError("sigma", -1.0, "must be 0 or greater", "mine.toml, line 2"))
+    )
     assert str(error) == "mine.toml, line 2: sigma = -1.0: must be 0 or greater"
     assert error.where == "mine.toml, line 2"

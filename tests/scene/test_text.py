@@ -32,8 +32,13 @@ def test_a_share_has_no_power_of_ten(share, text):
 
 
 def test_no_percentage_is_written_with_a_power_of_ten():
-    """A number to fewer than six digits before a percent sign may turn into 1e+02: `percent` writes them all."""
-    files = [p for name in ("scene", "closure", "montecarlo", "compare") for p in (SOURCES / name).rglob("*.*")]
+    """A number to fewer than six digits before a percent sign may turn into 1e+02: `percent` writes
+    them all."""
+    files = [
+        p
+        for name in ("scene", "closure", "montecarlo", "compare")
+        for p in (SOURCES / name).rglob("*.*")
+    ]
     wrong = [
         f"{path.name}: {line.strip()}"
         for path in files
@@ -45,5 +50,7 @@ def test_no_percentage_is_written_with_a_power_of_ten():
 
 
 def test_numbers_of_numpy_are_written_as_numbers():
-    assert show((np.float64(0.5), [np.int64(3)], {"a": np.bool_(True)})) == "(0.5, [3], {'a': True})"
+    assert (
+        show((np.float64(0.5), [np.int64(3)], {"a": np.bool_(True)})) == "(0.5, [3], {'a': True})"
+    )
     assert as_call("simulate", {"dt": np.float64(0.01)}) == "simulate(dt=0.01)"

@@ -1,4 +1,5 @@
-"""No text from a file, a name or a message can control a terminal or reverse the text direction of a page."""
+"""No text from a file, a name or a message can control a terminal or reverse the text direction of
+a page."""
 
 import json
 import re
@@ -11,13 +12,19 @@ from commands import study
 from rattle.scene.errors import FileError, InputError, OutputError, RattleError
 from rattle.scene.text import harmless, line
 
-STEERING = "\x1b]0;pwned\x07\x9b31m\x08\x7f\x85\u202e\u2066\u2069\u200b\u200e\u061c\u2028\u2029\ufeff\u00ad\U000e0041"
-"""Terminal title, colour, deletion; reversed text direction; zero width; other line separators; tags."""
+STEERING = (
+    "\x1b]0;pwned\x07\x9b31m\x08\x7f\x85"
+    "\u202e\u2066\u2069\u200b\u200e\u061c\u2028\u2029\ufeff\u00ad\U000e0041"
+)
+"""Terminal title, colour, deletion; reversed text direction; zero width; other line separators;
+tags."""
 IN_A_NAME = STEERING.replace("\x85", "")
 RAW = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\U000e0000-\U000e007f]"
 )
-TOLERANCE = '[scene.tolerance]\nc1_max = 0.01\n[[axes]]\n"tolerance.distribution" = ["uniform", "{}"]\n'
+TOLERANCE = (
+    '[scene.tolerance]\nc1_max = 0.01\n[[axes]]\n"tolerance.distribution" = ["uniform", "{}"]\n'
+)
 
 
 def quoted(text):
@@ -34,7 +41,11 @@ def rattle(*words, code=0):
 
 def files_are_harmless(folder):
     """No text file has control characters."""
-    read = [p for p in folder.rglob("*") if p.suffix in {".md", ".html", ".csv", ".json", ".log", ".svg", ".txt"}]
+    read = [
+        p
+        for p in folder.rglob("*")
+        if p.suffix in {".md", ".html", ".csv", ".json", ".log", ".svg", ".txt"}
+    ]
     assert read
     for path in read:
         assert not RAW.search(path.read_text(encoding="utf-8")), path
@@ -58,10 +69,16 @@ class Steering:
         return STEERING
 
 
-@pytest.mark.parametrize("error", [
-    RattleError(STEERING), OutputError(STEERING), InputError(STEERING, STEERING, STEERING),
-    FileError("page", Path(STEERING), STEERING), InputError("model", Steering(), "-"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "error",
+    [
+        RattleError(STEERING),
+        OutputError(STEERING),
+        InputError(STEERING, STEERING, STEERING),
+        FileError("page", Path(STEERING), STEERING),
+        InputError("model", Steering(), "-"),
+    ],
+)
 def test_errors_are_harmless_wherever_they_are_shown(error):
     assert not RAW.search(str(error))
     assert "\\x1b]0;pwned" in str(error)

@@ -20,13 +20,18 @@ from rattle.scene import Scene, Start
 from rattle.scene.tangent import Stretch
 
 IMPACTS = 12  # of each validation
-FLIGHTS = np.array([0.5, 1.5, 3.0])  # times after the start at which a flight without walls is compared
+# times after the start at which a flight without walls is compared
+FLIGHTS = np.array([0.5, 1.5, 3.0])
 STEP = 2e-3  # its time step
 LEAST = 2000  # paths whose mean velocity is followed in time, if `paths` are few
-REPEATS, STEPS = 100_000, 2_000_000  # impacts of the orbit, and steps of a noisy path, searched for repeated flanks
+# impacts of the orbit, and steps of a noisy path, searched for repeated flanks
+REPEATS = 100_000
+STEPS = 2_000_000
 MEAN_STEP = math.pi / 96.0  # time step of the mean motion
 EVERY = 12  # steps of it between two times: 16 a period
-SETTLED, COMPARED = 8, 3  # periods after which the start is forgotten, and periods compared with each other
+# periods after which the start is forgotten, and periods compared with each other
+SETTLED = 8
+COMPARED = 3
 MOST_IMPACTS = 512  # more than any path has in these periods
 
 
@@ -34,16 +39,18 @@ class MeanMotion(NamedTuple):
     """The mean velocities of all paths at one time, over several periods of the excitation."""
 
     paths: int  # number of paths
-    # largest, allowed: largest change of a mean from one period to the next in standard errors, and its bound at 95 %
-    # confidence over all of them if the mean is periodic
+    # largest, allowed: largest change of a mean from one period to the next in standard errors, and
+    # its bound at 95 % confidence over all of them if the mean is periodic
     largest: float
     allowed: float
-    # for each stage, the variance of the mean over a period over that of the velocity of single paths
+    # for each stage, the variance of the mean over a period over that of the velocity of single
+    # paths
     share: tuple[float, ...]
 
     @property
     def periodic(self) -> bool:
-        """Whether nothing but lines at multiples of the excitation frequency is left in the mean's spectrum."""
+        """Whether nothing but lines at multiples of the excitation frequency is left in the mean's
+        spectrum."""
         return self.largest <= self.allowed
 
 
@@ -71,24 +78,37 @@ def gather(
     progress: Callable[[str], None],
     folder: Path | None = None,
 ) -> Evidence:
-    """Make all measurements that the claims need: validations with so many paths, and a study of chaos over alpha.
+    """Make all measurements that the claims need: validations with so many paths, and a study of
+    chaos over alpha.
 
     `folder`: Where results of the sweep over alpha are stored.
     """
-    seed, workers = effort.seed, effort.workers
+    seed = effort.seed
+    workers = effort.workers
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]
     settings: dict[str, Any] = {"impacts": IMPACTS, "paths": paths, "rng": seed, "workers": workers}
     progress(f"closures compared with {paths:,} paths at {len(levels)} noise intensities")
     validations = [validate(scene.with_sigma(s), scheme="exact-flight", **settings) for s in levels]
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
-    open_space = replace(scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5))
-    sampling, record = Sampling(horizon=FLIGHTS[-1] + 1.0), Record(step_bias=True, times=open_space.start.tau + FLIGHTS)
-    free: dict[str, Any] = {"dt": STEP, "scheme": "euler-maruyama", "sampling": sampling, "record": record}
+    open_space = replace(
+        scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5)
+    )
+    sampling = Sampling(horizon=FLIGHTS[-1] + 1.0)
+    record = Record(step_bias=True, times=open_space.start.tau + FLIGHTS)
+    free: dict[str, Any] = {
+        "dt": STEP,
+        "scheme": "euler-maruyama",
+        "sampling": sampling,
+        "record": record,
+    }
     flight = simulate(open_space, **(settings | {"impacts": 1}), **free)
     chaos = study(scene, vary(scene, "alpha", at, paper_noise), "alpha", effort, progress, folder)
     progress("a single stage, repeated flanks, the mean motion")
-    alone = {"orbit": lyapunov(single, width=0.02), "noisy": drift_exponents(single, width=0.02, seed=seed)}
+    alone = {
+        "orbit": lyapunov(single, width=0.02),
+        "noisy": drift_exponents(single, width=0.02, seed=seed),
+    }
     noisy = (s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False))
     records = {"orbit": orbit_record(scene, REPEATS, Regime(), tangent=False), "noisy": noisy}
     repeats = {of: _repeats(record, scene.stages) for of, record in records.items()}
@@ -109,12 +129,23 @@ def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion
     period = round(2.0 * math.pi / MEAN_STEP)
     steps = np.arange(SETTLED * period, (SETTLED + COMPARED) * period, EVERY) + EVERY
     times = np.asarray(scene.start.tau + MEAN_STEP * steps, dtype=float)
-    chosen: dict[str, Any] = {"dt": MEAN_STEP, "scheme": "exact-flight", "rng": np.random.SeedSequence([seed, 11])}
-    chosen |= {"sampling": Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0), "record": Record(times=times)}
+    chosen: dict[str, Any] = {
+        "dt": MEAN_STEP,
+        "scheme": "exact-flight",
+        "rng": np.random.SeedSequence([seed, 11]),
+    }
+    chosen |= {
+        "sampling": Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0),
+        "record": Record(times=times),
+    }
     run = simulate(scene, paths=paths, impacts=MOST_IMPACTS, workers=workers, **chosen)
-    table, largest, share = run.at_times(), 0.0, []
+    table = run.at_times()
+    largest = 0.0
+    share = []
     for stage in range(1, scene.stages + 1):
-        mean, se = (table[f"{prefix}y{stage}"].to_numpy().reshape(COMPARED, -1) for prefix in ("", "se_"))
+        mean, se = (
+            table[f"{prefix}y{stage}"].to_numpy().reshape(COMPARED, -1) for prefix in ("", "se_")
+        )
         change = np.abs(np.diff(mean, axis=0)) / np.hypot(se[1:], se[:-1])
         largest = max(largest, float(change.max()))
         whole = table[f"cov_y{stage}_y{stage}"].mean() + mean.var()

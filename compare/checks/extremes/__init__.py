@@ -1,6 +1,7 @@
 """Checks at extreme parameter values against independent references.
 
-The references are the formulas in 400 digits, limits, published results, and exact scaling relations.
+The references are the formulas in 400 digits, limits, published results, and exact scaling
+relations.
 """
 
 from rattle.compare.checks.check import EXTREMES, Subject

@@ -1,4 +1,5 @@
-"""Formulas compared with 400-digit arithmetic: flights, their derivatives and noise, window means, steps, impacts."""
+"""Formulas compared with 400-digit arithmetic: flights, their derivatives and noise, window means,
+steps, impacts."""
 
 import math
 from collections.abc import Iterator
@@ -24,14 +25,24 @@ ORDER = 6  # of the Edgeworth series
 
 def constants(**fields: float) -> Constants:
     """Build the constants of a two-stage scene with moderate values."""
-    plain = {"alpha": 1.5, "epsilon": 0.9, "beta1": 0.08, "beta2": 0.13, "gamma1": 0.06, "gamma2": 0.03, "mu": 0.6}
+    plain = {
+        "alpha": 1.5,
+        "epsilon": 0.9,
+        "beta1": 0.08,
+        "beta2": 0.13,
+        "gamma1": 0.06,
+        "gamma2": 0.03,
+        "mu": 0.6,
+    }
     return Constants(**({**plain, "wall1": 0.5, "wall2": 0.5, "sigma": 1.0, "stages": 2} | fields))  # type: ignore[arg-type]
 
 
 def _pairs(rng: np.random.Generator) -> tuple[float, float]:
     """Two damping coefficients: far apart, equal, or equal but for the last digits."""
     beta = float(rng.choice(BETAS))
-    other = (float(rng.choice(BETAS)), beta, beta * (1.0 + 2.0 ** -float(rng.integers(1, 53))))[rng.integers(3)]
+    other = (float(rng.choice(BETAS)), beta, beta * (1.0 + 2.0 ** -float(rng.integers(1, 53))))[
+        rng.integers(3)
+    ]
     return (beta, other) if rng.random() < 0.5 else (other, beta)
 
 
@@ -52,7 +63,9 @@ def flight_state() -> Iterator[float]:
     """Displacements and velocities after a flight."""
     rng = np.random.default_rng(1)
     for c, tau, t in _draw(0):
-        y1, y2 = (float(rng.choice([-1.0, 1.0]) * v) for v in rng.choice(spread(1e-12, 1e4, 5, 0.0), 2))
+        y1, y2 = (
+            float(rng.choice([-1.0, 1.0]) * v) for v in rng.choice(spread(1e-12, 1e4, 5, 0.0), 2)
+        )
         values, sizes = truth.flight(c, tau, y1, y2, t)
         yield farthest(flight.displacement(c, tau, y1, y2, t), values, sizes)
 
@@ -94,8 +107,13 @@ def noise_phase_derivative() -> Iterator[float]:
     for c, tau, t in _draw(4, POINTS // 3):
         h = 1e-3
         ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
-        exact = (ahead - behind) / math.sin(2.0 * h)  # exact derivative of A + B cos 2 tau + C sin 2 tau
-        most = np.sqrt(np.maximum(ahead.diagonal(), np.array(truth.noise(c, tau + 0.5 * math.pi, t)).diagonal()))
+        # exact derivative of A + B cos 2 tau + C sin 2 tau
+        exact = (ahead - behind) / math.sin(2.0 * h)
+        most = np.sqrt(
+            np.maximum(
+                ahead.diagonal(), np.array(truth.noise(c, tau + 0.5 * math.pi, t)).diagonal()
+            )
+        )
         found = linear.noise_slope(c, tau, t)
         yield farthest(found, exact, np.outer(most, most))
 
@@ -114,11 +132,14 @@ def edgeworth_windows() -> Iterator[float]:
     """Window means of Eqs. 20 and 21."""
     for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
         for width in spread(1e-12, 30.0, 8):
-            a, sd = _series(n), 10.0 ** (n - 3)
-            low, high = middle - 0.5 * width, middle + 0.5 * width
+            a = _series(n)
+            sd = 10.0 ** (n - 3)
+            low = middle - 0.5 * width
+            high = middle + 0.5 * width
             exact, size = _by_parts(a, low * sd / sd, high * sd / sd)
             found = edgeworth.window_means(a, sd, 2.0 * sd, low * sd, high * sd)
-            condition = 1.0 + abs(middle) * (abs(middle) + width)  # of the density, since the edges are rounded
+            # of the density, since the edges are rounded
+            condition = 1.0 + abs(middle) * (abs(middle) + width)
             condition += abs(middle) / width  # of the width, since both edges are rounded
             sds = np.array([sd, 2.0 * sd])
             yield farthest(found, sds * exact, sds * size * condition)
@@ -127,7 +148,8 @@ def edgeworth_windows() -> Iterator[float]:
 @truth.in_digits
 def _by_parts(a: np.ndarray, low: float, high: float) -> tuple[list[float], list[float]]:
     integral, size = truth.normal_integrals(low, high, ORDER + 1)
-    values, sizes = [], []
+    values = []
+    sizes = []
     for column, power in ((0, 1), (1, 0)):  # of the position, and of the velocity
         weights = a[:, column, None] * edgeworth.HERMITE[: ORDER + 1, : ORDER + 1]
         terms = [(n + power, w) for (_, n), w in np.ndenumerate(weights)]
@@ -155,7 +177,9 @@ def correlations() -> Iterator[float]:
 
 @truth.in_digits
 def _least(covariance: np.ndarray) -> float:
-    a, b, d = mp.mpf(covariance[0, 0]), mp.mpf(covariance[0, 1]), mp.mpf(covariance[1, 1])
+    a = mp.mpf(covariance[0, 0])
+    b = mp.mpf(covariance[0, 1])
+    d = mp.mpf(covariance[1, 1])
     return float((a + d) / 2 - mp.sqrt(((a - d) / 2) ** 2 + b * b))
 
 
@@ -163,7 +187,8 @@ def _scenes_and_steps() -> Iterator[tuple[Constants, tuple[float, ...]]]:
     """Scenes with steps, up to the longest admissible one."""
     for beta1 in spread(1e-9, 1e3, 5, 0.0):
         for beta2 in (0.0, beta1, beta1 * (1.0 + 1e-9), 2.0, 1e3):
-            longest = min(0.1, 0.2 / max(beta1, beta2, 1e-300))  # largest admissible dt, and beta dt
+            # largest admissible dt, and beta dt
+            longest = min(0.1, 0.2 / max(beta1, beta2, 1e-300))
             yield constants(beta1=beta1, beta2=beta2), (1e-12, 1e-3 * longest, longest)
 
 
@@ -178,12 +203,17 @@ def step_phase() -> Iterator[float]:
 
 @extreme()
 def step_flight() -> Iterator[float]:
-    """Flight of a part of a step without noise: what it adds to the displacements, and the velocities after it."""
-    tau, y1, y2 = 2.2, -0.4, 0.5
+    """Flight of a part of a step without noise: what it adds to the displacements, and the
+    velocities after it."""
+    tau = 2.2
+    y1 = -0.4
+    y2 = 0.5
     for c, steps in _scenes_and_steps():
         for h in steps:
             exact, sizes = truth.flight(c, tau, y1, y2, h)
-            found, _ = short.short_flight(c, drive.sine_cosine(tau), h, (0.0, y1, 0.0, y2), 0.0, 0.0)
+            found, _ = short.short_flight(
+                c, drive.sine_cosine(tau), h, (0.0, y1, 0.0, y2), 0.0, 0.0
+            )
             yield farthest(found, exact, sizes)
 
 
@@ -195,13 +225,21 @@ def step_noise() -> Iterator[float]:
             exact = _integral(c, 0.4, h, first, slope)
             found = short.kick(c, 0.4, h, first, slope / 12.0)
             m = 1.0 + c.beta1
-            size = [m * h, m, abs(c.beta1 - c.beta2) * (1.0 + h) * h, abs(c.beta1 - c.beta2) * (1.0 + h)]
+            size = [
+                m * h,
+                m,
+                abs(c.beta1 - c.beta2) * (1.0 + h) * h,
+                abs(c.beta1 - c.beta2) * (1.0 + h),
+            ]
             yield farthest(found, exact, size)
 
 
 def _integral(c: Constants, tau: float, h: float, first: float, slope: float) -> list[float]:
     with mp.workdps(30):
-        nodes = [(mp.mpf(x), mp.mpf(w)) for x, w in mp.calculus.quadrature.GaussLegendre(mp.mp).calc_nodes(2, 110)]
+        nodes = [
+            (mp.mpf(x), mp.mpf(w))
+            for x, w in mp.calculus.quadrature.GaussLegendre(mp.mp).calc_nodes(2, 110)
+        ]
     total = np.zeros(4)
     for x, w in nodes:
         share = float((x + 1) / 2)
@@ -222,7 +260,8 @@ def saltation() -> Iterator[float]:
         beta1, beta2, alpha = (float(v) for v in rng.choice(spread(1e-6, 1e3, 4, 0.0), 3))
         gamma1 = float(rng.choice([0.0, 1e4]))
         c = constants(epsilon=epsilon, beta1=beta1, beta2=beta2, alpha=alpha, gamma1=gamma1)
-        other, tau = float(rng.normal()), float(rng.uniform(-3.0, 3.0))
+        other = float(rng.normal())
+        tau = float(rng.uniform(-3.0, 3.0))
         y1, y2 = (speed, other) if mesh == 1 else (other, -speed)
         exact, size = truth.saltation(c, mesh, tau, y1, y2)
         yield farthest(tangent.saltation_matrix(c, mesh, tau, y1, y2), exact, size)
@@ -233,7 +272,9 @@ def grazing() -> Iterator[float]:
     """A parabolic flight whose apex passes or misses a wall by a small fraction of the gap."""
     shares = [sign * share for share in spread(1e-12, 1e-1, 7) for sign in (1.0, -1.0)]
     for gap, share, pull in product((1e-8, 0.5, 1e4), shares, PULLS):
-        drag, rise = pull * gap, gap * (1.0 + share)  # from 0 towards the lower wall
+        # from 0 towards the lower wall
+        drag = pull * gap
+        rise = gap * (1.0 + share)
         c = constants(alpha=0.0, beta1=0.0, gamma1=drag, wall1=gap, stages=1)
         y = -math.sqrt(2.0 * drag * rise)
         t, mesh, side, *_ = impact.next_impact(c, 0.0, 0.0, y, 0.0, 0.0, 1e4)
@@ -245,7 +286,9 @@ def grazing() -> Iterator[float]:
 @truth.in_digits
 def _meet(y: float, drag: float, gap: float) -> tuple[float, int, float]:
     """Time, side and speed at which ``y t + drag t^2 / 2`` meets a wall at distance `gap`."""
-    a, v, fall = mp.mpf(drag), mp.mpf(y), 2 * mp.mpf(drag) * mp.mpf(gap)
+    a = mp.mpf(drag)
+    v = mp.mpf(y)
+    fall = 2 * mp.mpf(drag) * mp.mpf(gap)
     side = -1 if v * v > fall else 1
     speed = mp.sqrt(v * v + side * fall)
     return float((-v + side * speed) / a), side, float(speed)
@@ -253,18 +296,49 @@ def _meet(y: float, drag: float, gap: float) -> tuple[float, int, float]:
 
 @extreme(allowed=1e-9)
 def simultaneous() -> Iterator[float]:
-    """Simultaneous impacts at both meshes: mesh 1 comes first, then mesh 2 with the velocity left by it."""
+    """Simultaneous impacts at both meshes: mesh 1 comes first, then mesh 2 with the velocity left
+    by it."""
     for gap in (2.0**-27, 0.5, 2.0**13):
         start = Start(0.0, 0.0, 2.0 * gap, 0.0, -3.0 * gap)
-        scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, mu=0.25, gap1=gap, gap2=1.5 * gap, start=start)
-        # at tau = 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; the impact at mesh 1 leaves y = (-gap, -6 gap)
-        exact: dict[str, list[float]] = {"tau": [0.5, 0.5], "flight": [0.5, 0.0], "mesh": [1, 2], "side": [1, -1]}
-        lengths = {"x1": [1.0, 1.0], "y1": [2.0, -1.0], "x2": [-1.5, -1.5], "y2": [-3.0, -6.0]}  # in gaps
+        scene = Scene(
+            alpha=0.0,
+            epsilon=0.5,
+            beta1=0.0,
+            gamma1=0.0,
+            mu=0.25,
+            gap1=gap,
+            gap2=1.5 * gap,
+            start=start,
+        )
+        # at tau = 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; the impact at mesh 1 leaves y = (-gap,
+        # -6 gap)
+        exact: dict[str, list[float]] = {
+            "tau": [0.5, 0.5],
+            "flight": [0.5, 0.0],
+            "mesh": [1, 2],
+            "side": [1, -1],
+        }
+        # in gaps
+        lengths = {"x1": [1.0, 1.0], "y1": [2.0, -1.0], "x2": [-1.5, -1.5], "y2": [-3.0, -6.0]}
         followed = orbit.follow(scene, 2)
-        found = {"tau": followed.tau[1:], "flight": np.diff(followed.tau), "mesh": followed.mesh[1:]}
-        sides = [found | {"side": followed.side[1:]} | dict(zip(lengths, followed.before[1:].T, strict=True))]
+        found = {
+            "tau": followed.tau[1:],
+            "flight": np.diff(followed.tau),
+            "mesh": followed.mesh[1:],
+        }
+        sides = [
+            found
+            | {"side": followed.side[1:]}
+            | dict(zip(lengths, followed.before[1:].T, strict=True))
+        ]
         for scheme in ("euler-maruyama-located", "exact-flight"):
-            sides.append(dict(montecarlo.simulate(scene, paths=1, impacts=2, scheme=scheme, dt=2.0**-7).columns))
+            sides.append(
+                dict(
+                    montecarlo.simulate(
+                        scene, paths=1, impacts=2, scheme=scheme, dt=2.0**-7
+                    ).columns
+                )
+            )
         for side in sides:
             yield from (farthest(side[name], exact[name]) for name in exact)
             yield from (farthest(side[name] / gap, lengths[name]) for name in lengths)
@@ -272,9 +346,20 @@ def simultaneous() -> Iterator[float]:
 
 @extreme(allowed=1e-9)
 def chatter_time() -> Iterator[float]:
-    """A ball that falls from the middle of the gap completes its chatter after ``(1 + eps) / (1 - eps)`` fall times."""
-    for gap, pull, epsilon in product((2.0**-26, 0.5, 2.0**13), PULLS, (0.0, 1e-12, 0.1, 0.5, 0.9, 0.99)):
-        scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=pull * gap, gap1=gap, stages=1, start=Start())
+    """A ball that falls from the middle of the gap completes its chatter after ``(1 + eps) / (1 -
+    eps)`` fall times."""
+    for gap, pull, epsilon in product(
+        (2.0**-26, 0.5, 2.0**13), PULLS, (0.0, 1e-12, 0.1, 0.5, 0.9, 0.99)
+    ):
+        scene = Scene(
+            alpha=0.0,
+            epsilon=epsilon,
+            beta1=0.0,
+            gamma1=pull * gap,
+            gap1=gap,
+            stages=1,
+            start=Start(),
+        )
         phases = orbit.follow(scene, 5000).sticking
         closed = phases[0].closed if len(phases) == 1 and math.isinf(phases[0].opened) else math.nan
         exact = math.sqrt(2.0 / pull) * (1.0 + epsilon) / (1.0 - epsilon)
@@ -288,7 +373,9 @@ def sticking_end() -> Iterator[float]:
     for size, share, beta in product((2.0**-26, 1.0, 2.0**13), shares, spread(1e-6, 1.0, 3, 0.0)):
         start = Start(0.0, 0.5 * size, 0.1 * size, 0.0, 0.0, mesh=1)
         drag = share * math.hypot(1.0, beta) * size  # the driver's is |beta cos tau - sin tau|
-        scene = Scene(alpha=size, epsilon=0.2, beta1=beta, gamma1=drag, gap1=0.5 * size, stages=1, start=start)
+        scene = Scene(
+            alpha=size, epsilon=0.2, beta1=beta, gamma1=drag, gap1=0.5 * size, stages=1, start=start
+        )
         phases = [p for p in orbit.follow(scene, 60).sticking if p.opened - p.closed > 0.1]
         # the decreasing zero of share + sin(atan beta - tau)
         exact = [math.asin(share) + math.atan(beta) + 2.0 * math.pi * n for n in range(200)]

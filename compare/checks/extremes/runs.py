@@ -1,4 +1,5 @@
-"""Runs at extreme values: exact invariances (units, whole periods), a noisy particle, sticking, tolerances."""
+"""Runs at extreme values: exact invariances (units, whole periods), a noisy particle, sticking,
+tolerances."""
 
 import math
 from collections.abc import Iterator
@@ -23,11 +24,14 @@ from rattle.montecarlo.kernel.kernel import PLAIN
 from rattle.scene import DAT21, Scene, Start, Tolerance
 
 IMPACTS = 3
-POWERS = (-26, -13, 14)  # powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3
+# powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3
+POWERS = (-26, -13, 14)
 STARTS = (1e4, 1e8, 1e12, -1e12)
 SIGMAS = (0.0, 1e-30, 1e-8, 1e4)
 LENGTHS = ("x1", "y1", "x2", "y2")
-LONG, STRETCH = 10_000_000, 500_000  # impacts of a long run
+# impacts of a long run
+LONG = 10_000_000
+STRETCH = 500_000
 PERIODS = 1_000_000
 
 
@@ -37,18 +41,27 @@ def _scene(tau: float = 0.0) -> Scene:
 
 
 def _tables(scene: Scene) -> list[pd.DataFrame]:
-    """Numbers of every closure and every scheme at the impacts, and of the long orbit and the long noisy path."""
-    loose = replace(scene, tolerance=Tolerance(scene.gap1 / 64.0, scene.gap2 / 64.0, draw="contact"))
+    """Numbers of every closure and every scheme at the impacts, and of the long orbit and the long
+    noisy path."""
+    loose = replace(
+        scene, tolerance=Tolerance(scene.gap1 / 64.0, scene.gap2 / 64.0, draw="contact")
+    )
     chosen: dict[str, Any] = {"paths": 64, "impacts": IMPACTS, "rng": 3}
-    results: list[Any] = [closure.mean_map(scene, impacts=IMPACTS, closure=name) for name in CLOSURES]
-    results += [montecarlo.simulate(scene, scheme=s, record=Record(step_bias=False), **chosen) for s in SCHEMES]
+    results: list[Any] = [
+        closure.mean_map(scene, impacts=IMPACTS, closure=name) for name in CLOSURES
+    ]
+    results += [
+        montecarlo.simulate(scene, scheme=s, record=Record(step_bias=False), **chosen)
+        for s in SCHEMES
+    ]
     results.append(closure.mean_map(loose, impacts=IMPACTS, closure="saltation"))
     results.append(montecarlo.simulate(loose, scheme="exact-flight", **chosen))
     path, _ = LongPath(scene, seed=3).stretch(500)
     stretches = (long_orbit.LongOrbit(scene).stretch(50), path)
     columns = ["phase", "flight", *(f"growth{i}" for i in range(4)), *LENGTHS]
     return [result.phase_reduced.section.select_dtypes("number") for result in results] + [
-        pd.DataFrame(np.column_stack([s.phase, s.flight, s.growth, s.before]), columns=columns) for s in stretches
+        pd.DataFrame(np.column_stack([s.phase, s.flight, s.growth, s.before]), columns=columns)
+        for s in stretches
     ]
 
 
@@ -60,13 +73,17 @@ def _verdicts(scene: Scene) -> np.ndarray:
 
 @extreme(allowed=0.0)
 def unit_of_length() -> Iterator[float]:
-    """All lengths, speeds, accelerations and the noise times a power of two: every table scales bit for bit."""
-    tables, verdicts = _tables(_scene()), _verdicts(_scene())
+    """All lengths, speeds, accelerations and the noise times a power of two: every table scales bit
+    for bit."""
+    tables = _tables(_scene())
+    verdicts = _verdicts(_scene())
     for power in POWERS:
         factor = 2.0**power
         scene = _scene().scaled(factor)
         for found, table in zip(_tables(scene), tables, strict=True):
-            lengths = [str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table]
+            lengths = [
+                str(name).removeprefix("se_").removeprefix("sd_") in LENGTHS for name in table
+            ]
             exact = table.to_numpy(float) * np.where(lengths, factor, 1.0)
             yield farthest(found, exact, np.abs(exact))
         yield float((_verdicts(scene) != verdicts).sum())
@@ -74,9 +91,12 @@ def unit_of_length() -> Iterator[float]:
 
 @extreme(allowed=1e-11)
 def whole_periods() -> Iterator[float]:
-    """A start so late that its absolute time lacks the digits of a flight, compared with the same phase near 0."""
+    """A start so late that its absolute time lacks the digits of a flight, compared with the same
+    phase near 0."""
     for tau in STARTS:
-        for found, table in zip(_tables(_scene(tau)), _tables(_scene(truth.phase(tau))), strict=True):
+        for found, table in zip(
+            _tables(_scene(tau)), _tables(_scene(truth.phase(tau))), strict=True
+        ):
             yield farthest(found, table, np.maximum(table.abs(), 1.0))
 
 
@@ -85,7 +105,9 @@ def proportional_sds() -> Iterator[float]:
     """Sds of the linear closures are proportional to the noise intensity."""
     for name in ("corrected", "saltation"):
         one, *others = (
-            closure.mean_map(_scene().with_sigma(sigma), impacts=6, closure=name).section.filter(like="sd_")
+            closure.mean_map(_scene().with_sigma(sigma), impacts=6, closure=name).section.filter(
+                like="sd_"
+            )
             for sigma in (1.0, *SIGMAS)
         )
         for sigma, table in zip(SIGMAS, others, strict=True):
@@ -103,7 +125,8 @@ def phases() -> Iterator[float]:
 
 @extreme(allowed=0.5)
 def absolute_times() -> Iterator[float]:
-    """Absolute times are the local ones plus that of the start, rounded once; verdicts do not depend on the start."""
+    """Absolute times are the local ones plus that of the start, rounded once; verdicts do not
+    depend on the start."""
     for tau in STARTS:
         late = _scene(tau)
         m = closure.mean_map(late, impacts=IMPACTS)
@@ -113,33 +136,45 @@ def absolute_times() -> Iterator[float]:
         scenes = (late, _scene(truth.phase(tau)))
         a, b = (validation.validate(s, impacts=2, paths=4096, rng=1, dt=0.01).table for s in scenes)
         yield float((a["verdict"] != b["verdict"]).sum())
-        # at a fixed time `branching` takes back the noise of the rest of the flight, which cancels most of it
-        scale = np.where((a["closure"] == "branching") & (a["kind"] == "fixed time"), 1e-7, 1e-11)[:, None]
+        # at a fixed time `branching` takes back the noise of the rest of the flight, which cancels
+        # most of it
+        scale = np.where((a["closure"] == "branching") & (a["kind"] == "fixed time"), 1e-7, 1e-11)[
+            :, None
+        ]
         yield farthest(a[["error", "low", "high"]], b[["error", "low", "high"]], scale)
 
 
 @extreme(allowed=1e-9)
 def energy() -> Iterator[float]:
     """Elastic impacts at both meshes without excitation, damping or drag conserve energy."""
-    speed1, speed2, mu = 1.3, -0.7, 0.6
+    speed1 = 1.3
+    speed2 = -0.7
+    mu = 0.6
     start = Start(0.0, 0.1, speed1, -0.2, speed2)
-    scene = Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=mu, gap1=0.5, gap2=0.7, start=start)
+    scene = Scene(
+        alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=mu, gap1=0.5, gap2=0.7, start=start
+    )
     orbit = long_orbit.LongOrbit(scene)
     heavy = mu / (1.0 - mu)  # mass of wheel 2 over that of wheel 1
     most = 0.5 * (speed1**2 + heavy * (speed2 - speed1) ** 2)
     for _ in range(LONG // STRETCH):
         s = orbit.stretch(STRETCH, tangent=False)
-        y1, y2 = s.before[:, 1], s.before[:, 3]
+        y1 = s.before[:, 1]
+        y2 = s.before[:, 3]
         yield farthest(0.5 * (y1**2 + heavy * (y2 - y1) ** 2), most, most)
         yield 0.0 if len(s.flight) == STRETCH else math.inf
 
 
 @extreme(allowed=1e-6)
 def elastic_flights() -> Iterator[float]:
-    """Elastic impacts at one mesh: every flight takes gap over speed, and the phase is the sum of the flights."""
-    speed, gap = 1.7, 0.5
+    """Elastic impacts at one mesh: every flight takes gap over speed, and the phase is the sum of
+    the flights."""
+    speed = 1.7
+    gap = 0.5
     start = Start(0.0, gap, speed, mesh=1)
-    orbit = long_orbit.LongOrbit(Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=gap, start=start, stages=1))
+    orbit = long_orbit.LongOrbit(
+        Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=gap, start=start, stages=1)
+    )
     flight = 2.0 * gap / speed
     for k in range(LONG // STRETCH):
         s = orbit.stretch(STRETCH, tangent=False)
@@ -150,16 +185,23 @@ def elastic_flights() -> Iterator[float]:
 
 @extreme(allowed=1e-12)
 def periodic_motion() -> Iterator[float]:
-    """A periodic motion with one impact per period of the excitation, whose phase and speed are known in closed form.
+    """A periodic motion with one impact per period of the excitation, whose phase and speed are
+    known in closed form.
 
-    ``x'' = gamma - alpha sin tau`` returns to the wall after 2 pi if ``y0 + pi gamma = alpha cos tau0``, with a
-    velocity larger by ``2 pi gamma``; the impact restores y0 if ``y0 = -2 pi gamma epsilon / (1 + epsilon)``.
+    ``x'' = gamma - alpha sin tau`` returns to the wall after 2 pi if ``y0 + pi gamma = alpha cos
+    tau0``, with a velocity larger by ``2 pi gamma``; the impact restores y0 if ``y0 = -2 pi gamma
+    epsilon / (1 + epsilon)``.
     """
-    alpha, epsilon, gamma, gap = 1.0, 0.5, 0.3, 10.0
+    alpha = 1.0
+    epsilon = 0.5
+    gamma = 0.3
+    gap = 10.0
     y0 = -2.0 * math.pi * gamma * epsilon / (1.0 + epsilon)
     phase = math.acos((y0 + math.pi * gamma) / alpha)
     start = Start(phase, gap, -y0 / epsilon, mesh=1)
-    scene = Scene(alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=gamma, gap1=gap, start=start, stages=1)
+    scene = Scene(
+        alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=gamma, gap1=gap, start=start, stages=1
+    )
     orbit = long_orbit.LongOrbit(scene)
     for _ in range(PERIODS // STRETCH):
         s = orbit.stretch(STRETCH, tangent=False)
@@ -171,10 +213,13 @@ def periodic_motion() -> Iterator[float]:
 
 PATHS = 3_000
 Z = 4.5
-"""Admissible standard errors in a row; 40 checks of a correct program exceed them with a probability of 3e-4."""
+"""Admissible standard errors in a row; 40 checks of a correct program exceed them with a
+probability of 3e-4."""
 
-EXITS = ((1e-3, 1e-8), (1e-3, 1e-6), (1.0, 1e-3), (1e4, 1e-8), (1e4, 1e-3), (1e4, 10.0))  # sigma, half gap
-EXIT_BIAS = 2e-3  # relative bias of an exit time, by a step of a thousandth of it and by the modulation of the noise
+# sigma, half gap
+EXITS = ((1e-3, 1e-8), (1e-3, 1e-6), (1.0, 1e-3), (1e4, 1e-8), (1e4, 1e-3), (1e4, 10.0))
+# relative bias of an exit time, by a step of a thousandth of it and by the modulation of the noise
+EXIT_BIAS = 2e-3
 
 
 def _run(scene: Scene, horizon: float, scheme: str, **settings: Any) -> montecarlo.Ensemble:
@@ -189,22 +234,34 @@ def _reach(run: montecarlo.Ensemble) -> float:
 
 @extreme(allowed=Z)
 def exit_times() -> Iterator[float]:
-    """Mean exit times of a randomly accelerated particle from the middle and from a tenth of a gap."""
+    """Mean exit times of a randomly accelerated particle from the middle and from a tenth of a
+    gap."""
     for n, (sigma, half) in enumerate(EXITS):
         for share in (0.1, 0.5):
             truth = noise.mean_exit_time(2.0 * half * share, 2.0 * half, sigma)
             scene = noise.particle(share, half, sigma)
             for scheme, step in (("euler-maruyama-located", 1e-3), ("exact-flight", 0.3)):
                 dt = min(step * truth, montecarlo.largest_step(scene, scheme)[0])
-                chosen = {"paths": 4096, "impacts": 1, "dt": dt, "rng": n, "record": Record(step_bias=False)}
+                chosen = {
+                    "paths": 4096,
+                    "impacts": 1,
+                    "dt": dt,
+                    "rng": n,
+                    "record": Record(step_bias=False),
+                }
                 run = _run(scene, 40.0 * truth, scheme, **chosen)
                 mean, se = (float(run.columns[name][0]) for name in ("flight", "se_flight"))
-                yield Check("", mean, truth, se, EXIT_BIAS * truth).z if run.unfinished == 0 else math.inf
+                yield (
+                    Check("", mean, truth, se, EXIT_BIAS * truth).z
+                    if run.unfinished == 0
+                    else math.inf
+                )
 
 
 @extreme(allowed=Z)
 def collapse_drift() -> Iterator[float]:
-    """Drift of ln speed per bounce, below and above the restitution at which a noisy particle collapses."""
+    """Drift of ln speed per bounce, below and above the restitution at which a noisy particle
+    collapses."""
     for n, epsilon in enumerate((1e-9, 0.1, math.exp(-noise.MEAN), 1.0)):
         drift, se = noise.mean_drift(epsilon, PATHS, 6, n)
         yield abs(drift - math.log(epsilon) - noise.MEAN) / se
@@ -217,7 +274,15 @@ def stay_between_walls() -> Iterator[float]:
         scene = Scene.from_gears(replace(DAT21, epsilon=epsilon), sigma=sigma)
         dt = min(5e-3, 0.1 / (2.0 + sigma))
         fixed = dt * np.array([64.0, 128.0, 256.0])
-        run = _run(scene, 256.0 * dt, scheme, paths=32, impacts=4, dt=dt, record=Record(times=fixed, raw=True))
+        run = _run(
+            scene,
+            256.0 * dt,
+            scheme,
+            paths=32,
+            impacts=4,
+            dt=dt,
+            record=Record(times=fixed, raw=True),
+        )
         means = run.at_times()[["x1", "x2"]].abs().to_numpy()
         over = max(float(means.max()), _reach(run)) - 0.5
         plain = SCHEMES[scheme].code == PLAIN  # detects impacts only at the ends of its steps
@@ -227,20 +292,28 @@ def stay_between_walls() -> Iterator[float]:
 
 @extreme(allowed=0.02)
 def sticking_paths() -> Iterator[float]:
-    """Under drag a path completes its chatter at the time of the bouncing ball, and sticks from then on."""
+    """Under drag a path completes its chatter at the time of the bouncing ball, and sticks from
+    then on."""
     for gap in (1e-8, 0.5, 1e4):
-        for pull in (p for p in (1.0, 1e2, 1e4) if p * gap <= 1e6):  # drag in half gaps per unit of time squared
-            drag, epsilon = pull * gap, 0.5
+        # drag in half gaps per unit of time squared
+        for pull in (p for p in (1.0, 1e2, 1e4) if p * gap <= 1e6):
+            drag = pull * gap
+            epsilon = 0.5
             fall = math.sqrt(4.0 / pull)  # time to fall through the whole gap from zero velocity
             closed = fall * (1.0 + 2.0 * epsilon / (1.0 - epsilon))
             start = Start(0.0, -gap, math.ulp(0.0) + 1e-12 * gap / fall)
-            scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, gap1=gap, start=start, stages=1)
+            scene = Scene(
+                alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, gap1=gap, start=start, stages=1
+            )
             for scheme in SCHEMES:
                 dt = min(fall / 256.0, 0.05)
                 record = Record(times=[2.0 * closed])
-                run = _run(scene, 2.5 * closed, scheme, paths=1, impacts=10_000, dt=dt, record=record)
+                run = _run(
+                    scene, 2.5 * closed, scheme, paths=1, impacts=10_000, dt=dt, record=record
+                )
                 row = run.at_times().iloc[0]
-                bounce = 2.0 * drag * dt  # largest speed of the plain scheme, which detects a wall at the end of a step
+                # largest speed of the plain scheme, which detects a wall at the end of a step
+                bounce = 2.0 * drag * dt
                 yield farthest(row["x1"], gap, gap + drag * dt * dt)
                 yield max(abs(float(row["y1"])) / bounce - 1.0, 0.0)
             orbit = closure.follow(scene, 2000)
@@ -253,7 +326,8 @@ def sticking_paths() -> Iterator[float]:
 
 @extreme(allowed=0.0)
 def large_tolerances() -> Iterator[float]:
-    """Tolerances as large as the gap: a fixed one equals a wider gap; with random ones no path is beyond its walls."""
+    """Tolerances as large as the gap: a fixed one equals a wider gap; with random ones no path is
+    beyond its walls."""
     for gap in (1e-8, 0.5, 1e4):
         plain = Scene.from_gears(DAT21, sigma=0.1).scaled(2.0 * gap)
         most = gap * (1.0 - 2.0**-40)
@@ -261,13 +335,20 @@ def large_tolerances() -> Iterator[float]:
         start = replace(plain.start, x1=gap + most, x2=gap + most)
         wide = replace(plain, gap1=gap + most, gap2=gap + most, start=start)
         chosen: dict[str, Any] = {"paths": 32, "impacts": 3, "scheme": "exact-flight", "rng": 1}
-        runs: list[Any] = [partial(closure.mean_map, impacts=3, closure=c) for c in CLOSURES if c != "branching"]
-        runs += [partial(montecarlo.simulate, sampling=Sampling(control=c), **chosen) for c in (False, True)]
+        runs: list[Any] = [
+            partial(closure.mean_map, impacts=3, closure=c) for c in CLOSURES if c != "branching"
+        ]
+        runs += [
+            partial(montecarlo.simulate, sampling=Sampling(control=c), **chosen)
+            for c in (False, True)
+        ]
         for compute in runs:
             a, b = (compute(s).section.select_dtypes("number") for s in (fixed, wide))
             yield farthest(a, b, gap)
         for distribution, draw in product(("uniform", "normal"), ("path", "contact")):
             tolerance = Tolerance(most, most, distribution=distribution, draw=draw)
             loose = replace(plain, tolerance=tolerance, start=Start(0.0, 0.0, gap))
-            run = _run(loose, 20.0, "exact-flight", paths=64, impacts=4, rng=2, record=Record(raw=True))
+            run = _run(
+                loose, 20.0, "exact-flight", paths=64, impacts=4, rng=2, record=Record(raw=True)
+            )
             yield max(_reach(run) / (gap + most) - 1.0, 0.0)

@@ -1,4 +1,5 @@
-"""Published results as executable self-tests: the installed program is compared with known properties of such systems.
+"""Published results as executable self-tests: the installed program is compared with known
+properties of such systems.
 
 Every result has negative controls: the same checks with a deliberate error, which must be rejected.
 """
@@ -6,5 +7,7 @@ Every result has negative controls: the same checks with a deliberate error, whi
 from rattle.compare.checks.check import PUBLISHED, Subject
 from rattle.compare.checks.published import impacts, noise
 
-RESULTS: dict[str, Subject] = {name.replace("_", "-"): (vars(impacts) | vars(noise))[name] for name in PUBLISHED}
+RESULTS: dict[str, Subject] = {
+    name.replace("_", "-"): (vars(impacts) | vars(noise))[name] for name in PUBLISHED
+}
 """Every result by its name on the command line."""

@@ -1,13 +1,16 @@
-"""Impacts and the orbits that they make: laws and energy, the bouncing ball's chatter, periodic orbits that are known.
+"""Impacts and the orbits that they make: laws and energy, the bouncing ball's chatter, periodic
+orbits that are known.
 
-The laws of impact are those of the rim speeds ``u1 = f' - y1`` and ``u2 = u1 + y2``, with the rims' masses ``I / R^2``:
-an impact at mesh 1 acts on wheel 1 alone (so that y2 is kicked by as much as y1), one at mesh 2 on both wheels with
-opposite forces; each turns the relative speed at its flank into ``-epsilon`` of it (Newton).  The sum of all exponents
-is the rate at which damping and impacts contract volumes of state space.
+The laws of impact are those of the rim speeds ``u1 = f' - y1`` and ``u2 = u1 + y2``, with the rims'
+masses ``I / R^2``: an impact at mesh 1 acts on wheel 1 alone (so that y2 is kicked by as much as
+y1), one at mesh 2 on both wheels with opposite forces; each turns the relative speed at its flank
+into ``-epsilon`` of it (Newton).  The sum of all exponents is the rate at which damping and impacts
+contract volumes of state space.
 
-Basins are those of a published gear-rattling model (De Souza and Caldas 2001): ``s'' + beta s' = gamma + alpha (sin t -
-beta cos t)`` between walls at -1 and 0; with ``x1 = s + 1/2`` and ``tau = t + pi`` one stage of this model.  Equation,
-values and figure (1200 x 1200 starts) are from Wagemakers, "The Basins Zoo" (2025), arXiv:2504.01580.
+Basins are those of a published gear-rattling model (De Souza and Caldas 2001): ``s'' + beta s' =
+gamma + alpha (sin t - beta cos t)`` between walls at -1 and 0; with ``x1 = s + 1/2`` and ``tau = t
++ pi`` one stage of this model.  Equation, values and figure (1200 x 1200 starts) are from
+Wagemakers, "The Basins Zoo" (2025), arXiv:2504.01580.
 """
 
 import math
@@ -33,12 +36,17 @@ from rattle.scene import DAT21, Floats, Ints, Scene, Start
 from rattle.scene.impact import energy_loss
 
 TWO_STAGES = replace(DAT21, backlash2=0.3, epsilon=0.8)
-MASS = TWO_STAGES.inertia1 / TWO_STAGES.radius1**2, TWO_STAGES.inertia2 / TWO_STAGES.radius2**2  # of the rims
+# of the rims
+MASS = TWO_STAGES.inertia1 / TWO_STAGES.radius1**2, TWO_STAGES.inertia2 / TWO_STAGES.radius2**2
 IMPACTS = 24  # of the orbit whose laws are checked
 COASTING = 8  # impacts without forces, by the schemes of the simulation
 ROUNDING = 1e-11  # of the laws of impact
 
-GAMMA, EPSILON, SPEED, HALF = 1.0, 0.7, 1.0, 0.5  # of the ball
+# of the ball
+GAMMA = 1.0
+EPSILON = 0.7
+SPEED = 1.0
+HALF = 0.5
 BOUNCES = 12  # impacts of its simulated path
 WITHIN = 1e-15 + 4e-16 * HALF  # distance within which the orbit locates a wall
 
@@ -50,8 +58,14 @@ SCENES = {
     "one stage, eps 0.9": (Scene(epsilon=0.9, stages=1, **UNDRIVEN), 64),
     "two stages, eps 0.5": (Scene(epsilon=0.5, mu=0.6, **UNDRIVEN), 64),
     "two stages, eps 0.8": (Scene(epsilon=0.8, mu=0.3, gap2=0.8, **UNDRIVEN), 64),
-    "driven, damped, dragged": (Scene(alpha=1.0, epsilon=0.7, beta1=0.3, gamma1=0.1, sigma=1.0, stages=1), 128),
-    "driven, weak noise": (Scene(alpha=1.5, epsilon=0.6, beta1=0.1, gamma1=0.05, sigma=0.3, stages=1), 64),
+    "driven, damped, dragged": (
+        Scene(alpha=1.0, epsilon=0.7, beta1=0.3, gamma1=0.1, sigma=1.0, stages=1),
+        128,
+    ),
+    "driven, weak noise": (
+        Scene(alpha=1.5, epsilon=0.6, beta1=0.1, gamma1=0.05, sigma=0.3, stages=1),
+        64,
+    ),
     "DAT21 at sigma 0.5": (Scene.from_gears(DAT21, sigma=0.5), 64),
 }
 """Scenes, and the periods for which each is followed."""
@@ -74,28 +88,44 @@ def _follow_orbit() -> tuple[ImpactSpeeds, Floats]:
     """Impacts of the orbit with all forces; and the energy that the program says each has taken."""
     scene = Scene.from_gears(TWO_STAGES)
     orbit = follow(scene, IMPACTS)
-    before, after, mesh = orbit.before[1:], orbit.after[1:], orbit.mesh[1:]
+    before = orbit.before[1:]
+    after = orbit.after[1:]
+    mesh = orbit.mesh[1:]
     driver = scene.alpha * np.cos(orbit.tau[1:])
     c = scene.constants
-    lost = np.array([energy_loss(c, int(m), y1, y2) for m, (_, y1, _, y2) in zip(mesh, before, strict=True)])
-    return ImpactSpeeds(mesh, driver, _rims(driver, *before[:, 1::2].T), _rims(driver, *after[:, 1::2].T)), lost
+    lost = np.array(
+        [energy_loss(c, int(m), y1, y2) for m, (_, y1, _, y2) in zip(mesh, before, strict=True)]
+    )
+    return (
+        ImpactSpeeds(
+            mesh, driver, _rims(driver, *before[:, 1::2].T), _rims(driver, *after[:, 1::2].T)
+        ),
+        lost,
+    )
 
 
 def _coast(scheme: str) -> ImpactSpeeds:
-    """Impacts of a path without drive, damping, drag and noise: the speeds after each are those before the next."""
+    """Impacts of a path without drive, damping, drag and noise: the speeds after each are those
+    before the next."""
     free = replace(TWO_STAGES, alpha=0.0, damping1=0.0, damping2=0.0, torque1=0.0, torque2=0.0)
     scene = replace(Scene.from_gears(free), start=Start(0.0, 0.1, 1.3, -0.2, -0.7))
-    run = simulate(scene, paths=1, impacts=COASTING, dt=2.0**-5, scheme=scheme, record=Record(raw=True))
+    run = simulate(
+        scene, paths=1, impacts=COASTING, dt=2.0**-5, scheme=scheme, record=Record(raw=True)
+    )
     assert run.raw is not None
     rows = run.raw[0]
     speeds = _rims(np.zeros(len(rows)), rows[:, 3], rows[:, 5])
-    return ImpactSpeeds(np.abs(rows[:-1, 6]).astype(np.int64), np.zeros(len(rows) - 1), speeds[:-1], speeds[1:])
+    return ImpactSpeeds(
+        np.abs(rows[:-1, 6]).astype(np.int64), np.zeros(len(rows) - 1), speeds[:-1], speeds[1:]
+    )
 
 
 def _laws(who: str, i: ImpactSpeeds, mass: tuple[float, float], epsilon: float) -> list[Check]:
     """Largest violation of each law over the impacts at its mesh."""
-    first, second = i.mesh == 1, i.mesh == 2
-    u, v = i.before, i.after
+    first = i.mesh == 1
+    second = i.mesh == 2
+    u = i.before
+    v = i.after
     momentum = (v - u) @ np.array(mass) / sum(mass)
     approach = {1: (i.driver - u[:, 0])[first], 2: (u[:, 1] - u[:, 0])[second]}
     parting = {1: (i.driver - v[:, 0])[first], 2: (v[:, 1] - v[:, 0])[second]}
@@ -106,27 +136,43 @@ def _laws(who: str, i: ImpactSpeeds, mass: tuple[float, float], epsilon: float) 
         "restitution at mesh 2": parting[2] + epsilon * approach[2],
     }
     return [
-        Check(f"{law}, {who}", float(np.abs(wrong).max(initial=0.0)) if wrong.size else math.nan, 0.0, 0.0, ROUNDING)
+        Check(
+            f"{law}, {who}",
+            float(np.abs(wrong).max(initial=0.0)) if wrong.size else math.nan,
+            0.0,
+            0.0,
+            ROUNDING,
+        )
         for law, wrong in laws.items()
     ]
 
 
 def _energy(i: ImpactSpeeds, lost: Floats, mass: tuple[float, float]) -> list[Check]:
-    """Energy that leaves both wheels at mesh 2, and what wheel 1 loses relative to the driver at mesh 1."""
+    """Energy that leaves both wheels at mesh 2, and what wheel 1 loses relative to the driver at
+    mesh 1."""
     relative = 0.5 * ((i.driver - i.before[:, 0]) ** 2 - (i.driver - i.after[:, 0]) ** 2)
-    gone = np.where(i.mesh == 1, relative, 0.5 * ((i.before**2 - i.after**2) @ (np.array(mass) / mass[0])))
+    gone = np.where(
+        i.mesh == 1, relative, 0.5 * ((i.before**2 - i.after**2) @ (np.array(mass) / mass[0]))
+    )
     sums = {k: (float(lost[i.mesh == k].sum()), float(gone[i.mesh == k].sum())) for k in (1, 2)}
-    return [Check(f"energy lost at mesh {k}, orbit", *sums[k], 0.0, ROUNDING * IMPACTS) for k in sums]
+    return [
+        Check(f"energy lost at mesh {k}, orbit", *sums[k], 0.0, ROUNDING * IMPACTS) for k in sums
+    ]
 
 
 @self_test
 def impact_laws(seed: int = 0, workers: int = 2) -> Found:
-    """Check momentum, restitution and energy of the impacts at both meshes, of the orbit and of every scheme."""
+    """Check momentum, restitution and energy of the impacts at both meshes, of the orbit and of
+    every scheme."""
     orbit, lost = _follow_orbit()
     sides = {"orbit": orbit} | {scheme: _coast(scheme) for scheme in SCHEMES}
 
-    def checks(mass: tuple[float, float] = MASS, epsilon: float = TWO_STAGES.epsilon) -> list[Check]:
-        laws = [check for who, impacts in sides.items() for check in _laws(who, impacts, mass, epsilon)]
+    def checks(
+        mass: tuple[float, float] = MASS, epsilon: float = TWO_STAGES.epsilon
+    ) -> list[Check]:
+        laws = [
+            check for who, impacts in sides.items() for check in _laws(who, impacts, mass, epsilon)
+        ]
         return laws + _energy(orbit, lost, mass)
 
     return checks(), {
@@ -137,18 +183,25 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
 
 @self_test
 def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
-    """Check flights and time to rest of one stage under constant drag, for the orbit and for a simulated path.
+    """Check flights and time to rest of one stage under constant drag, for the orbit and for a
+    simulated path.
 
-    With ``alpha = beta = sigma = 0`` Eq. 3 is ``y' = gamma``: an impact at speed v is followed by a flight of
-    ``2 epsilon v / gamma`` and an impact at ``epsilon v``, so that all flights add up to ``t1 / (1 - epsilon)``.
+    With ``alpha = beta = sigma = 0`` Eq. 3 is ``y' = gamma``: an impact at speed v is followed by a
+    flight of ``2 epsilon v / gamma`` and an impact at ``epsilon v``, so that all flights add up to
+    ``t1 / (1 - epsilon)``.
     """
     start = Start(0.0, HALF, SPEED, mesh=1)
-    scene = Scene(alpha=0.0, epsilon=EPSILON, beta1=0.0, gamma1=GAMMA, gap1=HALF, start=start, stages=1)
+    scene = Scene(
+        alpha=0.0, epsilon=EPSILON, beta1=0.0, gamma1=GAMMA, gap1=HALF, start=start, stages=1
+    )
     orbit = follow(scene, 40)
     run = simulate(scene, paths=1, impacts=BOUNCES, scheme="exact-flight", record=Record(raw=True))
     assert run.raw is not None
     # times of the impacts, each located within a distance of its wall
-    sides = {"orbit": (orbit.tau, WITHIN), "exact-flight": (np.append(0.0, run.raw[0, :, 0]), CLOSE * HALF)}
+    sides = {
+        "orbit": (orbit.tau, WITHIN),
+        "exact-flight": (np.append(0.0, run.raw[0, :, 0]), CLOSE * HALF),
+    }
 
     def checks(epsilon: float = EPSILON) -> Iterator[Check]:
         """Worst flight time, and the time to rest."""
@@ -156,27 +209,36 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
         for who, (tau, close) in sides.items():
             flights = np.diff(tau)
             exact = first * epsilon ** np.arange(flights.size)
-            slack = 2.0 * close / (0.5 * GAMMA * flights[-1]) / (1.0 - EPSILON)  # close / speed at both ends of each
+            # close / speed at both ends of each
+            slack = 2.0 * close / (0.5 * GAMMA * flights[-1]) / (1.0 - EPSILON)
             k = int(np.argmax(np.abs(flights - exact)))
             name = f"flight {k + 1} of {flights.size}, {who}"
             yield Check(name, float(flights[k]), first * epsilon**k, 0.0, slack)
             rest = float(tau[-1] - tau[0] + flights[-1] * epsilon / (1.0 - epsilon))
             yield Check(f"time to rest, {who}", rest, first / (1.0 - epsilon), 0.0, slack)
 
-    return checks(), {"epsilon 1 % larger": checks(1.01 * EPSILON), "epsilon squared": checks(EPSILON**2)}
+    return checks(), {
+        "epsilon 1 % larger": checks(1.01 * EPSILON),
+        "epsilon squared": checks(EPSILON**2),
+    }
 
 
 def _balance(name: str, run: LongRun, kept: float = 1.0, noise: float = 1.0) -> Check:
-    """Loss against supply; `kept` of the loss is counted, and the noise supplies `noise` times what it does.
+    """Loss against supply; `kept` of the loss is counted, and the noise supplies `noise` times what
+    it does.
 
     Of their difference, the noise's own work, whose mean is zero, explains most of the variance.
     """
     lost, supplied = run.energy_balance()
-    difference, work = kept * lost - supplied, run.sums.main[:, :, NOISE : NOISE + CONTROLS].sum(axis=1)
+    difference = kept * lost - supplied
+    work = run.sums.main[:, :, NOISE : NOISE + CONTROLS].sum(axis=1)
     difference -= (work[:, :, None] * corrections(difference[:, None], work)).sum(axis=(1, 2))
     se = float(difference.std(ddof=1)) / math.sqrt(run.paths)
-    closed = max(run.estimates[f"contact_share_mesh{m}"].value for m in range(1, run.scene.stages + 1))
-    found, power = float((supplied + difference).mean()), _noise_power(run.scene)
+    closed = max(
+        run.estimates[f"contact_share_mesh{m}"].value for m in range(1, run.scene.stages + 1)
+    )
+    found = float((supplied + difference).mean())
+    power = _noise_power(run.scene)
     truth = float(supplied.mean()) + (noise - 1.0) * power
     return Check(f"loss per time, {name}", found, truth, se, 2.0 * closed * power)
 
@@ -195,7 +257,10 @@ def energy_law(seed: int = 0, workers: int = 2) -> Found:
         for i, (name, (scene, periods)) in enumerate(SCENES.items())
     }
     two = {name: run for name, run in runs.items() if run.scene.stages == 2}
-    light = {name: replace(run, scene=replace(run.scene, mu=0.98 * run.scene.mu)) for name, run in two.items()}
+    light = {
+        name: replace(run, scene=replace(run.scene, mu=0.98 * run.scene.mu))
+        for name, run in two.items()
+    }
     return [_balance(name, run) for name, run in runs.items()], {
         **{f"2 % of the loss missing, {n}": [_balance(n, run, 0.98)] for n, run in runs.items()},
         "2 % less mass of wheel 2": [_balance(name, run) for name, run in light.items()],
@@ -203,12 +268,18 @@ def energy_law(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-CASES = ((0.25, 0.5), (0.2, 0.6), (0.3, 0.4))  # alpha, epsilon; with half gaps of 0.5 these orbits are stable
-WEAK, PERIODS = 1e-3, 256  # noise and periods of the noisy run, of the first case
+# alpha, epsilon; with half gaps of 0.5 these orbits are stable
+CASES = ((0.25, 0.5), (0.2, 0.6), (0.3, 0.4))
+# noise and periods of the noisy run, of the first case
+WEAK = 1e-3
+PERIODS = 256
 SLACK = 2e-6  # orbits are found to 1e-8 of their state
 
-LONG, SIGMA = 20_000, 0.1  # of the sum of the exponents, and of its noisy path
-PAIRS = ((0.35, 0.4), (0.35, 0.25), (0.15, 0.35))  # alpha, epsilon; stable, with two different exponents each
+# of the sum of the exponents, and of its noisy path
+LONG = 20_000
+SIGMA = 0.1
+# alpha, epsilon; stable, with two different exponents each
+PAIRS = ((0.35, 0.4), (0.35, 0.25), (0.15, 0.35))
 PAIR_IMPACTS = 10_000
 EXPONENT_ROUNDING = 1e-10
 
@@ -221,12 +292,15 @@ def symmetric_orbit(alpha: float, epsilon: float, gap: float) -> tuple[float, fl
 
 
 def _pair(alpha: float, epsilon: float, sigma: float = 0.0) -> Scene:
-    return Scene(alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, stages=1)
+    return Scene(
+        alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, stages=1
+    )
 
 
 @self_test
 def impact_pair(seed: int = 0, workers: int = 2) -> Found:
-    """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise gives them."""
+    """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise
+    gives them."""
     orbits = {case: attractor(_pair(*case)) for case in CASES}
     noisy = _pair(*CASES[0], WEAK)
     law = linear_law(noisy, orbits[CASES[0]])
@@ -245,22 +319,37 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
         for q, sds in (("sd_speed", law.sd_speed), ("sd_flight", law.sd_flight)):
             truth = float(np.sqrt((law.weight * sds**2).sum()))
             name = f"{q} / sigma, alpha {CASES[0][0]}, eps {CASES[0][1]}"
-            yield Check(name, found[q].value / WEAK, factor * truth / WEAK, found[q].se / WEAK, SLACK)
+            yield Check(
+                name, found[q].value / WEAK, factor * truth / WEAK, found[q].se / WEAK, SLACK
+            )
 
-    return [*states(), *spreads()], {"restitution 0.1 % larger": states(1.001), "sds 2 % larger": spreads(1.02)}
+    return [*states(), *spreads()], {
+        "restitution 0.1 % larger": states(1.001),
+        "sds 2 % larger": spreads(1.02),
+    }
 
 
 @self_test
 def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
-    """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy path."""
+    """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy
+    path."""
     scene = Scene.from_gears(DAT21)
-    records = lyapunov(scene, impacts=LONG), drift_exponents(scene.with_sigma(SIGMA), impacts=LONG, seed=seed)
+    records = (
+        lyapunov(scene, impacts=LONG),
+        drift_exponents(scene.with_sigma(SIGMA), impacts=LONG, seed=seed),
+    )
     both = scene.beta1 + scene.beta2
 
     def checks(power: float = 2.0, damping: float = both) -> Iterator[Check]:
         for found in records:
             truth = -damping + found.rate * power * math.log(scene.epsilon)
-            yield Check(f"sum of exponents, {found.of}", float(found.value.sum()), truth, 0.0, EXPONENT_ROUNDING)
+            yield Check(
+                f"sum of exponents, {found.of}",
+                float(found.value.sum()),
+                truth,
+                0.0,
+                EXPONENT_ROUNDING,
+            )
 
     return checks(), {
         "epsilon to the first power": checks(power=1.0),
@@ -270,10 +359,11 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
 
 
 def _exponents(alpha: float, epsilon: float) -> tuple[float, float]:
-    """Both exponents, from trace and determinant of the map of (dx, dy) from one impact to the next.
+    """Both exponents, from trace and determinant of the map of (dx, dy) from one impact to the
+    next.
 
-    A flight of pi takes dx to dx + pi dy.  An impact at the speed v and the acceleration a towards the gap takes
-    (dx, dy) to -(epsilon dx, epsilon dy - (1 + epsilon) a dx / v).
+    A flight of pi takes dx to dx + pi dy.  An impact at the speed v and the acceleration a towards
+    the gap takes (dx, dy) to -(epsilon dx, epsilon dy - (1 + epsilon) a dx / v).
     """
     tau, speed = symmetric_orbit(alpha, epsilon, HALF)
     half = 0.5 * math.pi * (1.0 + epsilon) * -alpha * math.sin(tau) / speed - epsilon
@@ -289,32 +379,47 @@ def _without_saltation(alpha: float, epsilon: float) -> tuple[float, float]:
 
 @self_test
 def orbit_exponents(seed: int = 0, workers: int = 2) -> Found:
-    """Check both exponents of three symmetric orbits: the tangent frames through flights and impacts."""
+    """Check both exponents of three symmetric orbits: the tangent frames through flights and
+    impacts."""
     found = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in PAIRS}
 
     def checks(truth: Callable[[float, float], tuple[float, float]]) -> Iterator[Check]:
         for (a, e), exponents in found.items():
             for i, exact in enumerate(truth(a, e)):
-                yield Check(f"exponent {i + 1}, alpha {a}, eps {e}", float(exponents[i]), exact, 0.0, EXPONENT_ROUNDING)
+                yield Check(
+                    f"exponent {i + 1}, alpha {a}, eps {e}",
+                    float(exponents[i]),
+                    exact,
+                    0.0,
+                    EXPONENT_ROUNDING,
+                )
 
     return checks(_exponents), {
         "impacts without the saltation term": checks(_without_saltation),
-        "restitution 0.1 % larger": checks(lambda alpha, epsilon: _exponents(alpha, 1.001 * epsilon)),
+        "restitution 0.1 % larger": checks(
+            lambda alpha, epsilon: _exponents(alpha, 1.001 * epsilon)
+        ),
     }
 
 
 GEARS = Scene(alpha=0.48, epsilon=0.9, beta1=0.1, gamma1=0.1, stages=1)
-FRAME = (-0.99, -0.02), (-1.0, 1.0)  # of the figure of basins: s from left to right, its velocity from bottom to top
+# of the figure of basins: s from left to right, its velocity from bottom to top
+FRAME = (-0.99, -0.02), (-1.0, 1.0)
 FIGURE = read_file("checks.published", "basins.md")
 """The figure: impacts a period of the motion at each place whose surroundings have one colour."""
-SHARE, PIXELS = 0.3821, 334  # of the coloured pixels of the figure as printed; a side of it
+# of the coloured pixels of the figure as printed; a side of it
+SHARE = 0.3821
+PIXELS = 334
 STARTS = 6000
-STRETCH, LONGEST = 120, 24  # impacts of a stretch, and the most stretches until an orbit repeats
+# impacts of a stretch, and the most stretches until an orbit repeats
+STRETCH = 120
+LONGEST = 24
 SAME = 1e-6
 
 
 def _impacts_a_period(scene: Scene, starts: Iterable[Any], phase: float = math.pi) -> Floats:
-    """Impacts in a period of the motion that is reached from each start ``(s, s')``; NaN for another one."""
+    """Impacts in a period of the motion that is reached from each start ``(s, s')``; NaN for
+    another one."""
     found = []
     for s, velocity in starts:
         orbit = LongOrbit(replace(scene, start=Start(phase, s + 0.5, velocity)))
@@ -338,7 +443,8 @@ def _in_frame(across: Floats, up: Floats) -> Floats:
 
 @self_test
 def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
-    """Check from which starts each of two coexisting motions is reached, and the share of all starts."""
+    """Check from which starts each of two coexisting motions is reached, and the share of all
+    starts."""
     lines = FIGURE.split()
     cells = [(i, j, int(c)) for i, line in enumerate(lines) for j, c in enumerate(line) if c != "."]
     row, column, printed = np.array(cells).T
@@ -346,12 +452,16 @@ def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
 
     def differ(scene: Scene = GEARS, phase: float = math.pi) -> list[Check]:
         other = _impacts_a_period(scene, places, phase) != printed
-        return [Check(f"places of {len(cells)} that differ from the figure", float(other.sum()), 0.0)]
+        return [
+            Check(f"places of {len(cells)} that differ from the figure", float(other.sum()), 0.0)
+        ]
 
     rng = np.random.default_rng(seed)
     three = _impacts_a_period(GEARS, _in_frame(*rng.uniform(size=(2, STARTS)))) == 3.0
     se = float(three.std()) * math.sqrt(1.0 / STARTS + 1.0 / PIXELS**2)
-    share = Check("share of starts that end in three impacts a period", float(three.mean()), SHARE, se)
+    share = Check(
+        "share of starts that end in three impacts a period", float(three.mean()), SHARE, se
+    )
     return [*differ(), share], {
         "restitution 0.88": differ(replace(GEARS, epsilon=0.88)),
         "drive 5 % smaller": differ(replace(GEARS, alpha=0.95 * GEARS.alpha)),

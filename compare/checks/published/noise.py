@@ -1,15 +1,19 @@
-"""Motions that noise alone drives: a particle in a gap and at a wall, gaps that are random, and Gaussian motions.
+"""Motions that noise alone drives: a particle in a gap and at a wall, gaps that are random, and
+Gaussian motions.
 
-A randomly accelerated particle leaves a gap after a mean time and to a side that are known, and returns to a wall with
-a known distribution of its speed; below a critical restitution it collapses.  Return times are heavy-tailed, ``P(T > t)
-~ t^(-1/4)``, but ``x'' = sigma eta`` is self-similar under ``(t, y, x) -> (s^2 t, s y, s^3 x)``: the state is rescaled
-before each step such that the step is `GROWTH` times the particle's time scale ``max(y^2, d^(2/3)) / sigma^2``, d the
-distance to the wall.  The step is one of `rattle.montecarlo.coupling.dyadic.walk_step`, at the phase where the
-modulation of the noise is stationary; it fails to return with a probability of about ``GROWTH^(-1/4)``.
+A randomly accelerated particle leaves a gap after a mean time and to a side that are known, and
+returns to a wall with a known distribution of its speed; below a critical restitution it collapses.
+Return times are heavy-tailed, ``P(T > t) ~ t^(-1/4)``, but ``x'' = sigma eta`` is self-similar
+under ``(t, y, x) -> (s^2 t, s y, s^3 x)``: the state is rescaled before each step such that the
+step is `GROWTH` times the particle's time scale ``max(y^2, d^(2/3)) / sigma^2``, d the distance to
+the wall.  The step is one of `rattle.montecarlo.coupling.dyadic.walk_step`, at the phase where the
+modulation of the noise is stationary; it fails to return with a probability of about
+``GROWTH^(-1/4)``.
 
-Between elastic walls an impact changes the sign of y, and damping and white noise are symmetric under this reflection:
-``x = fold(X), y = +-Y`` in distribution, exactly and at any time, with the free stage ``Y' = -beta Y + sigma (-sin tau
-+ beta cos tau) eta, X' = Y`` (Eq. 5).  Once X has spread over many boxes, x is uniform and independent of y.
+Between elastic walls an impact changes the sign of y, and damping and white noise are symmetric
+under this reflection: ``x = fold(X), y = +-Y`` in distribution, exactly and at any time, with the
+free stage ``Y' = -beta Y + sigma (-sin tau + beta cos tau) eta, X' = Y`` (Eq. 5).  Once X has
+spread over many boxes, x is uniform and independent of y.
 """
 
 import math
@@ -33,17 +37,25 @@ from rattle.scene.compiled import jit
 from rattle.scene.flight import noise_covariance
 from rattle.scene.impact import struck
 
-HALF = 1e-3  # half gap; an exit takes about 0.02, in which the modulation of the noise (1 at -pi/2) falls by 3e-4
+# half gap; an exit takes about 0.02, in which the modulation of the noise (1 at -pi/2) falls by
+# 3e-4
+HALF = 1e-3
 PATHS = 20_000
 STRONGER = 1.05  # factor on the noise in the negative control
 
-# time step, and bound of the relative error of the mean time: by step and modulation for the Euler schemes, by the
-# modulation alone for exact flights
-SCHEMES = {"euler-maruyama": (1e-5, 2e-3), "euler-maruyama-located": (2e-5, 2e-3), "exact-flight": (1e-2, 3e-4)}
+# time step, and bound of the relative error of the mean time: by step and modulation for the Euler
+# schemes, by the modulation alone for exact flights
+SCHEMES = {
+    "euler-maruyama": (1e-5, 2e-3),
+    "euler-maruyama-located": (2e-5, 2e-3),
+    "exact-flight": (1e-2, 3e-4),
+}
 
-DRAG = 1e-4  # which turns the orbit without noise to one side; a random path moves by 2e-5 of the gap for it
+# which turns the orbit without noise to one side; a random path moves by 2e-5 of the gap for it
+DRAG = 1e-4
 LEFT = 1e-4  # share of paths that this may change
-SIDES = (0.1, 0.25, 0.5, 0.75)  # starting points of exits whose side is checked, as fractions of the gap
+# starting points of exits whose side is checked, as fractions of the gap
+SIDES = (0.1, 0.25, 0.5, 0.75)
 
 WIDTH = 0.1  # of the tolerance
 SPREADS = {"uniform": 1.0 / math.sqrt(3.0), "normal": 0.5 * float(truncnorm(-2.0, 2.0).std())}
@@ -51,13 +63,24 @@ SPREADS = {"uniform": 1.0 / math.sqrt(3.0), "normal": 0.5 * float(truncnorm(-2.0
 
 
 def particle(share: float, half: float, sigma: float, drag: float = 0.0) -> Scene:
-    """Build ``x'' = sigma eta`` from rest at a fraction of a gap, at the phase where the modulation is stationary."""
+    """Build ``x'' = sigma eta`` from rest at a fraction of a gap, at the phase where the modulation
+    is stationary."""
     start = Start(-0.5 * math.pi, half * (2.0 * share - 1.0), 0.0)
-    return Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=drag, gap1=half, sigma=sigma, start=start, stages=1)
+    return Scene(
+        alpha=0.0,
+        epsilon=0.5,
+        beta1=0.0,
+        gamma1=drag,
+        gap1=half,
+        sigma=sigma,
+        start=start,
+        stages=1,
+    )
 
 
 def mean_exit_time(start: float, gap: float, sigma: float) -> float:
-    """Compute the mean time after which ``x'' = sigma eta``, starting at zero velocity, leaves a gap.
+    """Compute the mean time after which ``x'' = sigma eta``, starting at zero velocity, leaves a
+    gap.
 
     Masoliver and Porra 1995; docs/model.md section 8.
     """
@@ -69,33 +92,54 @@ def mean_exit_time(start: float, gap: float, sigma: float) -> float:
 
 @self_test
 def exit_time(seed: int = 0, workers: int = 2) -> Found:
-    """Check the mean exit time from three starting points, for all three schemes of `montecarlo.simulate`."""
+    """Check the mean exit time from three starting points, for all three schemes of
+    `montecarlo.simulate`."""
 
     def check(scheme: str, share: float, sigma: float = 1.0) -> Check:
-        (dt, left), scene = SCHEMES[scheme], particle(share, HALF, sigma)
-        rng, sampling = np.random.SeedSequence([seed, 1]), Sampling(horizon=1.0)
-        chosen = {"scheme": scheme, "dt": dt, "sampling": sampling, "record": Record(step_bias=False)}
+        dt, left = SCHEMES[scheme]
+        scene = particle(share, HALF, sigma)
+        rng = np.random.SeedSequence([seed, 1])
+        sampling = Sampling(horizon=1.0)
+        chosen = {
+            "scheme": scheme,
+            "dt": dt,
+            "sampling": sampling,
+            "record": Record(step_bias=False),
+        }
         run = simulate(scene, paths=PATHS, impacts=1, rng=rng, workers=workers, **chosen)  # type: ignore[arg-type]
-        tau, se = float(run.columns["tau"][0]), float(run.columns["se_tau"][0])
+        tau = float(run.columns["tau"][0])
+        se = float(run.columns["se_tau"][0])
         truth = mean_exit_time(2.0 * HALF * share, 2.0 * HALF, 1.0)
-        return Check(f"mean exit time from {share:g}, {scheme}", tau - scene.start.tau, truth, se, left * truth)
+        return Check(
+            f"mean exit time from {share:g}, {scheme}",
+            tau - scene.start.tau,
+            truth,
+            se,
+            left * truth,
+        )
 
     return [check(scheme, share) for scheme in SCHEMES for share in (0.1, 0.25, 0.5)], {
-        f"{STRONGER - 1.0:.0%} more noise, {scheme}": [check(scheme, 0.5, STRONGER)] for scheme in SCHEMES
+        f"{STRONGER - 1.0:.0%} more noise, {scheme}": [check(scheme, 0.5, STRONGER)]
+        for scheme in SCHEMES
     }
 
 
 @self_test
 def exit_side(seed: int = 0, workers: int = 2) -> Found:
-    """Check the share of paths that leave a gap on the side of the orbit without noise (its agreement)."""
+    """Check the share of paths that leave a gap on the side of the orbit without noise (its
+    agreement)."""
     found = {}
     for i, share in enumerate(SIDES):
-        run = simulate(particle(share, HALF, 1.0, DRAG), paths=PATHS, impacts=1, rng=seed + i, workers=workers)
+        run = simulate(
+            particle(share, HALF, 1.0, DRAG), paths=PATHS, impacts=1, rng=seed + i, workers=workers
+        )
         found[share] = float(run.columns["agreement"][0])
 
     def checks(truth: dict[float, float]) -> Iterator[Check]:
         for z, p in truth.items():
-            yield Check(f"agreement from {z:g}", found[z], p, math.sqrt(p * (1.0 - p) / PATHS), LEFT)
+            yield Check(
+                f"agreement from {z:g}", found[z], p, math.sqrt(p * (1.0 - p) / PATHS), LEFT
+            )
 
     side = {z: float(betainc(1.0 / 6.0, 1.0 / 6.0, z)) for z in SIDES}
     return checks(side), {
@@ -106,8 +150,11 @@ def exit_side(seed: int = 0, workers: int = 2) -> Found:
 
 @self_test
 def random_gap(seed: int = 0, workers: int = 2) -> Found:
-    """Check mean and sd of the wall that coasting paths strike first, for both distributions of the gap."""
-    coasting = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 1.0))
+    """Check mean and sd of the wall that coasting paths strike first, for both distributions of the
+    gap."""
+    coasting = Scene(
+        alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 1.0)
+    )
     found = {}
     for name in SPREADS:
         scene = replace(coasting, tolerance=Tolerance(WIDTH, distribution=name))
@@ -115,18 +162,24 @@ def random_gap(seed: int = 0, workers: int = 2) -> Found:
 
     def checks(spreads: dict[str, float], width: float = WIDTH) -> Iterator[Check]:
         for name, columns in found.items():
-            mean, se_mean, sd, se_sd = (float(columns[c][0]) for c in ("x1", "se_x1", "sd_x1", "se_sd_x1"))
+            mean, se_mean, sd, se_sd = (
+                float(columns[c][0]) for c in ("x1", "se_x1", "sd_x1", "se_sd_x1")
+            )
             yield Check(f"mean wall, {name}", mean, 0.5, se_mean)
             yield Check(f"sd of the wall, {name}", sd, spreads[name] * width, se_sd)
 
     return checks(SPREADS), {
-        "the other distribution": checks(dict(zip(SPREADS, reversed(SPREADS.values()), strict=True))),
+        "the other distribution": checks(
+            dict(zip(SPREADS, reversed(SPREADS.values()), strict=True))
+        ),
         "a tolerance 5 % wider": checks(SPREADS, 1.05 * WIDTH),
     }
 
 
 GROWTH = 64.0
-ROW = 4096  # index of the step, such that it begins at 3 pi / 2; the modulation, 1 there, varies by 7e-7 in the step
+# index of the step, such that it begins at 3 pi / 2; the modulation, 1 there, varies by 7e-7 in the
+# step
+ROW = 4096
 STEP_TIME = 1.5 * math.pi / ROW
 MOST = 200  # steps after which a flight counts as lost; a correct program never needs as many
 APART = Word(2**24)  # distance of the random-number counters of two paths
@@ -134,25 +187,38 @@ APART = Word(2**24)  # distance of the random-number counters of two paths
 
 @jit
 def _bounce(tree: Tree, log_speed: Floats) -> int:
-    """Fill `log_speed`, shape (paths, bounces), with ln of the speed after each impact; return the lost flights."""
-    c, w, hits, state = tree.c, tree.clock, np.empty((1, HIT)), np.zeros(4)  # one hit: it ends the step
+    """Fill `log_speed`, shape (paths, bounces), with ln of the speed after each impact; return the
+    lost flights."""
+    # one hit: it ends the step
+    c = tree.c
+    w = tree.clock
+    hits = np.empty((1, HIT))
+    state = np.zeros(4)
     room = new_room(w.depth)
     lost = 0
     for p in range(len(log_speed)):
-        n, scale, y = Word(p) * APART, 0.0, 1.0
+        n = Word(p) * APART
+        scale = 0.0
+        y = 1.0
         for bounce in range(log_speed.shape[1]):
-            distance, y = 0.0, -y  # positive y is towards the wall
+            # positive y is towards the wall
+            distance = 0.0
+            y = -y
             met = 0
             for _ in range(MOST):
-                s = math.sqrt(w.h * c.sigma**2 / (GROWTH * max(y * y, (distance * c.sigma**2) ** (2.0 / 3.0))))
+                s = math.sqrt(
+                    w.h * c.sigma**2 / (GROWTH * max(y * y, (distance * c.sigma**2) ** (2.0 / 3.0)))
+                )
                 scale -= math.log(s)
-                state[0], state[1] = c.wall1 - s**3 * distance, s * y
+                state[0] = c.wall1 - s**3 * distance
+                state[1] = s * y
                 z0, z1, _, _ = normals(tree.key, n, Word(ROW), Word(STEP))
                 met, _ = walk_step(tree, room, n, ROW, (z0, z1), state, hits)
                 n += Word(1)
                 if met > 0:
                     break
-                distance, y = c.wall1 - state[0], state[1]
+                distance = c.wall1 - state[0]
+                y = state[1]
             if met == 0 or hits[0, 1] != 1.0:
                 lost += 1
                 continue
@@ -167,36 +233,57 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     Shapes: result (paths, bounces).
     """
     start = Start(0.0, 0.0, -1.0)
-    scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=1.0, start=start, stages=1)
-    whole = flight_forcing(scene.constants, ROW * STEP_TIME, STEP_TIME)  # of the single step, at the phase 3 pi / 2
-    clock, out = clockwork_of([whole] * (ROW + 1), STEP_TIME, DEEPEST), np.empty((paths, bounces))
+    scene = Scene(
+        alpha=0.0,
+        epsilon=epsilon,
+        beta1=0.0,
+        gamma1=0.0,
+        gap1=HALF,
+        sigma=1.0,
+        start=start,
+        stages=1,
+    )
+    # of the single step, at the phase 3 pi / 2
+    whole = flight_forcing(scene.constants, ROW * STEP_TIME, STEP_TIME)
+    clock = clockwork_of([whole] * (ROW + 1), STEP_TIME, DEEPEST)
+    out = np.empty((paths, bounces))
     lost = _bounce(Tree(scene.constants, clock, key_of(np.random.SeedSequence([seed, 2]))), out)
     if lost:
-        raise RattleError(f"{lost} of {out.size} flights did not return in {MOST} steps, or reached the far wall")
+        raise RattleError(
+            f"{lost} of {out.size} flights did not return in {MOST} steps, or reached the far wall"
+        )
     return out
 
 
 MEAN = math.pi / math.sqrt(3.0)
-"""E ln rho, rho being the ratio of consecutive speeds, with the density ``3 / (2 pi) rho^(3/2) / (1 + rho^3)``."""
+"""E ln rho, rho being the ratio of consecutive speeds, with the density ``3 / (2 pi) rho^(3/2) / (1
++ rho^3)``."""
 
 VARIANCE = 4.0 * math.pi**2 / 9.0
 """Var ln rho."""
 
 RETURNS = 300_000
 ORDERS = (-0.6, -0.3, 0.1)
-"""Orders s of the moments E rho^s; E rho^(4 s) is finite too, so that standard errors can be estimated."""
-BELOW, ABOVE = 0.12, 0.22  # restitutions below and above the critical one, exp(-MEAN) = 0.163
+"""Orders s of the moments E rho^s; E rho^(4 s) is finite too, so that standard errors can be
+estimated."""
+# restitutions below and above the critical one, exp(-MEAN) = 0.163
+BELOW = 0.12
+ABOVE = 0.22
 BOUNCES = 8
 
 
 @self_test
 def return_speed(seed: int = 0, workers: int = 2) -> Found:
-    """Check mean and variance of ln rho, and P(rho < 1), over `RETURNS` flights that start at speed 1."""
+    """Check mean and variance of ln rho, and P(rho < 1), over `RETURNS` flights that start at speed
+    1."""
     flights = log_speeds(1.0, RETURNS, 1, seed)[:, 0]
     slower = quad(lambda r: 1.5 / math.pi * r**1.5 / (1.0 + r**3), 0.0, 1.0)[0]
 
-    def checks(mean: float = MEAN, variance: float = VARIANCE, ln: Floats = flights) -> Iterator[Check]:
-        own, share = float(ln.var()), float((ln < 0.0).mean())
+    def checks(
+        mean: float = MEAN, variance: float = VARIANCE, ln: Floats = flights
+    ) -> Iterator[Check]:
+        own = float(ln.var())
+        share = float((ln < 0.0).mean())
         fourth = float(((ln - ln.mean()) ** 4).mean())
         yield Check("E ln rho", float(ln.mean()), mean, math.sqrt(own / RETURNS))
         yield Check("Var ln rho", own, variance, math.sqrt((fourth - own**2) / RETURNS))
@@ -211,15 +298,22 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
 
 @self_test
 def return_moments(seed: int = 0, workers: int = 2) -> Found:
-    """Check moments of the ratio of consecutive speeds, ``E rho^s = 1 / (2 cos(pi (1 + s) / 3))``."""
+    """Check moments of the ratio of consecutive speeds, ``E rho^s = 1 / (2 cos(pi (1 + s) /
+    3))``."""
     ln = log_speeds(1.0, RETURNS, 1, seed + 2)[:, 0]
 
     def checks(wrong: float = 1.0, shifted: float = 0.0) -> Iterator[Check]:
         for s in ORDERS:
-            power, truth = np.exp(s * ln), wrong / (2.0 * math.cos(math.pi * (1.0 + s + shifted) / 3.0))
-            yield Check(f"E rho^{s:g}", float(power.mean()), truth, float(power.std()) / math.sqrt(RETURNS))
+            power = np.exp(s * ln)
+            truth = wrong / (2.0 * math.cos(math.pi * (1.0 + s + shifted) / 3.0))
+            yield Check(
+                f"E rho^{s:g}", float(power.mean()), truth, float(power.std()) / math.sqrt(RETURNS)
+            )
 
-    return checks(), {"moments 1 % larger": checks(wrong=1.01), "orders 0.02 larger": checks(shifted=0.02)}
+    return checks(), {
+        "moments 1 % larger": checks(wrong=1.01),
+        "orders 0.02 larger": checks(shifted=0.02),
+    }
 
 
 def mean_drift(epsilon: float, paths: int, bounces: int, seed: int) -> tuple[float, float]:
@@ -230,44 +324,85 @@ def mean_drift(epsilon: float, paths: int, bounces: int, seed: int) -> tuple[flo
 
 @self_test
 def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
-    """Check the drift of ln speed per bounce below and above the critical restitution, and where it is zero."""
-    (d0, s0), (d1, s1) = (mean_drift(eps, PATHS, BOUNCES, seed + i) for i, eps in enumerate((BELOW, ABOVE)))
+    """Check the drift of ln speed per bounce below and above the critical restitution, and where it
+    is zero."""
+    (d0, s0), (d1, s1) = (
+        mean_drift(eps, PATHS, BOUNCES, seed + i) for i, eps in enumerate((BELOW, ABOVE))
+    )
     span = math.log(ABOVE / BELOW)
     share = -d0 / (d1 - d0)  # linear interpolation in ln epsilon to zero drift
     zero = BELOW * math.exp(span * share)
     se = zero * span / (d1 - d0) * float(np.hypot((1.0 - share) * s0, share * s1))
 
     def checks(power: float = 1.0, mean: float = MEAN) -> Iterator[Check]:
-        yield Check(f"drift per bounce at epsilon {BELOW:g}", d0, power * math.log(BELOW) + mean, s0)
-        yield Check(f"drift per bounce at epsilon {ABOVE:g}", d1, power * math.log(ABOVE) + mean, s1)
-        yield Check("critical restitution", zero if d0 < 0.0 < d1 else math.nan, math.exp(-mean / power), se)
+        yield Check(
+            f"drift per bounce at epsilon {BELOW:g}", d0, power * math.log(BELOW) + mean, s0
+        )
+        yield Check(
+            f"drift per bounce at epsilon {ABOVE:g}", d1, power * math.log(ABOVE) + mean, s1
+        )
+        yield Check(
+            "critical restitution", zero if d0 < 0.0 < d1 else math.nan, math.exp(-mean / power), se
+        )
 
-    return checks(), {"mean 3 % larger": checks(mean=1.03 * MEAN), "epsilon squared": checks(power=2.0)}
+    return checks(), {
+        "mean 3 % larger": checks(mean=1.03 * MEAN),
+        "epsilon squared": checks(power=2.0),
+    }
 
 
 GAUSSIAN_PATHS = 100_000
 FLIGHT = 3.3  # time of the flight without walls
 ROUNDING = 1e-9  # error of its moments from the ODE solver
-LEFT_OUT = 1e-6  # error of a simulated moment by the step: h^4 / 720 at the default step of exact flights, and rounding
+# error of a simulated moment by the step: h^4 / 720 at the default step of exact flights, and
+# rounding
+LEFT_OUT = 1e-6
 START = Start(0.3, 0.1, -0.4, -0.2, 0.5)
 OPEN: dict[str, Any] = {"gap1": 1e6, "gap2": 1e6, "start": START}  # half gaps that no path crosses
-SCENE = Scene(alpha=1.5, epsilon=0.9, beta1=0.083, beta2=0.9, gamma1=0.057, gamma2=0.029, mu=0.6, sigma=0.4, **OPEN)
+SCENE = Scene(
+    alpha=1.5,
+    epsilon=0.9,
+    beta1=0.083,
+    beta2=0.9,
+    gamma1=0.057,
+    gamma2=0.029,
+    mu=0.6,
+    sigma=0.4,
+    **OPEN,
+)
 """Two stages that are driven by the same noise with different modulations."""
 
-BETA, SIGMA, BOX = 0.5, 1.0, 0.5  # damping, noise and half width of the box
+# damping, noise and half width of the box
+BETA = 0.5
+SIGMA = 1.0
+BOX = 0.5
 IMPACTS = 64
-TIMES = (8.0, 8.8, 9.6)  # by then X has an sd of 4 boxes, and the folded density is uniform up to exp(-80)
+# by then X has an sd of 4 boxes, and the folded density is uniform up to exp(-80)
+TIMES = (8.0, 8.8, 9.6)
 LOSSY = 0.97  # restitution of the negative control
 
 
 def _compare(row: Any, truths: Mapping[str, tuple[str, float]], slack: float = 0.0) -> list[Check]:
-    """Check entries of a row of moments at a fixed time, each given by its column, with its name and its truth."""
-    return [Check(name, float(row[q]), truth, float(row["se_" + q]), slack) for q, (name, truth) in truths.items()]
+    """Check entries of a row of moments at a fixed time, each given by its column, with its name
+    and its truth."""
+    return [
+        Check(name, float(row[q]), truth, float(row["se_" + q]), slack)
+        for q, (name, truth) in truths.items()
+    ]
 
 
-def _follow(scene: Scene, times: Sequence[float], impacts: int, seeds: list[int], workers: int) -> Ensemble:
-    chosen: dict[str, Any] = {"sampling": Sampling(horizon=times[-1] - scene.start.tau + 0.1), "workers": workers}
-    chosen |= {"scheme": "exact-flight", "rng": np.random.SeedSequence(seeds), "record": Record(times=times)}
+def _follow(
+    scene: Scene, times: Sequence[float], impacts: int, seeds: list[int], workers: int
+) -> Ensemble:
+    chosen: dict[str, Any] = {
+        "sampling": Sampling(horizon=times[-1] - scene.start.tau + 0.1),
+        "workers": workers,
+    }
+    chosen |= {
+        "scheme": "exact-flight",
+        "rng": np.random.SeedSequence(seeds),
+        "record": Record(times=times),
+    }
     return simulate(scene, paths=GAUSSIAN_PATHS, impacts=impacts, **chosen)
 
 
@@ -278,15 +413,18 @@ def _central(run: Ensemble, quantity: str, power: int) -> Floats:
 
 
 def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floats, Floats]:
-    """Compute mean and covariance of ``(x1, y1, x2, y2)`` without walls by integrating the moment equations.
+    """Compute mean and covariance of ``(x1, y1, x2, y2)`` without walls by integrating the moment
+    equations.
 
-    ``s' = A s + f`` and ``P' = A P + P A' + sigma^2 m m'``, from Eqs. 5 and 8.  The matrices are written out here
-    independently of `rattle.scene.flight`.
+    ``s' = A s + f`` and ``P' = A P + P A' + sigma^2 m m'``, from Eqs. 5 and 8.  The matrices are
+    written out here independently of `rattle.scene.flight`.
 
-    `coupled`: Whether the noise acts on the second stage directly; false only for a negative control. Shapes:
-    `mean` (4,); `covariance` (4, 4).
+    `coupled`: Whether the noise acts on the second stage directly; false only for a negative
+    control. Shapes: `mean` (4,); `covariance` (4, 4).
     """
-    b1, b2, start = scene.beta1, scene.beta2, scene.start
+    b1 = scene.beta1
+    b2 = scene.beta2
+    start = scene.start
     a = np.array([[0, 1, 0, 0], [0, -b1, 0, 0], [0, 0, 0, 1], [0, b2 - b1, 0, -b2]], dtype=float)
     drag = np.array([0.0, scene.gamma1, 0.0, scene.gamma1 - scene.gamma2])
 
@@ -300,15 +438,19 @@ def linear_moments(scene: Scene, tau: float, coupled: bool = True) -> tuple[Floa
     first = np.concatenate([[start.x1, start.y1, start.x2, start.y2], np.zeros(16)])
     if tau == start.tau:
         return first[:4], np.zeros((4, 4))
-    solved = solve_ivp(rate, (start.tau, tau), first, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    solved = solve_ivp(rate, (start.tau, tau), first, method="DOP853", rtol=1e-12, atol=1e-12).y[
+        :, -1
+    ]
     return solved[:4], solved[4:].reshape(4, 4)
 
 
 @self_test
 def free_flight(seed: int = 0, workers: int = 2) -> Found:
-    """Check the first four moments of `montecarlo.simulate`, and the covariance of `rattle.scene.flight`."""
+    """Check the first four moments of `montecarlo.simulate`, and the covariance of
+    `rattle.scene.flight`."""
     run = _follow(SCENE, [START.tau + FLIGHT], 1, [seed, 7], workers)
-    row, tau = run.at_times().iloc[0], float(run.fixed_times[0])
+    row = run.at_times().iloc[0]
+    tau = float(run.fixed_times[0])
     computed = noise_covariance(SCENE.constants, START.tau, tau - START.tau)
     names = {(i, j): f"cov {STATE[i]} {STATE[j]}" for i, j in CROSS}
 
@@ -324,7 +466,9 @@ def free_flight(seed: int = 0, workers: int = 2) -> Found:
         for q in STATE:
             m2, m3, m4 = (float(_central(run, q, power)[0]) for power in (2, 3, 4))
             yield Check(f"skewness of {q}", m3 / m2**1.5, skewness, math.sqrt(6.0 / GAUSSIAN_PATHS))
-            yield Check(f"kurtosis of {q}", m4 / m2**2 - 3.0, kurtosis, math.sqrt(24.0 / GAUSSIAN_PATHS))
+            yield Check(
+                f"kurtosis of {q}", m4 / m2**2 - 3.0, kurtosis, math.sqrt(24.0 / GAUSSIAN_PATHS)
+            )
 
     return [*checks(SCENE), *shape(0.0, 0.0)], {
         "2 % more noise": checks(SCENE.with_sigma(1.02 * SCENE.sigma)),
@@ -335,32 +479,60 @@ def free_flight(seed: int = 0, workers: int = 2) -> Found:
 
 
 def speed_variance(tau: float, beta: float, sigma: float) -> float:
-    """Compute the periodic solution of ``V' = -2 beta V + sigma^2 m^2`` with ``m = -sin tau + beta cos tau``.
+    """Compute the periodic solution of ``V' = -2 beta V + sigma^2 m^2`` with ``m = -sin tau + beta
+    cos tau``.
 
     It follows from ``m^2 = (1 + beta^2) / 2 + a cos 2 tau + b sin 2 tau``.
     """
-    a, b = -0.5 * (1.0 - beta**2), -beta
-    wave = ((beta * a - b) * math.cos(2.0 * tau) + (a + beta * b) * math.sin(2.0 * tau)) / (2.0 * (beta**2 + 1.0))
+    a = -0.5 * (1.0 - beta**2)
+    b = -beta
+    wave = ((beta * a - b) * math.cos(2.0 * tau) + (a + beta * b) * math.sin(2.0 * tau)) / (
+        2.0 * (beta**2 + 1.0)
+    )
     return sigma**2 * ((1.0 + beta**2) / (4.0 * beta) + wave)
 
 
 @self_test
 def elastic_box(seed: int = 0, workers: int = 2) -> Found:
-    """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at three fixed times."""
-    scene = Scene(alpha=0.0, epsilon=1.0, beta1=BETA, gamma1=0.0, gap1=BOX, sigma=SIGMA, start=Start(), stages=1)
-    run, lossy = (_follow(replace(scene, epsilon=e), TIMES, IMPACTS, [seed, 5], workers) for e in (1.0, LOSSY))
+    """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at
+    three fixed times."""
+    scene = Scene(
+        alpha=0.0,
+        epsilon=1.0,
+        beta1=BETA,
+        gamma1=0.0,
+        gap1=BOX,
+        sigma=SIGMA,
+        start=Start(),
+        stages=1,
+    )
+    run, lossy = (
+        _follow(replace(scene, epsilon=e), TIMES, IMPACTS, [seed, 5], workers) for e in (1.0, LOSSY)
+    )
 
     def checks(run: Ensemble = run, sigma: float = SIGMA, phase: float = 0.0) -> Iterator[Check]:
         followed = run.result.sums["fixed"].n[:, CROSS.index((1, 1))]
         yield Check("paths followed to the end", float(followed.min()), GAUSSIAN_PATHS)
         kurtosis = _central(run, "y1", 4) / _central(run, "y1", 2) ** 2 - 3.0
-        for time, (_, row), excess in zip(run.fixed_times.tolist(), run.at_times().iterrows(), kurtosis, strict=True):
+        for time, (_, row), excess in zip(
+            run.fixed_times.tolist(), run.at_times().iterrows(), kurtosis, strict=True
+        ):
             decay = math.exp(-2.0 * BETA * time)
-            v = speed_variance(time + phase, BETA, sigma) - decay * speed_variance(phase, BETA, sigma)
-            truths = {"x1": ("E x", 0.0), "cov_x1_x1": ("E x^2", BOX**2 / 3.0), "cov_x1_y1": ("E x y", 0.0)}
+            v = speed_variance(time + phase, BETA, sigma) - decay * speed_variance(
+                phase, BETA, sigma
+            )
+            truths = {
+                "x1": ("E x", 0.0),
+                "cov_x1_x1": ("E x^2", BOX**2 / 3.0),
+                "cov_x1_y1": ("E x y", 0.0),
+            }
             truths |= {"y1": ("E y", 0.0), "cov_y1_y1": ("E y^2", v)}
-            yield from _compare(row, {q: (f"{name} at {time:.2f}", truth) for q, (name, truth) in truths.items()})
-            yield Check(f"kurtosis of y at {time:.2f}", excess, 0.0, math.sqrt(24.0 / GAUSSIAN_PATHS))
+            yield from _compare(
+                row, {q: (f"{name} at {time:.2f}", truth) for q, (name, truth) in truths.items()}
+            )
+            yield Check(
+                f"kurtosis of y at {time:.2f}", excess, 0.0, math.sqrt(24.0 / GAUSSIAN_PATHS)
+            )
 
     return checks(), {
         f"restitution {LOSSY:g}": checks(lossy),

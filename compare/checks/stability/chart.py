@@ -1,6 +1,8 @@
-"""The map: scenes on its axes with their references, verdicts on a scheme with a time step there, and the whole of it.
+"""The map: scenes on its axes with their references, verdicts on a scheme with a time step there,
+and the whole of it.
 
-Steps are admissible and longer ones, and the default step; beside it stand exact flights against their covariance.
+Steps are admissible and longer ones, and the default step; beside it stand exact flights against
+their covariance.
 """
 
 import math
@@ -19,7 +21,12 @@ from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.compare.validation.verdict import Tolerances, at_wall, widest
 from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
-from rattle.montecarlo.diagnostics.diagnostics import COLLAPSE, diagnose_rare_branch, diagnose_short_step, motion_units
+from rattle.montecarlo.diagnostics.diagnostics import (
+    COLLAPSE,
+    diagnose_rare_branch,
+    diagnose_short_step,
+    motion_units,
+)
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
@@ -27,25 +34,41 @@ from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance
 
-SIGMA, HALF_GAP = 0.3, 0.5
-PHASE, INSIDE = 1.0, 0.2  # of the start: its phase, and x2 over the half gap
+SIGMA = 0.3
+HALF_GAP = 0.5
+# of the start: its phase, and x2 over the half gap
+PHASE = 1.0
+INSIDE = 0.2
 SPEED = 2.0  # speed of the start in the half gap of DAT21
 
 
-def moderate(*, beta: float | None = None, gap: float = HALF_GAP, sigma: float = SIGMA, epsilon: float = 0.9) -> Scene:
+def moderate(
+    *, beta: float | None = None, gap: float = HALF_GAP, sigma: float = SIGMA, epsilon: float = 0.9
+) -> Scene:
     """Build DAT21 with some fields changed, and a start at a matching speed.
 
-    The start is just before an impact at mesh 1, at a phase where the noise acts; the second stage is inside its gap,
-    so that the two meshes are not struck together.  The speed is proportional to the square root of the gap g, as under
-    constant acceleration.  It is at least ``(g sigma^2)^(1/3)``, which noise creates in a crossing, and at least g, so
-    that a wide gap is crossed before the velocity is damped.
+    The start is just before an impact at mesh 1, at a phase where the noise acts; the second stage
+    is inside its gap, so that the two meshes are not struck together.  The speed is proportional to
+    the square root of the gap g, as under constant acceleration.  It is at least ``(g
+    sigma^2)^(1/3)``, which noise creates in a crossing, and at least g, so that a wide gap is
+    crossed before the velocity is damped.
     """
     pair = Scene.from_gears(DAT21)
     speed = max(SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
-    beta1, beta2 = (pair.beta1, pair.beta2) if beta is None else (beta, beta * pair.beta2 / pair.beta1)
+    beta1, beta2 = (
+        (pair.beta1, pair.beta2) if beta is None else (beta, beta * pair.beta2 / pair.beta1)
+    )
     start = Start(PHASE, gap, speed, INSIDE * gap, speed, mesh=1)
     return replace(
-        pair, gears=None, start=start, beta1=beta1, beta2=beta2, gap1=gap, gap2=gap, sigma=sigma, epsilon=epsilon
+        pair,
+        gears=None,
+        start=start,
+        beta1=beta1,
+        beta2=beta2,
+        gap1=gap,
+        gap2=gap,
+        sigma=sigma,
+        epsilon=epsilon,
     )
 
 
@@ -58,25 +81,38 @@ class MapAxis(NamedTuple):
 
 
 AXES = {
-    "beta": MapAxis(r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3), lambda v: moderate(beta=v)),
-    "gap": MapAxis("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4), lambda v: moderate(gap=v)),
-    "sigma": MapAxis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4), lambda v: moderate(sigma=v)),
-    "epsilon": MapAxis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0), lambda v: moderate(epsilon=v)),
+    "beta": MapAxis(
+        r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3), lambda v: moderate(beta=v)
+    ),
+    "gap": MapAxis(
+        "half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4), lambda v: moderate(gap=v)
+    ),
+    "sigma": MapAxis(
+        r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4), lambda v: moderate(sigma=v)
+    ),
+    "epsilon": MapAxis(
+        r"restitution $\epsilon$",
+        (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0),
+        lambda v: moderate(epsilon=v),
+    ),
 }
 """All axes by name."""
 
 
 IMPACTS = 4
 FINER = 4.0  # the default step of exact flights over the step of the reference
-MOST_KURTOSIS = 30.0  # excess kurtosis above which too few paths contribute to an sd for a reliable error
+# excess kurtosis above which too few paths contribute to an sd for a reliable error
+MOST_KURTOSIS = 30.0
 CROSSINGS = 40.0  # horizon of a path, in crossings of a half gap at the speed of the start
 
 
 class Reference(NamedTuple):
     """Reference section moments of a cell."""
 
-    columns: Mapping[str, NDArray[Any]]  # means, sds and their standard errors, as `Ensemble.columns`
-    # units of the errors, see `rattle.montecarlo.diagnostics.diagnostics.motion_units`; NaN where none is judged
+    # means, sds and their standard errors, as `Ensemble.columns`
+    columns: Mapping[str, NDArray[Any]]
+    # units of the errors, see `rattle.montecarlo.diagnostics.diagnostics.motion_units`; NaN where
+    # none is judged
     unit: dict[str, Floats]
     late: float  # share of the paths that did not complete their impacts before the horizon
 
@@ -87,33 +123,58 @@ def horizon_of(scene: Scene) -> float:
 
 
 def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference:
-    """Compute the reference by exact flights at a quarter of their default step, or by root finding without noise.
+    """Compute the reference by exact flights at a quarter of their default step, or by root finding
+    without noise.
 
-    Not judged are the quantities that `rattle.compare.validation.verdict.RULE` leaves out, and those whose variance
-    comes from less than about 3 % of the paths, for which standard errors are unreliable.
+    Not judged are the quantities that `rattle.compare.validation.verdict.RULE` leaves out, and
+    those whose variance comes from less than about 3 % of the paths, for which standard errors are
+    unreliable.
     """
-    columns, late = _orbit(scene), 0.0
+    columns = _orbit(scene)
+    late = 0.0
     if scene.sigma > 0.0:
-        step, sampling = default_step(scene, "exact-flight") / FINER, Sampling(horizon=horizon_of(scene))
-        run = simulate(scene, paths=paths, impacts=IMPACTS, dt=step, rng=seed, sampling=sampling, workers=workers)
-        columns, late = run.columns, run.unfinished / run.paths
+        step = default_step(scene, "exact-flight") / FINER
+        sampling = Sampling(horizon=horizon_of(scene))
+        run = simulate(
+            scene,
+            paths=paths,
+            impacts=IMPACTS,
+            dt=step,
+            rng=seed,
+            sampling=sampling,
+            workers=workers,
+        )
+        columns = run.columns
+        late = run.unfinished / run.paths
     unit = motion_units(columns, scene)
     for q in SECTION:
         rare = np.nan_to_num(columns["kurt_" + q]) > MOST_KURTOSIS
-        unit[q] = np.where(at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q]), np.nan, unit[q])
+        unit[q] = np.where(
+            at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q]), np.nan, unit[q]
+        )
     return Reference(columns, unit, late)
 
 
 def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
     """The noise-free path by root finding, in the columns of an ensemble."""
     s = LongOrbit(scene).stretch(IMPACTS, tangent=False)
-    columns = {"tau": np.cumsum([scene.start.tau, *s.flight])[1:], "flight": s.flight, "mesh": np.abs(s.code)}
+    columns = {
+        "tau": np.cumsum([scene.start.tau, *s.flight])[1:],
+        "flight": s.flight,
+        "mesh": np.abs(s.code),
+    }
     columns |= dict(zip(STATE, s.before.T, strict=True))
     nothing = np.zeros(IMPACTS)
-    return columns | {prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")}
+    return columns | {
+        prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")
+    }
 
 
-UNBIASED, BIASED, UNDECIDED, UNSTABLE, COLLAPSING = "unbiased", "biased", "undecided", "unstable", "no limit"
+UNBIASED = "unbiased"
+BIASED = "biased"
+UNDECIDED = "undecided"
+UNSTABLE = "unstable"
+COLLAPSING = "no limit"
 FIRST = 2 * BLOCK  # paths of the first attempt at a verdict
 GROWTH = 8  # factor on the number of paths while the verdict is undecided
 LATE = 0.05  # admissible excess of the share of abandoned paths over that of the reference
@@ -124,14 +185,17 @@ class Judged(NamedTuple):
     """The verdict on a cell, with its evidence."""
 
     # ``unbiased``: all moments are within the tolerance, intervals included.  ``biased``: one of
-    # them is outside, interval included.  ``undecided``: neither.  ``unstable``: moments are not finite, speeds are
-    # ten times too large, or paths are abandoned.  ``no limit``: the scheme cannot converge as the step decreases
+    # them is outside, interval included.  ``undecided``: neither.  ``unstable``: moments are not
+    # finite, speeds are ten times too large, or paths are abandoned.  ``no limit``: the scheme
+    # cannot converge as the step decreases
     verdict: str
-    # error, half: error of the decisive moment, and the half width of its interval, in units of the tolerance
+    # error, half: error of the decisive moment, and the half width of its interval, in units of the
+    # tolerance
     error: float
     half: float
     where: str  # the decisive moment, or the kind of instability
-    # whether the run reports a diagnostic of its step; that a default step was shortened does not count
+    # whether the run reports a diagnostic of its step; that a default step was shortened does not
+    # count
     diagnosed: bool
     paths: int  # simulated paths
     moments: int  # number of moments that are judged
@@ -143,27 +207,46 @@ def looks(paths: int) -> int:
 
 
 def judge(
-    scene: Scene, beside: Reference, *, scheme: str, dt: float, paths: int, seed: int, workers: int, z: float
+    scene: Scene,
+    beside: Reference,
+    *,
+    scheme: str,
+    dt: float,
+    paths: int,
+    seed: int,
+    workers: int,
+    z: float,
 ) -> Judged:
-    """Simulate a cell with any time step, with more paths while the verdict is undecided, and judge it."""
-    sampling, first = Sampling(horizon=max(horizon_of(scene), 4.0 * dt)), min(paths, FIRST)
+    """Simulate a cell with any time step, with more paths while the verdict is undecided, and judge
+    it."""
+    sampling = Sampling(horizon=max(horizon_of(scene), 4.0 * dt))
+    first = min(paths, FIRST)
     with np.errstate(all="ignore"):  # unstable runs overflow
         plan = plan_of(scene, first, IMPACTS, dt, scheme, seed, sampling=sampling, any_step=True)
         merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
         run = Ensemble(plan, first, merged, None, None, 0.0)
-        while (found := _verdict(run, beside, z))[0] == UNDECIDED and run.paths < paths and is_random(scene):
+        while (
+            (found := _verdict(run, beside, z))[0] == UNDECIDED
+            and run.paths < paths
+            and is_random(scene)
+        ):
             run = extend(run, min(paths, GROWTH * run.paths), in_threads(workers))
-        diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(diagnose_rare_branch(run))
+        diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(
+            diagnose_rare_branch(run)
+        )
         moments = 2 * sum(int(np.isfinite(unit).sum()) for unit in beside.unit.values())
         return Judged(*found, diagnosed, run.plan.paths, moments)
 
 
 def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, float, str]:
-    a, b, rows = run.columns, beside.columns, []
+    a = run.columns
+    b = beside.columns
+    rows = []
     for p, name, tolerance in (("", "mean", Tolerances().mean), ("sd_", "sd", Tolerances().sd)):
         for q in SECTION:
             unit = tolerance * beside.unit[q]
-            off, half = np.abs(a[p + q] - b[p + q]) / unit, z * np.hypot(a["se_" + p + q], b["se_" + p + q]) / unit
+            off = np.abs(a[p + q] - b[p + q]) / unit
+            half = z * np.hypot(a["se_" + p + q], b["se_" + p + q]) / unit
             judged = np.flatnonzero(np.isfinite(unit))
             rows += [(off[k], half[k], f"{name} of {q} at impact {k + 1}") for k in judged]
     error, half = np.array([row[:2] for row in rows]).T
@@ -174,7 +257,11 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
 
     wrong = _describe_instability(run, beside)
     if run.scene.sigma > 0.0 and run.scene.epsilon == 0.0:
-        return COLLAPSING, *at(error)[:2], "at restitution 0 noise makes infinitely many impacts in a finite time"
+        return (
+            COLLAPSING,
+            *at(error)[:2],
+            "at restitution 0 noise makes infinitely many impacts in a finite time",
+        )
     if wrong:
         return UNSTABLE, *at(error)[:2], wrong
     if (error - half > 1.0).any():
@@ -185,10 +272,13 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
 def _describe_instability(run: Ensemble, beside: Reference) -> str:
     """Description of an instability; empty if there is none."""
     reached = np.isfinite(beside.columns["tau"])
-    if not all(np.isfinite(run.columns[q][reached]).all() for q in ("tau", "y1", "y2", "sd_y1", "sd_y2")):
+    if not all(
+        np.isfinite(run.columns[q][reached]).all() for q in ("tau", "y1", "y2", "sd_y1", "sd_y2")
+    ):
         return "moments are not finite"
     ours, theirs = (
-        max(float(np.nanmax(np.hypot(c[y], c["sd_" + y]))) for y in ("y1", "y2")) for c in (run.columns, beside.columns)
+        max(float(np.nanmax(np.hypot(c[y], c["sd_" + y]))) for y in ("y1", "y2"))
+        for c in (run.columns, beside.columns)
     )
     if ours > FAST * theirs:
         return f"speeds are {ours / theirs:.1e} times those of the reference"
@@ -200,15 +290,16 @@ def _describe_instability(run: Ensemble, beside: Reference) -> str:
 REFERENCE = 4  # the reference has so many times the paths of a cell
 SHARES = (1 / 32, 1 / 8, 1 / 2, 1.0, 4.0, 16.0)
 """Time steps, in units of the longest admissible one."""
-OUTSIDE = 8 * BLOCK  # most paths of a cell with an inadmissible step (large errors), or with slowly collapsing paths
+# most paths of a cell with an inadmissible step (large errors), or with slowly collapsing paths
+OUTSIDE = 8 * BLOCK
 
 
 class Chart(NamedTuple):
     """The measured map."""
 
-    # A row for each cell: ``scheme, axis, value, dt, share`` (dt over the longest admissible step), ``why`` (what
-    # limits that step), ``default`` (whether dt is the default step), and the attributes of
-    # `Judged`
+    # A row for each cell: ``scheme, axis, value, dt, share`` (dt over the longest admissible step),
+    # ``why`` (what limits that step), ``default`` (whether dt is the default step), and the
+    # attributes of `Judged`
     table: pd.DataFrame
     z: float  # half width of the intervals in standard errors, for 95 % simultaneous coverage
     impacts: int = IMPACTS  # of each path
@@ -220,7 +311,8 @@ class Chart(NamedTuple):
 
     @property
     def without_diagnostic(self) -> pd.DataFrame:
-        """Admissible cells that are biased or unstable without a diagnostic of the run: there should be none."""
+        """Admissible cells that are biased or unstable without a diagnostic of the run: there
+        should be none."""
         cells = self.admissible
         return cells[cells["verdict"].isin((BIASED, UNSTABLE)) & ~cells["diagnosed"]]
 
@@ -229,7 +321,12 @@ class Chart(NamedTuple):
 class Place(Cell):
     """The cells of the map at one value of an axis: every scheme, at every step."""
 
-    packages: ClassVar[tuple[str, ...]] = ("closure", "montecarlo", "compare/checks/stability", "compare/validation")
+    packages: ClassVar[tuple[str, ...]] = (
+        "closure",
+        "montecarlo",
+        "compare/checks/stability",
+        "compare/validation",
+    )
     group: ClassVar[str] = "places of the map"
 
     scene: Scene
@@ -249,7 +346,10 @@ class Place(Cell):
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Judge the cells."""
-        scene, paths, seed, rows = self.scene, self.asked["paths"], self.asked["seed"], []
+        scene = self.scene
+        paths = self.asked["paths"]
+        seed = self.asked["seed"]
+        rows = []
         slow = scene.sigma > 0.0 and scene.epsilon < COLLAPSE
         enough = min(paths, (OUTSIDE if scene.epsilon > 0.0 else BLOCK)) if slow else paths
         beside = reference(scene, paths=REFERENCE * enough, seed=seed + 1, workers=1)
@@ -259,8 +359,24 @@ class Place(Cell):
             steps = [(share * largest, share, False) for share in SHARES]
             for dt, share, default in (*steps, (own, own / largest, True)):
                 most = enough if share <= 1.0 else min(paths, OUTSIDE)
-                found = judge(scene, beside, scheme=scheme, dt=dt, paths=most, seed=seed, workers=1, z=self.asked["z"])
-                cell = {"scheme": scheme, "axis": self.axis, "value": self.value, "dt": dt, "share": share, "why": why}
+                found = judge(
+                    scene,
+                    beside,
+                    scheme=scheme,
+                    dt=dt,
+                    paths=most,
+                    seed=seed,
+                    workers=1,
+                    z=self.asked["z"],
+                )
+                cell = {
+                    "scheme": scheme,
+                    "axis": self.axis,
+                    "value": self.value,
+                    "dt": dt,
+                    "share": share,
+                    "why": why,
+                }
                 rows.append(cell | {"default": default} | found._asdict())
         return pd.DataFrame(rows), {}
 
@@ -277,30 +393,40 @@ def chart(
 ) -> Chart:
     """Measure the map.
 
-    `points`: Number of values on each axis, up to 7, spread from end to end. `paths`: Largest number of paths of
-    a cell; fewer are simulated if they suffice for a verdict. `folder`: Where results are stored: the same map
-    continues there after an interruption.
+    `points`: Number of values on each axis, up to 7, spread from end to end. `paths`: Largest
+    number of paths of a cell; fewer are simulated if they suffice for a verdict. `folder`: Where
+    results are stored: the same map continues there after an interruption.
     """
-    chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]  # of the seven values of an axis
+    # of the seven values of an axis
+    chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]
     places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
-    z = widest(len(places) * len(schemes) * (len(SHARES) + 1) * 2 * len(SECTION) * IMPACTS * looks(paths))
+    z = widest(
+        len(places) * len(schemes) * (len(SHARES) + 1) * 2 * len(SECTION) * IMPACTS * looks(paths)
+    )
     asked = {"schemes": list(schemes), "paths": paths, "seed": seed, "z": z}
     cells = [Place(AXES[axis].scene(value), axis, value, asked) for axis, value in places]
-    return Chart(pd.concat([content.table for content in obtain_all(cells, folder, workers)], ignore_index=True), z)
+    return Chart(
+        pd.concat(
+            [content.table for content in obtain_all(cells, folder, workers)], ignore_index=True
+        ),
+        z,
+    )
 
 
-FLIGHT = 0.2  # flight time from tau = 0, where the noise has no modulation yet: the most demanding flight
+# flight time from tau = 0, where the noise has no modulation yet: the most demanding flight
+FLIGHT = 0.2
 OPEN = 1e6  # half gap that no path crosses
 STEPS = (1 / 8, 1.0)  # time steps, in units of the longest admissible one
 TOLERANCE = 0.10  # admissible relative error of an sd, as for the sds of the map
 
 
 def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) -> pd.DataFrame:
-    """Compare simulated sds after a flight with `rattle.scene.flight.noise_covariance`, for each damping of the map.
+    """Compare simulated sds after a flight with `rattle.scene.flight.noise_covariance`, for each
+    damping of the map.
 
-    Returns: Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity with the largest
-    error ``quantity, error`` (relative, of its sd) and ``half`` (half width of its interval); ``holds`` (whether
-    all quantities are within 10 %).
+    Returns: Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity
+    with the largest error ``quantity, error`` (relative, of its sd) and ``half`` (half width of its
+    interval); ``holds`` (whether all quantities are within 10 %).
     """
     values = AXES["beta"].values[:points]
     z = widest(len(values) * len(STEPS) * len(STATE))
@@ -312,14 +438,30 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
         for share in STEPS:
             steps = np.ceil(FLIGHT / (share * largest))
             chosen: dict[str, Any] = {"dt": FLIGHT / steps, "rng": seed, "workers": workers}
-            sampling, record = Sampling(horizon=1.5 * FLIGHT), Record(times=[FLIGHT])
-            run = simulate(scene, paths=paths, impacts=1, sampling=sampling, record=record, **chosen)
+            sampling = Sampling(horizon=1.5 * FLIGHT)
+            record = Record(times=[FLIGHT])
+            run = simulate(
+                scene, paths=paths, impacts=1, sampling=sampling, record=record, **chosen
+            )
             table = run.at_times().iloc[0]
             exact = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
-            found, se = (table[[f"{prefix}cov_{q}_{q}" for q in STATE]].to_numpy() for prefix in ("", "se_"))
-            exact = np.where(exact > 1e-12 * exact.max(), exact, np.nan)  # what does not vary has no relative error
+            found, se = (
+                table[[f"{prefix}cov_{q}_{q}" for q in STATE]].to_numpy() for prefix in ("", "se_")
+            )
+            # what does not vary has no relative error
+            exact = np.where(exact > 1e-12 * exact.max(), exact, np.nan)
             error, half = np.nan_to_num([np.sqrt(found / exact) - 1.0, z * se / (2.0 * exact)])
             within = np.abs(error) + half
             k = int(within.argmax())
-            rows.append((beta, run.dt, share, STATE[k], float(error[k]), float(half[k]), bool(within[k] <= TOLERANCE)))
+            rows.append(
+                (
+                    beta,
+                    run.dt,
+                    share,
+                    STATE[k],
+                    float(error[k]),
+                    float(half[k]),
+                    bool(within[k] <= TOLERANCE),
+                )
+            )
     return pd.DataFrame(rows, columns=["beta", "dt", "share", "quantity", "error", "half", "holds"])

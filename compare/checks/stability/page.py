@@ -12,7 +12,15 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from rattle.compare.checks.check import Result, extreme_record
-from rattle.compare.checks.stability.chart import AXES, BIASED, COLLAPSING, UNBIASED, UNDECIDED, UNSTABLE, Chart
+from rattle.compare.checks.stability.chart import (
+    AXES,
+    BIASED,
+    COLLAPSING,
+    UNBIASED,
+    UNDECIDED,
+    UNSTABLE,
+    Chart,
+)
 from rattle.compare.report.save import contents, save_report
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.report.texts import SCHEME_TERMS, glossary, read_texts
@@ -32,15 +40,23 @@ BESIDE = 0.28  # horizontal offset of the cell at the default step, in columns
 
 
 def summary(table: pd.DataFrame) -> Drawing:
-    """Draw how many cells with an admissible step have which verdict, at the default step and at all of them."""
-    schemes, cells = list(dict.fromkeys(table["scheme"])), table[table["share"] <= 1.0]
+    """Draw how many cells with an admissible step have which verdict, at the default step and at
+    all of them."""
+    schemes = list(dict.fromkeys(table["scheme"]))
+    cells = table[table["share"] <= 1.0]
     drawn, panels = new_figure(10.0, 0.42 * len(schemes) + 1.2, 1, 2)
     shown = (("at the default step", cells[cells["default"]]), ("at every admissible step", cells))
     for (title, part), ax in zip(shown, panels, strict=True):
         left = pd.Series(0, index=schemes)
         for verdict in [v for v in MARKS if v in set(cells["verdict"])]:
-            counts = part[part["verdict"] == verdict]["scheme"].value_counts().reindex(schemes, fill_value=0)
-            bars = ax.barh(schemes, counts, left=left, color=MARKS[verdict]["color"], height=0.7, label=verdict)
+            counts = (
+                part[part["verdict"] == verdict]["scheme"]
+                .value_counts()
+                .reindex(schemes, fill_value=0)
+            )
+            bars = ax.barh(
+                schemes, counts, left=left, color=MARKS[verdict]["color"], height=0.7, label=verdict
+            )
             if counts.any():
                 texts = [str(n) if n else "" for n in counts]
                 ax.bar_label(bars, texts, label_type="center", color="white", fontsize=8)
@@ -56,23 +72,34 @@ def summary(table: pd.DataFrame) -> Drawing:
 
 def figure(table: pd.DataFrame) -> Drawing:
     """Draw the map."""
-    schemes, axes = list(dict.fromkeys(table["scheme"])), list(dict.fromkeys(table["axis"]))
-    drawn, panels = new_figure(2.9 * len(axes) + 0.8, 2.7 * len(schemes) + 0.9, len(schemes), len(axes))
+    schemes = list(dict.fromkeys(table["scheme"]))
+    axes = list(dict.fromkeys(table["axis"]))
+    drawn, panels = new_figure(
+        2.9 * len(axes) + 0.8, 2.7 * len(schemes) + 0.9, len(schemes), len(axes)
+    )
     for ax, (scheme, axis) in zip(panels, product(schemes, axes), strict=True):
         _draw_panel(ax, table[(table["scheme"] == scheme) & (table["axis"] == axis)])
         if axis == axes[0]:
             ax.set_ylabel(f"{scheme}\nstep dt")
         if scheme == schemes[-1]:
             ax.set_xlabel(AXES[axis].symbol)
-    drawn.legend(handles=_legend(set(table["verdict"])), loc="outside upper center", ncols=round(1.25 * len(axes)))
+    drawn.legend(
+        handles=_legend(set(table["verdict"])),
+        loc="outside upper center",
+        ncols=round(1.25 * len(axes)),
+    )
     return drawn
 
 
 def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
     values = list(dict.fromkeys(part["value"]))
-    longest = [float(group["dt"].iloc[0] / group["share"].iloc[0]) for _, group in part.groupby("value", sort=False)]
+    longest = [
+        float(group["dt"].iloc[0] / group["share"].iloc[0])
+        for _, group in part.groupby("value", sort=False)
+    ]
     ax.set_yscale("log")
-    low, high = 0.4 * part["dt"].min(), 2.5 * part["dt"].max()
+    low = 0.4 * part["dt"].min()
+    high = 2.5 * part["dt"].max()
     edges = [-0.5, *range(len(values)), len(values) - 0.5]
     line = [longest[0], *longest, longest[-1]]
     ax.fill_between(edges, line, high, color=REFUSED, lw=0)
@@ -82,25 +109,52 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
         x = values.index(cell["value"]) + (BESIDE if cell["default"] else 0.0)
         face = "white" if cell["diagnosed"] and cell["share"] <= 1.0 else style["color"]
         size = 4.0 if cell["default"] else 5.5
-        ax.plot(x, cell["dt"], style["marker"], ms=size, mec=style["color"], mfc=face, mew=1.2, ls="")
+        ax.plot(
+            x, cell["dt"], style["marker"], ms=size, mec=style["color"], mfc=face, mew=1.2, ls=""
+        )
     ax.set(ylim=(low, high), xlim=(-0.5, len(values) - 0.5))
     ax.set_xticks(range(len(values)), [f"{v:g}" for v in values], fontsize=7.5)
 
 
 def _legend(verdicts: set[str]) -> list[Line2D]:
     return [
-        *(Line2D([], [], ls="", ms=6, label=name, **style) for name, style in MARKS.items() if name in verdicts),
-        Line2D([], [], ls="", marker="s", ms=6, mfc="white", mec="k", label="hollow: with a diagnostic"),
+        *(
+            Line2D([], [], ls="", ms=6, label=name, **style)
+            for name, style in MARKS.items()
+            if name in verdicts
+        ),
+        Line2D(
+            [], [], ls="", marker="s", ms=6, mfc="white", mec="k", label="hollow: with a diagnostic"
+        ),
         Line2D([], [], color="k", lw=1.3, label="longest admissible step"),
         Line2D([], [], ls="", marker="s", ms=9, color=REFUSED, label="refused"),
-        Line2D([], [], ls="", marker="o", ms=4, mfc="k", mec="k", label="small, to the right: the default step"),
+        Line2D(
+            [],
+            [],
+            ls="",
+            marker="o",
+            ms=4,
+            mfc="k",
+            mec="k",
+            label="small, to the right: the default step",
+        ),
     ]
 
 
-CONTENTS = contents("stability", figures=["verdicts", "stability"], tables=["stability", "covariance", "extremes"])
+CONTENTS = contents(
+    "stability", figures=["verdicts", "stability"], tables=["stability", "covariance", "extremes"]
+)
 """Files of such a folder; a folder with any other file is not overwritten."""
 
-MAP_TERMS = ("admissible step", "default step", "diagnostic", "unbiased", "biased", "unstable", "no limit")
+MAP_TERMS = (
+    "admissible step",
+    "default step",
+    "diagnostic",
+    "unbiased",
+    "biased",
+    "unstable",
+    "no limit",
+)
 WORDS = (*SCHEME_TERMS, *MAP_TERMS, "standard error", "σ", "ε", "E, sd", "impact", "sticking")
 SAID: dict[str, str] = read_texts("checks.stability")
 """Sentences of the answer."""
@@ -109,15 +163,23 @@ MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
 
 def answer(found: Chart) -> list[str]:
     """Summarise the map in sentences."""
-    cells, undiagnosed = found.admissible, found.without_diagnostic
-    counts = {v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)}
+    cells = found.admissible
+    undiagnosed = found.without_diagnostic
+    counts = {
+        v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)
+    }
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
-    numbers = counts | {"cells": len(cells), "diagnosed": wrong["diagnosed"].sum(), "wrong": len(wrong)}
+    numbers = counts | {
+        "cells": len(cells),
+        "diagnosed": wrong["diagnosed"].sum(),
+        "wrong": len(wrong),
+    }
     said = [_advice(found), SAID["cells"].format(**numbers)]
     if len(undiagnosed):
         said.append(SAID["undiagnosed"].format(len(undiagnosed)))
     for scheme, own in found.table[found.table["default"]].groupby("scheme", sort=False):
-        good, diagnosed = own["verdict"] == UNBIASED, own["diagnosed"].astype(bool)
+        good = own["verdict"] == UNBIASED
+        diagnosed = own["diagnosed"].astype(bool)
         said.append(SAID["scheme"].format(scheme, good.sum(), len(own), (~good & diagnosed).sum()))
     return said
 
@@ -125,22 +187,37 @@ def answer(found: Chart) -> list[str]:
 def _advice(found: Chart) -> str:
     """Which scheme to take, by the cells at the default step."""
     own = found.table[found.table["default"]]
-    good = (own["verdict"] == UNBIASED).groupby(own["scheme"], sort=False).sum().sort_values(ascending=False)
+    good = (
+        (own["verdict"] == UNBIASED)
+        .groupby(own["scheme"], sort=False)
+        .sum()
+        .sort_values(ascending=False)
+    )
     wrong = own["verdict"].isin((BIASED, UNSTABLE)).groupby(own["scheme"], sort=False).sum()
-    best, of = good.index[0], len(own) // len(good)
+    best = good.index[0]
+    of = len(own) // len(good)
     others = [f"{n} for `{scheme}`" for scheme, n in good.iloc[1:].items()]
     beside = f" (unbiased: {join_words(others)})" if others else ""
     return SAID["advice"].format(best, good.iloc[0], of, wrong[best] or "none", beside)
 
 
 def write_stability(
-    out: Path, found: Chart, covariance: pd.DataFrame, tried: Sequence[Result], record: dict[str, Any], overwrite: bool
+    out: Path,
+    found: Chart,
+    covariance: pd.DataFrame,
+    tried: Sequence[Result],
+    record: dict[str, Any],
+    overwrite: bool,
 ) -> list[str]:
     """Write the folder of the map atomically."""
     said = answer(found)
     if tried:
-        said.append(f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and samplers hold.")
-    cells, moments = found.admissible[found.admissible["verdict"] != COLLAPSING], found.table["moments"]
+        said.append(
+            f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and"
+            " samplers hold."
+        )
+    cells = found.admissible[found.admissible["verdict"] != COLLAPSING]
+    moments = found.table["moments"]
     table = found.table.assign(
         mark=[MARK.get(verdict, "open") for verdict in found.table["verdict"]],
         said=np.where(found.table["diagnosed"], "yes", "no"),
@@ -160,7 +237,29 @@ def write_stability(
             mark=np.where(extremes["holds"], "good", "bad"),
             relative=extremes["unit"].replace("z", "standard errors"),
         )
-    values = {"impacts": found.impacts, "z": found.z, "fewest": moments.min(), "most": moments.max()}
-    content: dict[str, Any] = {"figures": drawn, "tables": tables, "digits": "%.6g", "package": "checks.stability"}
-    content |= {"allowed": CONTENTS, "overwrite": overwrite, "values": values | Tolerances()._asdict()}
-    return save_report(out, "stability", "Where is each scheme stable and unbiased?", said, record, parts, **content)
+    values = {
+        "impacts": found.impacts,
+        "z": found.z,
+        "fewest": moments.min(),
+        "most": moments.max(),
+    }
+    content: dict[str, Any] = {
+        "figures": drawn,
+        "tables": tables,
+        "digits": "%.6g",
+        "package": "checks.stability",
+    }
+    content |= {
+        "allowed": CONTENTS,
+        "overwrite": overwrite,
+        "values": values | Tolerances()._asdict(),
+    }
+    return save_report(
+        out,
+        "stability",
+        "Where is each scheme stable and unbiased?",
+        said,
+        record,
+        parts,
+        **content,
+    )

@@ -11,7 +11,16 @@ from commands import rattle
 from matplotlib.path import Path as Polygon
 
 from rattle.closure.orbit import follow
-from rattle.compare.animation.page import GENERATOR, LARGEST, PLAY, TOOTH, Wheel, animation, check_file, outline
+from rattle.compare.animation.page import (
+    GENERATOR,
+    LARGEST,
+    PLAY,
+    TOOTH,
+    Wheel,
+    animation,
+    check_file,
+    outline,
+)
 from rattle.compare.animation.record import FEWEST, MOST_IMPACTS, SCHEME, record
 from rattle.montecarlo import Record, default_step, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
@@ -24,7 +33,9 @@ SCENES = {
     "gears": GEARS,
     "single stage": Scene.from_gears(DAT21, sigma=0.1, stages=1),
     "tolerance": Scene.from_gears(DAT21, tolerance=Tolerance(0.1, 0.05)),
-    "contact": Scene.from_gears(DAT21, sigma=0.1, tolerance=Tolerance(0.1, 0.05, "normal", "contact")),
+    "contact": Scene.from_gears(
+        DAT21, sigma=0.1, tolerance=Tolerance(0.1, 0.05, "normal", "contact")
+    ),
     "late": Scene.from_gears(DAT21, sigma=0.1, start=Start(1e12, 0.5, 2.0, 0.5, 2.0, 1)),
     "in flight": Scene(alpha=1.5, **PLAIN, sigma=0.1, start=Start()),
     "strong drive": Scene(alpha=1e5, **PLAIN, sigma=10.0),
@@ -60,14 +71,18 @@ def test_recorded_paths(name):
         assert np.isnan(motion.x2).all() == (scene.stages == 1)
     middle = shown.orbit.time[len(shown.orbit.time) // 2]
     state = orbit.state(middle + scene.phase)[::2][: scene.stages]
-    np.testing.assert_allclose([shown.orbit.x1[shown.orbit.time == middle][0], *state[1:]], state, rtol=1e-9)
+    np.testing.assert_allclose(
+        [shown.orbit.x1[shown.orbit.time == middle][0], *state[1:]], state, rtol=1e-9
+    )
     assert len(animation(shown, name)) < LARGEST
 
 
 def test_the_path_is_the_simulated_one(shown):
     """Another run of the sampler, with another number of impacts, strikes at the same times."""
     dt = min(default_step(GEARS, SCHEME), shown.span / FEWEST)
-    raw = simulate(GEARS, paths=1, impacts=60, dt=dt, scheme=SCHEME, rng=1, record=Record(raw=True)).raw[0]
+    raw = simulate(
+        GEARS, paths=1, impacts=60, dt=dt, scheme=SCHEME, rng=1, record=Record(raw=True)
+    ).raw[0]
     raw = raw[raw[:, 0] <= shown.span]
     assert shown.path.impacts == len(raw)
     np.testing.assert_array_equal(shown.path.impact_time, raw[:, 0])
@@ -78,15 +93,18 @@ def polygon(wheel, degrees, centre):
     """Outline of a wheel, with its arcs as chords, turned clockwise on a screen and moved."""
     text = re.sub(r"A\S+ \S+ 0 0 1 ", " ", outline(wheel))
     numbers = np.array([float(n) for n in re.findall(r"-?\d+\.\d+", text)]).reshape(-1, 2)
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    c = math.cos(math.radians(degrees))
+    s = math.sin(math.radians(degrees))
     return numbers @ np.array([[c, s], [-s, c]]) + [centre, 0.0]
 
 
 @pytest.mark.parametrize("drive", [-1.3, -0.4, 0.0, 0.25, 0.9, 3.7])
 @pytest.mark.parametrize("side", [1, -1])
 def test_teeth_touch_where_the_backlash_ends(drive, side):
-    """Drawn as the script draws them: apart inside the gap, on each other beyond it, whatever the rotation."""
-    radius, gap = 1000.0, 0.5
+    """Drawn as the script draws them: apart inside the gap, on each other beyond it, whatever the
+    rotation."""
+    radius = 1000.0
+    gap = 0.5
     wheel = Wheel(radius, TOOTH)
     scale = PLAY * wheel.pitch / (2.0 * gap)
     driver = Wheel(radius, 1.0 - TOOTH - PLAY)
@@ -95,7 +113,9 @@ def test_teeth_touch_where_the_backlash_ends(drive, side):
         turn = math.degrees(scale / radius)
         one = polygon(wheel, 15.0 + turn * (drive - x1), 0.0)
         other = polygon(driver, -turn * drive, -2.0 * radius)
-        return Polygon(one).contains_points(other).any() or Polygon(other).contains_points(one).any()
+        return (
+            Polygon(one).contains_points(other).any() or Polygon(other).contains_points(one).any()
+        )
 
     assert not overlap(0.98 * side * gap)
     assert overlap(1.06 * side * gap)
@@ -103,7 +123,9 @@ def test_teeth_touch_where_the_backlash_ends(drive, side):
 
 def test_the_file_is_alone_and_small(page):
     assert len(page.encode()) < LARGEST
-    assert not re.search(r"https?:|//[a-z]|@import|url\(|\bsrc=|<link|<iframe|\bfetch\(|\bstyle=|\bon[a-z]+=", page)
+    assert not re.search(
+        r"https?:|//[a-z]|@import|url\(|\bsrc=|<link|<iframe|\bfetch\(|\bstyle=|\bon[a-z]+=", page
+    )
     assert all(address.startswith("#") for address in re.findall(r'href="([^"]*)"', page))
     assert "default-src &#39;none&#39;" in page
     assert GENERATOR in page[:1000]
@@ -113,7 +135,9 @@ def test_the_file_is_alone_and_small(page):
 
 def test_one_flash_for_each_impact(shown, page):
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
-    for key, motion, given in zip(("orbit", "path"), (shown.orbit, shown.path), data["paths"], strict=True):
+    for key, motion, given in zip(
+        ("orbit", "path"), (shown.orbit, shown.path), data["paths"], strict=True
+    ):
         assert len(given["hits"]) == len(given["codes"]) == motion.impacts
         marks = re.findall(rf'class="mark {key}" data-k="(\d+)"', page)
         assert sorted(map(int, marks)) == list(range(motion.impacts))
@@ -138,17 +162,26 @@ def test_hostile_names_are_escaped(shown):
         (GEARS, {"impacts": MOST_IMPACTS + 1}, "^impacts = 201: must be at most 200"),
         (GEARS, {"impacts": 2.5}, "^impacts = 2.5: give a whole number"),
         (GEARS, {"seed": -1}, "^seed = -1: must be at least 0"),
-        (Scene(alpha=0.0, **PLAIN | {"gamma1": 0.0, "gamma2": 0.0}, sigma=0.1), {}, "^impacts = 24: .*give at most"),
-        (Scene(alpha=1.5, **PLAIN | {"epsilon": 0.0}, sigma=0.1), {"impacts": 200}, "^impacts = 200: .*2000.*"),
+        (
+            Scene(alpha=0.0, **PLAIN | {"gamma1": 0.0, "gamma2": 0.0}, sigma=0.1),
+            {},
+            "^impacts = 24: .*give at most",
+        ),
+        (
+            Scene(alpha=1.5, **PLAIN | {"epsilon": 0.0}, sigma=0.1),
+            {"impacts": 200},
+            "^impacts = 200: .*2000.*",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_settings(scene, settings, message):
     with pytest.raises(InputError, match=message):
         record(scene, **settings)
 
 
 def test_what_may_be_replaced(tmp_path, page):
-    ours, foreign = tmp_path / "ours.html", tmp_path / "foreign.html"
+    ours = tmp_path / "ours.html"
+    foreign = tmp_path / "foreign.html"
     ours.write_text(page)
     foreign.write_text("<p>mine</p>")
     check_file(tmp_path / "new" / "a.html", False)

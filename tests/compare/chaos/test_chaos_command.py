@@ -39,11 +39,16 @@ def test_a_folder_of_chaos_is_whole_and_said_in_a_few_lines(tmp_path):
 @pytest.mark.usefixtures("undrawn")
 def test_one_stage_and_weak_noise_say_what_is_missing(tmp_path):
     scene = tmp_path / "one.toml"
-    scene.write_text("[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.083\ngamma1 = 0.057\nsigma = 0.01\nstages = 1\n")
+    scene.write_text(
+        "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.083\ngamma1 = 0.057\nsigma = 0.01\nstages"
+        " = 1\n"
+    )
     out = tmp_path / "out"
     done = run(str(scene), *SMALL, "--no-sweep", "--out", str(out))
     assert "too weak" in done.output
-    assert "per second" not in (out / "chaos.md").read_text(encoding="utf-8")  # it was not made from gears
+    assert "per second" not in (out / "chaos.md").read_text(
+        encoding="utf-8"
+    )  # it was not made from gears
     assert not (out / "sweep.csv").exists()
     assert pd.read_csv(out / "exponents.csv")["exponent"].max() == 2
 
@@ -59,7 +64,10 @@ def test_what_gears_that_stick_do_not_have_is_left_out_with_its_reason(tmp_path)
     page = (out / "chaos.md").read_text(encoding="utf-8")
     for text in (done.output, page):
         assert "the spectra of the orbit (the orbit sticks often)" in text
-        assert "the square-root law and the finite-size exponents (the noisy path sticks often)." in text
+        assert (
+            "the square-root law and the finite-size exponents (the noisy path sticks often)."
+            in text
+        )
         assert "give " not in text
     assert {p.stem for p in out.glob("*.svg")} == {"section", "spectra"}
     assert not (out / "fsle.csv").exists()

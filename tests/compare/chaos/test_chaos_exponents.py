@@ -6,11 +6,26 @@ from scipy import signal
 
 from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.chaos import sweep as sweeps
-from rattle.compare.chaos.exponents import crossings, drift_exponents, finite_size, fit, lyapunov, ratio_mean, sqrt_law
+from rattle.compare.chaos.exponents import (
+    crossings,
+    drift_exponents,
+    finite_size,
+    fit,
+    lyapunov,
+    ratio_mean,
+    sqrt_law,
+)
 from rattle.compare.chaos.measure import mean_maps
 from rattle.compare.chaos.record import Regime, noisy_record
 from rattle.compare.chaos.section import NOISY, ORBIT, sections
-from rattle.compare.chaos.spectrum import FALSE_ALARM, SEQUENCE, TIME, spectra, spectra_tables, welch
+from rattle.compare.chaos.spectrum import (
+    FALSE_ALARM,
+    SEQUENCE,
+    TIME,
+    spectra,
+    spectra_tables,
+    welch,
+)
 from rattle.compare.chaos.sweep import bifurcation, paper_noise, sweep, vary
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.flight import jacobian
@@ -37,8 +52,10 @@ def test_exponents_add_up_exactly_of_orbit_and_noisy_path(alpha, stages):
 
 
 def test_the_exact_sum_catches_restitution_without_saltation_and_a_rate_of_one_mesh():
-    s, c = LongOrbit(DAT).stretch(2000), DAT.constants
-    frame, total = np.eye(4), 0.0
+    s = LongOrbit(DAT).stretch(2000)
+    c = DAT.constants
+    frame = np.eye(4)
+    total = 0.0
     for t, code in zip(s.flight, s.code, strict=True):
         frame, r = np.linalg.qr(contact_matrix(c, abs(code)) @ jacobian(c, t) @ frame)
         total += np.log(np.abs(np.diag(r))).sum()
@@ -51,8 +68,11 @@ def test_the_exact_sum_catches_restitution_without_saltation_and_a_rate_of_one_m
 
 
 def test_an_interval_from_batches_covers_correlated_records_and_a_naive_one_does_not():
-    """AR(1) with coefficient 0.9 about 1: 400 records; 3.3 standard errors of a share of 0.95 are 0.036."""
-    rng, missed, naive = np.random.default_rng(3), 0, 0
+    """AR(1) with coefficient 0.9 about 1: 400 records; 3.3 standard errors of a share of 0.95 are
+    0.036."""
+    rng = np.random.default_rng(3)
+    missed = 0
+    naive = 0
     for _ in range(400):
         noise = rng.normal(size=3200 + 100)
         x = np.empty_like(noise)
@@ -82,7 +102,9 @@ def test_an_orbit_that_sticks_often_goes_on_and_has_no_section():
     found = lyapunov(scene)
     assert found.regime.kind == "sticks often"
     assert found.regime.closed == pytest.approx(0.006, abs=0.0006)
-    assert "it comes loose after each, and a mesh is closed 0.56 % of the time" in found.regime.reason
+    assert (
+        "it comes loose after each, and a mesh is closed 0.56 % of the time" in found.regime.reason
+    )
     assert "stationary" not in found.regime.reason
     assert np.isnan(found.value).all()
     missing = {}
@@ -90,19 +112,36 @@ def test_an_orbit_that_sticks_often_goes_on_and_has_no_section():
     assert missing == {"the Poincaré section of the orbit": "the orbit sticks often"}
 
 
-PAIR = Gears(alpha=14.583333333333334, epsilon=0.7, omega=157.0, inertia1=2000.0, inertia2=2000.0,
-             radius1=60.0, radius2=60.0, backlash1=0.12, torque1=500.0)  # fmt: skip
+PAIR = Gears(
+    alpha=14.583333333333334,
+    epsilon=0.7,
+    omega=157.0,
+    inertia1=2000.0,
+    inertia2=2000.0,
+    radius1=60.0,
+    radius2=60.0,
+    backlash1=0.12,
+    torque1=500.0,
+)
 
 
 RANDOM = replace(DAT, sigma=0.1, tolerance=Tolerance(0.05, 0.05, distribution="uniform"))
-PRESSED = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=1.0, stages=1)  # undamped, the drag holds mesh 1 closed
-SILENT = Scene(alpha=0.1, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, gap1=5.0, start=Start(0.0, 0.0, 0.1))
+# undamped, the drag holds mesh 1 closed
+PRESSED = Scene(alpha=0.5, epsilon=0.5, beta1=0.0, gamma1=1.0, stages=1)
+SILENT = Scene(
+    alpha=0.1, epsilon=0.5, beta1=1.0, gamma1=0.0, stages=1, gap1=5.0, start=Start(0.0, 0.0, 0.1)
+)
 
 
 @pytest.mark.parametrize(
     ("measure", "scene", "kind", "said"),
     [
-        (drift_exponents, Scene.from_gears(PAIR, sigma=0.03, stages=1), "sticks often", "sticks 30 % of the time"),
+        (
+            drift_exponents,
+            Scene.from_gears(PAIR, sigma=0.03, stages=1),
+            "sticks often",
+            "sticks 30 % of the time",
+        ),
         (drift_exponents, RANDOM, "not followed", "random gaps"),
         (lyapunov, PRESSED, "sticks for good", "impacts end"),
         (lyapunov, SILENT, "silent", "ends"),
@@ -122,13 +161,18 @@ def test_random_gaps_leave_out_the_section_of_the_noisy_system():
 
 
 def test_exponents_whose_sum_is_off_are_not_reported():
-    """Slow impacts lose the growth of neighbours in rounding; the exact sum of the exponents shows it."""
+    """Slow impacts lose the growth of neighbours in rounding; the exact sum of the exponents shows
+    it."""
     gears = replace(PAIR, inertia2=1500.0, radius2=50.0)
     regime = Regime()
-    sums, time, impacts = 0.0, 0.0, 0
+    sums = 0.0
+    time = 0.0
+    impacts = 0
     scene = Scene.from_gears(gears, sigma=0.2)
     for s, _ in noisy_record(scene, 2000, 0, regime):
-        sums, time, impacts = sums + s.growth.sum(), time + s.flight.sum(), impacts + s.flight.size
+        sums = sums + s.growth.sum()
+        time = time + s.flight.sum()
+        impacts = impacts + s.flight.size
     assert not abs(sums - impacts * 2.0 * np.log(gears.epsilon)) / time < 0.01
     found = drift_exponents(scene, width=0.1)
     assert np.isnan(found.value).all()
@@ -136,7 +180,10 @@ def test_exponents_whose_sum_is_off_are_not_reported():
 
 
 def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
-    one, two = (sweep(vary(DAT, "alpha", (0.05, 0.4, 1.5), paper_noise), width=0.1, workers=n) for n in (1, 2))
+    one, two = (
+        sweep(vary(DAT, "alpha", (0.05, 0.4, 1.5), paper_noise), width=0.1, workers=n)
+        for n in (1, 2)
+    )
     assert one.equals(two)
     orbit = one[one["of"] == "orbit"]
     assert orbit["regime"].tolist() == ["sticks often", "runs", "runs"]
@@ -145,14 +192,21 @@ def test_sweeps_do_not_depend_on_workers_and_mark_what_sticks():
 
 
 def test_an_interrupted_sweep_computes_what_is_missing(tmp_path, monkeypatch):
-    scenes, settings = vary(DAT, "alpha", (0.05, 0.4), paper_noise), {"points": 500, "folder": tmp_path}
-    whole, begun = bifurcation(scenes, **settings).table, []
+    scenes = vary(DAT, "alpha", (0.05, 0.4), paper_noise)
+    settings = {"points": 500, "folder": tmp_path}
+    whole = bifurcation(scenes, **settings).table
+    begun = []
     next((tmp_path / "cells").glob("*.parquet")).unlink()
     own = sweeps.VelocitiesAt.evaluate
-    monkeypatch.setattr(sweeps.VelocitiesAt, "evaluate", lambda cell, blocks=None: begun.append(cell) or own(cell))
+    monkeypatch.setattr(
+        sweeps.VelocitiesAt, "evaluate", lambda cell, blocks=None: begun.append(cell) or own(cell)
+    )
     assert bifurcation(scenes, **settings).table.equals(whole)
     assert len(begun) == 1
-    assert bifurcation(scenes, **settings | {"points": 400}).table["count"].sum() < whole["count"].sum()
+    assert (
+        bifurcation(scenes, **settings | {"points": 400}).table["count"].sum()
+        < whole["count"].sum()
+    )
 
 
 def test_mean_maps_report_where_they_break_down():
@@ -166,7 +220,8 @@ def test_mean_maps_report_where_they_break_down():
 
 @pytest.mark.slow
 def test_the_square_root_law_has_its_exponent_and_its_prefactor():
-    """Seven ratios whose 95 % intervals are widened to 99.9 % together: 1.96 -> 3.8 standard errors."""
+    """Seven ratios whose 95 % intervals are widened to 99.9 % together: 1.96 -> 3.8 standard
+    errors."""
     law = sqrt_law(DAT, impacts=3000, seed=2)
     assert law.low < 0.5 < law.high
     assert law.high - law.low < 0.02
@@ -190,13 +245,19 @@ def test_noise_too_weak_for_the_law_is_refused():
 
 
 def test_the_finite_size_exponent_of_a_known_map():
-    """Fully developed logistic map: ln 2, whatever the scale; a shift of 5 % is outside the interval."""
-    rng, durations, growths = np.random.default_rng(10), [], []
+    """Fully developed logistic map: ln 2, whatever the scale; a shift of 5 % is outside the
+    interval."""
+    rng = np.random.default_rng(10)
+    durations = []
+    growths = []
     a = rng.uniform()
     for _ in range(4000):  # one orbit, its partner put back beside it again and again
-        b, steps = a + 1e-9, 0
+        b = a + 1e-9
+        steps = 0
         while abs(a - b) < 1e-6:
-            a, b, steps = 4.0 * a * (1.0 - a), 4.0 * b * (1.0 - b), steps + 1
+            a = 4.0 * a * (1.0 - a)
+            b = 4.0 * b * (1.0 - b)
+            steps = steps + 1
         durations.append(steps)
         growths.append(np.log(abs(a - b) / 1e-9))
     m = ratio_mean(np.array(growths), np.array(durations, dtype=float))
@@ -204,7 +265,7 @@ def test_the_finite_size_exponent_of_a_known_map():
     assert m.half < 0.05 * np.log(2.0)
 
 
-def test_without_noise_the_finite_size_exponent_is_the_lyapunov_exponent_and_with_noise_it_has_no_limit():
+def test_the_finite_size_exponent_is_lyapunovs_without_noise_and_has_no_limit_with_noise():
     orbit = lyapunov(DAT, impacts=100_000)
     table = finite_size(DAT.with_sigma(0.0), deltas=(1e-7, 1e-5), events=3000)
     for _, row in table.iterrows():
@@ -219,20 +280,26 @@ def test_without_noise_the_finite_size_exponent_is_the_lyapunov_exponent_and_wit
 
 
 def test_the_band_covers_white_noise():
-    """60 spectra of 127 bins; neighbours are correlated, so 4 standard errors of half as many bins are 0.015."""
-    rng, inside, bins = np.random.default_rng(5), 0, 0
+    """60 spectra of 127 bins; neighbours are correlated, so 4 standard errors of half as many bins
+    are 0.015."""
+    rng = np.random.default_rng(5)
+    inside = 0
+    bins = 0
     for _ in range(60):
         low, high = (s := welch([rng.normal(size=20_000)], 256, 1.0)).band
         inside += int(((low < 2.0) & (high > 2.0)).sum())
         bins += s.power.size
     assert inside / bins == pytest.approx(0.95, abs=0.015)
     narrow = s.power * s.dof / 2.0 / np.array([[0.5 * s.dof * 1.02], [0.5 * s.dof * 0.98]])
-    assert ((narrow[0] < 2.0) & (narrow[1] > 2.0)).mean() < 0.8  # a band that is too narrow does not
+    assert (
+        (narrow[0] < 2.0) & (narrow[1] > 2.0)
+    ).mean() < 0.8  # a band that is too narrow does not
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.6])
 def test_noise_has_no_lines(colour):
-    """300 spectra, white and red, whose slope is smooth over 65 bins: 3 alarms at most are expected, 9 once in 1000."""
+    """300 spectra, white and red, whose slope is smooth over 65 bins: 3 alarms at most are
+    expected, 9 once in 1000."""
     rng = np.random.default_rng(7)
     alarms = 0
     for _ in range(300):
@@ -242,7 +309,8 @@ def test_noise_has_no_lines(colour):
 
 
 def test_a_line_added_to_noise_is_found_with_its_frequency_and_power():
-    rng, n = np.random.default_rng(8), np.arange(200_000)
+    rng = np.random.default_rng(8)
+    n = np.arange(200_000)
     x = rng.normal(size=n.size) + 0.5 * np.sin(2.0 * np.pi * 0.1234 * n)
     lines = welch([x], 1024, 1.0).lines
     assert len(lines) == 1

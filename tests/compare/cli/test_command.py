@@ -16,7 +16,18 @@ from rattle.compare.validation.page import CONTENTS
 from rattle.compare.validation.verdict import ACCURATE, NOT_WRONG, RULE
 from rattle.scene import DAT21, Scene, Start
 
-SWEPT = ["--paths", "600", "--impacts", "3", "--dt", "0.01", "--validity", "0.01:1:3", "--validity-paths", "600"]
+SWEPT = [
+    "--paths",
+    "600",
+    "--impacts",
+    "3",
+    "--dt",
+    "0.01",
+    "--validity",
+    "0.01:1:3",
+    "--validity-paths",
+    "600",
+]
 SMALL = [*SWEPT, "--no-validity"]
 rattle = partial(command, "validate")
 
@@ -45,9 +56,12 @@ def test_page_begins_with_the_answer_and_states_once_what_is_judged(report):
     assert sorted(places, key=page.index) == places
 
 
-@pytest.mark.parametrize(("name", "sigmas"), [("table", {0.1, 1.0}), ("validity", {0.01, 0.1, 1.0})])
+@pytest.mark.parametrize(
+    ("name", "sigmas"), [("table", {0.1, 1.0}), ("validity", {0.01, 0.1, 1.0})]
+)
 def test_tables_are_the_same_in_both_forms_and_timings_stand_apart(report, name, sigmas):
-    csv, parquet = pd.read_csv(report / f"{name}.csv"), pd.read_parquet(report / f"{name}.parquet")
+    csv = pd.read_csv(report / f"{name}.csv")
+    parquet = pd.read_parquet(report / f"{name}.parquet")
     csv = csv.fillna({"remark": ""})  # text that a CSV file cannot tell from a missing value
     pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, rtol=1e-15)
     assert set(csv["sigma"]) == sigmas
@@ -95,7 +109,9 @@ def test_a_repeat_that_differs_says_so(report, tmp_path, changed):
 
 @pytest.mark.usefixtures("undrawn")
 def test_require_accurate(tmp_path):
-    rattle(*SMALL, "--sigma", 1.0, "--out", tmp_path / "no", "--require", "accurate", code=EXIT_NOT_MET)
+    rattle(
+        *SMALL, "--sigma", 1.0, "--out", tmp_path / "no", "--require", "accurate", code=EXIT_NOT_MET
+    )
     assert (tmp_path / "no" / "report.md").exists()
     rattle(*SMALL, "--sigma", 0, "--closure", "corrected", "--out", tmp_path / "yes", "--dt", 1e-3)
 
@@ -107,9 +123,18 @@ def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path)
     result = rattle(tmp_path / "flying.toml", *SMALL, "--out", tmp_path / "o")
     page = (tmp_path / "o" / "report.md").read_text()
     for said in (result.stdout, page):
-        assert "Left out: `published` (start.mesh = 0: the published closure needs a start at mesh 1 (Eq. 10))." in said
-    assert set(pd.read_csv(tmp_path / "o" / "table.csv")["closure"]) == {"corrected", "saltation", "branching"}
-    refused = rattle(tmp_path / "flying.toml", *SMALL, "--closure", "published", "--out", tmp_path / "p", code=2)
+        assert (
+            "Left out: `published` (start.mesh = 0: the published closure needs a start at mesh 1"
+            " (Eq. 10))." in said
+        )
+    assert set(pd.read_csv(tmp_path / "o" / "table.csv")["closure"]) == {
+        "corrected",
+        "saltation",
+        "branching",
+    }
+    refused = rattle(
+        tmp_path / "flying.toml", *SMALL, "--closure", "published", "--out", tmp_path / "p", code=2
+    )
     assert "start.mesh = 0" in refused.stderr
 
 
@@ -117,7 +142,11 @@ def test_a_closure_that_cannot_take_the_scene_is_named_with_the_reason(tmp_path)
 def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
     """The scene file of the guide, in a few paths."""
     text = (Path(__file__).parents[3] / "docs" / "guide" / "scenes.md").read_text()
-    (scene,) = (block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[scene.tolerance]" in block)
+    (scene,) = (
+        block
+        for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+        if "[scene.tolerance]" in block
+    )
     (tmp_path / "scene.toml").write_text(scene)
     result = rattle(tmp_path / "scene.toml", *SMALL, "--out", tmp_path / "o")
     assert "Left out" not in result.stdout
@@ -127,7 +156,11 @@ def test_no_closure_is_left_out_for_a_random_tolerance(tmp_path):
 
 
 BAD = {
-    "unknown key": ("[scene]\nalpha = 1.0\nepsilom = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\n", [], "epsilon"),
+    "unknown key": (
+        "[scene]\nalpha = 1.0\nepsilom = 0.9\nbeta1 = 0.1\ngamma1 = 0.0\n",
+        [],
+        "epsilon",
+    ),
     "sigma": (None, ["--sigma", "-1"], "sigma = -1.0"),
     "paths": (None, ["--paths", "0"], "paths = 0: must be at least 1"),
     "impacts": (None, ["--impacts", "0"], "impacts = 0"),
@@ -142,12 +175,32 @@ BAD = {
     "scheme": (None, ["--scheme", "euler-mayurama"], "did you mean 'euler-maruyama'"),
     "closure": (None, ["--closure", "publishd"], "did you mean 'published'"),
     "order": (None, ["--order", "9"], "order = 9: must be at most 6"),
-    "range of validity text": (None, ["--validity", "1e-3:2"], "validity = '1e-3:2': give LOW:HIGH:POINTS, as in"),
-    "range of validity order": (None, ["--validity", "2:1:5"], "validity HIGH = 1.0: must be greater than LOW = 2"),
-    "range of validity low": (None, ["--validity", "0:1:5"], "validity LOW = 0.0: must be greater than 0"),
-    "range of validity points": (None, ["--validity", "0.1:1:1"], "validity POINTS = 1: must be at least 2"),
+    "range of validity text": (
+        None,
+        ["--validity", "1e-3:2"],
+        "validity = '1e-3:2': give LOW:HIGH:POINTS, as in",
+    ),
+    "range of validity order": (
+        None,
+        ["--validity", "2:1:5"],
+        "validity HIGH = 1.0: must be greater than LOW = 2",
+    ),
+    "range of validity low": (
+        None,
+        ["--validity", "0:1:5"],
+        "validity LOW = 0.0: must be greater than 0",
+    ),
+    "range of validity points": (
+        None,
+        ["--validity", "0.1:1:1"],
+        "validity POINTS = 1: must be at least 2",
+    ),
     "range of validity too fine": (None, ["--validity", "1:1.01:50"], "take fewer"),
-    "range of validity paths": (None, ["--validity-paths", "0"], "validity-paths = 0: must be at least 1"),
+    "range of validity paths": (
+        None,
+        ["--validity-paths", "0"],
+        "validity-paths = 0: must be at least 1",
+    ),
     "seed": (None, ["--seed", "-4"], "must be 0 or greater|must be at least 0"),
 }
 
@@ -165,16 +218,24 @@ def test_bad_input_names_value_and_remedy_and_writes_nothing(case, tmp_path):
 
 
 def test_missing_and_foreign_files(tmp_path):
-    assert "cannot be read" in rattle(tmp_path / "none.toml", "--out", tmp_path / "o", code=2).stderr
+    assert (
+        "cannot be read" in rattle(tmp_path / "none.toml", "--out", tmp_path / "o", code=2).stderr
+    )
     (tmp_path / "m.json").write_text('{"a": 1}')
-    assert "no manifest" in rattle("--repeat", tmp_path / "m.json", "--out", tmp_path / "o", code=2).stderr
+    assert (
+        "no manifest"
+        in rattle("--repeat", tmp_path / "m.json", "--out", tmp_path / "o", code=2).stderr
+    )
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("")
-    assert "other things" in rattle(*SMALL, "--out", tmp_path / "full", "--overwrite", code=2).stderr
+    assert (
+        "other things" in rattle(*SMALL, "--out", tmp_path / "full", "--overwrite", code=2).stderr
+    )
 
 
 def test_committed_report_is_of_this_code():
-    """The committed default report holds the three noise intensities and its table matches its manifest."""
+    """The committed default report holds the three noise intensities and its table matches its
+    manifest."""
     folder = Path(__file__).resolve().parents[3] / "reports" / "dat21"
     settings, expected, *_ = read_settings(folder / "manifest.json")
     assert digest((folder / "table.csv").read_text()) == expected["table_sha256"]
@@ -184,7 +245,8 @@ def test_committed_report_is_of_this_code():
 @pytest.mark.usefixtures("undrawn")
 def test_json_of_a_validation_has_the_rows_of_the_table(tmp_path):
     """Under the names of the file, each sigma's; null where nothing is known."""
-    out, sigmas = tmp_path / "report", ("--sigma", 0.01, "--sigma", 0.1)
+    out = tmp_path / "report"
+    sigmas = ("--sigma", 0.01, "--sigma", 0.1)
     words = (*sigmas, "--impacts", 1, "--paths", 1000, "--closure", "saltation", "--no-validity")
     said = json.loads(rattle(*words, "--out", out, "--json").stdout)
     table = pd.read_csv(out / "table.csv")

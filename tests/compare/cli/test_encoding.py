@@ -1,4 +1,5 @@
-"""Commands whose output is not Unicode show what it lacks as escapes; files are in UTF-8 in every locale."""
+"""Commands whose output is not Unicode show what it lacks as escapes; files are in UTF-8 in every
+locale."""
 
 import os
 import subprocess
@@ -34,14 +35,29 @@ def test_no_command_fails_on_a_character(encoding):
 
 def test_files_are_in_utf_8_in_a_locale_without_it(tmp_path):
     (tmp_path / "s.toml").write_text(study(title="\u03c3 \u4e2d"), encoding="utf-8")
-    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "cp1252"}
+    plain = {
+        "LC_ALL": "C",
+        "PYTHONUTF8": "0",
+        "PYTHONCOERCECLOCALE": "0",
+        "PYTHONIOENCODING": "cp1252",
+    }
     command = ["-m", "rattle.compare.cli.main"]
     done = python(*command, "study", "s.toml", cwd=tmp_path, PYTHONWARNDEFAULTENCODING="1", **plain)
-    warned = [text for text in done.stderr.splitlines() if "EncodingWarning" in text and "site-packages" not in text]
+    warned = [
+        text
+        for text in done.stderr.splitlines()
+        if "EncodingWarning" in text and "site-packages" not in text
+    ]
     assert warned == []
     for name in ("study.md", "study.html", "study.toml"):
         assert "\u4e2d" in (tmp_path / "s" / name).read_text(encoding="utf-8")
     with (tmp_path / "shown").open("wb") as shown:
         environment = os.environ | plain | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        subprocess.run([sys.executable, *command, "show", "s"], cwd=tmp_path, env=environment, stdout=shown, check=True)
+        subprocess.run(
+            [sys.executable, *command, "show", "s"],
+            cwd=tmp_path,
+            env=environment,
+            stdout=shown,
+            check=True,
+        )
     assert b"\\u03c3 \\u4e2d" in (tmp_path / "shown").read_bytes()

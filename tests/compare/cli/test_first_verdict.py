@@ -1,4 +1,5 @@
-"""``rattle validate`` answers for the file's own noise first, and its sweep over σ follows a budget."""
+"""``rattle validate`` answers for the file's own noise first, and its sweep over σ follows a
+budget."""
 
 import json
 import math
@@ -15,7 +16,18 @@ from rattle.compare.validation.answer import UNFINISHED
 from rattle.compare.validation.validate import STRIDES, count_work, sweep, validate
 from rattle.scene import DAT21, Scene
 
-SWEPT = ["--paths", 600, "--impacts", 2, "--closure", "saltation", "--validity", "1e-3:1:5", "--validity-paths", 600]
+SWEPT = [
+    "--paths",
+    600,
+    "--impacts",
+    2,
+    "--closure",
+    "saltation",
+    "--validity",
+    "1e-3:1:5",
+    "--validity-paths",
+    600,
+]
 SMALL = {"impacts": 2, "paths": 600, "rng": 0, "closures": ["saltation"], "workers": 1}
 rattle = partial(command, "validate", *SWEPT, "--sigma", 0.1)
 
@@ -37,7 +49,9 @@ def test_an_interrupt_of_the_sweep_leaves_a_whole_page_that_says_what_is_missing
     out = tmp_path / "o"
     said = rattle("--out", out, code=EXIT_INTERRUPTED)
     assert said.stdout.startswith("For this gear pair")
-    assert f"the page is written, without the range of validity: {out / 'report.html'}" in said.stderr
+    assert (
+        f"the page is written, without the range of validity: {out / 'report.html'}" in said.stderr
+    )
     assert read(out)["answer"][-1] == UNFINISHED
     assert UNFINISHED in (out / "report.md").read_text()
     command("validate", "--repeat", out / "manifest.json", "--out", tmp_path / "again")
@@ -56,9 +70,13 @@ def test_a_sweep_that_stops_leaves_nothing_of_an_earlier_page(tmp_path):
 def test_a_small_budget_measures_a_part_says_so_and_is_repeated(tmp_path):
     out = tmp_path / "o"
     said = rattle("--out", out, "--budget", 1e-3).stdout
-    assert re.search(r"measured at 2 of 5 noise intensities, for a budget of 0\.001 .*`--budget \d+`", said)
+    assert re.search(
+        r"measured at 2 of 5 noise intensities, for a budget of 0\.001 .*`--budget \d+`", said
+    )
     assert set(pd.read_csv(out / "validity.csv")["sigma"]) == {0.001, 1.0}
-    again = command("validate", "--repeat", out / "manifest.json", "--out", tmp_path / "again").stdout
+    again = command(
+        "validate", "--repeat", out / "manifest.json", "--out", tmp_path / "again"
+    ).stdout
     assert "Repeated bit for bit." in again
 
 

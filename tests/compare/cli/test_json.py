@@ -15,9 +15,23 @@ from rattle.compare.report.json_text import json_text, plain
 from rattle.compare.report.save import csv_text
 
 ROOT = Path(__file__).resolve().parents[3]
-SINGLE = "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
+SINGLE = (
+    "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\nsigma = 0.1\n"
+)
 SMALL = {
-    "validate": ["--paths", "64", "--impacts", "2", "--dt", "0.01", "--no-validity", "--sigma", "0.1", "--out", "out"],
+    "validate": [
+        "--paths",
+        "64",
+        "--impacts",
+        "2",
+        "--dt",
+        "0.01",
+        "--no-validity",
+        "--sigma",
+        "0.1",
+        "--out",
+        "out",
+    ],
     "simulate": ["scene.toml", "--paths", "64", "--impacts", "2", "--dt", "0.01"],
     "order": ["--impacts", "1", "--paths", "64"],
     "check speed": [],
@@ -26,7 +40,17 @@ SMALL = {
     "check extremes": [],
     "drive": [str(ROOT / "examples" / "measured-drive.toml"), "--out", "out"],
     "boundary": ["--impacts", "1", "--points", "2", "--width", "0.9", "--out", "out"],
-    "sensitivity": ["scene.toml", "--parameter", "epsilon", "--quantity", "power", "--accuracy", "1", "--out", "out"],
+    "sensitivity": [
+        "scene.toml",
+        "--parameter",
+        "epsilon",
+        "--quantity",
+        "power",
+        "--accuracy",
+        "1",
+        "--out",
+        "out",
+    ],
     "stationary": ["scene.toml", "--paths", "64", "--periods", "64", "--out", "out"],
 }
 """A small run of each command that has ``--json``."""
@@ -40,15 +64,24 @@ def test_the_parser_of_these_tests_is_strict():
 
 
 @pytest.mark.parametrize(
-    "command", [name for name, command in commands() if any("--json" in p.opts for p in command.params)]
+    "command",
+    [name for name, command in commands() if any("--json" in p.opts for p in command.params)],
 )
 def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study.toml").write_text(study("σ \\u202e\\u009b", sigma=(0.0, 0.1)))
-    (tmp_path / "scene.toml").write_text(SINGLE)  # without a second stage, and so without numbers for it
-    rows = {"lost": extreme(1.0, name="lost", field="β", tried="", truth="", unit="z")(lambda: [math.inf])}
+    # without a second stage, and so without numbers for it
+    (tmp_path / "scene.toml").write_text(SINGLE)
+    rows = {
+        "lost": extreme(1.0, name="lost", field="β", tried="", truth="", unit="z")(
+            lambda: [math.inf]
+        )
+    }
     monkeypatch.setattr(extremes, "ROWS", rows)  # all of them take a minute
-    monkeypatch.setattr("rattle.montecarlo.bench.bench", lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]))
+    monkeypatch.setattr(
+        "rattle.montecarlo.bench.bench",
+        lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]),
+    )
     code = 1 if command == "check extremes" else 0
     found = rattle(*command.split(), *SMALL[command], "--json", code=code)
     assert strict(found.stdout)
@@ -56,7 +89,9 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
         strict(path.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "reports").rglob("*.json")), ids=lambda p: p.parent.name + "-" + p.name)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "reports").rglob("*.json")), ids=lambda p: p.parent.name + "-" + p.name
+)
 def test_committed_files_are_strict(path):
     strict(path.read_text(encoding="utf-8"))
 
@@ -64,13 +99,18 @@ def test_committed_files_are_strict(path):
 def test_what_is_no_number_is_null_and_what_is_numpys_is_plain():
     data = {
         "a": (np.float64("nan"), -math.inf, np.float32(0.5), np.int64(2), np.bool_(True)),
-        "b": {"at": Path("x/y"), 3: np.array([[1.0, math.nan]]), "none": None, "series": pd.Series([1, 2])},
-    }  # fmt: skip
+        "b": {
+            "at": Path("x/y"),
+            3: np.array([[1.0, math.nan]]),
+            "none": None,
+            "series": pd.Series([1, 2]),
+        },
+    }
     said = strict(json_text(data))
     assert said == {
         "a": [None, None, 0.5, 2, True],
         "b": {"at": "x/y", "3": [[1.0, None]], "none": None, "series": [1, 2]},
-    }  # fmt: skip
+    }
     assert said == plain(data)
     assert strict(json_text(0.1 + 0.2)) == 0.1 + 0.2
 
@@ -89,5 +129,10 @@ def test_a_sealed_record_is_whole_after_it_was_written_whatever_is_in_it():
 
 
 def test_numbers_in_csv_are_whole_and_texts_harmless():
-    table = pd.DataFrame({"x": [0.1 + 0.2, np.nan], "why": ["a\x1b[31m\n\u202eb", None], "n": [1, 2]})
-    assert csv_text(table, index=False) == "x,why,n\n0.30000000000000004,a\\x1b[31m\\n\\u202eb,1\n,,2\n"
+    table = pd.DataFrame(
+        {"x": [0.1 + 0.2, np.nan], "why": ["a\x1b[31m\n\u202eb", None], "n": [1, 2]}
+    )
+    assert (
+        csv_text(table, index=False)
+        == "x,why,n\n0.30000000000000004,a\\x1b[31m\\n\\u202eb,1\n,,2\n"
+    )

@@ -1,4 +1,5 @@
-"""Options as they are typed: whole numbers, names, completion, units; the template and the examples."""
+"""Options as they are typed: whole numbers, names, completion, units; the template and the
+examples."""
 
 import io
 import json
@@ -44,7 +45,9 @@ def test_the_lists_of_the_options_are_those_of_the_modules(listed, table):
     assert sorted(listed) == sorted(table)
 
 
-@pytest.mark.parametrize(("text", "number"), [("1e5", 100_000), ("1_000", 1000), ("-3", -3), (7, 7), ("1.5e1", 15)])
+@pytest.mark.parametrize(
+    ("text", "number"), [("1e5", 100_000), ("1_000", 1000), ("-3", -3), (7, 7), ("1.5e1", 15)]
+)
 def test_a_whole_number_is_read_as_people_write_it(text, number):
     found = shared.WHOLE.convert(text, None, None)
     assert (found, type(found)) == (number, int)
@@ -58,15 +61,24 @@ def test_another_number_is_refused_at_once(text):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("validate", "--closure", "nowhere:mine"), "closures = 'nowhere:mine': cannot be imported"),
-        (("stationary", "--closure", "own:mine"), "closure = 'own:mine': predicts impacts, not the long run"),
+        (
+            ("validate", "--closure", "nowhere:mine"),
+            "closures = 'nowhere:mine': cannot be imported",
+        ),
+        (
+            ("stationary", "--closure", "own:mine"),
+            "closure = 'own:mine': predicts impacts, not the long run",
+        ),
         (("check", "stability", "--axis", "gup"), "axis = 'gup': did you mean 'gap'?"),
         (("simulate", "--units", "metric"), "units = 'metric': valid are"),
         (("simulate", "--scheme", "fast"), "scheme = 'fast'"),
         (("simulate", "--accuracy", "0"), "accuracy = 0.0: must be greater than 0"),
         (("simulate", "--sigma", "-1"), "sigma = -1.0"),
         (("simulate", "--out", "no/such/folder/table.csv"), "does not exist"),
-        (("simulate", "--paths", "10", "--scheme", "exact-flight", "--dt", "1"), "dt = 1.0: must be at most"),
+        (
+            ("simulate", "--paths", "10", "--scheme", "exact-flight", "--dt", "1"),
+            "dt = 1.0: must be at most",
+        ),
     ],
 )
 def test_what_is_wrong_is_one_line_and_code_2(words, message):
@@ -74,15 +86,17 @@ def test_what_is_wrong_is_one_line_and_code_2(words, message):
 
 
 def test_help_lists_the_names_and_tells_of_completion():
-    assert "[euler-maruyama|euler-maruyama-located|exact-flight]" in rattle("simulate", "--help").output.replace(
-        "\n", ""
-    )
+    assert "[euler-maruyama|euler-maruyama-located|exact-flight]" in rattle(
+        "simulate", "--help"
+    ).output.replace("\n", "")
     assert "saltation" in rattle("validate", "--help").output
     assert "_RATTLE_COMPLETE=bash_source" in rattle("--help").output
 
 
 def test_the_shell_completes_names():
-    found = ShellComplete(main, {}, "rattle", "_RATTLE_COMPLETE").get_completions(["simulate", "--scheme"], "ex")
+    found = ShellComplete(main, {}, "rattle", "_RATTLE_COMPLETE").get_completions(
+        ["simulate", "--scheme"], "ex"
+    )
     assert [item.value for item in found] == ["exact-flight"]
 
 
@@ -112,7 +126,9 @@ def test_init_writes_a_scene_that_loads_and_never_replaces_one(tmp_path):
     path = tmp_path / "gears.toml"
     rattle("init", path)
     scene = Scene.load(path)
-    assert scene.constants[:11] == pytest.approx(Scene.from_gears(DAT21, sigma=0.08).constants[:11], rel=1e-12)
+    assert scene.constants[:11] == pytest.approx(
+        Scene.from_gears(DAT21, sigma=0.08).constants[:11], rel=1e-12
+    )
     path.write_text("mine")
     assert "exists already" in rattle("init", path, code=2).output
     assert path.read_text() == "mine"
@@ -123,7 +139,12 @@ def test_the_template_has_every_key():
     text = template("gears.toml")
     for kind in (Gears, Scene, Start, Tolerance):
         for f in fields(kind):
-            assert f"{f.name} = " in text or f.name in ("gears", "start", "tolerance", "drive"), f.name
+            assert f"{f.name} = " in text or f.name in (
+                "gears",
+                "start",
+                "tolerance",
+                "drive",
+            ), f.name
     assert "[[drive]]" in text
 
 
@@ -134,7 +155,10 @@ def test_a_file_without_noise_is_said_to_have_none_once(tmp_path):
         result = rattle("simulate", path, "--impacts", "2", *words)
         assert result.output.count(f"{path}: no sigma, so there is no noise") == 1
         assert not re.search(r"moves the noise-free path by .* sd", result.output)
-        assert "no sigma" not in rattle("simulate", path, "--impacts", "2", *words, "--sigma", "0.1").output
+        assert (
+            "no sigma"
+            not in rattle("simulate", path, "--impacts", "2", *words, "--sigma", "0.1").output
+        )
 
 
 def test_the_mean_rotation_that_the_template_comments_out_adds_to_the_drag():
@@ -159,7 +183,8 @@ def test_what_the_template_comments_out_can_be_taken_in():
     assert drawn.tolerance.variances == pytest.approx(scene.tolerance.variances)
     assert replace(drawn, tolerance=None) == replace(scene, tolerance=None)
     plain = [
-        line.removeprefix("# ") for line in lines[lines.index("# alpha = 1.5              # amplitude of the drive") :]
+        line.removeprefix("# ")
+        for line in lines[lines.index("# alpha = 1.5              # amplitude of the drive") :]
     ]
     found = Scene(**tomllib.loads("\n".join(plain))).constants
     assert found[:11] == pytest.approx((*drawn.constants[:9], 0.0, 2), abs=1e-6)
@@ -173,7 +198,15 @@ def test_an_example_loads_and_simulates(path):
     assert run.unfinished == 0
 
 
-NAMES = ["two\nlines", "red \x1b[31m", "part\u2028part", "turned \u202e", "back\rover", "tab\tbell\a", "n" * 200]
+NAMES = [
+    "two\nlines",
+    "red \x1b[31m",
+    "part\u2028part",
+    "turned \u202e",
+    "back\rover",
+    "tab\tbell\a",
+    "n" * 200,
+]
 
 
 def is_plain(row):
@@ -190,7 +223,8 @@ def test_whatever_is_said_is_one_line(text):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_commands_name_files_and_studies_on_one_line(tmp_path, name):
-    scene, file = tmp_path / f"{name}.toml", tmp_path / "study.toml"
+    scene = tmp_path / f"{name}.toml"
+    file = tmp_path / "study.toml"
     file.write_text(study(title="".join(f"\\u{ord(c):04x}" for c in name), sigma=(0.01, 0.02)))
     page = scene.with_suffix(".html")
     for rows, *words in (
@@ -211,7 +245,9 @@ def commands(command=main, path=()):
         yield " ".join(path), command
 
 
-STEP = f"the scheme's, {default_step(Scene.from_gears(DAT21), 'euler-maruyama'):g} for Euler-Maruyama"
+STEP = (
+    f"the scheme's, {default_step(Scene.from_gears(DAT21), 'euler-maruyama'):g} for Euler-Maruyama"
+)
 REAL = {
     "animate --sigma": "the scene's; 0.1 on DAT21",
     "boundary --closure": signature(boundary).parameters["closure"].default,
@@ -236,7 +272,11 @@ def test_every_default_that_a_help_states_is_the_real_one():
         for option in command.params
         if (found := re.search(r"\[default: (.*)\]", getattr(option, "help", None) or ""))
     }
-    checked = {key: text for key, text in stated.items() if re.search(r"\d|_", text) and "sqrt(alpha)" not in text}
+    checked = {
+        key: text
+        for key, text in stated.items()
+        if re.search(r"\d|_", text) and "sqrt(alpha)" not in text
+    }
     assert checked | {"boundary --closure": stated["boundary --closure"]} == REAL
     assert set(CLOSURES_JUDGED) == set(CLOSURES)  # "all"
     assert set(default_quantities(1)) == {"power", "rate_above", "speed_above", "q95_speed_above"}

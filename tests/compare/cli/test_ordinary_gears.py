@@ -1,4 +1,5 @@
-"""Every command that takes a scene, on an engineer's gear pair, whose motion sticks, and on one of the examples."""
+"""Every command that takes a scene, on an engineer's gear pair, whose motion sticks, and on one of
+the examples."""
 
 from pathlib import Path
 
@@ -10,7 +11,18 @@ EXAMPLES = HERE.parents[2] / "examples"
 SMALL = {
     "animate": ("--impacts", "5"),
     "boundary": ("--impacts", "2", "--points", "3", "--width", "0.4"),
-    "chaos": ("--points", "200", "--impacts", "20000", "--events", "128", "--width", "0.5", "--over", "0.8:15:2"),
+    "chaos": (
+        "--points",
+        "200",
+        "--impacts",
+        "20000",
+        "--events",
+        "128",
+        "--width",
+        "0.5",
+        "--over",
+        "0.8:15:2",
+    ),
     "order": ("--impacts", "2", "--paths", "1000"),
     "sensitivity": ("--parameter", "epsilon", "--quantity", "power", "--accuracy", "1"),
     "simulate": ("--impacts", "3", "--paths", "500"),
@@ -19,11 +31,17 @@ SMALL = {
     "validate": ("--impacts", "3", "--paths", "2000", "--no-validity"),
 }
 ON_EXAMPLES = {
-    "animate": "drawing-tolerances", "boundary": "single-stage", "chaos": "single-stage", "order": "gearbox",
-    "sensitivity": "drawing-tolerances", "stationary": "engine-orders", "tradeoff": "gearbox",
+    "animate": "drawing-tolerances",
+    "boundary": "single-stage",
+    "chaos": "single-stage",
+    "order": "gearbox",
+    "sensitivity": "drawing-tolerances",
+    "stationary": "engine-orders",
+    "tradeoff": "gearbox",
     "validate": "gearbox",
-}  # fmt: skip
-"""Each command once: all of them on all examples take ten minutes; `simulate` runs on every one elsewhere."""
+}
+"""Each command once: all of them on all examples take ten minutes; `simulate` runs on every one
+elsewhere."""
 QUICK = [(command, HERE / "pair.toml") for command in ("animate", "order", "simulate", "validate")]
 LONG = [(command, HERE / "pair.toml") for command in SMALL if command not in dict(QUICK)]
 LONG += [(command, EXAMPLES / f"{name}.toml") for command, name in ON_EXAMPLES.items()]
@@ -37,9 +55,13 @@ def test_these_are_all_commands_that_take_a_scene():
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize(("command", "scene"), CASES, ids=lambda part: part if isinstance(part, str) else part.stem)
+@pytest.mark.parametrize(
+    ("command", "scene"), CASES, ids=lambda part: part if isinstance(part, str) else part.stem
+)
 def test_every_command_runs(command, scene, tmp_path):
-    out = {"order": [], "animate": ["--out", tmp_path / "out.html"]}.get(command, ["--out", tmp_path / "out"])
+    out = {"order": [], "animate": ["--out", tmp_path / "out.html"]}.get(
+        command, ["--out", tmp_path / "out"]
+    )
     rattle(command, scene, *SMALL[command], *out)
     if command in TO_A_FOLDER:
         assert any(p.suffix == ".html" for p in (tmp_path / "out").iterdir())

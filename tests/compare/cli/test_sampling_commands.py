@@ -15,7 +15,9 @@ from rattle.scene import DAT21, Scene, Tolerance, compiled
 
 def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
     out = tmp_path / "section.csv"
-    result = rattle("simulate", "--sigma", "0.01", "--impacts", "3", "--accuracy", "0.02", "--out", str(out))
+    result = rattle(
+        "simulate", "--sigma", "0.01", "--impacts", "3", "--accuracy", "0.02", "--out", str(out)
+    )
     assert "Accuracy 0.02 sd reached" in result.output
     assert "*" not in result.output
     assert "exact-flight" in result.output
@@ -27,13 +29,16 @@ def test_simulate_prints_moments_and_writes_the_whole_table(tmp_path):
 @pytest.mark.parametrize("scheme", ["euler-maruyama", "euler-maruyama-located"])
 def test_bias_of_a_named_euler_step_stands_in_the_table_unless_it_is_switched_off(scheme):
     words = ("simulate", "--sigma", "0.01", "--impacts", "2", "--paths", "2000", "--scheme", scheme)
-    table, rows = rattle(*words).output, json.loads(rattle(*words, "--json").stdout)["section"]
+    table = rattle(*words).output
+    rows = json.loads(rattle(*words, "--json").stdout)["section"]
     assert "bias_tau" in table
     assert "The step biases the mean of " in table
     exact = json.loads(rattle(*words[:-2], "--json").stdout)["section"]
     for biased, right in zip(rows, exact, strict=True):
         assert abs(biased["tau"] - right["tau"]) > 10.0 * biased["se_tau"]
-        assert biased["tau"] - right["tau"] == pytest.approx(biased["bias_tau"], rel=0.3, abs=4.0 * biased["se_tau"])
+        assert biased["tau"] - right["tau"] == pytest.approx(
+            biased["bias_tau"], rel=0.3, abs=4.0 * biased["se_tau"]
+        )
     assert "bias_tau" not in rattle(*words, "--no-step-bias").output
 
 
@@ -48,13 +53,29 @@ def test_an_accuracy_beyond_an_hour_is_answered_with_the_rows_that_miss_it(monke
     assert "  and 16 more" in result.stdout
     assert result.stdout.count("*") == 12 + 1
     one, two = (json.loads(rattle(*words, "--json", "--workers", n, code=3).stdout) for n in "12")
-    assert (one["paths"], one["section"], one["missed"]) == (two["paths"], two["section"], two["missed"])
+    assert (one["paths"], one["section"], one["missed"]) == (
+        two["paths"],
+        two["section"],
+        two["missed"],
+    )
     assert len(one["missed"]) == 24
 
 
 @pytest.mark.parametrize("units", ["dimensionless", "physical"])
 def test_stars_stand_at_what_misses_in_either_units(units):
-    words = ("simulate", "--sigma", "0.1", "--impacts", "3", "--accuracy", "1e-4", "--budget", "0.3", "--units", units)
+    words = (
+        "simulate",
+        "--sigma",
+        "0.1",
+        "--impacts",
+        "3",
+        "--accuracy",
+        "1e-4",
+        "--budget",
+        "0.3",
+        "--units",
+        units,
+    )
     said = rattle(*words, code=3)
     assert "*" in said.stdout
     assert said.output.count("NOT reached") == 1
@@ -68,7 +89,11 @@ def test_speed_has_the_floor_and_every_scheme(monkeypatch):
     result = rattle("check", "speed", "--json")
     rows = {row["what"]: row for row in json.loads(result.output)}
     assert rows["one standard normal"]["ns"] > 0.1
-    for name in ("euler-maruyama, paths alone", "euler-maruyama-located", "exact-flight, dt = pi/96"):
+    for name in (
+        "euler-maruyama, paths alone",
+        "euler-maruyama-located",
+        "exact-flight, dt = pi/96",
+    ):
         assert rows[name]["ns"] > rows["one standard normal"]["ns"]
     assert all(row["times_floor"] > 0.0 and row["gain"] > 0.0 for row in rows.values())
     assert rows["a skilled loop in numba, without statistics"]["gain"] == 1.0
@@ -76,7 +101,9 @@ def test_speed_has_the_floor_and_every_scheme(monkeypatch):
 
 def test_after_warming_up_nothing_is_compiled():
     found = tasks()
-    assert {f"closure {name}" for name in CLOSURES} | {f"scheme {name}" for name in SCHEMES} < set(found)
+    assert {f"closure {name}" for name in CLOSURES} | {f"scheme {name}" for name in SCHEMES} < set(
+        found
+    )
     for task in found.values():
         task()
     before = compiled.count_compiled()

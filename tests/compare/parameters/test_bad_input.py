@@ -1,4 +1,5 @@
-"""What a search or a sensitivity cannot use is refused with its field and a remedy, before any run."""
+"""What a search or a sensitivity cannot use is refused with its field and a remedy, before any
+run."""
 
 import pytest
 from test_boundary import DRIVEN
@@ -6,7 +7,16 @@ from test_crossing import SETTINGS as CROSSING
 from test_map import SETTINGS as MAP
 from test_sensitivity import SMALL
 
-from rattle import InputError, RattleError, Scene, boundary, boundary_map, closure_sensitivity, crossing, sensitivity
+from rattle import (
+    InputError,
+    RattleError,
+    Scene,
+    boundary,
+    boundary_map,
+    closure_sensitivity,
+    crossing,
+    sensitivity,
+)
 
 RESTING = Scene(alpha=0.1, epsilon=0.5, beta1=0.1, gamma1=1.0, stages=1)
 
@@ -17,13 +27,23 @@ RESTING = Scene(alpha=0.1, epsilon=0.5, beta1=0.1, gamma1=1.0, stages=1)
         (boundary, DRIVEN, {"over": "sigmaa"}, "did you mean 'sigma'"),
         (boundary, DRIVEN, {"closure": "saltatoin"}, "did you mean 'saltation'"),
         (boundary, DRIVEN, {"between": (0.5, 0.1)}, "give a smaller and a larger value"),
-        (boundary, DRIVEN, {"over": "epsilon", "between": (0.5, 1.5)}, "no scene can have epsilon = 1.5"),
+        (
+            boundary,
+            DRIVEN,
+            {"over": "epsilon", "between": (0.5, 1.5)},
+            "no scene can have epsilon = 1.5",
+        ),
         (boundary, DRIVEN, {"points": 1}, "must be at least 2"),
         (boundary, DRIVEN, {"width": 0.0}, "width = 0.0"),
         (boundary, DRIVEN, {"width": 1.0}, "width = 1.0"),
         (boundary_map, DRIVEN, MAP | {"along": "alpah"}, "did you mean 'alpha'"),
         (boundary_map, DRIVEN, MAP | {"along": "sigma"}, "is the first parameter too"),
-        (boundary_map, DRIVEN, MAP | {"along": "epsilon", "reach": (0.5, 1.5)}, "no scene can have epsilon = 1.5"),
+        (
+            boundary_map,
+            DRIVEN,
+            MAP | {"along": "epsilon", "reach": (0.5, 1.5)},
+            "no scene can have epsilon = 1.5",
+        ),
         (boundary_map, DRIVEN, MAP | {"along": "drive.2.amplitude", "reach": None}, "give a range"),
         (boundary_map, DRIVEN, MAP | {"values": 1}, "must be at least 2"),
         (boundary_map, DRIVEN, MAP | {"pints": 3}, "did you mean 'points'"),

@@ -1,4 +1,5 @@
-"""The search for a boundary: on known functions, against simulation, with what stays undecided, and bad input."""
+"""The search for a boundary: on known functions, against simulation, with what stays undecided, and
+bad input."""
 
 import dataclasses
 import math
@@ -38,7 +39,8 @@ def page_of(found, folder):
 
 
 def verdicts(*changes, doubt=1.0):
-    """A judge: accurate up to the first change, wrong up to the next, and so on; undecided within a factor of each."""
+    """A judge: accurate up to the first change, wrong up to the next, and so on; undecided within a
+    factor of each."""
 
     def judge(value):
         near = any(c / doubt < value < c * doubt for c in changes)
@@ -49,7 +51,8 @@ def verdicts(*changes, doubt=1.0):
 
 
 def search(judge, *scan, near=()):
-    """The edges in a range, as pairs of the accurate and the wrong value, and how many values were judged."""
+    """The edges in a range, as pairs of the accurate and the wrong value, and how many values were
+    judged."""
     changes, judged = find_changes(judge, *scan, first=ACCURATE, near=near)
     return [(good.value, bad.value) for good, bad in changes], len(judged)
 
@@ -82,12 +85,15 @@ def found():
 
 
 def test_the_boundary_of_saltation(found):
-    """One edge; a search with other random numbers agrees with it, and thirty times the tolerance moves it up."""
+    """One edge; a search with other random numbers agrees with it, and thirty times the tolerance
+    moves it up."""
     (edge,) = found.edges
     assert edge.wrong / edge.accurate <= 1.3 / 0.7 * 1.01
     (again,) = boundary(DRIVEN, impacts=3, points=4, width=0.3, rng=4).edges
     assert max(edge.accurate, again.accurate) < min(edge.wrong, again.wrong)
-    (looser,) = boundary(DRIVEN, impacts=3, points=4, width=0.3, rng=3, tolerances=(1.5, 3.0, 1.0)).edges
+    (looser,) = boundary(
+        DRIVEN, impacts=3, points=4, width=0.3, rng=3, tolerances=(1.5, 3.0, 1.0)
+    ).edges
     assert looser.accurate > edge.wrong  # a planted error: another tolerance is noticed
 
 
@@ -127,7 +133,9 @@ def test_nowhere_accurate_is_said():
     ],
 )
 def test_a_boundary_outside_is_said_with_its_side(over, first, last, accurate, said):
-    ends = [{"value": v, "low": low, "high": high} for v, (low, high) in ((1.0, first), (2.0, last))]
+    ends = [
+        {"value": v, "low": low, "high": high} for v, (low, high) in ((1.0, first), (2.0, last))
+    ]
     assert _side(over, "", pd.DataFrame(ends), accurate) == f"If there is one, it lies {said}."
 
 
@@ -140,12 +148,29 @@ def test_gears_are_searched_in_their_units():
 
 @pytest.mark.parametrize(("could_change", "looks"), [(1e-6, (False, False)), (0.5, (False, True))])
 def test_a_branch_that_matters_is_sampled_on_purpose(could_change, looks, monkeypatch):
-    """One that hardly matters does not end the looks: more paths decide, however many would show it."""
-    row = {"moment": "sd", "quantity": "tau", "impact": 1, "tolerance": 1.0, "error": 0.5, "low": -0.3, "high": 1.3}
-    row |= {"noise": 0.8, "unseen_low": 0.0, "unseen_high": could_change, "paths_needed": 1e9, "remark": ""}
+    """One that hardly matters does not end the looks: more paths decide, however many would show
+    it."""
+    row = {
+        "moment": "sd",
+        "quantity": "tau",
+        "impact": 1,
+        "tolerance": 1.0,
+        "error": 0.5,
+        "low": -0.3,
+        "high": 1.3,
+    }
+    row |= {
+        "noise": 0.8,
+        "unseen_low": 0.0,
+        "unseen_high": could_change,
+        "paths_needed": 1e9,
+        "remark": "",
+    }
 
     def errors(predicted, paths, z, tolerances):
-        narrow = {"verdict": "accurate", "high": 0.9} if paths > LOOKS[0] else {"verdict": "undecided"}
+        narrow = (
+            {"verdict": "accurate", "high": 0.9} if paths > LOOKS[0] else {"verdict": "undecided"}
+        )
         return pd.DataFrame([row | narrow])
 
     def simulate(scene, paths, near_branches):
@@ -154,12 +179,15 @@ def test_a_branch_that_matters_is_sampled_on_purpose(could_change, looks, monkey
 
     monkeypatch.setattr("rattle.compare.parameters.search.section_errors", errors)
     seen = []
-    assert judge_value(0.1, DRIVEN, None, simulate, Widths(4.0, 4.0), Tolerances()).verdict == ACCURATE
+    assert (
+        judge_value(0.1, DRIVEN, None, simulate, Widths(4.0, 4.0), Tolerances()).verdict == ACCURATE
+    )
     assert tuple(seen) == looks
 
 
 def test_a_branch_that_plain_paths_miss_is_decided():
-    """Of a million paths about four make `saltation` wrong; among the 4,096 of the first look there is none."""
+    """Of a million paths about four make `saltation` wrong; among the 4,096 of the first look there
+    is none."""
     scene = Scene.from_gears(dataclasses.replace(DAT21, alpha=2.398))
     found = boundary(scene, between=(0.00197122, 0.00225778), points=2, impacts=11, width=0.5)
     assert set(found.points["verdict"]) == {WRONG}
@@ -172,31 +200,52 @@ def test_all_looks_and_values_are_counted():
 
 
 def test_one_row_shows_a_closure_wrong_and_all_rows_show_it_accurate(monkeypatch):
-    """Rows at their tolerance: any is wrong, or some are accurate, no more often than in 2.5 % each."""
+    """Rows at their tolerance: any is wrong, or some are accurate, no more often than in 2.5 %
+    each."""
     monkeypatch.setattr("rattle.compare.parameters.search.LOOKS", LOOKS[:1])
-    rng, values, rows = np.random.default_rng(5), 100, 20
+    rng = np.random.default_rng(5)
+    values = 100
+    rows = 20
 
     def errors(predicted, seen, z, tolerances):
-        low, high = seen - 0.1 * z, seen + 0.1 * z
+        low = seen - 0.1 * z
+        high = seen + 0.1 * z
         verdict = np.select([high <= 1.0, low > 1.0], ["accurate", "inaccurate"], "undecided")
-        table = pd.DataFrame({"verdict": verdict, "error": seen, "low": low, "high": high, "tolerance": 1.0})
-        named = {"noise": 0.1 * z, "moment": "sd", "quantity": "tau", "impact": 1, "remark": "", "paths_needed": 1e9}
+        table = pd.DataFrame(
+            {"verdict": verdict, "error": seen, "low": low, "high": high, "tolerance": 1.0}
+        )
+        named = {
+            "noise": 0.1 * z,
+            "moment": "sd",
+            "quantity": "tau",
+            "impact": 1,
+            "remark": "",
+            "paths_needed": 1e9,
+        }
         return table.assign(**named, unseen_low=0.0, unseen_high=0.0)
 
     def share(verdict, truth, z):
         def simulate(scene, paths, near_branches):
             return truth + 0.1 * rng.standard_normal(rows)
 
-        found = [judge_value(0.1, DRIVEN, None, simulate, z, Tolerances()).verdict for _ in range(values)]
+        found = [
+            judge_value(0.1, DRIVEN, None, simulate, z, Tolerances()).verdict for _ in range(values)
+        ]
         return np.mean([one == verdict for one in found])
 
     monkeypatch.setattr("rattle.compare.parameters.search.section_errors", errors)
-    z, least = Widths(widest(1), widest(rows)), 0.025 + 4.0 * math.sqrt(0.025 / values)
-    at_edge, one_beyond = np.ones(rows), np.where(np.arange(rows) == 7, 1.0, 0.2)
+    z = Widths(widest(1), widest(rows))
+    least = 0.025 + 4.0 * math.sqrt(0.025 / values)
+    at_edge = np.ones(rows)
+    one_beyond = np.where(np.arange(rows) == 7, 1.0, 0.2)
     assert share(WRONG, at_edge, z) < least
     assert share(ACCURATE, one_beyond, z) < least
-    assert share(ACCURATE, np.full(rows, 0.6), z) > 0.5  # rows are not counted here: 0.03 if they were
-    assert share(WRONG, at_edge, Widths(z.accurate, z.accurate)) > least  # a planted error: rows not counted
+    assert (
+        share(ACCURATE, np.full(rows, 0.6), z) > 0.5
+    )  # rows are not counted here: 0.03 if they were
+    assert (
+        share(WRONG, at_edge, Widths(z.accurate, z.accurate)) > least
+    )  # a planted error: rows not counted
 
 
 def test_a_closure_of_ones_own_has_a_boundary():
@@ -210,7 +259,9 @@ def test_a_closure_of_ones_own_has_a_boundary():
 
     settings = {"impacts": 2, "between": (0.01, 0.1), "points": 2}
     assert boundary(DRIVEN, closure=mine, **settings).points["verdict"].iloc[0] == ACCURATE
-    assert set(boundary(DRIVEN, closure=broken, **settings).points["row"]) == {"nothing is predicted"}
+    assert set(boundary(DRIVEN, closure=broken, **settings).points["row"]) == {
+        "nothing is predicted"
+    }
 
 
 def test_a_closure_that_takes_for_ever_ends_with_the_budget():

@@ -1,4 +1,5 @@
-"""Where a quantity of the long run crosses a level: against known functions, against long runs, and bad input."""
+"""Where a quantity of the long run crosses a level: against known functions, against long runs, and
+bad input."""
 
 import math
 from dataclasses import replace
@@ -9,12 +10,27 @@ import pytest
 from test_boundary import page_of
 
 from rattle import DAT21, Scene, crossing, stationary
-from rattle.compare.parameters.crossing import ABOVE, BELOW, LOOKS, PATHS, Crossing, SideOfLevel, judge_level
+from rattle.compare.parameters.crossing import (
+    ABOVE,
+    BELOW,
+    LOOKS,
+    PATHS,
+    Crossing,
+    SideOfLevel,
+    judge_level,
+)
 from rattle.compare.parameters.search import UNDECIDED
 from rattle.compare.stationary.study import LongResult
 
 DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
-SETTINGS = {"quantity": "power", "level": 1000.0, "over": "amplitude", "between": (0.1, 0.6), "points": 3, "width": 0.2}
+SETTINGS = {
+    "quantity": "power",
+    "level": 1000.0,
+    "over": "amplitude",
+    "between": (0.1, 0.6),
+    "points": 3,
+    "width": 0.2,
+}
 
 
 def long_result(value, se, kind="simulated", periods=64):
@@ -24,7 +40,8 @@ def long_result(value, se, kind="simulated", periods=64):
 
 
 @pytest.mark.parametrize(
-    ("true", "verdict"), [(0.7, BELOW), (0.98, BELOW), (1.02, ABOVE), (3.0, ABOVE), (1.0, UNDECIDED)]
+    ("true", "verdict"),
+    [(0.7, BELOW), (0.98, BELOW), (1.02, ABOVE), (3.0, ABOVE), (1.0, UNDECIDED)],
 )
 def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
     seen = []
@@ -36,12 +53,16 @@ def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
     found = judge_level(1.0, "rate_above", 1.0, run)
     assert (found.verdict, found.remark == "") == (verdict, verdict != UNDECIDED)
     assert seen == list(LOOKS[: len(seen)])
-    assert (len(seen) == 1) == (abs(true - 1.0) > 0.1 or true == 1.0)  # far from the level, or never to be decided
+    assert (len(seen) == 1) == (
+        abs(true - 1.0) > 0.1 or true == 1.0
+    )  # far from the level, or never to be decided
 
 
 def test_the_share_of_wrong_statements_is_the_stated_one():
-    """Values at the level, 4,000 searches: hardly more than the share of all looks, both sides, are decided."""
-    rng, result = np.random.default_rng(3), long_result(1.0, 0.01)
+    """Values at the level, 4,000 searches: hardly more than the share of all looks, both sides, are
+    decided."""
+    rng = np.random.default_rng(3)
+    result = long_result(1.0, 0.01)
 
     def look(periods):
         result.table["value"] = 1.0 + 0.01 * rng.standard_t(PATHS - 1)
@@ -49,7 +70,9 @@ def test_the_share_of_wrong_statements_is_the_stated_one():
 
     wrong = sum(judge_level(1.0, "rate_above", 1.0, look).verdict != UNDECIDED for _ in range(4000))
     share = 0.05 / 40
-    assert 0 < wrong <= 4000 * share + 4.0 * math.sqrt(4000 * share)  # an interval that never fails is too wide
+    assert (
+        0 < wrong <= 4000 * share + 4.0 * math.sqrt(4000 * share)
+    )  # an interval that never fails is too wide
 
 
 def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
@@ -58,7 +81,12 @@ def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
     assert 0.0 < found.high < 1e-2
     nearer = judge_level(1.0, "rate_above", 1e-9, lambda n: long_result(0.0, 0.0, periods=n))
     assert nearer.verdict == UNDECIDED
-    assert judge_level(1.0, "rate_above", 0.5, lambda _: long_result(0.5000001, 0.0, "periodic")).verdict == ABOVE
+    assert (
+        judge_level(
+            1.0, "rate_above", 0.5, lambda _: long_result(0.5000001, 0.0, "periodic")
+        ).verdict
+        == ABOVE
+    )
 
 
 @pytest.fixture(scope="module")
@@ -67,12 +95,15 @@ def found():
 
 
 def test_the_crossing_is_between_its_two_values(found):
-    """Long runs with other random numbers agree on both sides; another level has another crossing."""
+    """Long runs with other random numbers agree on both sides; another level has another
+    crossing."""
     (edge,) = found.edges
     assert max(edge) / min(edge) <= 1.2 / 0.8 * 1.01
     for amplitude, sign in ((edge.below, -1.0), (edge.above, 1.0)):
         gears = replace(DAT21, alpha=amplitude / DAT21.backlash1)
-        run = stationary(Scene.from_gears(gears, sigma=0.5), periods=1024, paths=64, rng=11, closures=())
+        run = stationary(
+            Scene.from_gears(gears, sigma=0.5), periods=1024, paths=64, rng=11, closures=()
+        )
         row = run.table_in("physical").loc["power"]
         assert sign * (row["value"] - found.level) > -4.0 * row["se"]
     (higher,) = crossing(DRIVEN, **SETTINGS | {"level": 2000.0}, rng=3).edges
@@ -91,16 +122,21 @@ def test_a_search_continues_where_it_ended(found, tmp_path):
     first = crossing(DRIVEN, **SETTINGS, rng=3, folder=tmp_path, budget=1e-9)
     assert set(first.points["remark"]) == {"the budget ended"}
     assert "Undecided at amplitude = " in first.answer[1]
-    assert crossing(DRIVEN, **SETTINGS, rng=3, folder=tmp_path, workers=2).points.equals(found.points)
+    assert crossing(DRIVEN, **SETTINGS, rng=3, folder=tmp_path, workers=2).points.equals(
+        found.points
+    )
     stored = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
     assert crossing(DRIVEN, **SETTINGS, rng=3, folder=tmp_path).points.equals(found.points)
     assert stored == {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.parquet")}
 
 
 def test_drag_ends_the_rattle():
-    """Without noise the closed teeth of a single stage lose no energy beyond its threshold of rattle."""
+    """Without noise the closed teeth of a single stage lose no energy beyond its threshold of
+    rattle."""
     scene = Scene(alpha=1.5, epsilon=0.4, beta1=0.3, gamma1=1.0, stages=1)
-    found = crossing(scene, quantity="rate", level=0.1, over="gamma1", between=(0.5, 3.0), points=4, width=0.05)
+    found = crossing(
+        scene, quantity="rate", level=0.1, over="gamma1", between=(0.5, 3.0), points=4, width=0.05
+    )
     (edge,) = found.edges
     assert edge.above < scene.alpha * math.hypot(1.0, scene.beta1) < edge.below
 
@@ -109,7 +145,9 @@ def test_drag_ends_the_rattle():
     ("verdict", "level", "place"), [(ABOVE, 0.2, "above 320 N mm"), (BELOW, 0.99, "below 20 N mm")]
 )
 def test_where_a_level_that_is_not_crossed_may_be_is_said(verdict, level, place):
-    points = pd.DataFrame([(20.0, verdict, 64, 0.9, 0.89, 0.91, ""), (320.0, verdict, 64, 0.5, 0.49, 0.51, "")])
+    points = pd.DataFrame(
+        [(20.0, verdict, 64, 0.9, 0.89, 0.91, ""), (320.0, verdict, 64, 0.5, 0.49, 0.51, "")]
+    )
     points.columns = SideOfLevel._fields
     found = Crossing(DRIVEN, "open_share_mesh1", level, "torque1", (), points, "N mm")
     assert found.answer[1] == f"If it does, it is {place}."

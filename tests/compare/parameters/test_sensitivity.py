@@ -7,12 +7,22 @@ import numpy as np
 import pytest
 from test_boundary import page_of
 
-from rattle import DAT21, InputError, Order, Scene, Tolerance, closure_sensitivity, mean_map, sensitivity
+from rattle import (
+    DAT21,
+    InputError,
+    Order,
+    Scene,
+    Tolerance,
+    closure_sensitivity,
+    mean_map,
+    sensitivity,
+)
 from rattle.compare.parameters.figures import tornado
 from rattle.compare.parameters.sensitivity import _effect
 from rattle.compare.study.parameters import STEPS, find_parameter, find_parameters
 
-# Noise alone drives this stage: in the long run all that it supplies, sigma^2 (1 + beta1^2) / 4, is lost in impacts.
+# Noise alone drives this stage: in the long run all that it supplies, sigma^2 (1 + beta1^2) / 4, is
+# lost in impacts.
 NOISE_ALONE = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
 DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
 
@@ -23,12 +33,15 @@ def balance():
 
 
 def test_the_energy_lost_follows_the_balance(balance):
-    """Twice the noise, four times the power; restitution and gap do not matter.  Three checks, 4 errors each."""
+    """Twice the noise, four times the power; restitution and gap do not matter.  Three checks, 4
+    errors each."""
     rows = balance.of("power")
     for name, power in {"sigma": 2.0, "epsilon": 0.0, "gap1": 0.0}.items():
         exact = 1.01**power - 1.0
         assert abs(rows.loc[name, "effect"] - exact) < 4.0 * rows.loc[name, "se"] + 1e-12
-    assert abs(rows.loc["sigma", "effect"] - (1.01 - 1.0)) > 4.0 * rows.loc["sigma", "se"]  # a planted error
+    assert (
+        abs(rows.loc["sigma", "effect"] - (1.01 - 1.0)) > 4.0 * rows.loc["sigma", "se"]
+    )  # a planted error
     assert abs(balance.values.loc["power", "value"] - 0.25) < 0.01
 
 
@@ -48,14 +61,17 @@ def test_the_result_does_not_depend_on_the_workers():
 
 
 def logs(power, noise=0.0, bend=0.0, groups=6):
-    """Logarithms at each factor of a quantity that grows as a power, with noise and a term of third order."""
+    """Logarithms at each factor of a quantity that grows as a power, with noise and a term of third
+    order."""
     x = np.log([1.0 + sign * step for step in STEPS for sign in (-1.0, 1.0)])
     rng = np.random.default_rng(5)
     return power * x + bend * x**3 + noise * rng.standard_normal((groups, 4))
 
 
 def test_what_bends_is_extrapolated_or_called_not_linear():
-    straight, slightly, strongly = (_effect(logs(2.0, 1e-5, bend), 10) for bend in (0.0, 60.0, 600.0))
+    straight, slightly, strongly = (
+        _effect(logs(2.0, 1e-5, bend), 10) for bend in (0.0, 60.0, 600.0)
+    )
     assert [found["linear"] for found in (straight, slightly, strongly)] == [True, True, False]
     for found in (straight, slightly):
         assert found["effect"] == pytest.approx(1.01**2 - 1.0, abs=1e-4)
@@ -64,7 +80,8 @@ def test_what_bends_is_extrapolated_or_called_not_linear():
 
 
 def test_intervals_have_their_coverage():
-    """2,000 effects of pure noise: within 4 standard errors of 95 %; an interval of z in place of t is caught."""
+    """2,000 effects of pure noise: within 4 standard errors of 95 %; an interval of z in place of t
+    is caught."""
     rng = np.random.default_rng(7)
     found = [_effect(0.01 * rng.standard_normal((4, 4)), 1) for _ in range(2000)]
     hit = np.mean([e["low"] < 0.0 < e["high"] for e in found])
@@ -77,7 +94,11 @@ def test_parameters_of_gears_are_physical():
     found = find_parameters(replace(DRIVEN, tolerance=Tolerance(0.01, 0.02)))
     assert found["amplitude"][1:3] == (pytest.approx(0.3), "mm")
     wider = found["backlash1"].scene_at(0.4)
-    assert (wider.gears.amplitude, wider.tolerance.c1_max, wider.sigma) == (pytest.approx(0.3), 0.005, 0.5)
+    assert (wider.gears.amplitude, wider.tolerance.c1_max, wider.sigma) == (
+        pytest.approx(0.3),
+        0.005,
+        0.5,
+    )
     assert found["torque2"].words == "drag torque on wheel 2"
     single = find_parameters(replace(DRIVEN, stages=1))
     assert not [name for name in single if name.endswith("2")]
@@ -95,7 +116,17 @@ def test_what_gears_do_not_fix_stays_while_they_change():
 
 @pytest.mark.parametrize(
     "name",
-    ["alpha", "amplitude", "torque1", "beta1", "gap2", "sigma", "drive.1.amplitude", "drive.3.phase", "start.y1"],
+    [
+        "alpha",
+        "amplitude",
+        "torque1",
+        "beta1",
+        "gap2",
+        "sigma",
+        "drive.1.amplitude",
+        "drive.3.phase",
+        "start.y1",
+    ],
 )
 def test_any_number_of_a_scene_can_be_another(name):
     found = find_parameter(DRIVEN, name)
@@ -106,8 +137,14 @@ def test_any_number_of_a_scene_can_be_another(name):
 
 def test_a_parameter_that_cannot_be_changed_has_a_remark(tmp_path):
     scene = replace(NOISE_ALONE, epsilon=0.97)
-    found = sensitivity(scene, quantities=["power", "rate"], parameters=["epsilon", "sigma"], accuracy=0.1)
-    assert found.table.query("parameter == 'epsilon'")["remark"].str.contains("cannot be changed by 4%").all()
+    found = sensitivity(
+        scene, quantities=["power", "rate"], parameters=["epsilon", "sigma"], accuracy=0.1
+    )
+    assert (
+        found.table.query("parameter == 'epsilon'")["remark"]
+        .str.contains("cannot be changed by 4%")
+        .all()
+    )
     assert found.table.query("parameter == 'sigma'")["effect"].notna().all()
     assert "cannot be changed" in page_of(found, tmp_path)
     assert len(tornado(found.table, ["power", "rate"]).axes) == 2
@@ -142,13 +179,17 @@ def test_saltation_is_right_at_small_noise_and_corrected_is_not(found):
 
 @pytest.mark.slow
 def test_twice_the_noise_is_twice_the_sd_at_small_noise(found):
-    rows = found["saltation"].table.query("parameter == 'sigma' and moment == 'sd' and verdict == 'accurate'")
+    rows = found["saltation"].table.query(
+        "parameter == 'sigma' and moment == 'sd' and verdict == 'accurate'"
+    )
     assert len(rows) > 10
     assert rows["simulated"].to_numpy() == pytest.approx(0.00995, abs=3e-4)
 
 
 def test_a_planted_error_is_shown(tmp_path):
-    planted = closure_sensitivity(SMALL, closure=too_large, parameters=["epsilon"], impacts=1, paths=4096)
+    planted = closure_sensitivity(
+        SMALL, closure=too_large, parameters=["epsilon"], impacts=1, paths=4096
+    )
     wrong = planted.table[planted.table["verdict"] == "inaccurate"]
     assert wrong[["quantity", "moment"]].to_numpy().tolist() == [["y1", "sd"]]
     assert "1 inaccurate" in planted.answer[0]
@@ -165,5 +206,8 @@ def test_where_another_mesh_is_struck_a_change_is_not_linear():
 
 
 def test_workers_do_not_matter():
-    one, two = (closure_sensitivity(SMALL, parameters=["omega"], impacts=1, paths=1024, workers=n) for n in (1, 2))
+    one, two = (
+        closure_sensitivity(SMALL, parameters=["omega"], impacts=1, paths=1024, workers=n)
+        for n in (1, 2)
+    )
     assert one.table.equals(two.table)

@@ -1,4 +1,5 @@
-"""Results show themselves in a few lines, draw and report themselves, and come in physical units."""
+"""Results show themselves in a few lines, draw and report themselves, and come in physical
+units."""
 
 import json
 from functools import partial
@@ -33,7 +34,12 @@ def run():
 
 
 def test_every_repr_is_a_few_lines_and_its_html_has_a_table(validation, run):
-    for shown in (validation, run, mean_map(SCENE, impacts=30, closure="published"), mean_map(PLAIN, impacts=2)):
+    for shown in (
+        validation,
+        run,
+        mean_map(SCENE, impacts=30, closure="published"),
+        mean_map(PLAIN, impacts=2),
+    ):
         assert 2 <= len(repr(shown).splitlines()) <= 8
         assert max(map(len, repr(shown).splitlines())) <= 300
         assert "<table" in shown._repr_html_()
@@ -43,7 +49,8 @@ def test_every_repr_is_a_few_lines_and_its_html_has_a_table(validation, run):
 
 def test_sections_in_physical_units(run):
     for made in (run, mean_map(SCENE, impacts=3)):
-        physical, plain = made.section_in("physical"), made.section
+        physical = made.section_in("physical")
+        plain = made.section
         assert "energy_mJ" in physical or made is not run
         np.testing.assert_allclose(physical["tau_ms"], plain["tau"] / 0.3)
         np.testing.assert_allclose(physical["sd_y1_mm_per_s"], 60.0 * plain["sd_y1"])
@@ -53,9 +60,17 @@ def test_sections_in_physical_units(run):
 
 
 def test_moments_at_fixed_times_in_physical_units():
-    run = simulate(SCENE, paths=256, impacts=2, rng=7, scheme="euler-maruyama-located", record=Record(times=[0.3, 0.6]))
+    run = simulate(
+        SCENE,
+        paths=256,
+        impacts=2,
+        rng=7,
+        scheme="euler-maruyama-located",
+        record=Record(times=[0.3, 0.6]),
+    )
     for made in (run, mean_map(SCENE, impacts=2)):
-        physical, plain = made.at_times([0.3, 0.6], units="physical"), made.at_times([0.3, 0.6])
+        physical = made.at_times([0.3, 0.6], units="physical")
+        plain = made.at_times([0.3, 0.6])
         np.testing.assert_allclose(physical.index, plain.index / 0.3)
         assert physical.index.name == "time_ms"
         assert len(physical.columns) == len(plain.columns)
@@ -64,9 +79,13 @@ def test_moments_at_fixed_times_in_physical_units():
         np.testing.assert_allclose(physical["cov_x1_x2_mm2"], 0.04 * plain["cov_x1_x2"])
         np.testing.assert_allclose(physical["cov_y1_x2_mm2_per_s"], 12.0 * plain["cov_y1_x2"])
         np.testing.assert_allclose(physical["cov_y1_y2_mm2_per_s2"], 3600.0 * plain["cov_y1_y2"])
-        pd.testing.assert_series_equal(physical["rho1"].reset_index(drop=True), plain["rho1"].reset_index(drop=True))
+        pd.testing.assert_series_equal(
+            physical["rho1"].reset_index(drop=True), plain["rho1"].reset_index(drop=True)
+        )
         pd.testing.assert_frame_equal(made.at_times([0.3, 0.6], units="dimensionless"), plain)
-    np.testing.assert_allclose(run.at_times(units="physical")["se_x1_mm"], 0.2 * run.at_times()["se_x1"])
+    np.testing.assert_allclose(
+        run.at_times(units="physical")["se_x1_mm"], 0.2 * run.at_times()["se_x1"]
+    )
 
 
 @pytest.mark.parametrize("make", [mean_map, partial(simulate, paths=1)])
@@ -80,7 +99,9 @@ def test_physical_units_need_gears(make):
 
 
 def test_figures(validation, run):
-    assert all(isinstance(validation.plot(kind), Figure) for kind in ("errors", "correlation", "section"))
+    assert all(
+        isinstance(validation.plot(kind), Figure) for kind in ("errors", "correlation", "section")
+    )
     assert run.plot("y2", units="physical").axes[0].get_ylabel() == "y2 before the impact in mm/s"
     with pytest.raises(InputError, match="did you mean 'errors'"):
         validation.plot("error")
@@ -111,7 +132,12 @@ m = rt.mean_map(rt.Scene.from_gears(rt.DAT21, sigma=0.1), impacts=3)"""
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_notebook_shows_a_figure_once():
-    plots = ("m.plot()", "import matplotlib.pyplot as plt\nm.plot()", "%matplotlib inline\nm.plot()", "m.plot();")
+    plots = (
+        "m.plot()",
+        "import matplotlib.pyplot as plt\nm.plot()",
+        "%matplotlib inline\nm.plot()",
+        "m.plot();",
+    )
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(s) for s in (MAKE, *plots)])
     NotebookClient(book, timeout=300, kernel_name="python3").execute()
     pictures = [sum("image/png" in o.get("data", {}) for o in cell.outputs) for cell in book.cells]
@@ -139,25 +165,45 @@ def results():
 
 @pytest.mark.parametrize("name", ["orbit", "prediction", "run", "validation", "long run"])
 def test_every_result_draws_itself_and_gives_a_dataset_with_units(results, name):
-    figure, data = results[name].plot(), results[name].to_xarray()
+    figure = results[name].plot()
+    data = results[name].to_xarray()
     assert isinstance(figure, Figure)
     assert figure._repr_png_().startswith(b"\x89PNG")
-    units = data["quantity"].attrs if "quantity" in data else {n: v.attrs["units"] for n, v in data.items()}
+    units = (
+        data["quantity"].attrs
+        if "quantity" in data
+        else {n: v.attrs["units"] for n, v in data.items()}
+    )
     assert units["q50_speed_mesh1" if name == "long run" else "y1"] == "backlash1 omega"
     if name in ("prediction", "run", "long run"):
-        assert {v.attrs["units"] for v in results[name].to_xarray("physical").values()} >= {"ms", "mm/s", "1"}
+        assert {v.attrs["units"] for v in results[name].to_xarray("physical").values()} >= {
+            "ms",
+            "mm/s",
+            "1",
+        }
 
 
 def test_a_dataset_holds_the_numbers_of_the_table(results):
-    run, orbit = results["run"], results["orbit"]
+    run = results["run"]
+    orbit = results["orbit"]
     assert run.to_xarray()["sd_y1"].values.tolist() == run.section["sd_y1"].tolist()
-    assert run.to_xarray("physical")["tau"].values.tolist() == run.section_in("physical")["tau_ms"].tolist()
+    assert (
+        run.to_xarray("physical")["tau"].values.tolist()
+        == run.section_in("physical")["tau_ms"].tolist()
+    )
     assert orbit.to_xarray()["y2_after"].values.tolist() == orbit.after[:, 3].tolist()
-    row = results["validation"].table.query("quantity == 'y1' and moment == 'sd' and impact == 2").iloc[0]
+    row = (
+        results["validation"]
+        .table.query("quantity == 'y1' and moment == 'sd' and impact == 2")
+        .iloc[0]
+    )
     at = {"closure": "saltation", "quantity": "y1", "moment": "sd", "impact": 2}
     assert float(results["validation"].to_xarray()["error"].sel(at)) == row["error"]
     rate = results["long run"].to_xarray("physical")["rate"]
-    assert float(rate.sel(statistic="value")) == results["long run"].table_in("physical").loc["rate", "value"]
+    assert (
+        float(rate.sel(statistic="value"))
+        == results["long run"].table_in("physical").loc["rate", "value"]
+    )
 
 
 def test_what_cannot_be_drawn_is_said(results):

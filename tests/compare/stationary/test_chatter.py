@@ -1,4 +1,5 @@
-"""Gears that chatter: what is fast stands first, chatter is said to be chatter, and pages of gears are physical."""
+"""Gears that chatter: what is fast stands first, chatter is said to be chatter, and pages of gears
+are physical."""
 
 import math
 from pathlib import Path
@@ -15,22 +16,32 @@ from rattle.scene import Scene
 
 PAIR = Path(__file__).parents[1] / "cli" / "pair.toml"
 RECORD = {
-    "name": "pair", "field": "alpha", "commit": "", "seed": 0, "wall_seconds": 0.0, "versions": {},
+    "name": "pair",
+    "field": "alpha",
+    "commit": "",
+    "seed": 0,
+    "wall_seconds": 0.0,
+    "versions": {},
     "command": "rattle stationary",
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
 def found():
-    return rt.stationary(Scene.load(PAIR), periods=64, paths=32, closures=["published", "saltation"])
+    return rt.stationary(
+        Scene.load(PAIR), periods=64, paths=32, closures=["published", "saltation"]
+    )
 
 
 def test_impacts_above_the_threshold_stand_first(found):
-    """Nine of ten impacts are slower than 1.9 mm/s; an orbit of 15 others a period is what is heard."""
+    """Nine of ten impacts are slower than 1.9 mm/s; an orbit of 15 others a period is what is
+    heard."""
     assert all_names(1)[:2] == ("rate_above", "speed_above")
     table = found.table["value"]
     assert table["rate_above"] == pytest.approx(15.0 / (2.0 * math.pi), rel=1e-3)
-    assert table["rate_above"] == pytest.approx(table["rate"] * (1.0 - table["slow_share"]), rel=1e-3)
+    assert table["rate_above"] == pytest.approx(
+        table["rate"] * (1.0 - table["slow_share"]), rel=1e-3
+    )
     assert 0.5 < table["open_share_mesh1"] < 1.0 - table["contact_share_mesh1"]
     assert table["q50_speed"] < 1e-3 < found.slow < table["q50_speed_above"]
     first, second, *_ = answer(found)
@@ -42,8 +53,10 @@ def test_impacts_above_the_threshold_stand_first(found):
 
 def test_a_law_above_the_threshold_is_that_of_a_sample():
     """A mixture of normal speeds, cut at the threshold, against its own random numbers."""
-    n, zero = 200_000, np.zeros(2)
-    mean, sd = np.array([0.05, 0.4]), np.array([0.08, 0.3])
+    n = 200_000
+    zero = np.zeros(2)
+    mean = np.array([0.05, 0.4])
+    sd = np.array([0.08, 0.3])
     law = Law(2.0, np.array([0.7, 0.3]), np.ones(2, int), mean, sd, mean, zero, mean, zero)
     values = values_of(law, Scene(alpha=1.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1), 0.1)
     rng = np.random.default_rng(1)
@@ -51,7 +64,9 @@ def test_a_law_above_the_threshold_is_that_of_a_sample():
     drawn_speeds = rng.normal(mean[which], sd[which])
     fast = drawn_speeds[drawn_speeds > 0.1]
     assert values["rate_above"] == pytest.approx(2.0 * fast.size / n, rel=0.01)
-    assert values["speed_above"] == pytest.approx(fast.mean(), abs=5.0 * fast.std() / math.sqrt(fast.size))
+    assert values["speed_above"] == pytest.approx(
+        fast.mean(), abs=5.0 * fast.std() / math.sqrt(fast.size)
+    )
     assert values["sd_speed_above"] == pytest.approx(fast.std(), rel=0.01)
     skewness = ((fast - fast.mean()) ** 3).mean() / fast.std() ** 3
     assert values["skew_speed_above"] == pytest.approx(skewness, rel=0.03)
@@ -60,7 +75,9 @@ def test_a_law_above_the_threshold_is_that_of_a_sample():
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_page_of_gears_is_physical_throughout(found, tmp_path):
-    write_stationary(tmp_path / "out", found, None, RECORD | {"scene": found.scene.to_dict()}, False)
+    write_stationary(
+        tmp_path / "out", found, None, RECORD | {"scene": found.scene.to_dict()}, False
+    )
     text = (tmp_path / "out" / "stationary.md").read_text()
     assert "of impacts at 1.88 mm/s or faster" in text
     assert "slower than 1.88 mm/s" in text

@@ -1,4 +1,5 @@
-"""The report of the long run: exact values, closures with verdicts, physical units, the command, and refusals."""
+"""The report of the long run: exact values, closures with verdicts, physical units, the command,
+and refusals."""
 
 import math
 from dataclasses import replace
@@ -33,8 +34,11 @@ def test_periodic_orbit_without_noise_is_exact():
     row = found.table.loc["rate"]
     assert row["se"] == 0.0
     assert row["value"] == pytest.approx(1.0 / math.pi)
-    speed, lost = found.table.loc["speed", "value"], found.table.loc["energy", "value"]
-    assert lost == pytest.approx(0.5 * 0.75 * (speed**2 + found.table.loc["sd_speed", "value"] ** 2))
+    speed = found.table.loc["speed", "value"]
+    lost = found.table.loc["energy", "value"]
+    assert lost == pytest.approx(
+        0.5 * 0.75 * (speed**2 + found.table.loc["sd_speed", "value"] ** 2)
+    )
 
 
 @pytest.mark.parametrize("sigma", [0.0, 1e-3])
@@ -48,7 +52,8 @@ def test_motion_that_comes_to_rest_says_so(sigma):
 
 
 def test_several_attractors_are_named_with_their_shares():
-    """Beside the symmetric orbit with two impacts a period there is one with six impacts in three periods."""
+    """Beside the symmetric orbit with two impacts a period there is one with six impacts in three
+    periods."""
     with pytest.raises(BurnInError, match=r"of 12 starts, the motion of \d+%") as caught:
         rt.stationary(Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1))
     assert "3 periods of the excitation and 6 impacts" in str(caught.value)
@@ -89,7 +94,8 @@ def test_linear_law_of_two_stages():
 
 
 @pytest.mark.parametrize(
-    ("scene", "why"), [(Scene.from_gears(DAT21, sigma=0.1), "chaotic"), (Scene(**RESTING, sigma=0.01), "rest")]
+    ("scene", "why"),
+    [(Scene.from_gears(DAT21, sigma=0.1), "chaotic"), (Scene(**RESTING, sigma=0.01), "rest")],
 )
 def test_linear_law_says_why_there_is_none(scene, why):
     with pytest.raises(NotPredicted, match=why):
@@ -97,8 +103,11 @@ def test_linear_law_says_why_there_is_none(scene, why):
 
 
 def test_closures_are_judged():
-    """Where noise is weak the linear closure is accurate; the orbit's average misses every spread."""
-    found = rt.stationary(Scene(**PAIR, sigma=2e-3), periods=64, paths=64, closures=["saltation", "corrected"])
+    """Where noise is weak the linear closure is accurate; the orbit's average misses every
+    spread."""
+    found = rt.stationary(
+        Scene(**PAIR, sigma=2e-3), periods=64, paths=64, closures=["saltation", "corrected"]
+    )
     verdicts = found.verdicts.set_index(["closure", "quantity"])["verdict"]
     for name in ("rate", "speed", "energy_per_period", "slow_share"):
         assert verdicts["saltation", name] == "accurate", found.verdicts
@@ -107,7 +116,8 @@ def test_closures_are_judged():
 
 
 def test_intervals_that_rest_on_few_paths_are_named():
-    """A few paths carry nearly all slow impacts: the interval is wider for that, and the answer says so."""
+    """A few paths carry nearly all slow impacts: the interval is wider for that, and the answer
+    says so."""
     found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
     assert "slow_share" not in found.few.index
     sums = found.run.sums
@@ -115,24 +125,36 @@ def test_intervals_that_rest_on_few_paths_are_named():
     main[3, 0, SLOW] += 400.0  # planted: one burst
     planted = estimates(sums._replace(main=main), ("slow_share",))["slow_share"]
     table = found.table.copy()
-    table.loc["slow_share", ["effective_paths", "low", "high"]] = planted.effective_paths, planted.low, planted.high
+    table.loc["slow_share", ["effective_paths", "low", "high"]] = (
+        planted.effective_paths,
+        planted.low,
+        planted.high,
+    )
     burst = replace(found, table=table)
-    assert planted.effective_paths < 3.0  # what is left of it in the other paths' control variates counts too
+    assert (
+        planted.effective_paths < 3.0
+    )  # what is left of it in the other paths' control variates counts too
     assert planted.high - planted.low > 8.0 * planted.se  # 4 for normal parts
     assert planted.low == 0.0  # as a share is never less
-    assert "The standard error of `slow_share` rests on about 2 of 32 paths" in " ".join(answer(burst))
+    assert "The standard error of `slow_share` rests on about 2 of 32 paths" in " ".join(
+        answer(burst)
+    )
 
 
 def test_attractors_that_little_noise_does_not_connect_are_named():
     apart = Scene(alpha=0.3, epsilon=0.8, beta1=0.05, gamma1=0.0, stages=1, sigma=1e-6)
-    with pytest.raises(BurnInError, match=r"Without noise, of 12 starts, the motion of \d+% is periodic") as caught:
+    with pytest.raises(
+        BurnInError, match=r"Without noise, of 12 starts, the motion of \d+% is periodic"
+    ) as caught:
         rt.stationary(apart, paths=32, budget=2.0)
     assert caught.value.field == "burn_in"
 
 
 def test_physical_units():
     found = rt.stationary(Scene.from_gears(DAT21, sigma=0.5), periods=64, paths=32, closures=[])
-    table, own, units = found.table_in("physical"), found.table, DAT21.units
+    table = found.table_in("physical")
+    own = found.table
+    units = DAT21.units
     assert table.loc["rate", "value"] == pytest.approx(own.loc["rate", "value"] * 300.0)
     assert table.loc["power", "unit"] == "mW"
     per_period = table.loc["energy_per_period", "value"]  # mJ; a period is 2 pi / 300 s
@@ -150,7 +172,14 @@ def test_command_writes_its_page(tmp_path):
     words = ("--sigma", 0.5, "--periods", 64, "--paths", 32, "--closure", "corrected", "--out", out)
     done = run(*words)
     assert "impacts a second" in done.output
-    for name in ("stationary.html", "stationary.csv", "verdicts.csv", "sections.csv", "section.svg", "manifest.json"):
+    for name in (
+        "stationary.html",
+        "stationary.csv",
+        "verdicts.csv",
+        "sections.csv",
+        "section.svg",
+        "manifest.json",
+    ):
         assert (out / name).stat().st_size > 0
     assert "corrected" in (out / "stationary.md").read_text()
     run(*words, code=2)
@@ -165,9 +194,20 @@ def test_command_refuses_bad_input(tmp_path):
 def test_command_draws_the_bifurcation_with_noise(tmp_path):
     out = tmp_path / "report"
     run(
-        "--sigma", 0.3, "--periods", 64, "--paths", 32, "--no-closures", "--field", "epsilon", "--over", "0.7:0.9:2",
-        "--out", out,
-    )  # fmt: skip
+        "--sigma",
+        0.3,
+        "--periods",
+        64,
+        "--paths",
+        32,
+        "--no-closures",
+        "--field",
+        "epsilon",
+        "--over",
+        "0.7:0.9:2",
+        "--out",
+        out,
+    )
     assert (out / "bifurcation.svg").exists()
     sides = {line.split(",")[0] for line in (out / "bifurcation.csv").read_text().splitlines()[1:]}
     assert sides == {"without noise", "with noise"}

@@ -47,16 +47,26 @@ def test_study_runs_and_is_kept(tmp_path):
     file.write_text(STUDY)
     assert json.loads(rattle("study", file, "--json").stdout)["complete"]
     folder = tmp_path / "pair"
-    for name in ("study.html", "quantities.parquet", "verdicts.parquet", "figures/long-run.svg", "manifest.json"):
+    for name in (
+        "study.html",
+        "quantities.parquet",
+        "verdicts.parquet",
+        "figures/long-run.svg",
+        "manifest.json",
+    ):
         assert (folder / name).stat().st_size > 0
     tables = rt.load_study(folder)
     rate = tables.quantities.query("quantity == 'rate'").set_index("sigma")
     assert rate.loc[0.0, "se"] == 0.0
     assert rate.loc[0.0, "value"] == pytest.approx(rate.loc[0.002, "value"], rel=1e-3)
-    linear = tables.verdicts.query("closure == 'saltation' and quantity == 'speed'").set_index("sigma")["verdict"]
+    linear = tables.verdicts.query("closure == 'saltation' and quantity == 'speed'").set_index(
+        "sigma"
+    )["verdict"]
     assert linear[0.002] == "accurate"
     assert linear[0.3] == "inaccurate"
-    assert float(tables.to_xarray()["value"].sel(sigma=0.0, quantity="rate")) == rate.loc[0.0, "value"]
+    assert (
+        float(tables.to_xarray()["value"].sel(sigma=0.0, quantity="rate")) == rate.loc[0.0, "value"]
+    )
     assert tables.to_xarray()["quantity"].attrs["rate"] == "omega"
     assert "up to date" in rattle("study", file).stderr
     titles_apart(tables.plot())
@@ -80,11 +90,14 @@ def test_a_study_over_two_fields_has_a_figure_for_each_value_of_the_second():
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
-        ("periods = 64", "periods = 3", "periods"), ("periods = 64", "periods = 64\naccuracy = 0.1", "periods"),
-        ('"saltation"', '"linear"', "closures"), ("periods = 64", "impacts = 12", "impacts"),
-        ('kind = "stationary"', 'kind = "static"', "kind"), ("sigma = [0.0, 0.002, 0.3]", "scheme = ['a']", "scheme"),
+        ("periods = 64", "periods = 3", "periods"),
+        ("periods = 64", "periods = 64\naccuracy = 0.1", "periods"),
+        ('"saltation"', '"linear"', "closures"),
+        ("periods = 64", "impacts = 12", "impacts"),
+        ('kind = "stationary"', 'kind = "static"', "kind"),
+        ("sigma = [0.0, 0.002, 0.3]", "scheme = ['a']", "scheme"),
     ],
-)  # fmt: skip
+)
 def test_bad_studies_are_refused(old, new, word):
     with pytest.raises(InputError, match=word):
         assert rt.Study.from_toml(STUDY.replace(old, new)).points
@@ -96,11 +109,14 @@ PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.
 @pytest.mark.parametrize(
     ("model", "quantities", "word"),
     [
-        ("saltation", ["ratio"], "quantities"), ("saltation", [], "quantities"), ("linear", ["rate"], "closure"),
-        (lambda scene, names: {}, ["rate"], "missing"), (3, ["rate"], "model"),
+        ("saltation", ["ratio"], "quantities"),
+        ("saltation", [], "quantities"),
+        ("linear", ["rate"], "closure"),
+        (lambda scene, names: {}, ["rate"], "missing"),
+        (3, ["rate"], "model"),
         (lambda scene, names: {"rate": float("nan")}, ["rate"], "not predicted"),
     ],
-)  # fmt: skip
+)
 def test_bad_claims_are_refused(model, quantities, word):
     with pytest.raises(InputError, match=word):
         predict_long(model, PAIR, quantities)

@@ -10,7 +10,8 @@ import asyncio, sys
 from distributed import Scheduler
 
 async def main():
-    async with Scheduler(protocol=sys.argv[1], host="127.0.0.1", port=0, dashboard=False) as scheduler:
+    place = {"protocol": sys.argv[1], "host": "127.0.0.1", "port": 0}
+    async with Scheduler(**place, dashboard=False) as scheduler:
         print(scheduler.address, flush=True)
         await scheduler.finished()
 
@@ -36,9 +37,12 @@ def _running(code, *words, **environment):
     """A process, and the address that it prints once it answers there; killed in the end."""
     path = os.pathsep.join(filter(None, sys.path))
     running = subprocess.Popen(
-        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        [sys.executable, "-c", code, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
         env={**os.environ, "PYTHONPATH": path, **environment},
-    )  # fmt: skip
+    )
     try:
         address = running.stdout.readline().strip()
         assert address, "it has ended before it answered"

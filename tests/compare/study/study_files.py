@@ -13,7 +13,8 @@ from rattle.scene.errors import InputError
 
 def study_text(sigmas=(0.01, 0.02, 0.05), paths=4096, impacts=2, common="true", more=""):
     """A study over sigma of two stages and closures; `more` is appended."""
-    closures, lines = ("saltation", "corrected"), f"seed = 3\ncommon_noise = {common}"
+    closures = ("saltation", "corrected")
+    lines = f"seed = 3\ncommon_noise = {common}"
     return study("small", impacts, closures, paths, sigmas, lines, stages=2) + more
 
 

@@ -1,4 +1,5 @@
-"""Workers of a cluster that do not answer, as the scheduler's heartbeats tell it; a real one: test_study_cluster."""
+"""Workers of a cluster that do not answer, as the scheduler's heartbeats tell it; a real one:
+test_study_cluster."""
 
 from types import SimpleNamespace
 
@@ -12,14 +13,18 @@ class Scheduler:
     """What a client asks of it; the clock is that of the workers and of this program."""
 
     def __init__(self, workers):
-        self.now, self.suspended, self.removed = 0.0, {}, []
+        self.now = 0.0
+        self.suspended = {}
+        self.removed = []
         self.workers = set(workers)
         self.scheduler = self
         self.identity = "identity"
 
     def sync(self, asked, callback_timeout):
         assert asked == "identity"
-        seen = {worker: {"last_seen": self.suspended.get(worker, self.now)} for worker in self.workers}
+        seen = {
+            worker: {"last_seen": self.suspended.get(worker, self.now)} for worker in self.workers
+        }
         return {"workers": seen}
 
     def run_on_scheduler(self, function, worker):
@@ -31,8 +36,13 @@ class Scheduler:
 @pytest.fixture
 def watch(monkeypatch):
     """A cluster of two workers, and what it says while some seconds pass."""
-    place, client = Cluster("tcp://127.0.0.1:8786"), Scheduler("ab")
-    place._client, place._seen, place._looked, place._heartbeats, place._all_silent = client, 0.0, 0.0, {}, False
+    place = Cluster("tcp://127.0.0.1:8786")
+    client = Scheduler("ab")
+    place._client = client
+    place._seen = 0.0
+    place._looked = 0.0
+    place._heartbeats = {}
+    place._all_silent = False
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: client.now))
 
     def pass_time(seconds):

@@ -1,4 +1,5 @@
-"""A study that asks for an accuracy: a point without noise goes all the way to the page, and no cell runs for ever."""
+"""A study that asks for an accuracy: a point without noise goes all the way to the page, and no
+cell runs for ever."""
 
 from pathlib import Path
 
@@ -38,12 +39,17 @@ def test_a_point_without_noise_comes_to_the_page(tmp_path):
 def test_a_cell_that_would_take_more_than_an_hour_is_told_and_not_kept(tmp_path):
     found = asked(tmp_path, 1e-9, (0.1,), code=2)  # it is the only point
     assert "accuracy = 1e-09: is expected to take" in found.output
-    assert not [p for p in (tmp_path / "study" / "cells").glob("*.parquet") if "se_tau" in pd.read_parquet(p)]
+    assert not [
+        p
+        for p in (tmp_path / "study" / "cells").glob("*.parquet")
+        if "se_tau" in pd.read_parquet(p)
+    ]
 
 
 def test_what_is_not_random_is_expected_to_take_one_path():
     noisy, still = (
-        Sample(Scene.from_gears(DAT21, sigma=sigma), impacts=2, seed=0, accuracy=0.01) for sigma in (0.1, 0.0)
+        Sample(Scene.from_gears(DAT21, sigma=sigma), impacts=2, seed=0, accuracy=0.01)
+        for sigma in (0.1, 0.0)
     )
     work = expect_work([noisy, still])
     assert work[noisy.key].path_steps / work[still.key].path_steps >= 32 * BLOCK - 1
@@ -67,13 +73,16 @@ SCENES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_every_estimate_is_within_a_factor_of_two_of_what_is_taken(name):
-    """Path-steps, as `rattle simulate`, a page and a study expect them; for one stage it was 7e10 times too many."""
+    """Path-steps, as `rattle simulate`, a page and a study expect them; for one stage it was 7e10
+    times too many."""
     scene, accuracy, impacts = SCENES[name]
     run = simulate_to(scene, accuracy, impacts=impacts, scheme="exact-flight", rng=1)
     cell = Sample(scene, impacts, seed=2, accuracy=accuracy)
     fixed = Sample(scene, impacts, seed=2, paths=8192)
     work = expect_work([cell, fixed])
-    page = validate(scene, impacts=impacts, closures=["corrected"], paths=8192, scheme="exact-flight", rng=3)
+    page = validate(
+        scene, impacts=impacts, closures=["corrected"], paths=8192, scheme="exact-flight", rng=3
+    )
     assert run.reach.reached
     assert 0.5 < run.reach.expected.path_steps / run.path_steps < 2.0
     assert 0.5 < work[cell.key].path_steps / run.path_steps < 2.0

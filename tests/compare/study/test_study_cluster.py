@@ -31,7 +31,11 @@ dask = pytest.importorskip("dask")
 
 PROGRESS = "rattle: study"  # begins a line that says how far a command is
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Dask's, as workers are killed, loops closed
+# Dask's, as workers are killed, loops closed
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -66,12 +70,16 @@ def test_results_equal_the_local_ones_though_a_worker_is_killed(cluster, study, 
     found = tables_of(study, store)
     for name in ("errors", "sections", "paired"):
         pd.testing.assert_frame_equal(getattr(found, name), getattr(local, name), check_exact=True)
-    assert victim not in {w.pid for w in cluster.workers.values() if w.pid}  # it was killed, and another took its place
+    assert victim not in {
+        w.pid for w in cluster.workers.values() if w.pid
+    }  # it was killed, and another took its place
 
 
 def test_a_worker_of_another_version_is_refused(cluster, study, tmp_path, monkeypatch):
     monkeypatch.setattr(module, "numerical_version", _another)
-    with pytest.raises(Lost, match=r"has numerical version .*, here it is version of .*: install the same there"):
+    with pytest.raises(
+        Lost, match=r"has numerical version .*, here it is version of .*: install the same there"
+    ):
         run(study.cells, Store(tmp_path / CELLS), Cluster(cluster.scheduler_address))
 
 
@@ -81,7 +89,9 @@ def _another(*packages):
 
 def test_a_cluster_without_workers_is_named(study, tmp_path):
     with (
-        distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=":0", silence_logs=50) as empty,
+        distributed.LocalCluster(
+            n_workers=0, processes=True, dashboard_address=":0", silence_logs=50
+        ) as empty,
         pytest.raises(InputError, match="has no workers"),
     ):
         run(study.cells, Store(tmp_path / CELLS), Cluster(empty.scheduler_address, patience=1.0))
@@ -101,10 +111,15 @@ PATIENT = (
 
 @contextmanager
 def of_our_own(workers, **environment):
-    """A scheduler with workers of one thread each, as processes: its process and address, and theirs."""
+    """A scheduler with workers of one thread each, as processes: its process and address, and
+    theirs."""
     with ExitStack() as stack:
         running, address = stack.enter_context(processes.scheduler(**environment))
-        yield running, address, [stack.enter_context(processes.worker(address))[0] for _ in range(workers)]
+        yield (
+            running,
+            address,
+            [stack.enter_context(processes.worker(address))[0] for _ in range(workers)],
+        )
 
 
 def meanwhile(store, cells, act):
@@ -136,7 +151,9 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
         killer.join()
     *progress, line = done.stderr.splitlines()
     assert all(earlier.startswith(PROGRESS) for earlier in progress), progress
-    assert line.startswith(f"rattle: scheduler = {address!r}: no longer answers: start it again; finished results")
+    assert line.startswith(
+        f"rattle: scheduler = {address!r}: no longer answers: start it again; finished results"
+    )
     assert 2 <= len(kept(Study.load(file), store)) < 9
 
 
@@ -152,9 +169,17 @@ def test_the_loss_of_all_workers_is_said(small, tmp_path):
 
         killer = meanwhile(store, 1, act)
         with pytest.raises(
-            Lost, match=r"has had no workers for 5 s: start some .dask worker ADDRESS.; finished results are kept"
+            Lost,
+            match=(
+                r"has had no workers for 5 s: start some .dask worker ADDRESS.; finished results"
+                r" are kept"
+            ),
         ):
-            run(Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=30_000_000)).cells, store, place)
+            run(
+                Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=30_000_000)).cells,
+                store,
+                place,
+            )
         killer.join()
         assert list(store.folder.glob("*.parquet"))
         assert not list(store.folder.glob(".*"))
@@ -164,9 +189,11 @@ def test_the_loss_of_all_workers_is_said(small, tmp_path):
 
 
 def test_a_suspended_worker_is_named_and_the_others_go_on(small, tmp_path, monkeypatch, capsys):
-    """It is suspended at work: what it was computing, and what it holds, is computed by the other worker."""
+    """It is suspended at work: what it was computing, and what it holds, is computed by the other
+    worker."""
     monkeypatch.setattr(module, "SILENCE", 5.0)
-    store, wanted = Store(tmp_path / CELLS), Study.from_toml(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
+    store = Store(tmp_path / CELLS)
+    wanted = Study.from_toml(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
     with of_our_own(2) as (_, address, workers):
         stopper = meanwhile(store, 1, lambda: workers[0].send_signal(signal.SIGSTOP))
         outcome = run(wanted.cells, store, Cluster(address, patience=60.0), show=True)
@@ -175,7 +202,8 @@ def test_a_suspended_worker_is_named_and_the_others_go_on(small, tmp_path, monke
     assert (
         len(
             re.findall(
-                r"worker tcp://\S+ has not answered for 5 s; its cells go to the others", capsys.readouterr().err
+                r"worker tcp://\S+ has not answered for 5 s; its cells go to the others",
+                capsys.readouterr().err,
             )
         )
         == 1
@@ -184,13 +212,18 @@ def test_a_suspended_worker_is_named_and_the_others_go_on(small, tmp_path, monke
 
 def test_suspended_workers_are_waited_for_and_ctrl_c_ends_that(tmp_path):
     """The command says that none answers, and an interrupt ends it with what is stored."""
-    file, code = tmp_path / "s.toml", f"import rattle.compare.engine.cluster as c; c.SILENCE = 5.0; {PATIENT}"
+    file = tmp_path / "s.toml"
+    code = f"import rattle.compare.engine.cluster as c; c.SILENCE = 5.0; {PATIENT}"
     file.write_text(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
     path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     with of_our_own(1) as (_, address, (worker,)):
         command = [sys.executable, "-c", code, "study", file, "--scheduler", address]
-        with subprocess.Popen(command, env=os.environ | path, stderr=subprocess.PIPE, text=True) as running:
-            meanwhile(Store(tmp_path / "s" / CELLS), 1, lambda: worker.send_signal(signal.SIGSTOP)).join()
+        with subprocess.Popen(
+            command, env=os.environ | path, stderr=subprocess.PIPE, text=True
+        ) as running:
+            meanwhile(
+                Store(tmp_path / "s" / CELLS), 1, lambda: worker.send_signal(signal.SIGSTOP)
+            ).join()
             try:
                 told = next(line for line in running.stderr if not line.startswith(PROGRESS))
                 running.send_signal(signal.SIGINT)
@@ -199,16 +232,23 @@ def test_suspended_workers_are_waited_for_and_ctrl_c_ends_that(tmp_path):
                 running.kill()  # who has ended already does not mind
     assert "rattle: no worker has answered for 5 s" in told
     assert running.returncode == 130
-    assert re.fullmatch(r"rattle: interrupted; \d of 9 results stored; run the same command again to continue", said)
+    assert re.fullmatch(
+        r"rattle: interrupted; \d of 9 results stored; run the same command again to continue", said
+    )
 
 
 @pytest.mark.parametrize(
     ("kind", "why"),
-    [(Deadly, r"the workers that computed it died \(1 of them"), (Refused, "impacts = 2: are too many")],
+    [
+        (Deadly, r"the workers that computed it died \(1 of them"),
+        (Refused, "impacts = 2: are too many"),
+    ],
 )
 def test_a_cell_that_cannot_be_computed_costs_itself_only(small, tmp_path, kind, why):
-    """One that kills its workers, and one that is refused there: the reason is given, all others are computed."""
-    store, first = Store(tmp_path / CELLS), next(c for c in small.cells if hasattr(c, "closure"))
+    """One that kills its workers, and one that is refused there: the reason is given, all others
+    are computed."""
+    store = Store(tmp_path / CELLS)
+    first = next(c for c in small.cells if hasattr(c, "closure"))
     wrong = kind(first.scene, first.impacts, first.closure)
     others = [c for c in small.cells if c.key != first.key]
     with of_our_own(2, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as (_, address, _):
@@ -231,9 +271,21 @@ def test_a_server_that_is_no_scheduler_is_named(small, tmp_path):
 
 @pytest.mark.parametrize(
     "address",
-    ["ucx://127.0.0.1:8786", "ws://127.0.0.1:8786", "inproc://1/2/3", "127.0.0.1:8786", "tcp://127.0.0.1", "",
-     "tcp://127.0.0.1:0", "tcp://127.0.0.1:99999", "tcp://a b:1", "tcp://user@host:1", "tcp://:8786", "tcp:///x:1"],
-)  # fmt: skip
+    [
+        "ucx://127.0.0.1:8786",
+        "ws://127.0.0.1:8786",
+        "inproc://1/2/3",
+        "127.0.0.1:8786",
+        "tcp://127.0.0.1",
+        "",
+        "tcp://127.0.0.1:0",
+        "tcp://127.0.0.1:99999",
+        "tcp://a b:1",
+        "tcp://user@host:1",
+        "tcp://:8786",
+        "tcp:///x:1",
+    ],
+)
 def test_an_address_of_another_form_is_refused_before_anything_is_made(tmp_path, address):
     file = tmp_path / "s.toml"
     file.write_text(study_text())
@@ -253,27 +305,59 @@ def certificates(tmp_path_factory):
         subprocess.run(["openssl", *map(str, words)], check=True, capture_output=True)
 
     made = ("-newkey", "rsa:2048", "-nodes")
-    openssl("req", "-x509", *made, "-keyout", at / "ca.key", "-out", at / "ca.pem", "-days", 2, "-subj", "/CN=ours")
+    openssl(
+        "req",
+        "-x509",
+        *made,
+        "-keyout",
+        at / "ca.key",
+        "-out",
+        at / "ca.pem",
+        "-days",
+        2,
+        "-subj",
+        "/CN=ours",
+    )
     openssl("req", *made, "-keyout", at / "key", "-out", at / "csr", "-subj", "/CN=rattle")
     signed = ("-CA", at / "ca.pem", "-CAkey", at / "ca.key", "-CAcreateserial", "-days", 2)
     openssl("x509", "-req", "-in", at / "csr", *signed, "-out", at / "cert")
-    own = {f"{who}.{what}": str(at / what) for who in ("client", "scheduler", "worker") for what in ("cert", "key")}
-    return {f"distributed.comm.tls.{name}": path for name, path in {"ca-file": str(at / "ca.pem"), **own}.items()}
+    own = {
+        f"{who}.{what}": str(at / what)
+        for who in ("client", "scheduler", "worker")
+        for what in ("cert", "key")
+    }
+    return {
+        f"distributed.comm.tls.{name}": path
+        for name, path in {"ca-file": str(at / "ca.pem"), **own}.items()
+    }
 
 
 def test_a_study_over_tls(small, tmp_path, certificates):
     """With certificates in Dask's configuration; without them it is said what is missing."""
     settings = {**certificates, "distributed.comm.require-encryption": "true"}
-    environment = {f"DASK_{name.replace('.', '__').replace('-', '_').upper()}": v for name, v in settings.items()}
+    environment = {
+        f"DASK_{name.replace('.', '__').replace('-', '_').upper()}": v
+        for name, v in settings.items()
+    }
     store = Store(tmp_path / CELLS)
-    with processes.scheduler("tls://", **environment) as (_, address), processes.worker(address, **environment):
+    with (
+        processes.scheduler("tls://", **environment) as (_, address),
+        processes.worker(address, **environment),
+    ):
         assert address.startswith("tls://")
         with dask.config.set(certificates):
-            assert run(small.cells, store, Cluster(address, patience=60.0)).computed == len(small.cells)
-        with pytest.raises(InputError, match=r"needs certificates; name them in Dask's configuration"):
+            assert run(small.cells, store, Cluster(address, patience=60.0)).computed == len(
+                small.cells
+            )
+        with pytest.raises(
+            InputError, match=r"needs certificates; name them in Dask's configuration"
+        ):
             Cluster(address).__enter__()
         with pytest.raises(InputError, match="does not answer"):
             Cluster(address.replace("tls:", "tcp:"), patience=2.0).__enter__()
         lost = {**certificates, "distributed.comm.tls.ca-file": str(tmp_path / "absent")}
-        with dask.config.set(lost), pytest.raises(InputError, match="certificates in Dask's configuration"):
+        with (
+            dask.config.set(lost),
+            pytest.raises(InputError, match="certificates in Dask's configuration"),
+        ):
             Cluster(address).__enter__()

@@ -53,9 +53,12 @@ def test_with_other_axes_beside_it():
 
 def test_a_name_that_needs_gears_says_so():
     plain = (
-        "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages = 1\n[[axes]]\nbacklash1 = [0.2]\n"
+        "[scene]\nalpha = 1.5\nepsilon = 0.9\nbeta1 = 0.08\ngamma1 = 0.05\nstages ="
+        " 1\n[[axes]]\nbacklash1 = [0.2]\n"
     )
-    with pytest.raises(InputError, match="axes = 'backlash1': a value of gears, which this study has not"):
+    with pytest.raises(
+        InputError, match="axes = 'backlash1': a value of gears, which this study has not"
+    ):
         Study.from_toml(HEAD + plain)
     with pytest.raises(InputError, match="did you mean 'backlash1' or 'backlash2'"):
         scenes("backlash = [0.2]")

@@ -1,4 +1,5 @@
-"""A closure of one's own in a study: computed once, again when its source changes, and missed where it fails."""
+"""A closure of one's own in a study: computed once, again when its source changes, and missed where
+it fails."""
 
 import pickle
 import sys

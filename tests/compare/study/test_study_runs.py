@@ -31,7 +31,16 @@ SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}
 
 
 def start(file, *words):
-    command = [sys.executable, "-m", "rattle.compare.cli.main", "study", str(file), "--workers", "1", *words]
+    command = [
+        sys.executable,
+        "-m",
+        "rattle.compare.cli.main",
+        "study",
+        str(file),
+        "--workers",
+        "1",
+        *words,
+    ]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -75,7 +84,9 @@ def test_tables_load_in_one_line(slow):
     assert set(loose["verdict"]) <= {"accurate", "not judged", "not predicted"}
     assert (loose["verdict"] == "not judged").equals(~loose["judged"])
     data = results.to_xarray()
-    row = results.errors.query("sigma == 0.02 and impact == 2 and quantity == 'y1' and moment == 'sd'")
+    row = results.errors.query(
+        "sigma == 0.02 and impact == 2 and quantity == 'y1' and moment == 'sd'"
+    )
     row = row[row["closure"] == "saltation"].iloc[0]
     at = {"sigma": 0.02, "impact": 2, "quantity": "y1", "moment": "sd"}
     assert float(data["error"].sel(**at, closure="saltation")) == row["error"]
@@ -92,7 +103,11 @@ def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
     file = tmp_path / "noise.toml"
     file.write_text(study_text(**SLOW))
     out = tmp_path / "noise"
-    for pattern, files in ((f"{CELLS}/*.parquet", 3), (f"{CELLS}/*.parquet", 9), (".page-*.part", 1)):
+    for pattern, files in (
+        (f"{CELLS}/*.parquet", 3),
+        (f"{CELLS}/*.parquet", 9),
+        (".page-*.part", 1),
+    ):
         running = start(file)
         wait_for(out, pattern, files)
         running.send_signal(signal.SIGKILL)
@@ -113,7 +128,8 @@ def test_two_processes_share_the_work(slow, tmp_path):
     file.write_text(study_text(**SLOW))
     first = start(file)
     wait_for(tmp_path / "noise", f"{CELLS}/*.parquet", 1)
-    first.send_signal(signal.SIGSTOP)  # so that the second has something to do, however late it is ready
+    # so that the second has something to do, however late it is ready
+    first.send_signal(signal.SIGSTOP)
     found = len(list((tmp_path / "noise").glob("cells/*.parquet")))
     second = start(file)
     wait_for(tmp_path / "noise", f"{CELLS}/*.parquet", found + 1)
@@ -130,13 +146,20 @@ def test_two_processes_share_the_work(slow, tmp_path):
 
 @pytest.mark.parametrize("damage", ["truncated", "foreign", "flipped", "empty"])
 def test_a_damaged_file_is_computed_again(tmp_path, damage):
-    study, store = Study.from_toml(study_text(paths=1024)), Store(tmp_path / CELLS)
+    study = Study.from_toml(study_text(paths=1024))
+    store = Store(tmp_path / CELLS)
     run(study.cells, store, Runner(1))
     before = tables_of(study, store).errors
     first, second, *_ = sorted(store.folder.glob("*.parquet"))
-    sound, flipped = first.read_bytes(), bytearray(first.read_bytes())
+    sound = first.read_bytes()
+    flipped = bytearray(first.read_bytes())
     flipped[len(sound) // 8] ^= 1
-    damaged = {"truncated": sound[: len(sound) // 2], "foreign": second.read_bytes(), "flipped": flipped, "empty": b""}
+    damaged = {
+        "truncated": sound[: len(sound) // 2],
+        "foreign": second.read_bytes(),
+        "flipped": flipped,
+        "empty": b"",
+    }
     first.write_bytes(damaged[damage])
     assert run(study.cells, store, Runner(1)).computed == 1
     pd.testing.assert_frame_equal(tables_of(study, store).errors, before, check_exact=True)
@@ -159,10 +182,12 @@ def test_explain_and_status_make_nothing(small):
 
 def test_explain_of_a_large_grid_makes_few_of_its_scenes(tmp_path, monkeypatch):
     """And nothing as long as the number of blocks of 10^12 paths."""
-    sigmas, tips = "{ log = [0.001, 1.0, 500] }", "{ linear = [0.5, 0.9, 200] }"
+    sigmas = "{ log = [0.001, 1.0, 500] }"
+    tips = "{ linear = [0.5, 0.9, 200] }"
     text = study_text(paths=10**12).replace("sigma = [0.01, 0.02, 0.05]", f"sigma = {sigmas}")
     (tmp_path / "large.toml").write_text(f"{text}\n[[axes]]\nepsilon = {tips}\n")
-    made, point = [], Study._point
+    made = []
+    point = Study._point
     monkeypatch.setattr(Study, "_point", lambda study, at: made.append(at) or point(study, at))
     found = rattle(tmp_path / "large.toml", "--explain")
     assert "100000 points, about 300000 cells, about 300000 to compute" in found.output
@@ -171,10 +196,17 @@ def test_explain_of_a_large_grid_makes_few_of_its_scenes(tmp_path, monkeypatch):
 
 
 def test_an_estimate_from_some_points_is_that_of_all(tmp_path, monkeypatch):
-    """Counts to the last cell; work to 1 %, four standard errors of the mean of 200 cells that vary by 3 %."""
-    text = study_text(paths=10**9).replace("[0.01, 0.02, 0.05]", "{ log = [0.01, 20.0, 50] }").replace("seed = 3", "")
+    """Counts to the last cell; work to 1 %, four standard errors of the mean of 200 cells that vary
+    by 3 %."""
+    text = (
+        study_text(paths=10**9)
+        .replace("[0.01, 0.02, 0.05]", "{ log = [0.01, 20.0, 50] }")
+        .replace("seed = 3", "")
+    )
     file = tmp_path / "grid.toml"
-    file.write_text(f"{text}\n[[axes]]\nseed = [1, 2]\n[[axes]]\nepsilon = {{ linear = [0.5, 0.9, 4] }}\n")
+    file.write_text(
+        f"{text}\n[[axes]]\nseed = [1, 2]\n[[axes]]\nepsilon = {{ linear = [0.5, 0.9, 4] }}\n"
+    )
 
     def explained():
         output = rattle(file, "--explain").output
@@ -194,7 +226,12 @@ def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
     file = tmp_path / "s.toml"
     start = '[[axes]]\n"start.mesh" = [0]\n"start.x1" = [0.1]\n[[axes]]\nepsilon = [0.8, 0.9]\n'
     file.write_text(study_text(paths=512, more=start).replace('"corrected"', '"published"'))
-    for words, code in (((file, "--explain"), 0), ((file,), 1), ((file, "--status"), 0), ((file,), 1)):
+    for words, code in (
+        ((file, "--explain"), 0),
+        ((file,), 1),
+        ((file, "--status"), 0),
+        ((file,), 1),
+    ):
         found = rattle(*words, code=code)
         said = [text for text in found.output.splitlines() if "cannot be computed" in text]
         assert len(said) == 1, found.output
@@ -206,14 +243,19 @@ def test_what_a_closure_cannot_take_is_said_once_with_exit_code_1(tmp_path):
 
 
 UNDECIDED = study(
-    impacts=4, closures=("saltation", "published"), paths=3000, sigma=(0.01, 0.02),
+    impacts=4,
+    closures=("saltation", "published"),
+    paths=3000,
+    sigma=(0.01, 0.02),
     more='scheme = "euler-maruyama-located"\nseed = 1',
-)  # fmt: skip
+)
 
 
 def test_undecided_is_not_called_wrong(tmp_path):
-    """At the smallest value no row of a closure is inaccurate and some are undecided: text and figure say so."""
-    study, store = Study.from_toml(UNDECIDED), Store(tmp_path / CELLS)
+    """At the smallest value no row of a closure is inaccurate and some are undecided: text and
+    figure say so."""
+    study = Study.from_toml(UNDECIDED)
+    store = Store(tmp_path / CELLS)
     run(study.cells, store, Runner(1))
     found = tables_of(study, store)
     first = found.errors.query("sigma == 0.01 and closure == 'saltation'")["verdict"].value_counts()
@@ -221,11 +263,15 @@ def test_undecided_is_not_called_wrong(tmp_path):
     assert first["accurate"] > 5
     assert first["undecided"] > 5
     headline, _, published, saltation, _ = answer(found)
-    assert headline == (
-        "Undecided: no closure is shown to be accurate over 4 impacts in every row of this study. Not shown to be "
-        "wrong: `saltation` up to σ = 0.02. More paths would settle it; until then simulate."
+    assert (
+        headline
+        == "Undecided: no closure is shown to be accurate over 4 impacts in every row of this"
+        " study. Not shown to be wrong: `saltation` up to σ = 0.02. More paths would settle it;"
+        " until then simulate."
     )
-    assert saltation.startswith("`saltation`: not shown wrong up to sigma = 0.02 (too few paths to decide")
+    assert saltation.startswith(
+        "`saltation`: not shown wrong up to sigma = 0.02 (too few paths to decide"
+    )
     assert published == "`published`: shown wrong at sigma = 0.01, the smallest."
     figure = validity(found, found.validity)
     words = [text.get_text() for text in figure.legends[0].get_texts()]
@@ -233,8 +279,14 @@ def test_undecided_is_not_called_wrong(tmp_path):
     assert "not shown wrong up to" in words
     assert any(text.startswith("too few paths to decide") for text in words)
     assert "published: shown wrong at the smallest" in words
-    (band,) = (c for c in figure.axes[0].collections if c.get_paths() and len(c.get_paths()[0].vertices) > 3)
-    assert band.get_paths()[0].vertices[:, 1].max() == 0.02  # from the smallest up, though nothing is accurate
+    (band,) = (
+        c
+        for c in figure.axes[0].collections
+        if c.get_paths() and len(c.get_paths()[0].vertices) > 3
+    )
+    assert (
+        band.get_paths()[0].vertices[:, 1].max() == 0.02
+    )  # from the smallest up, though nothing is accurate
 
 
 def test_results_do_not_depend_on_workers(tmp_path):
@@ -270,7 +322,9 @@ def test_paths_on_the_itinerary_are_judged_apart_where_asked_for(tmp_path):
     without, apart = found
     pd.testing.assert_frame_equal(apart.of_all_paths.reset_index(drop=True), without.errors)
     pd.testing.assert_frame_equal(apart.validity, without.validity)
-    rows = apart.errors[(apart.errors["kind"] == "itinerary") & apart.errors["verdict"].isin(JUDGED)]
+    rows = apart.errors[
+        (apart.errors["kind"] == "itinerary") & apart.errors["verdict"].isin(JUDGED)
+    ]
     wrong = rows[(rows["closure"] == "off") & (rows["quantity"] == "y2") & (rows["moment"] == "sd")]
     assert set(wrong["verdict"]) == {"inaccurate"}
     assert "inaccurate" not in set(rows[rows["closure"] == "branching"]["verdict"])
@@ -278,9 +332,14 @@ def test_paths_on_the_itinerary_are_judged_apart_where_asked_for(tmp_path):
 
 
 def test_rare_branches_are_sampled_where_asked_for(tmp_path):
-    """Three in a million paths make the sd of y1 at impact 11 3.8 times that of `saltation`: plain paths see none."""
-    found, head = [], 'title = "rare"\nimpacts = 11\nclosures = ["saltation"]\npaths = 8192\n'
-    scene = Scene.from_gears(replace(DAT21, alpha=2.398)).to_toml() + "[[axes]]\nsigma = [0.0, 0.00225778]\n"
+    """Three in a million paths make the sd of y1 at impact 11 3.8 times that of `saltation`: plain
+    paths see none."""
+    found = []
+    head = 'title = "rare"\nimpacts = 11\nclosures = ["saltation"]\npaths = 8192\n'
+    scene = (
+        Scene.from_gears(replace(DAT21, alpha=2.398)).to_toml()
+        + "[[axes]]\nsigma = [0.0, 0.00225778]\n"
+    )
     for more in ("", "near_branches = true\n"):
         study = Study.from_toml(f"[study]\n{head}{more}\n{scene}")
         store = Store(tmp_path / CELLS)

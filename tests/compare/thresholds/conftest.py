@@ -21,17 +21,28 @@ from rattle.scene import DAT21, Scene
 
 @pytest.fixture(scope="session", autouse=True)
 def loaded():
-    """An inner session forgets the modules that it has loaded itself, and numba's can be loaded only once."""
-    numba.njit(lambda: 0)()  # loads what only compiling needs, though all else comes from numba's cache
+    """An inner session forgets the modules that it has loaded itself, and numba's can be loaded
+    only once."""
+    numba.njit(
+        lambda: 0
+    )()  # loads what only compiling needs, though all else comes from numba's cache
     scene = Scene.from_gears(DAT21, sigma=0.02)
     mean_map(scene, impacts=1, closure="branching")
     record = Record(batches=True, energy=True)
-    simulate(scene, paths=2, impacts=1, scheme="exact-flight", sampling=Sampling(control=True), record=record)
+    simulate(
+        scene,
+        paths=2,
+        impacts=1,
+        scheme="exact-flight",
+        sampling=Sampling(control=True),
+        record=record,
+    )
 
 
 @pytest.fixture(autouse=True)
 def alone(monkeypatch):
-    """Inner sessions load no slow plugin of others, and print as on a terminal: pytest cuts no line in a CI."""
+    """Inner sessions load no slow plugin of others, and print as on a terminal: pytest cuts no line
+    in a CI."""
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
     monkeypatch.setenv("COLUMNS", "80")
     for name in ("CI", "BUILD_NUMBER"):
@@ -50,7 +61,9 @@ def run(pytester, ensembles):
     def running(suite, *options, cache=ensembles):
         pytester.makepyfile(test_suite=HEAD + suite)
         kept = [] if cache is None else [f"--rattle-cache={cache}"]
-        return pytester.runpytest_inprocess("-p", "rattle.compare.thresholds.plugin", *kept, *options)
+        return pytester.runpytest_inprocess(
+            "-p", "rattle.compare.thresholds.plugin", *kept, *options
+        )
 
     return running
 

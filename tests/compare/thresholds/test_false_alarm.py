@@ -1,10 +1,11 @@
 """The nominal false-alarm rate compared with the measured one, and the rate of wrong passes.
 
-A true claim fails most easily where the model is exactly as wrong as it may be.  Intervals are two-sided, and an error
-at one edge of what is allowed can be missed on one side only: so a single row fails with half the nominal rate there,
-and with all of it where nothing is allowed.
+A true claim fails most easily where the model is exactly as wrong as it may be.  Intervals are
+two-sided, and an error at one edge of what is allowed can be missed on one side only: so a single
+row fails with half the nominal rate there, and with all of it where nothing is allowed.
 
-A session is measured with one look at its paths, and with four: at a block of them, and at two, four and eight.
+A session is measured with one look at its paths, and with four: at a block of them, and at two,
+four and eight.
 """
 
 from dataclasses import dataclass
@@ -30,8 +31,10 @@ from rattle.scene import DAT21, Scene
 from rattle.scene.types import SECTION
 
 SCENE = Scene.from_gears(DAT21, sigma=0.05, stages=1)
-QUIET = Scene.from_gears(DAT21, sigma=0.0, stages=1)  # without branches that a sample may miss: no row is let off
-IMPACTS, BLOCKS = 2, 2400
+# without branches that a sample may miss: no row is let off
+QUIET = Scene.from_gears(DAT21, sigma=0.0, stages=1)
+IMPACTS = 2
+BLOCKS = 2400
 LOOKS = (1, 2, 4, 8)  # blocks
 RATE = 0.1
 CONFIDENCE = 0.999
@@ -53,13 +56,19 @@ class Stacked:
     def step_bias(self):
         nothing = {"bias": 0.0, "se_bias": 0.0, "rest": 0.0}
         parts = [
-            pd.DataFrame({
-                "impact": self.section.index, "quantity": q, "moment": moment, **nothing,
-                "corrected": self.section[prefix + q], "se_corrected": self.section["se_" + prefix + q],
-            })
+            pd.DataFrame(
+                {
+                    "impact": self.section.index,
+                    "quantity": q,
+                    "moment": moment,
+                    **nothing,
+                    "corrected": self.section[prefix + q],
+                    "se_corrected": self.section["se_" + prefix + q],
+                }
+            )
             for moment, prefix in (("mean", ""), ("sd", "sd_"))
             for q in QUANTITIES
-        ]  # fmt: skip
+        ]
         return pd.concat(parts, ignore_index=True)
 
     @property
@@ -72,15 +81,29 @@ def merged(results):
 
 
 def stacked(results, size, control):
-    """Runs of `size` blocks; columns that `Ensemble.section` holds of means and sds, without the time of its tables."""
+    """Runs of `size` blocks; columns that `Ensemble.section` holds of means and sds, without the
+    time of its tables."""
     names = {
-        "": "mean", "sd_": "sd", "se_": "se_mean", "se_sd_": "se_sd", "skew_": "skew", "se_skew_": "se_skew",
+        "": "mean",
+        "sd_": "sd",
+        "se_": "se_mean",
+        "se_sd_": "se_sd",
+        "skew_": "skew",
+        "se_skew_": "se_skew",
         "kurt_": "kurt",
-    }  # fmt: skip
+    }
     found = []
     for result in results:
-        s = single_statistics(result.sums["section"]) | estimate_controlled(result.sums["control"], control.variance)
-        found.append({prefix + q: s[name][:, i] for prefix, name in names.items() for i, q in enumerate(QUANTITIES)})
+        s = single_statistics(result.sums["section"]) | estimate_controlled(
+            result.sums["control"], control.variance
+        )
+        found.append(
+            {
+                prefix + q: s[name][:, i]
+                for prefix, name in names.items()
+                for i, q in enumerate(QUANTITIES)
+            }
+        )
     table = pd.DataFrame({name: np.concatenate([f[name] for f in found]) for name in found[0]})
     table.index += 1
     same = {"paths": size * BLOCK, "agreement": 1.0, "mesh": 1}
@@ -99,13 +122,21 @@ def simulated():
             yield result, rows
 
     sampling = Sampling(control=True, blocks=blocks)
-    run = simulate(SCENE, paths=BLOCKS * BLOCK, impacts=IMPACTS, scheme="exact-flight", sampling=sampling, rng=1)
+    run = simulate(
+        SCENE,
+        paths=BLOCKS * BLOCK,
+        impacts=IMPACTS,
+        scheme="exact-flight",
+        sampling=sampling,
+        rng=1,
+    )
     return results, run.plan.control
 
 
 @pytest.fixture(scope="module")
 def truth(simulated):
-    """All blocks together: so much larger than a session that its own error and their correlation do not matter."""
+    """All blocks together: so much larger than a session that its own error and their correlation
+    do not matter."""
     results, control = simulated
     return stacked([merged(results)], BLOCKS, control).section
 
@@ -140,19 +171,27 @@ def displaced(truth, claim, by, sessions=1):
 def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):
     """Outcomes, shape (sessions, rows), of a model that is `by` allowed errors away from the truth.
 
-    `naive` leaves a correction out: the one for the number of "rows" or "looks", or for the "unit" being measured.
+    `naive` leaves a correction out: the one for the number of "rows" or "looks", or for the "unit"
+    being measured.
     """
     sessions = runs[0].sessions
     places = [i * IMPACTS + k for i in range(sessions) for k in impacts]
-    claim = read_claim({"scene": SCENE, "impacts": places, "quantities": ["tau", "y1"], **options}, Path())
+    claim = read_claim(
+        {"scene": SCENE, "impacts": places, "quantities": ["tau", "y1"], **options}, Path()
+    )
     rows = len(claim.rows) // sessions
     z = widest((1 if "rows" in naive else rows) * (1 if "looks" in naive else len(runs)), rate)
-    prediction, table = displaced(truth, claim, by, sessions), None
+    prediction = displaced(truth, claim, by, sessions)
+    table = None
     for run in runs:
         errors = errors_of(prediction, run, claim)
         if "unit" in naive:
             errors["noise"] = errors["se"]
-        table = judge_errors(errors, z) if table is None else merge_looks(table, judge_errors(errors, z))
+        table = (
+            judge_errors(errors, z)
+            if table is None
+            else merge_looks(table, judge_errors(errors, z))
+        )
     table["session"] = (table["impact"] - 1) // IMPACTS
     return table.sort_values("session", kind="stable")["outcome"].to_numpy().reshape(sessions, rows)
 
@@ -195,7 +234,9 @@ def test_without_a_correction_it_would_be_found_out(once, looks, truth):
     low, _, _ = failing(outcomes(once, truth, 1.0, within=0.05, naive=("rows",)))
     assert low > RATE
     sds = {"impacts": (2,), "quantities": "y1", "moments": "sd", "within": 0.9}
-    honest, naive = (failing(outcomes(once, truth, 1.0, 0.02, naive=n, **sds)) for n in ((), ("unit",)))
+    honest, naive = (
+        failing(outcomes(once, truth, 1.0, 0.02, naive=n, **sds)) for n in ((), ("unit",))
+    )
     assert honest[0] <= 0.02 < naive[0]
     low, _, _ = failing(outcomes(looks, truth, 0.0, **ONE, absolute=1e-12, naive=("looks",)))
     assert low > RATE

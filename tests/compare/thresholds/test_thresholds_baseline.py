@@ -1,11 +1,14 @@
-"""Baselines: recorded on request, compared by default, regenerated where something changed and never silently."""
+"""Baselines: recorded on request, compared by default, regenerated where something changed and
+never silently."""
 
 import tomllib
 
 import pytest
 
 SUITE = """
-@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, quantities=["tau", "y1"], moments="mean")
+SCENE = Scene.from_gears(DAT21, sigma=0.02)
+
+@pytest.mark.rattle(scene=SCENE, impacts=2, quantities=["tau", "y1"], moments="mean")
 @pytest.mark.parametrize("name", ["one", "a/b"])
 def test_recorded(rattle, name):
     def model(scene, impacts):
@@ -19,26 +22,34 @@ def test_recorded(rattle, name):
 @pytest.fixture
 def recorded(run):
     def running(*options, shift=0.0, sigma=0.02):
-        return run(SUITE.replace("SHIFT", str(shift)).replace("0.02", str(sigma)), *options, cache=None)
+        return run(
+            SUITE.replace("SHIFT", str(shift)).replace("0.02", str(sigma)), *options, cache=None
+        )
 
     return running
 
 
 def files(pytester):
     return {
-        p.name: (p.stat().st_mtime_ns, p.read_text()) for p in (pytester.path / "baselines").rglob("*") if p.is_file()
+        p.name: (p.stat().st_mtime_ns, p.read_text())
+        for p in (pytester.path / "baselines").rglob("*")
+        if p.is_file()
     }
 
 
 def test_record_compare_regenerate(recorded, pytester):
     missing = recorded()
     missing.assert_outcomes(failed=2)
-    missing.stdout.fnmatch_lines(["rattle: there is no baseline *; record it: pytest '*' --rattle-baselines=record"])
+    missing.stdout.fnmatch_lines(
+        ["rattle: there is no baseline *; record it: pytest '*' --rattle-baselines=record"]
+    )
     assert not (pytester.path / "baselines").exists()
 
     first_run = recorded("--rattle-baselines=record")
     first_run.assert_outcomes(passed=2)
-    first_run.stdout.fnmatch_lines(["baselines  0 as recorded, 2 written", "*recorded *test_recorded*.toml"])
+    first_run.stdout.fnmatch_lines(
+        ["baselines  0 as recorded, 2 written", "*recorded *test_recorded*.toml"]
+    )
     first = files(pytester)
     assert len(first) == 2  # names that a file cannot have are still distinguished
     values = tomllib.loads(next(iter(first.values()))[1])
@@ -53,7 +64,9 @@ def test_record_compare_regenerate(recorded, pytester):
     for mode in ("compare", "record"):  # recording does not overwrite
         changed = recorded(f"--rattle-baselines={mode}", shift=0.25)
         changed.assert_outcomes(failed=2)
-        changed.stdout.fnmatch_lines(["rattle: model differs from its baseline *", "  values.y1.2: 1.03* -> 1.28*"])
+        changed.stdout.fnmatch_lines(
+            ["rattle: model differs from its baseline *", "  values.y1.2: 1.03* -> 1.28*"]
+        )
         changed.stdout.fnmatch_lines(["If that is meant: pytest '*' --rattle-baselines=regenerate"])
     assert files(pytester) == first
 
@@ -79,8 +92,8 @@ def test_another_scene_is_another_baseline(recorded):
 
 def test_tests_of_one_name_in_two_classes_have_a_file_each(run, pytester):
     classes = "\n".join(
-        f"class Test{c}:\n    @pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=1)\n"
-        "    def test_it(self, rattle):\n        rattle.baseline('saltation')\n"
+        f"class Test{c}:\n    @pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02),"
+        " impacts=1)\n    def test_it(self, rattle):\n        rattle.baseline('saltation')\n"
         for c in "AB"
     )
     run(classes, "--rattle-baselines=record", cache=None).assert_outcomes(passed=2)
@@ -93,4 +106,6 @@ def test_a_damaged_file_is_named(recorded, pytester):
         path.write_text("[values\n")
     result = recorded()
     result.assert_outcomes(failed=2)
-    result.stdout.fnmatch_lines(["rattle: baseline = '*.toml': is damaged *restore it, or remove and record it"])
+    result.stdout.fnmatch_lines(
+        ["rattle: baseline = '*.toml': is damaged *restore it, or remove and record it"]
+    )

@@ -1,11 +1,14 @@
-"""An undecided test is given more paths, up to its budget; what that leaves undecided does not pass unless allowed."""
+"""An undecided test is given more paths, up to its budget; what that leaves undecided does not pass
+unless allowed."""
 
 import pytest
 
 from rattle.compare.validation.verdict import widest
 
 SUITE = """
-@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.02), impacts=2, quantities="y1", within=5e-3, paths=2048)
+SCENE = Scene.from_gears(DAT21, sigma=0.02)
+
+@pytest.mark.rattle(scene=SCENE, impacts=2, quantities="y1", within=5e-3, paths=2048)
 def test_close(rattle):
     rattle.check("saltation")
 """
@@ -22,7 +25,10 @@ def test_a_gate_that_decides_nothing_fails_unless_that_is_allowed(run):
         [
             "rattle: saltation is undecided in * of 4 rows; * paths would decide",
             "16384 paths; intervals of *",
-            "Undecided is not passed: give it more paths (budget=* in its marker, or --rattle-budget), or *",
+            (
+                "Undecided is not passed: give it more paths (budget=* in its marker, or"
+                " --rattle-budget), or *"
+            ),
             "checks     4 rows in 1 test: * passed, 0 failed, * undecided",
         ]
     )
@@ -31,7 +37,9 @@ def test_a_gate_that_decides_nothing_fails_unless_that_is_allowed(run):
         result = run(suite, *options)
         result.assert_outcomes(skipped=1)
         assert result.ret == pytest.ExitCode.OK
-    refused = run(HOPELESS.replace("within=", "undecided='fail', within="), "--rattle-undecided=skip")
+    refused = run(
+        HOPELESS.replace("within=", "undecided='fail', within="), "--rattle-undecided=skip"
+    )
     assert refused.ret == pytest.ExitCode.TESTS_FAILED
 
 
@@ -47,7 +55,10 @@ def test_more_paths_decide(run, said):
 def test_a_look_that_cannot_decide_is_left_out(run, said, tmp_path):
     result = run(HOPELESS, cache=tmp_path)
     assert said(result, r"ensembles  (\d+) simulated") == "2"  # 2048 and 16384
-    assert said(run(HOPELESS, cache=tmp_path), r"(\d+ simulated in \S+ s, \d+)") == "0 simulated in 0.0 s, 2"
+    assert (
+        said(run(HOPELESS, cache=tmp_path), r"(\d+ simulated in \S+ s, \d+)")
+        == "0 simulated in 0.0 s, 2"
+    )
 
 
 def test_the_budget_that_the_message_asks_for_decides(run, said):
@@ -70,12 +81,15 @@ BRANCH = """
 from dataclasses import replace
 
 SCENE = Scene.from_gears(replace(DAT21, alpha=2.398)).with_sigma(0.00225778)
-CLAIM = pytest.mark.rattle(scene=SCENE, impacts=[11], quantities="y1", moments="sd", paths=32_768, budget=65_536)
+CLAIM = pytest.mark.rattle(
+    scene=SCENE, impacts=[11], quantities="y1", moments="sd", paths=32_768, budget=65_536
+)
 
 
 def right(scene, impacts):
     table = mean_map(scene, impacts=impacts, closure="saltation").section[["sd_y1"]].copy()
-    table.loc[11, "sd_y1"] = 0.0094  # of 16 million plain paths 0.0087 +- 0.0005, of 65,536 near the branch 0.0094
+    # of 16 million plain paths 0.0087 +- 0.0005, of 65,536 near the branch 0.0094
+    table.loc[11, "sd_y1"] = 0.0094
     return table
 
 
@@ -91,7 +105,8 @@ def test_right(rattle):
 
 
 def test_a_branch_that_the_budget_does_not_show_is_sampled_on_purpose(run):
-    """Three in a million paths make an sd 3.8 times that of `saltation`: it fails; who knows them passes."""
+    """Three in a million paths make an sd 3.8 times that of `saltation`: it fails; who knows them
+    passes."""
     result = run(BRANCH)
     result.assert_outcomes(failed=1, passed=1)
     result.stdout.fnmatch_lines(["decided by other paths, a part of them near rare branches"])

@@ -29,14 +29,22 @@ BAD_MARKERS = {
     "": "scene = None: give a Scene",
     "scene=S, quantities=['y1', 'speed']": "quantities = 'speed': valid are 'tau'",
     "scene=S, moments='skew'": "moments = 'skew': valid are 'mean', 'sd'",
-    "scene=S, impact=3": "option of the marker rattle = 'impact': unknown key; did you mean 'impacts'?",
+    "scene=S, impact=3": (
+        "option of the marker rattle = 'impact': unknown key; did you mean 'impacts'?"
+    ),
     "scene=S, impacts=[0, 1]": "impacts = 0: must be at least 1",
     "scene=S, within=-0.1": "within of the mean = -0.1: must be greater than 0",
     "scene=S, within={'mean': 0.1}": "within = {'mean': 0.1}: give 'sd' a tolerance too",
-    "scene=S, within=0.1, absolute=0.1": "absolute = 0.1: within has a tolerance for the mean already",
+    "scene=S, within=0.1, absolute=0.1": (
+        "absolute = 0.1: within has a tolerance for the mean already"
+    ),
     "scene=S, paths=2": "paths = 2: must be at least 1024",
-    "scene=S, paths=4096, accuracy=0.1": "accuracy = 0.1: chooses the number of paths itself; leave out paths = 4096",
-    "scene=S, budget=4096, accuracy=0.1": "accuracy = 0.1: chooses the number of paths itself; leave out budget = 4096",
+    "scene=S, paths=4096, accuracy=0.1": (
+        "accuracy = 0.1: chooses the number of paths itself; leave out paths = 4096"
+    ),
+    "scene=S, budget=4096, accuracy=0.1": (
+        "accuracy = 0.1: chooses the number of paths itself; leave out budget = 4096"
+    ),
     "scene=S, budget=0": "budget = 0: must be at least 1",
     "scene=S, undecided='pass'": "undecided = 'pass': valid are 'fail', 'skip'",
     "scene=S, scheme='euler'": "scheme = 'euler': valid are 'euler-maruyama', ",
@@ -50,7 +58,9 @@ def marked(options, name="test_bad"):
 
 
 def test_bad_markers_are_errors_of_their_own_tests(run, pytester, said):
-    (pytester.path / "impossible.toml").write_text(DAT21.read_text().replace("epsilon = 0.9", "epsilon = 1.9"))
+    (pytester.path / "impossible.toml").write_text(
+        DAT21.read_text().replace("epsilon = 0.9", "epsilon = 1.9")
+    )
     (pytester.path / "damaged.toml").write_text("[scene\n")
     bad = [marked(options, f"test_{i}") for i, options in enumerate(BAD_MARKERS)]
     result = run(HEAD + "".join(bad) + IDLE)
@@ -75,7 +85,10 @@ def test_collecting_alone_says_what_could_not_be_read(run):
     result = run(HEAD + marked("scene=S, within=0.0"), "--collect-only", "-q")
     assert result.ret == pytest.ExitCode.OK
     result.stdout.fnmatch_lines(
-        ["rattle: test_suite.py::test_bad: within of the mean = 0.0: must be *", "test_suite.py::test_good"]
+        [
+            "rattle: test_suite.py::test_bad: within of the mean = 0.0: must be *",
+            "test_suite.py::test_good",
+        ]
     )
 
 
@@ -95,7 +108,10 @@ def test_bad_options_end_the_session(run, pytester, option, where):
     if where == "configuration file":
         name, value = option.split("=")
         pytester.makeini(f"[pytest]\n{name.replace('-', '_')} = {value}\n")
-    options = {"command line": [f"--{option}"], "collecting alone": [f"--{option}", "--collect-only"]}.get(where, [])
+    options = {
+        "command line": [f"--{option}"],
+        "collecting alone": [f"--{option}", "--collect-only"],
+    }.get(where, [])
     result = run(HEAD, *options)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert BAD_OPTIONS[option] in result.stderr.str()

@@ -37,7 +37,8 @@ def test_a_budget_is_suggested_only_where_it_can_be_waited_for(columns, kind):
 def test_section_moments_among_quantities_of_the_long_run_are_sent_to_the_marker():
     for given in ("tau", ["rate", "y1"]):
         with pytest.raises(
-            InputError, match=r"quantities = '(tau|y1)': is a moment at each impact: name it in the marker"
+            InputError,
+            match=r"quantities = '(tau|y1)': is a moment at each impact: name it in the marker",
         ):
             predict_long("corrected", SCENE, given)
     with pytest.raises(InputError, match="quantities = 'rat': did you mean 'rate'"):
@@ -46,7 +47,9 @@ def test_section_moments_among_quantities_of_the_long_run_are_sent_to_the_marker
     assert values == {"rate": 2.0}
 
 
-@pytest.mark.parametrize(("autocorrelation", "said"), [(0.25, "2 times too large"), (4.0, "2 times too small")])
+@pytest.mark.parametrize(
+    ("autocorrelation", "said"), [(0.25, "2 times too large"), (4.0, "2 times too small")]
+)
 def test_an_error_is_too_large_or_too_small_by_more_than_one(autocorrelation, said):
     assert _off_by(autocorrelation) == said
     assert _off_by(1.32) == "1.1 times too small"

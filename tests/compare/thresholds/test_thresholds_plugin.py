@@ -61,7 +61,10 @@ def test_three_outcomes_and_planted_errors(run, said):
     )
     assert "wrong_sd exceeds the allowed error in 2 of 12 rows" in text
     assert re.search(r"sd y1 at 1 .* \+0\.\d{4} +\+0\.\d{4} +\+0\.\d{4} +0\.1000", text)
-    needed = said(result, r"undecided  .*test_undecided \(saltation\) after 16,384 paths: (\S+) paths would decide")
+    needed = said(
+        result,
+        r"undecided  .*test_undecided \(saltation\) after 16,384 paths: (\S+) paths would decide",
+    )
     assert float(needed.replace(",", "")) > 16_384
 
 
@@ -74,7 +77,8 @@ def test_a_failure_leaves_a_figure(run, said):
 
 
 def test_a_verdict_does_not_depend_on_the_tests_beside_it(run, said):
-    alone, beside = run(SUITE, "-k", "undecided"), run(SUITE, "-k", "undecided or passes or planted")
+    alone = run(SUITE, "-k", "undecided")
+    beside = run(SUITE, "-k", "undecided or passes or planted")
     for pattern in (r"(sd y1 at 2 .*)", r"(\d+ paths; intervals of \S+)", r"budget=(\S+)"):
         assert said(alone, pattern) == said(beside, pattern)
 
@@ -98,7 +102,10 @@ def test_nothing_is_simulated_twice(run, tmp_path, said):
     assert said(first, r"ensembles  (\d+ simulated)") == "2 simulated"  # and the second look
     kept = {p: p.stat().st_mtime_ns for p in tmp_path.glob("*.parquet")}
     second = run(SUITE, *some, cache=tmp_path)
-    assert said(second, r"(\d+ simulated in \S+ s, \d+ from the cache)") == "0 simulated in 0.0 s, 3 from the cache"
+    assert (
+        said(second, r"(\d+ simulated in \S+ s, \d+ from the cache)")
+        == "0 simulated in 0.0 s, 3 from the cache"
+    )
     assert {p: p.stat().st_mtime_ns for p in tmp_path.glob("*.parquet")} == kept
     assert len(kept) == 2
     run(SUITE, *some, "--rattle-seed=1", cache=tmp_path)
@@ -109,16 +116,24 @@ def test_nothing_is_simulated_twice(run, tmp_path, said):
 def test_workers_of_xdist_give_one_summary(run_workers):
     result = run_workers(SUITE)
     result.assert_outcomes(passed=3, failed=4)
-    result.stdout.fnmatch_lines(["checks * 58 rows in 6 tests*", "intervals  3.42 to 3.71 standard errors*"])
+    result.stdout.fnmatch_lines(
+        ["checks * 58 rows in 6 tests*", "intervals  3.42 to 3.71 standard errors*"]
+    )
 
 
 def test_the_example_suite_holds(pytester, ensembles):
     shutil.copytree(HERE / "example_suite", pytester.path / "gate")
     result = pytester.runpytest_inprocess(
-        "-p", "rattle.compare.thresholds.plugin", f"--rattle-cache={ensembles}", "--import-mode=importlib", "gate"
+        "-p",
+        "rattle.compare.thresholds.plugin",
+        f"--rattle-cache={ensembles}",
+        "--import-mode=importlib",
+        "gate",
     )
     result.assert_outcomes(passed=5)
-    result.stdout.fnmatch_lines(["checks * 70 rows in 4 tests: 70 passed, 0 failed, 0 undecided", "*1 as recorded*"])
+    result.stdout.fnmatch_lines(
+        ["checks * 70 rows in 4 tests: 70 passed, 0 failed, 0 undecided", "*1 as recorded*"]
+    )
 
 
 BAD_MODELS = {
@@ -126,15 +141,23 @@ BAD_MODELS = {
     "3": "model = 3: give the name of a closure, package.module:function, or a function",
     "lambda s, k: right(s, k)[['tau', 'y1']]": "'y2' is missing; return it",
     "lambda s, k: right(s, k).rename(columns={'tau': 'y1'})": "columns of <lambda> = ",
-    "lambda s, k: right(s, k) * float('inf')": "tau of <lambda> at impact 1 = nan: is not a finite number",
+    "lambda s, k: right(s, k) * float('inf')": (
+        "tau of <lambda> at impact 1 = nan: is not a finite number"
+    ),
     "'corrected'": "sd_tau of corrected at impact 1 = nan: is not a finite number",
 }
 
 
 def test_bad_models_fail_before_anything_is_simulated(run, tmp_path):
-    tests = [f"def test_bad_{i}(rattle):\n    rattle.check({m})\n" for i, m in enumerate(BAD_MODELS)]
-    tests.append("def test_bad_twice(rattle):\n    rattle.check('saltation'), rattle.check('saltation')\n")
-    result = run(SUITE.split("def test_passes")[0] + "\n".join(tests), "-k", "not twice", cache=tmp_path)
+    tests = [
+        f"def test_bad_{i}(rattle):\n    rattle.check({m})\n" for i, m in enumerate(BAD_MODELS)
+    ]
+    tests.append(
+        "def test_bad_twice(rattle):\n    rattle.check('saltation'), rattle.check('saltation')\n"
+    )
+    result = run(
+        SUITE.split("def test_passes")[0] + "\n".join(tests), "-k", "not twice", cache=tmp_path
+    )
     result.assert_outcomes(failed=len(BAD_MODELS), deselected=1)
     for message in BAD_MODELS.values():
         assert message in result.stdout.str()
@@ -151,10 +174,9 @@ def test_the_fixture_without_a_marker_says_what_to_do(run):
 
 def test_an_idle_plugin_loads_nothing(tmp_path):
     (tmp_path / "test_idle.py").write_text(
-        "import sys\ndef test_idle():\n"
-        "    heavy = {'numpy', 'pandas', 'scipy', 'numba', 'matplotlib', 'scene', 'closure', 'montecarlo'}\n"
-        "    assert not heavy & sys.modules.keys()\n"
-        "    assert 'rattle.compare.thresholds.plugin' in sys.modules\n"
+        "import sys\ndef test_idle():\n    heavy = {'numpy', 'pandas', 'scipy', 'numba',"
+        " 'matplotlib', 'scene', 'closure', 'montecarlo'}\n    assert not heavy &"
+        " sys.modules.keys()\n    assert 'rattle.compare.thresholds.plugin' in sys.modules\n"
     )
     words = ("-p", "rattle.compare.thresholds.plugin", "-W", "error", ".")
     said = python("-m", "pytest", *words, cwd=tmp_path).stdout
@@ -167,7 +189,8 @@ PAIR = Scene(alpha=0.25, epsilon=0.5, beta1=0.02, gamma1=0.0, stages=1, sigma=0.
 pytestmark = pytest.mark.rattle(scene=PAIR, impacts=1)
 
 def test_right(rattle):
-    rattle.check("saltation", quantities=["rate", "energy", "power", "rms_speed_above", "q95_speed_above"])
+    means = ["rate", "energy", "power", "rms_speed_above", "q95_speed_above"]
+    rattle.check("saltation", quantities=means)
 
 def test_wrong(rattle):
     rattle.check(lambda scene, names: {name: 1.0 for name in names}, quantities=["rate"])
@@ -181,23 +204,35 @@ def test_checks_of_the_long_run_have_their_lines(run, tmp_path):
     ):
         result = run(LONG, cache=tmp_path)
         result.assert_outcomes(passed=1, failed=1)
-        result.stdout.fnmatch_lines([
-            "long run   6 rows in 2 tests: 5 passed, 1 failed, 0 undecided", "intervals  * standard errors, *", line,
-        ])  # fmt: skip
+        result.stdout.fnmatch_lines(
+            [
+                "long run   6 rows in 2 tests: 5 passed, 1 failed, 0 undecided",
+                "intervals  * standard errors, *",
+                line,
+            ]
+        )
 
 
-def test_a_closure_of_ones_own_is_the_same_by_its_function_its_object_and_its_module(run, pytester, monkeypatch):
+def test_a_closure_of_ones_own_is_the_same_by_its_function_its_object_and_its_module(
+    run, pytester, monkeypatch
+):
     monkeypatch.chdir(pytester.path)
     (pytester.path / "own_model.py").write_text(
-        "from rattle import Closure, mean_map\n"
-        "def mine(scene, impacts):\n"
-        "    return mean_map(scene, impacts=impacts, closure='saltation').section[['tau', 'sd_tau']]\n"
-        "better = Closure('better', mine, predicts=('tau', 'sd_tau'))\n"
+        "from rattle import Closure, mean_map\ndef mine(scene, impacts):\n    return"
+        " mean_map(scene, impacts=impacts, closure='saltation').section[['tau', 'sd_tau']]\nbetter"
+        " = Closure('better', mine, predicts=('tau', 'sd_tau'))\n"
     )
-    marker = "@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.01), impacts=1, quantities='tau', paths=4096)\n"
+    marker = (
+        "@pytest.mark.rattle(scene=Scene.from_gears(DAT21, sigma=0.01), impacts=1,"
+        " quantities='tau', paths=4096)\n"
+    )
     models = ("own_model.mine", "own_model.better", "'own_model:mine'", "'own_model:better'")
-    tests = [f"{marker}def test_{i}(rattle): rattle.check({model})\n" for i, model in enumerate(models)]
-    run("import sys; sys.path.insert(0, '.')\nimport own_model\n" + "".join(tests)).assert_outcomes(passed=4)
+    tests = [
+        f"{marker}def test_{i}(rattle): rattle.check({model})\n" for i, model in enumerate(models)
+    ]
+    run("import sys; sys.path.insert(0, '.')\nimport own_model\n" + "".join(tests)).assert_outcomes(
+        passed=4
+    )
 
 
 ON_ITINERARY = """
@@ -231,6 +266,8 @@ def test_a_claim_about_the_paths_on_the_itinerary(run):
     result.assert_outcomes(passed=1, failed=4)
     text = result.stdout.str()
     assert "off exceeds the allowed error in 1 of 1 rows" in text
-    assert "of_all exceeds the allowed error in 1 of 1 rows" in text, "a rare branch has a third of the variance"
+    assert "of_all exceeds the allowed error in 1 of 1 rows" in text, (
+        "a rare branch has a third of the variance"
+    )
     assert "published follows another itinerary than the noise-free path" in text
     assert "fewer than half of the paths follow this itinerary up to here" in text

@@ -1,4 +1,5 @@
-"""The cost of accuracy: formulas, the table of levels, cost models, and the command that writes the report."""
+"""The cost of accuracy: formulas, the table of levels, cost models, and the command that writes the
+report."""
 
 import json
 import math
@@ -20,7 +21,15 @@ from rattle.compare.tradeoff.measure import (
     means_seconds,
     slope,
 )
-from rattle.compare.tradeoff.multilevel import Levels, Rate, control_table, find_clear, fit, giles_cost, levels_of
+from rattle.compare.tradeoff.multilevel import (
+    Levels,
+    Rate,
+    control_table,
+    find_clear,
+    fit,
+    giles_cost,
+    levels_of,
+)
 from rattle.compare.tradeoff.page import CONTENTS, cheapest
 from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.accuracy.cost import cost_of
@@ -30,11 +39,17 @@ from rattle.montecarlo.settings import Sampling
 from rattle.scene import DAT21, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.3)
-IMPACTS, PATHS = 3, 1500
+IMPACTS = 3
+PATHS = 1500
 
 
 def level_run(level, scene=SCENE):
-    settings = {"paths": PATHS, "impacts": IMPACTS, "scheme": "euler-maruyama", "record": Record(step_bias=True)}
+    settings = {
+        "paths": PATHS,
+        "impacts": IMPACTS,
+        "scheme": "euler-maruyama",
+        "record": Record(step_bias=True),
+    }
     return simulate(scene, dt=0.02 / 2**level, rng=100 + level, **settings)
 
 
@@ -49,7 +64,8 @@ def runs():
 @pytest.mark.parametrize("run", [simulate, simulate_rare])
 def test_the_cost_of_means_is_known_however_paths_were_drawn(run):
     """One path for an accuracy of one sd; and the run's own standard errors beside it."""
-    scene, settings = Scene.from_gears(DAT21, sigma=0.1), {"impacts": 3, "paths": 4096}
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    settings = {"impacts": 3, "paths": 4096}
     first = simulate(scene, **settings)
     model = CostModel("exact-flight", first, 0.0, 0.0, 0.0, 0.0, run(scene, **settings))
     path = cost_of(first, 1).core_seconds
@@ -59,8 +75,11 @@ def test_the_cost_of_means_is_known_however_paths_were_drawn(run):
 
 
 def test_giles_cost_is_that_of_the_best_allocation():
-    """No allocation that reaches the accuracy is cheaper, and the one in proportion to sqrt(V/C) is as cheap."""
-    variance, seconds, accuracy = np.array([1.0, 0.2, 0.03]), np.array([1.0, 3.0, 7.0]), 0.01
+    """No allocation that reaches the accuracy is cheaper, and the one in proportion to sqrt(V/C) is
+    as cheap."""
+    variance = np.array([1.0, 0.2, 0.03])
+    seconds = np.array([1.0, 3.0, 7.0])
+    accuracy = 0.01
     least = giles_cost(variance, seconds, accuracy)
     best = np.sqrt(variance / seconds)
     for weights in (best, *np.random.default_rng(1).uniform(0.1, 1.0, (200, 3))):
@@ -73,18 +92,29 @@ def test_giles_cost_is_that_of_the_best_allocation():
 
 def synthetic(alpha=1.0, beta=2.0, gamma=1.0, levels=6):
     level = np.arange(levels, dtype=float)
-    table = pd.DataFrame({
-        "level": level, "dt": 0.02 / 2**level, "variance_worst": 0.5 * 2 ** (-beta * level),
-        "variance_median": 0.5 * 2 ** (-beta * level), "path_seconds": 1.5 * 2 ** (gamma * level),
-        "alone_seconds": 2.0 ** (gamma * level),
-    })  # fmt: skip
-    rates = Rate(-alpha, 0.0, 0.0), Rate(-beta, 0.0, -1.0), Rate(gamma, 0.0, 0.0), Rate(-alpha, 0.0, 0.0)
+    table = pd.DataFrame(
+        {
+            "level": level,
+            "dt": 0.02 / 2**level,
+            "variance_worst": 0.5 * 2 ** (-beta * level),
+            "variance_median": 0.5 * 2 ** (-beta * level),
+            "path_seconds": 1.5 * 2 ** (gamma * level),
+            "alone_seconds": 2.0 ** (gamma * level),
+        }
+    )
+    rates = (
+        Rate(-alpha, 0.0, 0.0),
+        Rate(-beta, 0.0, -1.0),
+        Rate(gamma, 0.0, 0.0),
+        Rate(-alpha, 0.0, 0.0),
+    )
     return Levels(table, np.ones((levels, 1)), *rates, Rate(-beta, 0.0, -1.0))
 
 
 @pytest.mark.parametrize(("beta", "power"), [(2.0, -2.0), (0.5, -2.5)])
 def test_known_rates_give_the_known_complexity(beta, power):
-    """Giles' theorem: accuracy^-2 where beta > gamma, accuracy^-(2 + (gamma - beta) / alpha) where it is less."""
+    """Giles' theorem: accuracy^-2 where beta > gamma, accuracy^-(2 + (gamma - beta) / alpha) where
+    it is less."""
     levels = synthetic(beta=beta)
     accuracies = 2.0 ** -np.arange(12.0, 22.0)
     costs = [levels.estimate(a).seconds for a in accuracies]
@@ -97,7 +127,8 @@ def test_an_estimate_has_the_levels_that_the_bias_asks_for():
 
 
 def test_table_of_levels_is_that_of_the_paths_themselves(runs):
-    """Compared with differences path by path, from both step sizes of one run, which share their Brownian paths."""
+    """Compared with differences path by path, from both step sizes of one run, which share their
+    Brownian paths."""
     levels = levels_of(runs)
     unit = units(runs[-1]).to_numpy()
     raw = [sample(runs[2].plan, block).rows[:2, :, :, :6] for block in range(runs[2].plan.blocks)]
@@ -112,7 +143,9 @@ def test_table_of_levels_is_that_of_the_paths_themselves(runs):
     assert row["variance_median"] == pytest.approx(np.median(variance / unit**2), rel=1e-8)
     fourth = ((difference - difference.mean(axis=0)) ** 4).mean(axis=0)
     moving = variance > 1e-20
-    assert row["kurtosis"] == pytest.approx((fourth[moving] / variance[moving] ** 2).max(), rel=1e-5)
+    assert row["kurtosis"] == pytest.approx(
+        (fourth[moving] / variance[moving] ** 2).max(), rel=1e-5
+    )
     assert row["alarm"] == (row["kurtosis"] > 100.0)
 
 
@@ -129,7 +162,9 @@ def test_levels_are_consistent_and_a_negative_control_is_not(runs):
 def test_a_decay_that_noise_hides_at_fine_steps_is_that_of_coarser_ones():
     """Of one stage at large noise: a rate of NaN made its multilevel cost 65 times too low."""
     level = np.arange(7)
-    table = pd.DataFrame({"level": level, "mean_worst": np.maximum(0.1 * 0.5**level, 0.02), "se_mean_worst": 0.008})
+    table = pd.DataFrame(
+        {"level": level, "mean_worst": np.maximum(0.1 * 0.5**level, 0.02), "se_mean_worst": 0.008}
+    )
     assert find_clear(table)["level"].tolist() == [0, 1, 2]
     assert find_clear(table.assign(se_mean_worst=1e-4))["level"].tolist() == [2, 3, 4, 5, 6]
     assert len(find_clear(table.assign(se_mean_worst=1.0))) == 7
@@ -149,9 +184,18 @@ def model(bias=100.0, **given):
     scheme = "exact-flight" if exact else "euler-maruyama"
     settings = {"sampling": Sampling(control=exact), "record": Record(step_bias=not exact)}
     first = simulate(SCENE, paths=1024, impacts=2, dt=0.01, scheme=scheme, **settings)
-    return CostModel(scheme, first, **{
-        "path_seconds": 0.0, "step_seconds": 1e-9, "pilot_seconds": 0.0, "bias": bias, "best": first, **given,
-    })  # fmt: skip
+    return CostModel(
+        scheme,
+        first,
+        **{
+            "path_seconds": 0.0,
+            "step_seconds": 1e-9,
+            "pilot_seconds": 0.0,
+            "bias": bias,
+            "best": first,
+            **given,
+        },
+    )
 
 
 @pytest.mark.parametrize(("bias", "power"), [(100.0, -3.0), (0.0, -2.0)])
@@ -162,24 +206,38 @@ def test_extrapolated_costs_grow_as_they_should_and_are_flagged(bias, power):
     assert n == 4
     assert found == pytest.approx(power, abs=0.02)
     assert math.isnan(slope(pd.DataFrame(points), points[0].method, True)[0])
-    assert all(p.sampling_error <= p.accuracy * 1.0001 and p.step_error <= p.accuracy * 1.0001 for p in points)
+    assert all(
+        p.sampling_error <= p.accuracy * 1.0001 and p.step_error <= p.accuracy * 1.0001
+        for p in points
+    )
 
 
 def test_the_cheapest_method_is_that_of_least_counted_work():
     """Whatever the clock said while they ran."""
-    rows = pd.DataFrame([
-        CostPoint(name, "scheme", 0.1, 0.1, 5000, seconds, 0.1, 0.0, 0.1, True, rows=24, work=work)
-        for name, seconds, work in (("euler-maruyama", 1.0, 9.0), ("exact-flight", 60.0, 2.0))
-    ])  # fmt: skip
+    rows = pd.DataFrame(
+        [
+            CostPoint(
+                name, "scheme", 0.1, 0.1, 5000, seconds, 0.1, 0.0, 0.1, True, rows=24, work=work
+            )
+            for name, seconds, work in (("euler-maruyama", 1.0, 9.0), ("exact-flight", 60.0, 2.0))
+        ]
+    )
     assert cheapest(rows, 0.1)["method"] == "exact-flight"
     own = model(0.0)
     point = own.at(0.01)
-    assert point.work == pytest.approx(cost_of(own.first, own.first.paths + point.paths).core_seconds)
+    assert point.work == pytest.approx(
+        cost_of(own.first, own.first.paths + point.paths).core_seconds
+    )
 
 
 def test_a_run_that_promised_too_much_is_found_out():
     """A run of too few paths to be as accurate as it says, compared with one of many paths."""
-    settings = {"impacts": 2, "dt": 0.05, "scheme": "exact-flight", "sampling": Sampling(control=True)}
+    settings = {
+        "impacts": 2,
+        "dt": 0.05,
+        "scheme": "exact-flight",
+        "sampling": Sampling(control=True),
+    }
     small, large = (simulate(SCENE, paths=n, **settings) for n in (300, 30_000))
     own = model(0.0)
     point = CostPoint("exact-flight", "scheme", 0.3, 0.05, 300, 1.0, 0.1, 0.0, 0.1, True, rows=24)
@@ -198,7 +256,14 @@ def test_a_run_that_promised_too_much_is_found_out():
 
 def test_closures_have_errors_of_the_right_size():
     quiet = Scene.from_gears(DAT21, sigma=0.01)
-    run = simulate(quiet, paths=20_000, impacts=2, dt=0.05, scheme="exact-flight", sampling=Sampling(control=True))
+    run = simulate(
+        quiet,
+        paths=20_000,
+        impacts=2,
+        dt=0.05,
+        scheme="exact-flight",
+        sampling=Sampling(control=True),
+    )
     points = {p.method: p for p in closure_points(quiet, 2, run)}
     assert points["saltation"].error < 0.05
     assert points["corrected"].error > 0.2
@@ -218,7 +283,10 @@ def test_the_control_is_worth_most_at_small_noise():
 
 
 def test_euler_s_paths_are_foreseen_by_plain_ones():
-    runs = [SimpleNamespace(paths=n, plan=SimpleNamespace(mixture=m)) for n, m in ((9, None), (50, "near"), (20, None))]
+    runs = [
+        SimpleNamespace(paths=n, plan=SimpleNamespace(mixture=m))
+        for n, m in ((9, None), (50, "near"), (20, None))
+    ]
     assert find_plain(runs).paths == 20
 
 
@@ -233,9 +301,19 @@ def test_command_writes_its_folder_answer_first(tmp_path):
     (tmp_path / "loud.toml").write_text(SCENE.to_toml())
     out = tmp_path / "o"
     said = rattle(
-        tmp_path / "loud.toml", "--impacts", 2, "--accuracy", 0.1, "--accuracy", 0.001, "--budget", 0.5, "--no-orders",
-        "--out", out,
-    ).stdout  # fmt: skip
+        tmp_path / "loud.toml",
+        "--impacts",
+        2,
+        "--accuracy",
+        0.1,
+        "--accuracy",
+        0.001,
+        "--budget",
+        0.5,
+        "--no-orders",
+        "--out",
+        out,
+    ).stdout
     assert {p.name for p in out.iterdir()} == CONTENTS - {"orders.svg", "orders.csv", "changes.csv"}
     page = (out / "tradeoff.md").read_text()
     assert "weak order" not in page
@@ -248,7 +326,9 @@ def test_command_writes_its_folder_answer_first(tmp_path):
     assert len(schemes[~schemes["missed"]]) == 6
     assert not schemes[schemes["accuracy"] == 0.001]["measured"].any()
     reached = schemes[~schemes["missed"]]
-    assert reached[(reached["accuracy"] == 0.1) & (reached["method"] == "exact-flight")]["measured"].all()
+    assert reached[(reached["accuracy"] == 0.1) & (reached["method"] == "exact-flight")][
+        "measured"
+    ].all()
     assert (reached["error"] <= reached["accuracy"]).all()
     levels = pd.read_csv(out / "levels.csv")
     assert set(levels["scheme"]) == {"euler-maruyama", "euler-maruyama-located"}

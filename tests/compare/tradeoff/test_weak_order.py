@@ -1,4 +1,5 @@
-"""Slopes: correct for changes of known order, an order only where they settle, plausible for the schemes."""
+"""Slopes: correct for changes of known order, an order only where they settle, plausible for the
+schemes."""
 
 import numpy as np
 import pytest
@@ -24,12 +25,15 @@ def test_known_order_lies_in_the_interval(order):
     last = changes_from(bias, se)[0][-1]
     assert low < order < high
     assert high - low < 0.1
-    assert last == pytest.approx(STEPS[-1] ** order * np.sqrt(np.mean(np.linspace(0.5, 1.5, 30) ** 2)), rel=0.05)
+    assert last == pytest.approx(
+        STEPS[-1] ** order * np.sqrt(np.mean(np.linspace(0.5, 1.5, 30) ** 2)), rel=0.05
+    )
     assert not low < order + 0.2 < high
 
 
 def test_a_slope_without_an_interval_is_hidden_by_noise():
-    """Of two replicates the second alone shows no change at the finer step; with less noise it does."""
+    """Of two replicates the second alone shows no change at the finer step; with less noise it
+    does."""
     bias = np.array([[[1.0], [0.3]], [[1.0], [0.05]]])
     assert np.isnan(slope_from(bias, np.full(bias.shape, 0.1), (0.02, 0.01))).all()
     assert np.isfinite(slope_from(bias, np.full(bias.shape, 0.01), (0.02, 0.01))).all()
@@ -37,7 +41,8 @@ def test_a_slope_without_an_interval_is_hidden_by_noise():
 
 def test_interval_of_a_change_covers_as_often_as_it_says():
     true = np.array(STEPS) * np.sqrt(np.mean(np.linspace(0.5, 1.5, 30) ** 2))
-    inside, beside = 0, 0
+    inside = 0
+    beside = 0
     for seed in range(100):
         change, low, high = changes_from(*made_up(1.0, 0.3 * STEPS[-1], seed=seed))
         np.testing.assert_allclose(change, np.sqrt(low * high), rtol=1e-12)
@@ -51,7 +56,8 @@ FOUR = (0.08, *STEPS)
 
 
 def changes_of(size, noise=1e-4, replicates=6):
-    """Changes of the given sizes, shape (steps, rows), with relative noise of a known standard error."""
+    """Changes of the given sizes, shape (steps, rows), with relative noise of a known standard
+    error."""
     size = np.asarray(size, dtype=float)
     se = np.broadcast_to(noise * np.abs(size).max(axis=0), (replicates, *size.shape))
     return size + se * np.random.default_rng(3).standard_normal(se.shape), se
@@ -84,7 +90,9 @@ def test_a_slope_that_has_not_settled_is_no_order(size, turns):
 
 
 def test_located_scheme_has_order_one_and_both_have_the_right_limit():
-    table, changes = weak_orders(Scene.from_gears(DAT21, sigma=1.0), impacts=2, paths=4096, replicates=4, rng=2)
+    table, changes = weak_orders(
+        Scene.from_gears(DAT21, sigma=1.0), impacts=2, paths=4096, replicates=4, rng=2
+    )
     assert set(table["scheme"]) == {"euler-maruyama", "euler-maruyama-located"}
     assert set(table["moment"]) == {"mean", "sd", "itinerary"}
     means = table[table["moment"] == "mean"].set_index("scheme")

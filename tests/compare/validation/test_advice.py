@@ -1,4 +1,5 @@
-"""What to take at the noise intensities that were asked for, and what both sides cost in counted work."""
+"""What to take at the noise intensities that were asked for, and what both sides cost in counted
+work."""
 
 import numpy as np
 import pandas as pd
@@ -15,44 +16,67 @@ from rattle.montecarlo.accuracy.cost import cost_of, cost_to
 from rattle.scene import DAT21, Scene
 
 SIGMAS = (0.01, 0.1, 1.0)
-ALL, OPEN, WRONG = (12, 12), (3, 12), (0, 0)
+ALL = (12, 12)
+OPEN = (3, 12)
+WRONG = (0, 0)
 ACCURATE = "(all means and sds at 12 impacts are accurate)"
 
 
 def table(**closures):
     """Ranges of validity over `SIGMAS`: for each closure pairs of accurate and not inaccurate."""
-    rows = [(name, s, *pair) for name, pairs in closures.items() for s, pair in zip(SIGMAS, pairs, strict=True)]
+    rows = [
+        (name, s, *pair)
+        for name, pairs in closures.items()
+        for s, pair in zip(SIGMAS, pairs, strict=True)
+    ]
     return pd.DataFrame(rows, columns=["closure", "sigma", "accurate", "not_inaccurate"])
 
 
 def work(ranges, gains=None, resolved=True):
-    """Work of the closures that are accurate at the first impact: `gains` over `SIGMAS`, 100 if none are given."""
-    cost, gains = {"saltation": 1e-3, "branching": 0.5, "corrected": 1e-4}, gains or {}
+    """Work of the closures that are accurate at the first impact: `gains` over `SIGMAS`, 100 if
+    none are given."""
+    cost = {"saltation": 1e-3, "branching": 0.5, "corrected": 1e-4}
+    gains = gains or {}
     rows = [
-        (r.closure, r.sigma, r.accurate, resolved, cost[r.closure],
-         gains.get(r.closure, (100.0,) * 3)[SIGMAS.index(r.sigma)])
-        for r in ranges.itertuples() if r.accurate > 0
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=["closure", "sigma", "impacts", "resolved", "closure_seconds", "speed_up"])
+        (
+            r.closure,
+            r.sigma,
+            r.accurate,
+            resolved,
+            cost[r.closure],
+            gains.get(r.closure, (100.0,) * 3)[SIGMAS.index(r.sigma)],
+        )
+        for r in ranges.itertuples()
+        if r.accurate > 0
+    ]
+    return pd.DataFrame(
+        rows, columns=["closure", "sigma", "impacts", "resolved", "closure_seconds", "speed_up"]
+    )
 
 
 CASES = {
     "one closure, then simulate": (
-        {"corrected": [WRONG] * 3, "saltation": [ALL, (3, 3), WRONG]}, None,
-        f"take `saltation` at σ = 0.01 {ACCURATE}; simulate at σ = 0.1 (no closure is accurate at all 12 impacts, "
-        "`saltation` at the first 3); simulate at σ = 1 (no closure is accurate at all 12 impacts).",
+        {"corrected": [WRONG] * 3, "saltation": [ALL, (3, 3), WRONG]},
+        None,
+        f"take `saltation` at σ = 0.01 {ACCURATE}; simulate at σ = 0.1 "
+        "(no closure is accurate at all 12 impacts, `saltation` at the first 3); "
+        "simulate at σ = 1 (no closure is accurate at all 12 impacts).",
     ),
     "what is undecided is not denied": (
-        {"saltation": [ALL, WRONG, WRONG], "branching": [ALL, OPEN, OPEN]}, None,
-        f"take `saltation` at σ = 0.01 {ACCURATE}; simulate at σ = 0.1 (`branching` is undecided: more paths would "
-        "settle it); simulate at σ = 1 (`branching` is undecided: more paths would settle it).",
+        {"saltation": [ALL, WRONG, WRONG], "branching": [ALL, OPEN, OPEN]},
+        None,
+        f"take `saltation` at σ = 0.01 {ACCURATE}; simulate at σ = 0.1 "
+        "(`branching` is undecided: more paths would settle it); "
+        "simulate at σ = 1 (`branching` is undecided: more paths would settle it).",
     ),
     "the one of less work, and at more noise the one that is accurate there": (
-        {"branching": [ALL, ALL, ALL], "saltation": [ALL, WRONG, WRONG]}, {"branching": (20.0, 2.0, 0.4)},
-        f"take `saltation` at σ = 0.01 {ACCURATE}; take `branching` at σ = 0.1 {ACCURATE}; simulate at σ = 1 "
-        "(`branching` is accurate, but takes more work than an equally accurate simulation).",
+        {"branching": [ALL, ALL, ALL], "saltation": [ALL, WRONG, WRONG]},
+        {"branching": (20.0, 2.0, 0.4)},
+        f"take `saltation` at σ = 0.01 {ACCURATE}; take `branching` at σ = 0.1 {ACCURATE}; "
+        "simulate at σ = 1 (`branching` is accurate, but takes more work than "
+        "an equally accurate simulation).",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -65,26 +89,31 @@ def test_advice(case):
 def test_work_does_not_decide_where_the_error_is_not_known():
     """The worst error may be smaller than it looks, and a simulation as accurate larger."""
     ranges = table(branching=[ALL] * 3)
-    assert "simulate" not in advice(ranges, 12, work(ranges, {"branching": (0.1, 0.1, 0.1)}, resolved=False))
+    assert "simulate" not in advice(
+        ranges, 12, work(ranges, {"branching": (0.1, 0.1, 0.1)}, resolved=False)
+    )
 
 
 def test_cost_is_a_sentence_of_its_own():
-    simulation = pd.DataFrame({"sigma": SIGMAS, "paths": [5_120, 123_456, 9.9e13], "core_seconds": [0.05, 180.0, 1e9]})
+    simulation = pd.DataFrame(
+        {"sigma": SIGMAS, "paths": [5_120, 123_456, 9.9e13], "core_seconds": [0.05, 180.0, 1e9]}
+    )
     simulation = simulation.assign(branches=[0, 4, 0], scheme="exact-flight")
     ranges = table(saltation=[ALL, WRONG, WRONG], branching=[ALL, ALL, WRONG])
     over = work(ranges, {"branching": (20.0, 0.3, 0.1)})
     said = cost_sentence(simulation, work(ranges), 12, "24 ms of rattling", over)
-    assert said == (
-        "Nominal time on one core, from counted work: a simulation of 12 impacts (24 ms of rattling) to 1% of an sd "
-        "takes 50 ms at σ = 0.01 (5,120 paths), 3 minutes at σ = 0.1 (120,000 paths, a part of them near 4 rare "
-        "branches) and 32 years at σ = 1 "
-        "(9.9e+13 paths); `saltation` 1 ms and `branching` 0.5 s; at σ = 0.1 an equally accurate simulation takes "
-        "less than `branching`."
+    assert (
+        said == "Nominal time on one core, from counted work: a simulation of 12 impacts (24 ms of"
+        " rattling) to 1% of an sd takes 50 ms at σ = 0.01 (5,120 paths), 3 minutes at σ = 0.1"
+        " (120,000 paths, a part of them near 4 rare branches) and 32 years at σ = 1 (9.9e+13"
+        " paths); `saltation` 1 ms and `branching` 0.5 s; at σ = 0.1 an equally accurate"
+        " simulation takes less than `branching`."
     )
 
 
 def test_headline_page_and_table_agree_where_a_clock_is_noisy(monkeypatch):
-    """The measured speed-up of `branching` was 1.31, 0.71, 0.89, 1.24 ..., and its range ended at the first below 1."""
+    """The measured speed-up of `branching` was 1.31, 0.71, 0.89, 1.24 ..., and its range ended at
+    the first below 1."""
     clock = iter(np.random.default_rng(1).uniform(0.0, 1e3, 10_000).cumsum())
     monkeypatch.setattr("time.perf_counter", lambda: next(clock))
     scene = Scene.from_gears(DAT21, sigma=0.02)
@@ -96,12 +125,16 @@ def test_headline_page_and_table_agree_where_a_clock_is_noisy(monkeypatch):
     again = sweep(scene, (0.01, 0.02), workers=1, **settings)
     pd.testing.assert_frame_equal(again.speed, swept.speed)  # bit for bit: counted
     pd.testing.assert_frame_equal(again.simulation, swept.simulation)
-    assert "still follow a closure's itinerary" not in "".join(said)  # all paths do: nothing limits a closure
+    assert "still follow a closure's itinerary" not in "".join(
+        said
+    )  # all paths do: nothing limits a closure
 
 
 def test_the_cost_is_that_of_a_run_to_the_accuracy():
     scene = Scene.from_gears(DAT21, sigma=0.3)
-    pilot = validate(scene, impacts=2, closures=["corrected"], paths=16_384, scheme="exact-flight", rng=1)
+    pilot = validate(
+        scene, impacts=2, closures=["corrected"], paths=16_384, scheme="exact-flight", rng=1
+    )
     (cost,) = simulation_costs([pilot]).itertuples()
     run = simulate_to(scene, WANTED, impacts=2, scheme="exact-flight", rng=2)
     assert 0.7 < cost.paths / run.paths < 1.4
@@ -109,7 +142,8 @@ def test_the_cost_is_that_of_a_run_to_the_accuracy():
     assert cost.core_seconds == pytest.approx(cost_of(run, cost.paths).core_seconds, rel=0.05)
 
 
-FORECAST = 1.5  # that a forecast is off by at most: a pilot run knows the kurtosis, so the paths, to a fifth
+# that a forecast is off by at most: a pilot run knows the kurtosis, so the paths, to a fifth
+FORECAST = 1.5
 
 
 def test_the_page_knows_that_a_run_to_an_accuracy_samples_rare_branches():
@@ -121,7 +155,9 @@ def test_the_page_knows_that_a_run_to_an_accuracy_samples_rare_branches():
     work = cost_of(run, run.paths).core_seconds
     assert cost.branches > 0
     assert 1.0 / FORECAST < cost.core_seconds / work < FORECAST
-    assert cost_to(pilot.run, WANTED).core_seconds > 100.0 * work  # the negative control: plain paths
+    assert (
+        cost_to(pilot.run, WANTED).core_seconds > 100.0 * work
+    )  # the negative control: plain paths
 
 
 def rows(**columns):
@@ -129,24 +165,35 @@ def rows(**columns):
 
 
 def test_a_simulation_of_that_cost_is_that_accurate():
-    """The errors of 95 % of the ensembles with the estimated number of paths are within what was asked for."""
-    scene, error = Scene.from_gears(DAT21, sigma=0.1), 0.1
+    """The errors of 95 % of the ensembles with the estimated number of paths are within what was
+    asked for."""
+    scene = Scene.from_gears(DAT21, sigma=0.1)
+    error = 0.1
     settings = {"impacts": 1, "scheme": "exact-flight"}
     many = simulate(scene, paths=40_000, rng=2, **settings).section.loc[1]
     paths = paths_for(rows(unit=[many["sd_tau"]], se=many["se_tau"] * 200.0), error)
     assert paths == pytest.approx(384, abs=8)
 
     def beyond(paths):
-        runs = (simulate(scene, paths=paths, rng=seed, **settings).section["tau"].loc[1] for seed in range(60))
+        runs = (
+            simulate(scene, paths=paths, rng=seed, **settings).section["tau"].loc[1]
+            for seed in range(60)
+        )
         return np.mean([abs(tau - many["tau"]) > error * many["sd_tau"] for tau in runs])
 
     assert beyond(paths) < 0.05 + 4.0 * np.sqrt(0.05 * 0.95 / 60)
-    assert beyond(paths // 4) > 0.05 + 4.0 * np.sqrt(0.05 * 0.95 / 60)  # the negative control: a third of them
+    assert beyond(paths // 4) > 0.05 + 4.0 * np.sqrt(
+        0.05 * 0.95 / 60
+    )  # the negative control: a third of them
 
 
 def test_speed_up_is_the_ratio_of_the_work():
     v = validate(
-        Scene.from_gears(DAT21, sigma=0.02), impacts=2, closures=["saltation"], paths=4096, scheme="exact-flight"
+        Scene.from_gears(DAT21, sigma=0.02),
+        impacts=2,
+        closures=["saltation"],
+        paths=4096,
+        scheme="exact-flight",
     )
     found = measure_speed(v, "saltation")
     assert found.impacts == 2
@@ -156,7 +203,12 @@ def test_speed_up_is_the_ratio_of_the_work():
 
 
 def test_work_of_a_mixture_grows_with_its_components():
-    few, many = (mean_map(Scene.from_gears(DAT21, sigma=s), impacts=2, closure="branching") for s in (1e-3, 0.5))
+    few, many = (
+        mean_map(Scene.from_gears(DAT21, sigma=s), impacts=2, closure="branching")
+        for s in (1e-3, 0.5)
+    )
     assert many.trace.work > 10 * few.trace.work
     assert closure_seconds(few) < closure_seconds(many) <= CLOSURES["branching"].most_seconds(2)
-    assert closure_seconds(many) - closure_seconds(few) == pytest.approx(60e-6 * (many.trace.work - few.trace.work))
+    assert closure_seconds(many) - closure_seconds(few) == pytest.approx(
+        60e-6 * (many.trace.work - few.trace.work)
+    )

@@ -1,4 +1,5 @@
-"""On the page of a validation: Euler-Maruyama ensembles beside exact flights and closures; orders and a memory."""
+"""On the page of a validation: Euler-Maruyama ensembles beside exact flights and closures; orders
+and a memory."""
 
 import pandas as pd
 import pytest
@@ -17,14 +18,23 @@ def report(tmp_path_factory):
 
 
 def test_the_report_of_dat21_shows_every_scheme_and_closure_with_bias_and_time(report):
-    assert "Euler–Maruyama beside exact flights and the closures" in (report / "report.html").read_text("utf-8")
+    assert "Euler–Maruyama beside exact flights and the closures" in (
+        report / "report.html"
+    ).read_text("utf-8")
     rows = pd.read_csv(report / "schemes.csv").set_index("method")
-    assert list(rows.index) == ["exact-flight", "euler-maruyama", "euler-maruyama-located", "saltation"]
+    assert list(rows.index) == [
+        "exact-flight",
+        "euler-maruyama",
+        "euler-maruyama-located",
+        "saltation",
+    ]
     assert (rows["core_seconds"] > 0.0).all()
     assert rows.loc["exact-flight", "error_mean"] < 0.1
     assert rows.loc["exact-flight", "bias_mean"] == 0.0
     for scheme in ("euler-maruyama", "euler-maruyama-located"):
-        assert rows.loc[scheme, "error_mean"] == pytest.approx(rows.loc[scheme, "bias_mean"], rel=0.4)
+        assert rows.loc[scheme, "error_mean"] == pytest.approx(
+            rows.loc[scheme, "bias_mean"], rel=0.4
+        )
         assert rows.loc[scheme, "error_mean"] > 5.0 * rows.loc["exact-flight", "error_mean"]
 
 
@@ -33,10 +43,15 @@ SETTINGS = {"impacts": 2, "closures": ["saltation"], "paths": 2000}
 
 def test_the_page_shows_the_drive_and_says_that_no_rare_branch_was_looked_for(tmp_path):
     plain = Scene.from_gears(DAT21, sigma=0.02)
-    other = Scene.from_gears(DAT21, sigma=0.02, drive=[Order(1), Order(3, 0.2)], correlation_time=1.0)
+    other = Scene.from_gears(
+        DAT21, sigma=0.02, drive=[Order(1), Order(3, 0.2)], correlation_time=1.0
+    )
     pages = [
-        validate(scene, **SETTINGS).report(tmp_path / name) for name, scene in (("plain", plain), ("other", other))
+        validate(scene, **SETTINGS).report(tmp_path / name)
+        for name, scene in (("plain", plain), ("other", other))
     ]
     assert [(page.parent / "figures" / "drive.svg").exists() for page in pages] == [False, True]
     assert [UNSEARCHED in page.read_text() for page in pages] == [False, True]
-    assert ["are counted where they could change a verdict" in page.read_text() for page in pages] == [True, False]
+    assert [
+        "are counted where they could change a verdict" in page.read_text() for page in pages
+    ] == [True, False]

@@ -1,4 +1,5 @@
-"""Distances of densities: at the sampling floor where they are correct, far above it where they are not."""
+"""Distances of densities: at the sampling floor where they are correct, far above it where they are
+not."""
 
 from dataclasses import replace
 
@@ -26,8 +27,11 @@ def sampled(values):
 
 def against_normal_sample(seed, mean=0.0, sd=1.0, paths=PATHS):
     edges, counts = sampled(np.random.default_rng(seed).normal(3.0, 0.01, paths))
-    mean, sd = 3.0 + 0.01 * mean, 0.01 * sd
-    return distances(bin_masses(lambda z: section_density(z, mean, sd, 0.0), edges, mean, sd), counts)
+    mean = 3.0 + 0.01 * mean
+    sd = 0.01 * sd
+    return distances(
+        bin_masses(lambda z: section_density(z, mean, sd, 0.0), edges, mean, sd), counts
+    )
 
 
 def test_right_density_stays_at_the_floor():
@@ -45,7 +49,10 @@ def test_a_negative_control_is_far_above_the_floor(mean, sd):
     assert found.kolmogorov > 5.0 * found.kolmogorov_floor
     assert found.total_variation > 2.0 * found.total_variation_floor
     exact = float(
-        np.abs(stats.norm.cdf(np.linspace(-4, 4, 4001), mean, sd) - stats.norm.cdf(np.linspace(-4, 4, 4001))).max()
+        np.abs(
+            stats.norm.cdf(np.linspace(-4, 4, 4001), mean, sd)
+            - stats.norm.cdf(np.linspace(-4, 4, 4001))
+        ).max()
     )
     assert found.kolmogorov == pytest.approx(exact, abs=found.kolmogorov_floor)
 
@@ -58,13 +65,19 @@ def run():
 
 
 def of(run, closure, **settings):
-    return section_distances(mean_map(run.scene, impacts=run.impacts, closure=closure, **settings), run)
+    return section_distances(
+        mean_map(run.scene, impacts=run.impacts, closure=closure, **settings), run
+    )
 
 
 def test_saltation_is_at_the_floor_and_corrected_is_not(run):
-    saltation, corrected = of(run, "saltation"), of(run, "corrected")
+    saltation = of(run, "saltation")
+    corrected = of(run, "corrected")
     assert saltation["impact"].tolist() == np.repeat(range(1, 13), 5).tolist()
-    ratio = {name: t["kolmogorov"] / t["kolmogorov_floor"] for name, t in (("s", saltation), ("m", corrected))}
+    ratio = {
+        name: t["kolmogorov"] / t["kolmogorov_floor"]
+        for name, t in (("s", saltation), ("m", corrected))
+    }
     assert ratio["s"].max() < 3.0
     assert ratio["s"].median() < 1.0
     assert (saltation["total_variation"] / saltation["total_variation_floor"]).max() < 1.5
@@ -77,7 +90,9 @@ def test_second_order_is_what_brings_saltation_to_the_floor(run):
     """Negative control: without the skewness of the second order the distance is larger."""
     second = of(run, "saltation").set_index(["impact", "quantity"])
     prediction = mean_map(run.scene, impacts=12, closure="saltation")
-    gaussian_only = replace(prediction, trace=replace(prediction.trace, skew=0.0 * prediction.trace.skew))
+    gaussian_only = replace(
+        prediction, trace=replace(prediction.trace, skew=0.0 * prediction.trace.skew)
+    )
     first = section_distances(gaussian_only, run).set_index(["impact", "quantity"])
     assert first["kolmogorov"].max() > 2.0 * second["kolmogorov"].max()
 
@@ -98,7 +113,10 @@ def test_bias_of_the_step_is_taken_out_where_it_was_measured():
     scene = Scene.from_gears(DAT21, sigma=0.02)
     prediction = mean_map(scene, impacts=1, closure="saltation")
     settings = {"paths": 20_000, "impacts": 1, "rng": 3, "scheme": "euler-maruyama-located"}
-    runs = [simulate(scene, record=Record(histogram=True, step_bias=b), **settings) for b in (False, True)]
+    runs = [
+        simulate(scene, record=Record(histogram=True, step_bias=b), **settings)
+        for b in (False, True)
+    ]
     tables = [section_distances(prediction, run) for run in runs]
     worst = [(t["kolmogorov"] / t["kolmogorov_floor"]).max() for t in tables]
     assert worst[0] > 5.0
@@ -108,13 +126,15 @@ def test_bias_of_the_step_is_taken_out_where_it_was_measured():
 def test_no_noise_and_one_stage():
     quiet = Scene.from_gears(DAT21)
     found = section_distances(
-        mean_map(quiet, impacts=2), simulate(quiet, paths=10, impacts=2, record=Record(histogram=True))
+        mean_map(quiet, impacts=2),
+        simulate(quiet, paths=10, impacts=2, record=Record(histogram=True)),
     )
     assert found.empty
     assert "total_variation_floor" in found
     rattler = replace(Scene.from_gears(DAT21, sigma=0.02), stages=1)
     single = section_distances(
-        mean_map(rattler, impacts=3), simulate(rattler, paths=5000, impacts=3, record=Record(histogram=True))
+        mean_map(rattler, impacts=3),
+        simulate(rattler, paths=5000, impacts=3, record=Record(histogram=True)),
     )
     assert set(single["quantity"]) <= {"tau", "flight", "y1"}
     assert not single.empty

@@ -1,4 +1,5 @@
-"""Verdicts on the paths that have followed a closure's itinerary so far, beside those on all paths."""
+"""Verdicts on the paths that have followed a closure's itinerary so far, beside those on all
+paths."""
 
 import numpy as np
 import pytest
@@ -38,15 +39,23 @@ def test_a_right_closure_is_accurate_there_and_a_wrong_one_is_caught(compared):
     rows = compared.section_rows("right", ON_ITINERARY)
     assert set(rows["verdict"]) & set(JUDGED) == {"accurate"}
     wrong = compared.section_rows("off", ON_ITINERARY)
-    assert set(wrong[(wrong["quantity"] == "y2") & (wrong["moment"] == "sd")]["verdict"]) == {"inaccurate"}
+    assert set(wrong[(wrong["quantity"] == "y2") & (wrong["moment"] == "sd")]["verdict"]) == {
+        "inaccurate"
+    }
     over_all = compared.section_rows("right")
-    last = over_all[(over_all["quantity"] == "y2") & (over_all["moment"] == "sd") & (over_all["impact"] == IMPACTS)]
+    last = over_all[
+        (over_all["quantity"] == "y2")
+        & (over_all["moment"] == "sd")
+        & (over_all["impact"] == IMPACTS)
+    ]
     assert last["verdict"].tolist() == ["inaccurate"], "all paths together have another sd"
 
 
 def test_counts_and_ranges_of_all_paths_leave_these_rows_aside(compared):
     predicted = compared.section_rows("saltation")["verdict"].isin(JUDGED).sum()
-    fixed = compared.table[(compared.table["closure"] == "saltation") & (compared.table["kind"] == "fixed time")]
+    fixed = compared.table[
+        (compared.table["closure"] == "saltation") & (compared.table["kind"] == "fixed time")
+    ]
     assert compared.counts.loc["saltation"].sum() == predicted + fixed["verdict"].isin(JUDGED).sum()
     found = find_validity(compared, "right")
     assert found.itinerary_accurate == IMPACTS > found.accurate
@@ -56,7 +65,11 @@ def test_counts_and_ranges_of_all_paths_leave_these_rows_aside(compared):
     assert "`right` is accurate; all paths together: it is not" in said
     assert said in answer([compared])
     whose = dict(find_reach(compared)[["closure", "describes"]].itertuples(index=False))
-    assert whose == {"saltation": "paths on its itinerary", "right": "paths on its itinerary", "off": "not stated"}
+    assert whose == {
+        "saltation": "paths on its itinerary",
+        "right": "paths on its itinerary",
+        "off": "not stated",
+    }
     assert len(list_leaving(compared).query("mesh == 2 and side == -1"))
 
 
@@ -64,11 +77,16 @@ def test_branching_tells_the_paths_on_the_itinerary_from_all():
     v = validate(SCENE, impacts=IMPACTS, closures=["branching"], paths=40_000, rng=6)
     assert set(v.section_rows("branching", ON_ITINERARY)["verdict"]) & set(JUDGED) == {"accurate"}
     every = mean_map(SCENE, impacts=IMPACTS, closure="branching").section
-    assert every["sd_y2"][IMPACTS] > 1.1 * v.predictions["branching"].on_itinerary().section["sd_y2"][IMPACTS]
+    assert (
+        every["sd_y2"][IMPACTS]
+        > 1.1 * v.predictions["branching"].on_itinerary().section["sd_y2"][IMPACTS]
+    )
 
 
 def test_where_no_itinerary_has_half_of_the_paths_it_says_so():
-    loud = validate(SCENE.with_sigma(1.2), impacts=IMPACTS, closures=["saltation"], paths=2000, rng=1)
+    loud = validate(
+        SCENE.with_sigma(1.2), impacts=IMPACTS, closures=["saltation"], paths=2000, rng=1
+    )
     rows = loud.section_rows("saltation", ON_ITINERARY)
     few = rows[rows["agreement"] < 0.5]
     assert set(few["verdict"]) == {"not judged"}
@@ -78,7 +96,8 @@ def test_where_no_itinerary_has_half_of_the_paths_it_says_so():
 
 def test_an_orbit_at_rest_has_no_itinerary_and_says_so():
     parts = {"alpha": 0.05, "epsilon": 0.5, "beta1": 0.5, "gamma1": 0.0, "stages": 1}
-    rest = Scene(**parts, sigma=0.3, start=Start(0.0, 0.0, 0.1, mesh=0))  # noise alone brings it to a wall
+    # noise alone brings it to a wall
+    rest = Scene(**parts, sigma=0.3, start=Start(0.0, 0.0, 0.1, mesh=0))
     found = validate(rest, impacts=2, closures=["saltation"], paths=64, rng=1)
     rows = found.section_rows("saltation", ON_ITINERARY)
     assert set(rows["verdict"]) == {"not predicted"}
@@ -98,14 +117,18 @@ def test_without_noise_the_rows_are_those_of_all_paths():
 
 
 @pytest.mark.parametrize(("paths", "pilots"), [(3072, True), (3584, False)])
-def test_how_it_is_known_how_many_leave_is_settled_before_they_are_counted(paths, pilots, monkeypatch):
+def test_how_it_is_known_how_many_leave_is_settled_before_they_are_counted(
+    paths, pilots, monkeypatch
+):
     """Some of the runs count `KNOWN` paths that left, others fewer: all are treated alike."""
     asked = []
     found = validate(SCENE, impacts=IMPACTS, closures=["saltation"], paths=1024).run.leaving
     monkeypatch.setattr(Ensemble, "leaving", property(lambda run: asked.append(run) or found))
     counts = []
     for seed in range(12):
-        v = validate(SCENE, impacts=IMPACTS, closures=["saltation"], paths=paths, rng=seed, fixed_times=False)
+        v = validate(
+            SCENE, impacts=IMPACTS, closures=["saltation"], paths=paths, rng=seed, fixed_times=False
+        )
         v.leaving("saltation")
         counts.append(paths * (1.0 - v.run.agreement["saltation"][IMPACTS]))
     assert min(counts) < KNOWN < max(counts)

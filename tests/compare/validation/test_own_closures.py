@@ -1,4 +1,5 @@
-"""A closure of one's own in a validation: its verdicts, its page, its time, and what becomes of its mistakes."""
+"""A closure of one's own in a validation: its verdicts, its page, its time, and what becomes of its
+mistakes."""
 
 import json
 
@@ -36,7 +37,11 @@ def rows(v, closure):
 
 @pytest.fixture(scope="module")
 def compared():
-    same = Closure("same", copy, lambda scene, times: mean_map(scene, impacts=3, closure="saltation").at_times(times))
+    same = Closure(
+        "same",
+        copy,
+        lambda scene, times: mean_map(scene, impacts=3, closure="saltation").at_times(times),
+    )
     return validate(SCENE, impacts=3, closures=["saltation", same, shifted], paths=20_000, rng=7)
 
 
@@ -82,17 +87,34 @@ def test_an_exception_at_fixed_times_loses_only_these():
 def test_a_table_that_cannot_be_read_is_refused_before_anything_is_simulated(monkeypatch):
     monkeypatch.setattr("rattle.compare.validation.validate.simulate", None)
     with pytest.raises(InputError, match="index of few"):
-        validate(SCENE, impacts=3, closures=[Closure("few", lambda scene, impacts: copy(scene, impacts)[:-1])])
+        validate(
+            SCENE,
+            impacts=3,
+            closures=[Closure("few", lambda scene, impacts: copy(scene, impacts)[:-1])],
+        )
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_failed(tmp_path, monkeypatch):
+def test_the_command_imports_it_shows_it_and_says_by_its_exit_code_that_it_failed(
+    tmp_path, monkeypatch
+):
     (tmp_path / "own.py").write_text(
-        '"""Closures."""\nfrom tests.compare.validation.test_own_closures import copy, strong\n\n'
-        'def mine(scene, impacts):\n    """The first closure of all."""\n    return copy(scene, impacts)\n'
+        '"""Closures."""\nfrom tests.compare.validation.test_own_closures import copy,'
+        ' strong\n\ndef mine(scene, impacts):\n    """The first closure of all."""\n    return'
+        " copy(scene, impacts)\n"
     )
     monkeypatch.chdir(tmp_path)
-    words = ["validate", "--closure", "saltation", "--closure", "own:mine", "--closure", "own:strong", "--sigma", 0.01]
+    words = [
+        "validate",
+        "--closure",
+        "saltation",
+        "--closure",
+        "own:mine",
+        "--closure",
+        "own:strong",
+        "--sigma",
+        0.01,
+    ]
     words += ["--sigma", 0.1, "--impacts", 2, "--paths", 2000, "--no-validity"]
     done = rattle(*words, "--out", "report", code=1)
     assert "closure strong raised ValueError: the noise is too strong" in done.stderr

@@ -1,4 +1,5 @@
-"""What a closure of one's own returns is in the times of the scene that the user gave, on every road that takes one."""
+"""What a closure of one's own returns is in the times of the scene that the user gave, on every
+road that takes one."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +35,9 @@ MINE = Closure("mine", constant, at_times)
 def test_in_a_validation():
     v = validate(LATE, impacts=2, closures=[MINE], paths=32_768, rng=7)
     rows = v.table[(v.table["quantity"] == "tau") & (v.table["moment"] == "mean")]
-    assert rows["predicted"].tolist() == pytest.approx([*TIMES, *TIMES])  # of all paths, and of those on the itinerary
+    assert rows["predicted"].tolist() == pytest.approx(
+        [*TIMES, *TIMES]
+    )  # of all paths, and of those on the itinerary
     assert set(rows["verdict"]) == {"accurate"}
     fixed = v.table[v.table["kind"] == "fixed time"]
     assert fixed["predicted"].notna().all()
@@ -49,7 +52,9 @@ def test_in_a_study_and_a_boundary():
 
 
 def test_in_a_claim_of_pytest():
-    claim = read_claim({"scene": LATE, "impacts": 2, "quantities": "tau", "moments": "mean"}, Path())
+    claim = read_claim(
+        {"scene": LATE, "impacts": 2, "quantities": "tau", "moments": "mean"}, Path()
+    )
     said = predict(MINE, claim)
     assert said.section["tau"].tolist() == pytest.approx(TIMES + LATE.phase - 4.1)
 

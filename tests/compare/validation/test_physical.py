@@ -1,4 +1,5 @@
-"""What a report says of gears in ms, mm, mm/s and mJ; and that a scene without gears says none of it."""
+"""What a report says of gears in ms, mm, mm/s and mJ; and that a scene without gears says none of
+it."""
 
 import math
 
@@ -12,7 +13,13 @@ from rattle.compare.validation.tables import duration_words, motion_table, time_
 from rattle.scene import DAT21, Scene
 
 PLAIN = Scene(alpha=1.5, epsilon=0.9, beta1=0.1, gamma1=0.05, mu=0.5, sigma=0.02)
-SETTINGS = {"impacts": 3, "closures": ["saltation"], "paths": 2000, "scheme": "exact-flight", "rng": 7}
+SETTINGS = {
+    "impacts": 3,
+    "closures": ["saltation"],
+    "paths": 2000,
+    "scheme": "exact-flight",
+    "rng": 7,
+}
 
 
 @pytest.fixture(scope="module")
@@ -32,25 +39,41 @@ def values(table, head):
 
 
 def test_the_motion_stands_in_both_systems_of_units(v):
-    table, section = motion_table(v), v.run.section
-    for name, head, unit in (("tau", "τ", 1.0), ("tau", "time [ms]", 1.0 / 0.3), ("y2", "y2 [mm/s]", 60.0)):
+    table = motion_table(v)
+    section = v.run.section
+    for name, head, unit in (
+        ("tau", "τ", 1.0),
+        ("tau", "time [ms]", 1.0 / 0.3),
+        ("y2", "y2 [mm/s]", 60.0),
+    ):
         assert values(table, head) == pytest.approx((section[name] * unit).tolist(), rel=1e-3)
     joule = 1e-6 * 4000.0 / 41.0**2 * 60.0**2  # kg mm^2/s^2 of the rim's mass at the unit of speed
-    assert values(table, "energy [mJ]") == pytest.approx((section["energy"] * 1e3 * joule).tolist(), rel=1e-2)
+    assert values(table, "energy [mJ]") == pytest.approx(
+        (section["energy"] * 1e3 * joule).tolist(), rel=1e-2
+    )
 
 
 def test_moments_at_fixed_times_stand_in_both(v):
-    table, fixed = time_table(v), v.run.at_times()
-    assert values(table, "time [ms]") == pytest.approx((fixed.index.to_numpy() / 0.3).tolist(), rel=1e-3)
-    assert values(table, "x1 [mm]") == pytest.approx((0.2 * fixed["x1"]).tolist(), rel=1e-3, abs=1e-6)
+    table = time_table(v)
+    fixed = v.run.at_times()
+    assert values(table, "time [ms]") == pytest.approx(
+        (fixed.index.to_numpy() / 0.3).tolist(), rel=1e-3
+    )
+    assert values(table, "x1 [mm]") == pytest.approx(
+        (0.2 * fixed["x1"]).tolist(), rel=1e-3, abs=1e-6
+    )
     sd = float(table.rows[-1][-1].text.split("± ")[1])
     assert sd == pytest.approx(60.0 * math.sqrt(fixed["cov_y2_y2"].iloc[-1]), rel=0.06)
 
 
 def test_the_answer_speaks_of_milliseconds(v):
-    (said,) = [sentence for sentence in answer([v]) if sentence.startswith("In the units of these gears")]
+    (said,) = [
+        sentence for sentence in answer([v]) if sentence.startswith("In the units of these gears")
+    ]
     time = v.run.section["tau"].iloc[-1] / 0.3
-    assert said.startswith(f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average, ")
+    assert said.startswith(
+        f"In the units of these gears: at σ = 0.02, 3 impacts take {time:.3g} ms on average, "
+    )
     assert "mm/s and a mean loss of " in said
     assert duration_words(v) == f"the first {time:.3g} ms"
 

@@ -30,7 +30,9 @@ def dat21(sigma, **changes):
 
 
 def table_of(closure, sigma, **settings):
-    return realizability_table([mean_map(dat21(sigma), closure=closure, **{"impacts": IMPACTS, **settings})])
+    return realizability_table(
+        [mean_map(dat21(sigma), closure=closure, **{"impacts": IMPACTS, **settings})]
+    )
 
 
 def mixture(parts, order):
@@ -55,7 +57,8 @@ def with_moments(raw, covariance=None, skew=None):
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = covariance[2:, 2:] = [[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]
     changed = {"raw": prediction.trace.raw.copy(), "covariance": prediction.trace.covariance.copy()}
-    changed["raw"][1], changed["covariance"][1] = raw, covariance
+    changed["raw"][1] = raw
+    changed["covariance"][1] = covariance
     if skew is not None:
         changed["skew"] = np.where(prediction.trace.sd > 0.0, skew, np.nan)
     return replace(prediction, trace=replace(prediction.trace, **changed))
@@ -73,7 +76,9 @@ def test_published_first_fails_at_impact_2_in_its_moments(sigma):
     at_2 = set(first[first["impact"] == 2].index)
     variances = {"variance of displacement", "variance of velocity", "covariance eigenvalue"}
     assert at_2 == variances | {"kurtosis", "moment matrix"}
-    assert first.loc["|rho|", "impact"] == (7 if sigma > 1.0 else 3)  # the first at which a rho > 1 has its variances
+    assert first.loc["|rho|", "impact"] == (
+        7 if sigma > 1.0 else 3
+    )  # the first at which a rho > 1 has its variances
     assert (first["excess"] > 0.0).all()
     # values are not clipped: the negative variance is in the table
     assert table.query("check == 'variance of displacement'")["value"].min() < 0.0
@@ -98,7 +103,8 @@ def series_mass(rho, order=4, points=POINTS):
 
 
 def test_series_of_a_gaussian_is_negative_from_a_rho_of_a_quarter_on():
-    """The series is Mehler's in powers of rho; truncated at order 4 it has only two, too few for large rho."""
+    """The series is Mehler's in powers of rho; truncated at order 4 it has only two, too few for
+    large rho."""
     assert series_mass(0.24) < QUADRATURE < series_mass(0.26)
     assert series_mass(-0.6) == pytest.approx(series_mass(0.6))
     masses = [series_mass(rho) for rho in (0.3, 0.5, 0.7, 0.9, 1.0)]
@@ -109,16 +115,24 @@ def test_series_of_a_gaussian_is_negative_from_a_rho_of_a_quarter_on():
 
 
 def test_section_negative_mass_grows_with_sigma():
-    """The skewness of the saltation closure is proportional to sigma; the series is positive up to about 0.08."""
+    """The skewness of the saltation closure is proportional to sigma; the series is positive up to
+    about 0.08."""
     z = np.linspace(-SPREAD, SPREAD, POINTS)
     for skew, within in ((0.07, True), (0.1, False)):
-        assert (negative_mass(section_density(z, 0.0, 1.0, skew), z[1] - z[0]) <= QUADRATURE) == within
+        assert (
+            negative_mass(section_density(z, 0.0, 1.0, skew), z[1] - z[0]) <= QUADRATURE
+        ) == within
     values = [
-        table_of("saltation", sigma).query("check == 'section negative mass'")["value"].max() for sigma in (0.001, 0.1)
+        table_of("saltation", sigma).query("check == 'section negative mass'")["value"].max()
+        for sigma in (0.001, 0.1)
     ]
     assert values[0] <= QUADRATURE < values[1]
-    assert (table_of("corrected", 1.5**0.5).query("check == 'section negative mass'")["value"] == 0.0).all()
-    assert table_of("published", 0.1).query("check == 'section negative mass'")["holds"].isna().all()
+    assert (
+        table_of("corrected", 1.5**0.5).query("check == 'section negative mass'")["value"] == 0.0
+    ).all()
+    assert (
+        table_of("published", 0.1).query("check == 'section negative mass'")["holds"].isna().all()
+    )
 
 
 REALIZABLE = {
@@ -127,7 +141,11 @@ REALIZABLE = {
     "two points": [(0.3, -1.0, 2.0, 0.0, 0.0, 0.0), (0.7, 1.0, 0.5, 0.0, 0.0, 0.0)],
     "point mass": [(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)],
     "skewed mixture": [(0.2, -3.0, 1.0, 0.1, 0.0, 2.0), (0.8, 0.75, -0.25, 1.0, -0.4, 0.3)],
-    "three parts": [(0.1, 4.0, -1.0, 0.2, 0.1, 0.2), (0.5, -1.0, 0.0, 1.0, 0.5, 1.0), (0.4, 0.0, 0.5, 0.0, 0.0, 1.0)],
+    "three parts": [
+        (0.1, 4.0, -1.0, 0.2, 0.1, 0.2),
+        (0.5, -1.0, 0.0, 1.0, 0.5, 1.0),
+        (0.4, 0.0, 0.5, 0.0, 0.0, 1.0),
+    ],
 }
 
 
@@ -135,9 +153,17 @@ REALIZABLE = {
 @pytest.mark.parametrize("order", [2, 4, 6])
 @pytest.mark.parametrize("name", REALIZABLE)
 def test_mixtures_pass_at_any_scale(name, order, scale):
-    raw = mixture([(w, scale * a, b, scale**2 * vx, scale * c, vy) for w, a, b, vx, c, vy in REALIZABLE[name]], order)
+    raw = mixture(
+        [
+            (w, scale * a, b, scale**2 * vx, scale * c, vy)
+            for w, a, b, vx, c, vy in REALIZABLE[name]
+        ],
+        order,
+    )
     centred = np.array([raw[1, 0], raw[0, 1]])
-    covariance = np.array([[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]) - np.outer(centred, centred)
+    covariance = np.array([[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]) - np.outer(
+        centred, centred
+    )
     whole = np.zeros((4, 4))
     whole[:2, :2] = whole[2:, 2:] = covariance
     assert failing(with_moments(raw, whole)) <= {"negative mass"}
@@ -145,7 +171,8 @@ def test_mixtures_pass_at_any_scale(name, order, scale):
 
 
 def controls():
-    """Negative controls: moments that no distribution has, and the checks that must fail for them."""
+    """Negative controls: moments that no distribution has, and the checks that must fail for
+    them."""
     base = gaussian_raw_moments(2.0, 0.4, 1.0, 4)
 
     def changed(**entries):
@@ -191,4 +218,6 @@ def test_negative_densities_are_caught():
     assert failing(with_moments(raw, skew=0.05)) == set()
     assert failing(with_moments(raw, skew=0.5)) == {"section negative mass"}
     raw[3, 0] = 0.6
-    assert failing(with_moments(raw)) == {"negative mass"}  # realizable moments, but no density by this series
+    assert failing(with_moments(raw)) == {
+        "negative mass"
+    }  # realizable moments, but no density by this series

@@ -1,4 +1,5 @@
-"""At small noise the sds are small, and errors still count in sds: nothing wrong is accurate for being small."""
+"""At small noise the sds are small, and errors still count in sds: nothing wrong is accurate for
+being small."""
 
 from pathlib import Path
 
@@ -20,7 +21,9 @@ from rattle.scene import DAT21, InputError, Scene
 IMPACTS = 3
 SCENES = {
     "DAT21": Scene.from_gears(DAT21),
-    "two stages": Scene(alpha=1.5, epsilon=0.9, beta1=0.0, beta2=0.0, gamma1=0.1, gamma2=0.08, mu=0.4),
+    "two stages": Scene(
+        alpha=1.5, epsilon=0.9, beta1=0.0, beta2=0.0, gamma1=0.1, gamma2=0.08, mu=0.4
+    ),
     "one stage": Scene(alpha=14.6, epsilon=0.7, beta1=0.0, gamma1=5.07, stages=1),
 }
 SIGMAS = (1e-9, 1e-7, 1e-5, 1e-3)
@@ -28,16 +31,22 @@ Z = widest(2 * 6 * IMPACTS)
 
 
 def drawn(name, sigma, paths=8192):
-    """A scene of this noise, a simulation of it, and the moments of saltation, which is exact in this limit."""
+    """A scene of this noise, a simulation of it, and the moments of saltation, which is exact in
+    this limit."""
     scene = SCENES[name].with_sigma(sigma)
-    run = simulate(scene, paths=paths, impacts=IMPACTS, scheme="exact-flight", sampling=Sampling(control=True))
+    run = simulate(
+        scene, paths=paths, impacts=IMPACTS, scheme="exact-flight", sampling=Sampling(control=True)
+    )
     return scene, run, mean_map(scene, impacts=IMPACTS, closure="saltation").section
 
 
 def wrong(section):
-    """Planted errors: a mean by a fifth of its sd, an sd three times too large, and one that is zero."""
+    """Planted errors: a mean by a fifth of its sd, an sd three times too large, and one that is
+    zero."""
     return section.assign(
-        tau=section["tau"] + 0.2 * section["sd_tau"], sd_y1=3.0 * section["sd_y1"], sd_flight=0.0 * section["sd_flight"]
+        tau=section["tau"] + 0.2 * section["sd_tau"],
+        sd_y1=3.0 * section["sd_y1"],
+        sd_flight=0.0 * section["sd_flight"],
     )
 
 
@@ -55,7 +64,9 @@ def test_planted_errors_are_inaccurate_at_any_noise(name, sigma):
     planted = found.set_index(["moment", "quantity"])["verdict"]
     for row in (("mean", "tau"), ("sd", "y1"), ("sd", "flight")):
         assert (planted.loc[[row]] == "inaccurate").all(), row
-    np.testing.assert_allclose(found["tolerance"], found["moment"].map({"mean": 0.05, "sd": 0.10}) * found["unit"])
+    np.testing.assert_allclose(
+        found["tolerance"], found["moment"].map({"mean": 0.05, "sd": 0.10}) * found["unit"]
+    )
     assert (found["remark"] != BY_SIZE).all()
 
 
@@ -73,7 +84,9 @@ def test_an_explicit_tolerance_is_kept(within):
 
 def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
     scene = SCENES["DAT21"]
-    v = validate(scene, impacts=IMPACTS, closures=["saltation", "corrected"], paths=1, scheme="exact-flight")
+    v = validate(
+        scene, impacts=IMPACTS, closures=["saltation", "corrected"], paths=1, scheme="exact-flight"
+    )
     rows = v.table[v.table["verdict"].isin(JUDGED)]
     assert (rows["remark"] == BY_SIZE).all()
     times = rows["quantity"] == "tau"  # by the size of a flight
@@ -81,18 +94,24 @@ def test_what_does_not_vary_is_judged_by_its_size_and_says_so():
     assert (rows["verdict"] == "accurate").all()
     said = [sentence for sentence in answer([v]) if BY_SIZE in sentence]
     assert said == [
-        f"Moments not measured in sds ({BY_SIZE}): at σ = 0 `saltation` {IMPACTS * 10} and `corrected` {IMPACTS * 8}."
+        f"Moments not measured in sds ({BY_SIZE}): at σ = 0 `saltation` {IMPACTS * 10} and"
+        f" `corrected` {IMPACTS * 8}."
     ]
     far = drawn("DAT21", 0.0, paths=1)[2].assign(tau=lambda s: s["tau"] * (1.0 + 2.0 * ABSOLUTE))
     run = simulate(scene, paths=1, impacts=IMPACTS, scheme="exact-flight")
     found = section_errors([NamedSection("planted", far)], run, Z, Tolerances())
-    assert found["verdict"][(found["moment"] == "mean") & (found["quantity"] == "tau")].eq("inaccurate").any()
+    assert (
+        found["verdict"][(found["moment"] == "mean") & (found["quantity"] == "tau")]
+        .eq("inaccurate")
+        .any()
+    )
 
 
 @pytest.mark.parametrize("sigma", SIGMAS)
 def test_an_accuracy_counts_in_sds_at_any_noise(sigma):
     _, run, _ = drawn("DAT21", sigma)
-    small, large = error_bound(run).error, error_bound(drawn("DAT21", 0.01)[1]).error
+    small = error_bound(run).error
+    large = error_bound(drawn("DAT21", 0.01)[1]).error
     assert 0.5 * large < small < 2.0 * large
     assert (units(run)["tau"] == run.section["sd_tau"]).all()
 
@@ -110,7 +129,9 @@ SMALL = Scene.from_gears(DAT21, sigma=0.02)
 
 @pytest.fixture(scope="module")
 def walled():
-    return simulate(SMALL, paths=2048, impacts=2, scheme="exact-flight", sampling=Sampling(control=True))
+    return simulate(
+        SMALL, paths=2048, impacts=2, scheme="exact-flight", sampling=Sampling(control=True)
+    )
 
 
 def test_the_wall_is_no_row_of_a_claim(walled):

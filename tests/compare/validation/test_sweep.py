@@ -13,7 +13,13 @@ from rattle.compare.validation.validate import read_grid, sweep, validate
 from rattle.compare.validation.verdict import NOT_WRONG, WRONG
 from rattle.scene import DAT21, InputError, Scene
 
-SETTINGS = {"impacts": 4, "paths": 20_000, "rng": 3, "workers": 2, "closures": ["corrected", "saltation"]}
+SETTINGS = {
+    "impacts": 4,
+    "paths": 20_000,
+    "rng": 3,
+    "workers": 2,
+    "closures": ["corrected", "saltation"],
+}
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +42,9 @@ def test_rows_are_those_of_single_validations(swept):
 
 def test_only_the_work_of_what_is_accurate_is_counted(swept):
     assert list(swept.speed) == list(Speed._fields)
-    assert list(zip(swept.speed["closure"], swept.speed["sigma"], strict=True)) == [("saltation", 0.02)]
+    assert list(zip(swept.speed["closure"], swept.speed["sigma"], strict=True)) == [
+        ("saltation", 0.02)
+    ]
     row = swept.speed.iloc[0]
     assert row["impacts"] == 4
     assert 0.0 < row["median"] < row["worst"] < 0.1
@@ -49,24 +57,32 @@ def test_grid_is_even_in_the_logarithm():
     assert len(read_grid("1e-3:2:12")) == 12
 
 
-@pytest.mark.parametrize("text", ["", "1", "1:2:3:4", "a:b:c", "1:2:x", "1:2:2.5", "nan:1:3", "1:inf:3", "-1:1:3"])
+@pytest.mark.parametrize(
+    "text", ["", "1", "1:2:3:4", "a:b:c", "1:2:x", "1:2:2.5", "nan:1:3", "1:inf:3", "-1:1:3"]
+)
 def test_bad_grids_are_refused(text):
     with pytest.raises(InputError, match="validity"):
         read_grid(text)
 
 
 def test_neighbours_with_one_range_of_validity_and_cause_share_a_row():
-    table = pd.DataFrame([ended(0.01, 4, 4, "holds"), ended(0.1, 1, 2, why="a"), ended(0.2, 1, 2, why="b")])
+    table = pd.DataFrame(
+        [ended(0.01, 4, 4, "holds"), ended(0.1, 1, 2, why="a"), ended(0.2, 1, 2, why="b")]
+    )
     rows = merge_sigmas(table)
     assert rows["sigma"].tolist() == ["0.01", "0.1 – 0.2"]
     assert rows["why"].tolist() == ["so", "paths have left its itinerary"]
 
 
 def test_sentence_says_up_to_where_everything_is_right():
-    rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]  # the last one is luck
+    # the last one is luck
+    rows = [ended(s, a, 4) for s, a in ((0.01, 4), (0.1, 4), (0.2, 3), (0.4, 4))]
     rows += [ended(s, 0, 0, closure="published") for s in (0.01, 0.1, 0.2, 0.4)]
     sentence = validity_sentence(pd.DataFrame(rows), 4)
-    assert "`saltation`: accurate up to σ = 0.1, not shown wrong up to 0.4 (too few paths to decide);" in sentence
+    assert (
+        "`saltation`: accurate up to σ = 0.1, not shown wrong up to 0.4 (too few paths to decide);"
+        in sentence
+    )
     assert "`published`: shown wrong at σ = 0.01, the smallest." in sentence
 
 
@@ -80,7 +96,10 @@ def test_sentence_says_up_to_where_everything_is_right():
             [(0.01, 4, 4), (0.1, 0, 2), (0.2, 4, 4)],
             "accurate up to σ = 0.01, shown wrong at 0.1, and accurate at 0.2 (not one interval).",
         ),
-        ([(0.01, 2, 4), (0.1, 0, 2)], "not shown wrong up to σ = 0.01 (too few paths to decide), shown wrong at"),
+        (
+            [(0.01, 2, 4), (0.1, 0, 2)],
+            "not shown wrong up to σ = 0.01 (too few paths to decide), shown wrong at",
+        ),
     ],
 )
 def test_undecided_is_neither_right_nor_wrong(rows, said):
@@ -91,12 +110,18 @@ def test_undecided_is_neither_right_nor_wrong(rows, said):
 
 def test_a_closure_that_cannot_be_followed_is_not_called_wrong():
     rows = [ended(0.01, 4, 4, "holds"), ended(0.1, 2, 2, "ended")]
-    assert "accurate up to σ = 0.01, not followed to its end at 0.1." in validity_sentence(pd.DataFrame(rows), 4)
+    assert "accurate up to σ = 0.01, not followed to its end at 0.1." in validity_sentence(
+        pd.DataFrame(rows), 4
+    )
 
 
 @pytest.mark.parametrize("closures", [["saltation"], ["published", "corrected", "saltation"]])
 def test_figure_has_a_panel_for_each_closure_and_every_cause_in_its_legend(closures):
-    rows = [ended(s, 1, 2, cause, r) for r in closures for s, cause in ((0.01, "grazing"), (0.1, "second order"))]
+    rows = [
+        ended(s, 1, 2, cause, r)
+        for r in closures
+        for s, cause in ((0.01, "grazing"), (0.1, "second order"))
+    ]
     figure = validity_figure(pd.DataFrame(rows), 4)
     assert [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()] == closures
     words = [text.get_text() for text in figure.legends[0].get_texts()]

@@ -1,4 +1,5 @@
-"""Gears that come to rest do not look as if they rattle: every command says first that its impacts are a transient."""
+"""Gears that come to rest do not look as if they rattle: every command says first that its impacts
+are a transient."""
 
 import json
 import re
@@ -14,35 +15,61 @@ from rattle.compare.validation.answer import answer
 from rattle.compare.validation.transient import describe_transient
 from rattle.montecarlo.long_run.estimates import most_unseen
 
-ONE = {"amplitude": 0.3, "epsilon": 0.6, "omega": 300.0, "inertia1": 4000.0, "radius1": 41.0, "backlash1": 0.2}
+ONE = {
+    "amplitude": 0.3,
+    "epsilon": 0.6,
+    "omega": 300.0,
+    "inertia1": 4000.0,
+    "radius1": 41.0,
+    "backlash1": 0.2,
+}
 TWO = ONE | {"inertia2": 2500.0, "radius2": 26.4}
 PLAIN = {"alpha": 1.0, "epsilon": 0.9, "beta1": 0.1, "gamma1": 0.3, "mu": 0.4}
 REST = "not rattle in the long run: "
 
 
 def one(torque, **scene):
-    return Scene.from_gears(Gears.driven(**ONE, torque1=torque), **{"stages": 1, "sigma": 0.0} | scene)
+    return Scene.from_gears(
+        Gears.driven(**ONE, torque1=torque), **{"stages": 1, "sigma": 0.0} | scene
+    )
 
 
 def two(torque1, torque2, **scene):
-    return Scene.from_gears(Gears.driven(**TWO, torque1=torque1, torque2=torque2), **{"sigma": 0.0} | scene)
+    return Scene.from_gears(
+        Gears.driven(**TWO, torque1=torque1, torque2=torque2), **{"sigma": 0.0} | scene
+    )
 
 
 ORDERS = (Order(1, 1.0), Order(3, 0.3, 1.0))
 CASES = {
     "one stage": (
         one(9000.0),
-        f"These gears do {REST}the drag torque on wheel 1 is 9,000 N mm, above the threshold of 2,634",
+        (
+            f"These gears do {REST}the drag torque on wheel 1 is 9,000 N mm, above the threshold of"
+            " 2,634"
+        ),
     ),
-    "noise": (one(9000.0, sigma=0.02), f"Without noise these gears do {REST}the drag torque on wheel 1 is 9,000 N mm"),
+    "noise": (
+        one(9000.0, sigma=0.02),
+        f"Without noise these gears do {REST}the drag torque on wheel 1 is 9,000 N mm",
+    ),
     "two stages": (two(20_000.0, 3000.0), "20,000 N mm, above the threshold of 1,946"),
-    "held by wheel 2": (two(100.0, 9000.0), "2,557 N mm, which holds wheel 1 too. The first impacts are the transient"),
-    "orders": (one(30_000.0, drive=ORDERS), "is 30,000 N mm, above the threshold of 9,126 N mm. The first"),
+    "held by wheel 2": (
+        two(100.0, 9000.0),
+        "2,557 N mm, which holds wheel 1 too. The first impacts are the transient",
+    ),
+    "orders": (
+        one(30_000.0, drive=ORDERS),
+        "is 30,000 N mm, above the threshold of 9,126 N mm. The first",
+    ),
     "no gears": (
         Scene(**PLAIN | {"gamma1": 1.5}, stages=1),
         f"This motion does {REST}gamma1 is 1.5, above the threshold",
     ),
-    "about to stick": (one(9000.0, start=Start(0.0, 0.5, 1e-9, 0.0, 0.0, 1)), f"These gears do {REST}"),
+    "about to stick": (
+        one(9000.0, start=Start(0.0, 0.5, 1e-9, 0.0, 0.0, 1)),
+        f"These gears do {REST}",
+    ),
     "mesh 2 alone": (
         Scene(**PLAIN, gamma2=1.2),
         "Mesh 2 does not open by itself in the long run: gamma2 is 1.2, above",
@@ -81,8 +108,20 @@ def test_every_command_says_it_first(tmp_path, sigma):
     simulated = rattle("simulate", path, "--paths", "64", "--impacts", "3").output
     lines = [line for line in simulated.splitlines() if "no sigma" not in line]
     assert REST in lines[0]
-    assert REST in json.loads(rattle("simulate", path, "--paths", "64", "--json").stdout)["long_run"]
-    short = ("validate", path, "--paths", "256", "--impacts", "2", "--no-validity", "--closure", "saltation")
+    assert (
+        REST in json.loads(rattle("simulate", path, "--paths", "64", "--json").stdout)["long_run"]
+    )
+    short = (
+        "validate",
+        path,
+        "--paths",
+        "256",
+        "--impacts",
+        "2",
+        "--no-validity",
+        "--closure",
+        "saltation",
+    )
     found = json.loads(rattle(*short, "--json", "--out", tmp_path / "page").stdout)
     assert REST in found["long_run"] == found["answer"][0]
     page = (tmp_path / "page" / "report.md").read_text(encoding="utf-8")
@@ -91,7 +130,9 @@ def test_every_command_says_it_first(tmp_path, sigma):
 
 
 def test_a_rattling_validation_begins_with_the_advice():
-    verdict = rt.validate(two(100.0, 50.0, sigma=0.01), impacts=2, paths=256, closures=["saltation"])
+    verdict = rt.validate(
+        two(100.0, 50.0, sigma=0.01), impacts=2, paths=256, closures=["saltation"]
+    )
     assert answer([verdict])[0].startswith("For this gear pair")
 
 
@@ -104,14 +145,19 @@ def test_noise_at_rest_has_a_bound_in_place_of_zero():
     assert rate["high"] == pytest.approx(3.0 / (2.0 * np.pi * 32 * periods), rel=2e-3)
     assert np.isnan(found.table.loc["power", "high"])  # of impacts that were not seen
     said = long_answer(found)
-    assert said[0].startswith("No impact was seen in the long run, so none faster than 6 mm/s (fewer than ")
+    assert said[0].startswith(
+        "No impact was seen in the long run, so none faster than 6 mm/s (fewer than "
+    )
     assert "white noise opens closed teeth at any drag" in said[1]
     assert "for good" not in said[0]
-    assert long_answer(rt.stationary(one(9000.0)))[0].endswith("the motion comes to rest for good.")  # exact
+    assert long_answer(rt.stationary(one(9000.0)))[0].endswith(
+        "the motion comes to rest for good."
+    )  # exact
 
 
 def test_the_bound_holds_for_nineteen_of_twenty_counts():
-    rng, time = np.random.default_rng(1), 7.0
+    rng = np.random.default_rng(1)
+    time = 7.0
     rate = most_unseen(time)
     none = (rng.poisson(rate * time, 40_000) == 0).mean()
     assert none == pytest.approx(0.05, abs=4.0 * np.sqrt(0.05 * 0.95 / 40_000))

@@ -7,7 +7,12 @@ import pytest
 
 from rattle import validate
 from rattle.compare.validation.answer import answer, correlation_claim
-from rattle.compare.validation.comparison import CAUSES, find_validities, find_validity, rows_to_judge
+from rattle.compare.validation.comparison import (
+    CAUSES,
+    find_validities,
+    find_validity,
+    rows_to_judge,
+)
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.compare.validation.tables import count_verdicts, find_reach
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED
@@ -57,15 +62,20 @@ def test_an_end_that_more_paths_would_decide_is_called_undecided():
     assert f"from impact {found.accurate + 1} on" in found.why
 
 
-def test_answer_is_advice_both_questions_cost_motion_and_three_sentences_with_the_counts(validations):
+def test_answer_is_advice_both_questions_cost_motion_and_three_sentences_with_the_counts(
+    validations,
+):
     first, both, cost, motion, *sentences = answer(validations)
     assert first.startswith("For this gear pair take `saltation` at σ = 0.01 (all means")
-    assert both.startswith("On the itinerary, which all but fewer than one in a billion paths follow, `saltation` is ")
+    assert both.startswith(
+        "On the itinerary, which all but fewer than one in a billion paths follow, `saltation` is "
+    )
     assert cost.startswith("Nominal time on one core")
     assert motion.startswith("In the units of these gears: at σ = ")
     assert len(sentences) == 3
     rows = validations[0].table.query("closure == 'saltation' and kind == 'section'")
-    right, judged = (rows["verdict"] == "accurate").sum(), rows["verdict"].isin(JUDGED).sum()
+    right = (rows["verdict"] == "accurate").sum()
+    judged = rows["verdict"].isin(JUDGED).sum()
     assert judged == 6 * (12 - 2)  # all but the displacement at the struck mesh
     assert f"`saltation` {right} of {judged}" in sentences[0]
     assert "moments of `published` are impossible from impact 2 on" in sentences[1]
@@ -75,13 +85,18 @@ def test_claim_about_rho_names_rule_and_impact(validations):
     claim = correlation_claim(validations)
     assert "Eq. 17, λ_np − κ m_np, which makes variances of stage 1 negative, and Eq. 15" in claim
     assert "the first being 2" in claim
-    other = validate(Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["corrected"], paths=600)
+    other = validate(
+        Scene.from_gears(DAT21, sigma=0.01), impacts=1, closures=["corrected"], paths=600
+    )
     assert correlation_claim([other]) == ""
 
 
 def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
-    """The sd of the displacement at the struck mesh is due to off-itinerary paths alone: no statement depends on it."""
-    v = validate(Scene.from_gears(DAT21, sigma=0.1), impacts=3, closures=["saltation"], paths=60_000, rng=2)
+    """The sd of the displacement at the struck mesh is due to off-itinerary paths alone: no
+    statement depends on it."""
+    v = validate(
+        Scene.from_gears(DAT21, sigma=0.1), impacts=3, closures=["saltation"], paths=60_000, rng=2
+    )
     struck = "x" + v.run.section["mesh"].astype(str)
     wall = v.table["quantity"] == v.table["impact"].map(struck)
     assert (wall == (v.table["verdict"] == NOT_JUDGED)).all()
@@ -95,14 +110,22 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     assert find_reach(v)["accurate"].tolist() == [3]
     counts = count_verdicts(v).to_dict("records")
     assert [c["inaccurate"] + c["undecided"] for c in counts] == [0] * 5
-    assert [c["not judged"] for c in counts] == [3, 3, 0, 3, 3]  # means, sds, rho; those of the paths on its itinerary
+    assert [c["not judged"] for c in counts] == [
+        3,
+        3,
+        0,
+        3,
+        3,
+    ]  # means, sds, rho; those of the paths on its itinerary
     assert "`saltation` 30 of 30" in " ".join(answer([v]))
     assert len(rows_to_judge(v, "saltation")) == 30
 
 
 @pytest.fixture(scope="module")
 def validation():
-    return validate(Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=6, paths=20_000, rng=3, workers=2)
+    return validate(
+        Scene.from_gears(DAT21, sigma=1.5**0.5), impacts=6, paths=20_000, rng=3, workers=2
+    )
 
 
 def test_published_breaks_down_at_impact_2_and_nothing_else_does(validation):
@@ -125,7 +148,9 @@ def test_every_rho_that_exists_is_tabulated(validation):
 
 def test_first_flight_rho_is_right_and_a_wrong_one_is_caught(validation):
     """Until the first impact every closure's stage-1 moments are exact, at any noise intensity."""
-    fixed = validation.table.query("kind == 'fixed time' and impact == 1 and quantity == 'rho1'").set_index("closure")
+    fixed = validation.table.query(
+        "kind == 'fixed time' and impact == 1 and quantity == 'rho1'"
+    ).set_index("closure")
     row = fixed.loc["corrected"]
     assert row["low"] < 0.0 < row["high"]
     assert row["verdict"] == "accurate"
@@ -137,5 +162,7 @@ def test_no_noise_has_no_correlation_rows():
     v = validate(Scene.from_gears(DAT21), impacts=3, paths=10)
     assert set(v.table["kind"]) == {"section", "itinerary"}
     corrected = v.table.query("closure == 'corrected' and moment == 'mean'")
-    assert (corrected["verdict"] != "inaccurate").all()  # nothing varies, and the step decides no better than 1e-5
+    assert (
+        corrected["verdict"] != "inaccurate"
+    ).all()  # nothing varies, and the step decides no better than 1e-5
     np.testing.assert_allclose(corrected["error"], 0.0, atol=1e-5)

@@ -32,7 +32,10 @@ INTERVALS = {
 @pytest.mark.parametrize("verdict", INTERVALS)
 def test_verdict(verdict):
     for low, high in INTERVALS[verdict]:
-        assert judge(rows(error=[0.5 * (low + high)], low=[low], high=[high]))["verdict"].item() == verdict
+        assert (
+            judge(rows(error=[0.5 * (low + high)], low=[low], high=[high]))["verdict"].item()
+            == verdict
+        )
 
 
 def test_paths_needed_would_decide():
@@ -41,19 +44,30 @@ def test_paths_needed_would_decide():
     needed = judge(undecided)["paths_needed"].item()
     assert needed == pytest.approx(16_000, rel=1e-3)
     shrunk = 0.02 * np.sqrt(1000 / needed)
-    assert judge(rows(error=[0.045], low=[0.045 - shrunk], high=[0.045 + shrunk]))["verdict"].item() == "accurate"
+    assert (
+        judge(rows(error=[0.045], low=[0.045 - shrunk], high=[0.045 + shrunk]))["verdict"].item()
+        == "accurate"
+    )
 
 
 @pytest.mark.parametrize(("shift", "needed"), [(0.0, 16_000.0), (1e-4, 16_660.0), (0.006, 1e12)])
 def test_branches_that_hardly_matter_do_not_ask_for_the_paths_that_show_them(shift, needed):
-    wide = {"low": [0.025 - shift], "high": [0.065 + shift], "unseen_low": shift, "unseen_high": shift}
-    found = judge(rows(error=[0.045], noise=[0.02], unseen_paths=1e12, **wide))["paths_needed"].item()
+    wide = {
+        "low": [0.025 - shift],
+        "high": [0.065 + shift],
+        "unseen_low": shift,
+        "unseen_high": shift,
+    }
+    found = judge(rows(error=[0.045], noise=[0.02], unseen_paths=1e12, **wide))[
+        "paths_needed"
+    ].item()
     assert found == pytest.approx(needed, rel=1e-3)
 
 
 @pytest.mark.parametrize("checks", [1, 10, 300])
 def test_simultaneous_coverage_of_all_intervals(checks):
-    """The share of families with an interval that misses, over many families, is the nominal 5 %."""
+    """The share of families with an interval that misses, over many families, is the nominal 5
+    %."""
     z = widest(checks)
     rng = np.random.default_rng(5)
     families = 4000
@@ -61,7 +75,9 @@ def test_simultaneous_coverage_of_all_intervals(checks):
     assert stats.binomtest(int(missed), families, 0.05).pvalue > 1e-4
     # negative control: without the correction, families fail far more often
     if checks > 1:
-        uncorrected = (np.abs(rng.standard_normal((families, checks))) > widest(1)).any(axis=1).sum()
+        uncorrected = (
+            (np.abs(rng.standard_normal((families, checks))) > widest(1)).any(axis=1).sum()
+        )
         assert stats.binomtest(int(uncorrected), families, 0.05).pvalue < 1e-6
 
 
@@ -75,7 +91,9 @@ class Claimed:
 
 def ensemble(sigma, seed, paths):
     scene = Scene.from_gears(DAT21, sigma=sigma)
-    record = Record(itineraries={"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary})
+    record = Record(
+        itineraries={"claimed": mean_map(scene, impacts=IMPACTS, closure="corrected").itinerary}
+    )
     settings = {"workers": 2, "scheme": "euler-maruyama-located", "record": record}
     return simulate(scene, paths=paths, impacts=IMPACTS, rng=seed, **settings)
 
@@ -84,7 +102,9 @@ def corrected(run):
     """Corrected section moments of a large run: what a perfect closure would claim."""
     section = pd.DataFrame(index=run.section.index)
     for (moment, quantity), group in run.step_bias.groupby(["moment", "quantity"]):
-        section[("sd_" if moment == "sd" else "") + quantity] = group.set_index("impact")["corrected"]
+        section[("sd_" if moment == "sd" else "") + quantity] = group.set_index("impact")[
+            "corrected"
+        ]
     return section
 
 
@@ -97,8 +117,8 @@ def truth():
 def test_a_perfect_closure_is_within_its_intervals(sigma):
     """The share of families of intervals that miss the true value stays near the nominal 5 %.
 
-    Not tested where a rare itinerary matters but is expected less than once in the ensemble (sigma = 0.05 here): no
-    interval estimated from such a sample can include it, and the report says so.
+    Not tested where a rare itinerary matters but is expected less than once in the ensemble (sigma
+    = 0.05 here): no interval estimated from such a sample can include it, and the report says so.
     """
     claim = Claimed(corrected(ensemble(sigma, seed=1, paths=200_000)))
     z = widest(2 * len(SECTION) * IMPACTS)
@@ -114,13 +134,19 @@ def test_a_perfect_closure_is_within_its_intervals(sigma):
 def few():
     """What a perfect closure would claim, and sixty small samples of each size."""
     scene = Scene.from_gears(DAT21, sigma=0.01)
-    runs = {n: [simulate(scene, paths=n, impacts=2, rng=seed) for seed in range(60)] for n in (2, 4, 8, 16)}
+    runs = {
+        n: [simulate(scene, paths=n, impacts=2, rng=seed) for seed in range(60)]
+        for n in (2, 4, 8, 16)
+    }
     return Claimed(simulate(scene, paths=200_000, impacts=2, rng=1000, workers=2).section), runs
 
 
 def seeds_called_inaccurate(claim, runs):
     z = widest(2 * len(SECTION) * 2)
-    return sum((section_errors([claim], run, z, Tolerances())["verdict"] == "inaccurate").any() for run in runs)
+    return sum(
+        (section_errors([claim], run, z, Tolerances())["verdict"] == "inaccurate").any()
+        for run in runs
+    )
 
 
 @pytest.mark.parametrize("paths", [2, 4, 8, 16])
@@ -131,7 +157,9 @@ def test_few_paths_do_not_call_a_perfect_closure_inaccurate(few, paths):
 
 def test_few_paths_with_normal_intervals_would(few, monkeypatch):
     claim, runs = few
-    monkeypatch.setattr("rattle.compare.validation.errors.half_width", lambda *_: widest(2 * len(SECTION) * 2))
+    monkeypatch.setattr(
+        "rattle.compare.validation.errors.half_width", lambda *_: widest(2 * len(SECTION) * 2)
+    )
     monkeypatch.setattr("rattle.compare.validation.errors.FEWEST", 0)
     assert seeds_called_inaccurate(claim, runs[4]) > 30
 
@@ -141,7 +169,9 @@ def test_few_paths_see_a_wrong_mean_and_judge_no_sd(few):
     section = claim.section
     wrong = Claimed(section.assign(y1=section["y1"] + 20.0 * section["sd_y1"]))
     assert seeds_called_inaccurate(wrong, runs[16]) == 60
-    table = section_errors([claim], runs[16][0], 4.0, Tolerances()).query("judged and moment == 'sd'")
+    table = section_errors([claim], runs[16][0], 4.0, Tolerances()).query(
+        "judged and moment == 'sd'"
+    )
     assert (table["verdict"] == "undecided").all()
     assert (table["paths_needed"] >= 32).all()
     assert table["remark"].str.startswith("too few paths").all()
@@ -159,7 +189,8 @@ def test_a_negative_control_is_inaccurate(truth, column, change):
     run = ensemble(0.02, seed=7, paths=40_000)
     z = widest(2 * len(SECTION) * IMPACTS)
     wrong = truth.assign(**{column: change(truth)})
-    quantity, moment = column.removeprefix("sd_"), "sd" if column.startswith("sd_") else "mean"
+    quantity = column.removeprefix("sd_")
+    moment = "sd" if column.startswith("sd_") else "mean"
 
     def verdicts(claim):
         table = section_errors([Claimed(claim)], run, z, Tolerances())
@@ -171,7 +202,8 @@ def test_a_negative_control_is_inaccurate(truth, column, change):
 
 
 def test_rows_that_wait_for_a_rare_branch_are_decided_by_paths_near_it():
-    """The sd of y2 at impact 3 has a kurtosis of 1,500 from 5 paths in 10,000; one off by a third is noticed."""
+    """The sd of y2 at impact 3 has a kurtosis of 1,500 from 5 paths in 10,000; one off by a third
+    is noticed."""
     scene = Scene.from_gears(DAT21, sigma=0.1)
     run = simulate(scene, paths=8192, impacts=3, rng=1)
     exact = Claimed(simulate_rare(scene, paths=131_072, impacts=3, rng=2).section)

@@ -15,7 +15,14 @@ from rattle.compare.chaos.sweep import paper_noise
 from rattle.compare.checks.claims import evidence as of_evidence
 from rattle.compare.checks.claims import judges
 from rattle.compare.checks.claims.evidence import Effort, gather
-from rattle.compare.checks.claims.judges import NOT_REPRODUCED, REPRODUCED, TEXTS, UNDECIDED, failures, judge
+from rattle.compare.checks.claims.judges import (
+    NOT_REPRODUCED,
+    REPRODUCED,
+    TEXTS,
+    UNDECIDED,
+    failures,
+    judge,
+)
 from rattle.compare.checks.claims.page import answer, write_claims
 from rattle.compare.report.json_text import read_page
 from rattle.scene import DAT21, Scene
@@ -30,7 +37,9 @@ def evidence():
     effort = Effort(points=20_000, impacts=20_000, events=128)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(of_evidence, "IMPACTS", 6)
-        return gather(Scene.from_gears(DAT21), (0.02,), (0.3, 1.0, 2.0), 4000, effort, lambda part: None)
+        return gather(
+            Scene.from_gears(DAT21), (0.02,), (0.3, 1.0, 2.0), 4000, effort, lambda part: None
+        )
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +50,9 @@ def claims(evidence):
 def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
     for claim in claims.values():
         assert all(claim)
-        assert claim.verdict in (REPRODUCED, NOT_REPRODUCED, UNDECIDED) or claim.verdict.startswith("holds only for ")
+        assert claim.verdict in (REPRODUCED, NOT_REPRODUCED, UNDECIDED) or claim.verdict.startswith(
+            "holds only for "
+        )
         assert any(c.isdigit() for c in claim.evidence)
     assert len(claims) == 12
 
@@ -50,7 +61,13 @@ def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
     ("name", "verdict"),
     [
         ("solvable", NOT_REPRODUCED),
-        ("beyond_one", "holds only for the published rules at impacts: Eq. 17 alone breaks stage 1 at impact 2 and"),
+        (
+            "beyond_one",
+            (
+                "holds only for the published rules at impacts: Eq. 17 alone breaks stage 1 at"
+                " impact 2 and"
+            ),
+        ),
         ("stages_apart", NOT_REPRODUCED),
         ("counter_meshes", NOT_REPRODUCED),
         ("chaotic_range", "holds only for"),
@@ -68,8 +85,12 @@ def test_another_covariance_would_not_pass_for_the_solution(evidence):
 
 def test_a_corrected_correlation_beyond_one_would_reproduce_the_claim(evidence):
     v = evidence.validations[0]
-    rows = v.correlation.assign(rho=v.correlation["rho"].where(v.correlation["closure"] != "corrected", 1.2))
-    control = replace(evidence, validations=[replace(v, correlation=rows), *evidence.validations[1:]])
+    rows = v.correlation.assign(
+        rho=v.correlation["rho"].where(v.correlation["closure"] != "corrected", 1.2)
+    )
+    control = replace(
+        evidence, validations=[replace(v, correlation=rows), *evidence.validations[1:]]
+    )
     assert judges.beyond_one(control).verdict == REPRODUCED
 
 
@@ -79,7 +100,8 @@ def test_impacts_that_alternate_would_reproduce_the_claim(evidence):
 
 
 @pytest.mark.parametrize(
-    ("signs", "verdict"), [((-1, 1, -1), REPRODUCED), ((-1, -1, -1), NOT_REPRODUCED), ((1, 1, 1), REPRODUCED)]
+    ("signs", "verdict"),
+    [((-1, 1, -1), REPRODUCED), ((-1, -1, -1), NOT_REPRODUCED), ((1, 1, 1), REPRODUCED)],
 )
 def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     sweep = evidence.chaos.sweep
@@ -93,28 +115,39 @@ def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
 
 def test_the_model_quotes_the_repeated_flanks_of_claim_5():
     """One definition: consecutive impacts at one mesh, whatever happens at the other in between."""
-    committed = pd.read_csv(REPOSITORY / "reports/claims/claims.csv", index_col="claim")["evidence"][5]
+    committed = pd.read_csv(REPOSITORY / "reports/claims/claims.csv", index_col="claim")[
+        "evidence"
+    ][5]
     said = " ".join((REPOSITORY / "docs/model.md").read_text(encoding="utf-8").split())
     orbit, noisy = (round(float(share)) for share in re.findall(r"([\d.]+)% ±", committed))
-    assert f"{orbit} % of consecutive impacts at one mesh on DAT21's orbit, {noisy} % along noisy paths" in said
+    assert (
+        f"{orbit} % of consecutive impacts at one mesh on DAT21's orbit, {noisy} % along noisy"
+        " paths" in said
+    )
 
 
 def test_alpha_outside_the_range_and_an_orbit_that_sticks_at_times_are_said(evidence):
-    """The paper says nothing of alpha outside its range; positive exponents there refute nothing."""
+    """The paper says nothing of alpha outside its range; positive exponents there refute
+    nothing."""
     sweep = evidence.chaos.sweep
     positive = sweep.assign(low=0.1, high=0.2, regime="sticks at times")
     found = judges.chaotic_range(replace(evidence, chaos=replace(evidence.chaos, sweep=positive)))
     assert found.verdict == REPRODUCED
     assert "of α outside the paper says nothing" in found.test
-    sticking = "sticking at times, with the exponent of the motion between, at 3 values, all of them positive"
+    sticking = (
+        "sticking at times, with the exponent of the motion between, at 3 values, all of them"
+        " positive"
+    )
     assert sticking in found.evidence
 
 
 def test_each_rule_at_impacts_breaks_the_stage_that_it_is_for():
-    """Eq. 17 breaks stage 1 whether Eq. 15 is mended or not, and the other way round; with both nothing fails."""
+    """Eq. 17 breaks stage 1 whether Eq. 15 is mended or not, and the other way round; with both
+    nothing fails."""
     for sigma in (0.01, 1.5**0.5):
         found = {
-            rule: {f.stage: f.impact for f in at} for rule, at in failures(Scene.from_gears(DAT21, sigma=sigma)).items()
+            rule: {f.stage: f.impact for f in at}
+            for rule, at in failures(Scene.from_gears(DAT21, sigma=sigma)).items()
         }
         assert found[judges.PUBLISHED] == {1: 2, 2: 2}
         assert found[judges.MEND_15] == {1: 2, 2: 0}
@@ -131,10 +164,12 @@ def test_rules_as_published_are_those_of_the_published_closure():
 
 
 def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(evidence):
-    """The published map ends, so the claims on its mean velocity are not reproduced as they stand."""
+    """The published map ends, so the claims on its mean velocity are not reproduced as they
+    stand."""
     assert evidence.mean.periodic
     assert evidence.mean.share == pytest.approx((0.018, 0.006), abs=0.01)
-    narrow, continuous = judges.narrow_bands(evidence), judges.continuous(evidence)
+    narrow = judges.narrow_bands(evidence)
+    continuous = judges.continuous(evidence)
     for claim in (narrow, continuous):
         assert "The published map ends at impact 21 and has no spectrum." in claim.evidence
         assert claim.verdict.endswith("; the published map ends before it has a spectrum")
@@ -166,23 +201,35 @@ def test_quotation_marks_are_around_the_papers_own_words(claims):
 def test_a_right_mean_map_would_reproduce_the_claim(evidence):
     last = evidence.validations[-1]
     control = replace(last, table=last.table.assign(verdict="accurate"))
-    assert judges.describes(replace(evidence, validations=[*evidence.validations[:-1], control])).verdict == REPRODUCED
+    assert (
+        judges.describes(
+            replace(evidence, validations=[*evidence.validations[:-1], control])
+        ).verdict
+        == REPRODUCED
+    )
 
 
 def test_a_section_of_few_points_is_not_fuzzy(evidence):
     section = evidence.chaos.sections["orbit"]
     few = np.zeros_like(section.counts)
     few[:, :5, :5] = 100
-    chaos = replace(evidence.chaos, sections={**evidence.chaos.sections, "orbit": replace(section, counts=few)})
+    chaos = replace(
+        evidence.chaos, sections={**evidence.chaos.sections, "orbit": replace(section, counts=few)}
+    )
     assert judges.fuzzy(replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_holds_every_claim(evidence, claims, tmp_path):
     record = {
-        "name": "DAT21", "scene": evidence.scene.to_dict(), "seed": 0, "command": "rattle claims", "commit": "none",
-        "versions": {}, "wall_seconds": 1.0,
-    }  # fmt: skip
+        "name": "DAT21",
+        "scene": evidence.scene.to_dict(),
+        "seed": 0,
+        "command": "rattle claims",
+        "commit": "none",
+        "versions": {},
+        "wall_seconds": 1.0,
+    }
     said = write_claims(tmp_path / "o", list(claims.values()), evidence.chaos, record, False)
     assert said[0].startswith("Of 12 testable claims")
     page = read_page(tmp_path / "o" / "page.json")
@@ -191,7 +238,9 @@ def test_the_page_holds_every_claim(evidence, claims, tmp_path):
     assert len(overview.rows) == 12
     assert {"`saltation`", "Lyapunov exponent", "reproduced"} <= dict(words.terms).keys()
     assert [s.title.split(". ", 1)[1] for s in page.sections] == [c.name for c in claims.values()]
-    assert pd.read_csv(tmp_path / "o" / "claims.csv")["verdict"].tolist() == [c.verdict for c in claims.values()]
+    assert pd.read_csv(tmp_path / "o" / "claims.csv")["verdict"].tolist() == [
+        c.verdict for c in claims.values()
+    ]
     shown = rattle("show", tmp_path / "o").output
     assert all(c.name in shown for c in claims.values())
 
@@ -199,10 +248,12 @@ def test_the_page_holds_every_claim(evidence, claims, tmp_path):
 def test_the_answer_counts_the_verdicts_and_names_what_failed(claims):
     chosen = list(claims.values())[:4]
     verdicts = (REPRODUCED, "holds only for the orbit", NOT_REPRODUCED, UNDECIDED)
-    said = answer([c._replace(verdict=verdict) for c, verdict in zip(chosen, verdicts, strict=True)])
+    said = answer(
+        [c._replace(verdict=verdict) for c, verdict in zip(chosen, verdicts, strict=True)]
+    )
     assert said == [
-        "Of 4 testable claims of the paper 1 is reproduced, 1 holds only in part, 1 is undecided and 1 is not "
-        f"reproduced: “{chosen[2].name}”."
+        "Of 4 testable claims of the paper 1 is reproduced, 1 holds only in part, 1 is undecided"
+        f" and 1 is not reproduced: “{chosen[2].name}”."
     ]
     said = answer([c._replace(verdict=REPRODUCED) for c in chosen])
     assert said == ["Of 4 testable claims of the paper 4 are reproduced."]

@@ -1,4 +1,5 @@
-"""Every row of the table of extremes holds, and fails with a deliberate error in what it calls (negative control)."""
+"""Every row of the table of extremes holds, and fails with a deliberate error in what it calls
+(negative control)."""
 
 import math
 from dataclasses import replace
@@ -18,13 +19,22 @@ from rattle.montecarlo.schemes import short_flight as short
 from rattle.scene import Scene, damping, drive, flight, impact, moments, tangent
 
 LONG = {
-    "unit_of_length", "simultaneous", "sticking_paths", "collapse_drift", "absolute_times",
-    "step_noise", "elastic_flights", "energy",
-}  # fmt: skip
-"""Rows that take seconds; with an error put in on purpose each is run shorter, in the first tier of tests."""
+    "unit_of_length",
+    "simultaneous",
+    "sticking_paths",
+    "collapse_drift",
+    "absolute_times",
+    "step_noise",
+    "elastic_flights",
+    "energy",
+}
+"""Rows that take seconds; with an error put in on purpose each is run shorter, in the first tier of
+tests."""
 
 
-@pytest.mark.parametrize("name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG else r for r in ROWS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG else r for r in ROWS]
+)
 def test_row_holds(name):
     row = ROWS[name]()
     assert row.holds, row
@@ -43,16 +53,26 @@ def plain_displacement(c, tau, y1, y2, t):
     """Eq. 3 as it stands: phi1 times alpha cos tau - y1, which cancels in a short flight."""
     u1 = c.alpha * math.cos(tau) - y1
     u2 = u1 + y2
-    (e1, d1), (e2, d2) = damping.damp(c.beta1, t), damping.damp(c.beta2, t)
+    e1, d1 = damping.damp(c.beta1, t)
+    e2, d2 = damping.damp(c.beta2, t)
     s1 = u1 * e1 - c.gamma1 * damping.phi2(c.beta1, t)
     s2 = u2 * e2 - c.gamma2 * damping.phi2(c.beta2, t)
-    v1, v2 = u1 * d1 - c.gamma1 * e1, u2 * d2 - c.gamma2 * e2
-    return c.alpha * (math.sin(tau + t) - math.sin(tau)) - s1, c.alpha * math.cos(tau + t) - v1, s2 - s1, v2 - v1
+    v1 = u1 * d1 - c.gamma1 * e1
+    v2 = u2 * d2 - c.gamma2 * e2
+    return (
+        c.alpha * (math.sin(tau + t) - math.sin(tau)) - s1,
+        c.alpha * math.cos(tau + t) - v1,
+        s2 - s1,
+        v2 - v1,
+    )
 
 
 def masses_by_difference(low, high, order):
     """Window moments as differences of their ends, and mass as a difference of error functions."""
-    edges = [[edgeworth.hermite(i, z) * edgeworth.normal_density(z) for i in range(order + 1)] for z in (low, high)]
+    edges = [
+        [edgeworth.hermite(i, z) * edgeworth.normal_density(z) for i in range(order + 1)]
+        for z in (low, high)
+    ]
     mass = [0.5 * (math.erf(high / math.sqrt(2.0)) - math.erf(low / math.sqrt(2.0)))]
     mass += [edges[0][i] - edges[1][i] for i in range(order + 1)]
     return mass, [mass[i + 1] + (i * mass[i - 1] if i else 0.0) for i in range(order + 1)]
@@ -79,9 +99,15 @@ def swapped(scene, impacts):
     return replace(o, mesh=o.mesh[[0, 2, 1]])
 
 
-orbit_follow, tangent_matrix, short_flight = orbit.follow, tangent.saltation_matrix, short.short_flight
-returned, jacobian, realizability = noise.log_speeds, flight.jacobian, moments.realizability
-simulate, mean_map, validate = montecarlo.simulate, closure.mean_map, validation.validate
+orbit_follow = orbit.follow
+tangent_matrix = tangent.saltation_matrix
+short_flight = short.short_flight
+returned = noise.log_speeds
+jacobian = flight.jacobian
+realizability = moments.realizability
+simulate = montecarlo.simulate
+mean_map = closure.mean_map
+validate = validation.validate
 
 
 def outside_walls(scene, **settings):
@@ -98,7 +124,9 @@ class Drifting(long_orbit.LongOrbit):
 
     def stretch(self, impacts, tangent=True):
         s = super().stretch(impacts, tangent)
-        return s._replace(before=s.before * (1.0 + 3e-9), phase=s.phase + 3e-6, flight=s.flight * (1.0 + 1e-11))
+        return s._replace(
+            before=s.before * (1.0 + 3e-9), phase=s.phase + 3e-6, flight=s.flight * (1.0 + 1e-11)
+        )
 
 
 def by_floats(self):
@@ -119,11 +147,14 @@ def off(function, factor):
 def differenced(c, tau, t):
     """The slope by a finite difference that suffers from rounding."""
     step = 1e-7
-    return (flight.noise_covariance(c, tau + step, t) - flight.noise_covariance(c, tau - step, t)) / (2.0 * step)
+    return (
+        flight.noise_covariance(c, tau + step, t) - flight.noise_covariance(c, tau - step, t)
+    ) / (2.0 * step)
 
 
 def absolutely_judged(covariance):
-    """A verdict by the smallest eigenvalue relative to the largest variance, although x and y have different units."""
+    """A verdict by the smallest eigenvalue relative to the largest variance, although x and y have
+    different units."""
     judged = realizability(covariance)
     bound = -moments.ROUNDING * max(covariance[0, 0], covariance[1, 1])
     return judged._replace(realizable=abs(judged.rho) <= 1.0 or judged.smallest_eigenvalue >= bound)
@@ -134,7 +165,9 @@ def harder(c, *rest):
 
 
 def louder_when_late(scene, **settings):
-    return validate(scene.with_sigma(scene.sigma * (1.0 + 1e-6 * (scene.start.tau > 10.0))), **settings)
+    return validate(
+        scene.with_sigma(scene.sigma * (1.0 + 1e-6 * (scene.start.tau > 10.0))), **settings
+    )
 
 
 def late_sticking(scene, impacts):
@@ -142,12 +175,19 @@ def late_sticking(scene, impacts):
     found = orbit_follow(scene, impacts)
     late = 1.0 + 1e-8
     return replace(
-        found, sticking=tuple(p._replace(closed=p.closed * late, opened=p.opened * late) for p in found.sticking)
+        found,
+        sticking=tuple(
+            p._replace(closed=p.closed * late, opened=p.opened * late) for p in found.sticking
+        ),
     )
 
 
 NEGATIVE_CONTROLS = {
-    "phi_functions": (damping, "phi2", lambda beta, t: (t - damping.phi1(beta, t)) / beta if beta else 0.5 * t * t),
+    "phi_functions": (
+        damping,
+        "phi2",
+        lambda beta, t: (t - damping.phi1(beta, t)) / beta if beta else 0.5 * t * t,
+    ),
     "flight_state": (flight, "displacement", plain_displacement),
     "flight_jacobian": (flight, "jacobian", cancelling),
     "flight_noise": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
@@ -160,22 +200,42 @@ NEGATIVE_CONTROLS = {
     "edgeworth_windows": (edgeworth, "window_means", wrong_windows),
     "correlations": (moments, "realizability", absolutely_judged),
     "step_phase": (drive, "sine_cosine", lambda tau: (math.sin(tau + 1e-13), math.cos(tau))),
-    "step_flight": (short, "short_flight", lambda c, *a: short_flight(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *a)),
+    "step_flight": (
+        short,
+        "short_flight",
+        lambda c, *a: short_flight(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *a),
+    ),
     "step_noise": (short, "kick", off(short.kick, 1.0 + 1e-6)),
-    "exit_times": (montecarlo, "simulate", lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k)),
+    "exit_times": (
+        montecarlo,
+        "simulate",
+        lambda s, **k: simulate(s.with_sigma(1.15 * s.sigma), **k),
+    ),
     "collapse_drift": (noise, "log_speeds", lambda epsilon, *rest: returned(0.8 * epsilon, *rest)),
     "stay_between_walls": (montecarlo, "simulate", outside_walls),
     "sticking_paths": (montecarlo, "simulate", outside_walls),
-    "large_tolerances": (closure, "mean_map", lambda s, **k: mean_map(replace(s, tolerance=None), **k)),
-    "unit_of_length": (closure, "mean_map", lambda s, **k: mean_map(replace(s, gamma1=s.gamma1 + 1e-12), **k)),
-    "proportional_sds": (closure, "mean_map", lambda s, **k: mean_map(s.with_sigma(s.sigma + 1e-9), **k)),
+    "large_tolerances": (
+        closure,
+        "mean_map",
+        lambda s, **k: mean_map(replace(s, tolerance=None), **k),
+    ),
+    "unit_of_length": (
+        closure,
+        "mean_map",
+        lambda s, **k: mean_map(replace(s, gamma1=s.gamma1 + 1e-12), **k),
+    ),
+    "proportional_sds": (
+        closure,
+        "mean_map",
+        lambda s, **k: mean_map(s.with_sigma(s.sigma + 1e-9), **k),
+    ),
     "phases": (Scene, "phase", property(by_floats)),
     "whole_periods": (Scene, "phase", property(by_floats)),
     "absolute_times": (validation, "validate", louder_when_late),
     "energy": (long_orbit, "LongOrbit", Drifting),
     "elastic_flights": (long_orbit, "LongOrbit", Drifting),
     "periodic_motion": (long_orbit, "LongOrbit", Drifting),
-}  # fmt: skip
+}
 """For each row, a function that it calls, with a deliberate error."""
 
 
@@ -198,10 +258,21 @@ def test_row_rejects_its_negative_control(name, monkeypatch):
 
 def test_table_and_terminal_say_what_failed(monkeypatch):
     good = extreme(name="E", field="beta", tried="0 to 1e3", truth="mpmath")(lambda: [2e-16])
-    bad = extreme(4.5, name="exit", field="sigma", tried="1e-3 to 1e4", truth="a formula", unit="z")(lambda: [7.0])
+    bad = extreme(
+        4.5, name="exit", field="sigma", tried="1e-3 to 1e4", truth="a formula", unit="z"
+    )(lambda: [7.0])
     found = [extreme_record(row()) for row in (good, bad)]
     assert [row["holds"] for row in found] == [True, False]
-    assert list(found[0]) == ["name", "field", "tried", "truth", "worst", "allowed", "unit", "holds"]
+    assert list(found[0]) == [
+        "name",
+        "field",
+        "tried",
+        "truth",
+        "worst",
+        "allowed",
+        "unit",
+        "holds",
+    ]
     text = result_lines([good(), bad()])
     assert text[-1].startswith("1 of 2 results hold; 2 checks, 1 of them statistical")
     assert ("holds" in text[2], "FAILS" in text[3]) == (True, True)
@@ -211,5 +282,7 @@ def test_table_and_terminal_say_what_failed(monkeypatch):
 
 
 def test_what_is_not_a_number_fails():
-    assert not extreme(1.0, name="E", field="beta", tried="", truth="")(lambda: [0.0, math.nan])().holds
+    assert not extreme(1.0, name="E", field="beta", tried="", truth="")(
+        lambda: [0.0, math.nan]
+    )().holds
     assert farthest([1.0, np.nan], [1.0, 2.0]) == math.inf

@@ -1,7 +1,9 @@
-"""Errors in the code itself, not in a scene or in a truth, are rejected by the self-test of the impacts.
+"""Errors in the code itself, not in a scene or in a truth, are rejected by the self-test of the
+impacts.
 
-As a program, one error at a time is put into the code, and what is rejected is printed.  With NUMBA_DISABLE_JIT=1 a
-function is a plain one, and its code can be exchanged in place: every module that has imported it runs the wrong one.
+As a program, one error at a time is put into the code, and what is rejected is printed.  With
+NUMBA_DISABLE_JIT=1 a function is a plain one, and its code can be exchanged in place: every module
+that has imported it runs the wrong one.
 """
 
 import inspect
@@ -17,21 +19,35 @@ from rattle.scene import Gears, impact
 
 pytestmark = pytest.mark.published
 
-STRUCK, LOSS, MU = impact.struck, impact.energy_loss, Gears.mu.fget
+STRUCK = impact.struck
+LOSS = impact.energy_loss
+MU = Gears.mu.fget
 MUTATIONS = {
     "nothing": (STRUCK, "", ""),
     "mu into 1 - mu": (STRUCK, "(1.0 + c.epsilon) * c.mu", "(1.0 + c.epsilon) * (1.0 - c.mu)"),
     "1 + epsilon into epsilon, mesh 2": (STRUCK, "(1.0 + c.epsilon) * c.mu", "c.epsilon * c.mu"),
-    "1 + epsilon into epsilon, mesh 1": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2 - c.epsilon * y1"),
-    "1 + epsilon into 1 - epsilon": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2 - (1.0 - c.epsilon) * y1"),
+    "1 + epsilon into epsilon, mesh 1": (
+        STRUCK,
+        "y2 - (1.0 + c.epsilon) * y1",
+        "y2 - c.epsilon * y1",
+    ),
+    "1 + epsilon into 1 - epsilon": (
+        STRUCK,
+        "y2 - (1.0 + c.epsilon) * y1",
+        "y2 - (1.0 - c.epsilon) * y1",
+    ),
     "mesh 1 does not kick y2": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2"),
-    "the kick of mesh 1 with the wrong sign": (STRUCK, "y2 - (1.0 + c.epsilon) * y1", "y2 + (1.0 + c.epsilon) * y1"),
+    "the kick of mesh 1 with the wrong sign": (
+        STRUCK,
+        "y2 - (1.0 + c.epsilon) * y1",
+        "y2 + (1.0 + c.epsilon) * y1",
+    ),
     "mesh 2 does not kick y1": (STRUCK, "y1 - (1.0 + c.epsilon) * c.mu * y2", "y1"),
     "restitution of mesh 2 squared": (STRUCK, "-c.epsilon * y2", "-(c.epsilon**2) * y2"),
     "no restitution at mesh 1": (STRUCK, "return -c.epsilon * y1", "return -y1"),
     "energy lost at mesh 2 without its mass": (LOSS, "c.mu", "1.0"),
     "inertias interchanged in mu": (MU, "self.inertia2", "self.inertia1"),
-}  # fmt: skip
+}
 
 
 def mutated(function, old, new):
@@ -39,7 +55,11 @@ def mutated(function, old, new):
     source = inspect.cleandoc(inspect.getsource(function))
     assert old in source, (function, old)
     module = compile(source.replace(old, new), "mutated", "exec")
-    return next(c for c in module.co_consts if isinstance(c, types.CodeType) and c.co_name == function.__name__)
+    return next(
+        c
+        for c in module.co_consts
+        if isinstance(c, types.CodeType) and c.co_name == function.__name__
+    )
 
 
 def is_rejected(function, old, new):

@@ -41,15 +41,21 @@ def test_result(results, name):
 
 def test_published_rigs_are_scenes_to_copy():
     folder = Path(__file__).parents[4] / "examples" / "published"
-    paper, basins_of_two = (Scene.load(folder / name) for name in ("dat21.toml", "de-souza-caldas.toml"))
+    paper, basins_of_two = (
+        Scene.load(folder / name) for name in ("dat21.toml", "de-souza-caldas.toml")
+    )
     assert (paper, paper.gears) == (Scene.from_gears(DAT21, sigma=DAT21.alpha**0.5), DAT21)
     assert replace(basins_of_two, start=None) == impacts.GEARS
 
 
 def test_tolerance_counts_every_statistical_check(results):
     checks = [c for result in results.values() for c in result.checks]
-    assert {result.allowed for result in results.values()} == {limit(sum(c.se > 0.0 for c in checks))}
-    for c in checks:  # where nothing is random the bound is of rounding or of the step, not of convenience
+    assert {result.allowed for result in results.values()} == {
+        limit(sum(c.se > 0.0 for c in checks))
+    }
+    for c in (
+        checks
+    ):  # where nothing is random the bound is of rounding or of the step, not of convenience
         assert c.se > 0.0 or c.slack <= 1e-6 * max(1.0, abs(c.truth)), c
         assert c.slack <= 2e-3 * max(abs(c.truth), 1e-2), c
 
@@ -81,14 +87,35 @@ def test_unknown_result_is_refused():
     assert "result = 'gravity'" in run("--result", "gravity", code=2).stderr
 
 
-lyapunov, log_speeds = impacts.lyapunov, noise.log_speeds
+lyapunov = impacts.lyapunov
+log_speeds = noise.log_speeds
 WRONG = {  # what a result calls, with an error in it
-    "free-flight": (noise, "simulate", lambda scene, **k: simulate(scene.with_sigma(1.03 * scene.sigma), **k)),
+    "free-flight": (
+        noise,
+        "simulate",
+        lambda scene, **k: simulate(scene.with_sigma(1.03 * scene.sigma), **k),
+    ),
     "bouncing-ball": (impacts, "follow", lambda scene, n: follow(replace(scene, epsilon=0.69), n)),
-    "elastic-box": (noise, "simulate", lambda scene, **k: simulate(replace(scene, beta1=0.52), **k)),
-    "exponent-sum": (impacts, "lyapunov", lambda scene, **k: lyapunov(replace(scene, beta1=0.09), **k)),
-    "orbit-exponents": (impacts, "lyapunov", lambda s, **k: lyapunov(replace(s, alpha=1.001 * s.alpha), **k)),
-    "critical-restitution": (noise, "log_speeds", lambda epsilon, *k: log_speeds(0.95 * epsilon, *k)),
+    "elastic-box": (
+        noise,
+        "simulate",
+        lambda scene, **k: simulate(replace(scene, beta1=0.52), **k),
+    ),
+    "exponent-sum": (
+        impacts,
+        "lyapunov",
+        lambda scene, **k: lyapunov(replace(scene, beta1=0.09), **k),
+    ),
+    "orbit-exponents": (
+        impacts,
+        "lyapunov",
+        lambda s, **k: lyapunov(replace(s, alpha=1.001 * s.alpha), **k),
+    ),
+    "critical-restitution": (
+        noise,
+        "log_speeds",
+        lambda epsilon, *k: log_speeds(0.95 * epsilon, *k),
+    ),
 }
 
 
@@ -117,36 +144,63 @@ def test_what_is_not_a_number_fails():
     assert not Check("sum", np.nan, 1.0).holds(4.0)
 
 
-GROWTH, STEP_TIME, NEAR, FAR, MOST, CALLS = 64.0, 1e-4, 1e-5, 1.0, 200, Word(2**16)
+GROWTH = 64.0
+STEP_TIME = 1e-4
+NEAR = 1e-5
+FAR = 1.0
+MOST = 200
+CALLS = Word(2**16)
 NOWHERE = (0.0, 0.0, 0.0, 0.0)
 
 
 @jit
 def _returns(c, key, log_speed):
-    """Wall at 0, particle below it; impacts are found to 1e-10 of NEAR, 5e-7 of a particle's own scale."""
-    walls, tau, h = Walls(0.0, FAR, FAR, FAR), -0.5 * (math.pi + STEP_TIME), STEP_TIME
+    """Wall at 0, particle below it; impacts are found to 1e-10 of NEAR, 5e-7 of a particle's own
+    scale."""
+    walls = Walls(0.0, FAR, FAR, FAR)
+    tau = -0.5 * (math.pi + STEP_TIME)
+    h = STEP_TIME
     room = np.empty((PARTS, 3))
     for p in range(log_speed.size):
-        x, y, scale = 0.0, -1.0, 0.0
+        x = 0.0
+        y = -1.0
+        scale = 0.0
         for n in range(MOST):
             s = math.sqrt(h / (GROWTH * max(y * y, abs(x) ** (2.0 / 3.0))))
-            x, y, scale = s**3 * x, s * y, scale - math.log(s)
+            x = s**3 * x
+            y = s * y
+            scale = scale - math.log(s)
             z0, z1, _, _ = normals(key, Word(p), Word(n), Word(STEP))
             noise = Noise(math.sqrt(h) * z0, math.sqrt(h / 12.0) * z1)
             at = Progress(0, tau, h, noise, x, y, 0.0, 0.0)
             phase = sine_cosine(at.tau)
             at, _ = advance_exactly(
-                c, key, Word(p), Word(n) * CALLS, Word(BRIDGE), at, phase, NOWHERE, False, walls, room
-            )  # fmt: skip
-            x, y = at.x1, at.y1
+                c,
+                key,
+                Word(p),
+                Word(n) * CALLS,
+                Word(BRIDGE),
+                at,
+                phase,
+                NOWHERE,
+                False,
+                walls,
+                room,
+            )
+            x = at.x1
+            y = at.y1
             if at.code != 0:
                 break
         log_speed[p] = scale + math.log(y)
 
 
 def test_steps_of_exact_flight_obey_the_published_result():
-    """A trial step is cut depending on its end; drawing the end anew instead of keeping it made E ln rho 1.93."""
-    start, ln = Start(0.0, 0.0, -1.0), np.empty(40_000)
-    scene = Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=NEAR, sigma=1.0, start=start, stages=1)
+    """A trial step is cut depending on its end; drawing the end anew instead of keeping it made E
+    ln rho 1.93."""
+    start = Start(0.0, 0.0, -1.0)
+    ln = np.empty(40_000)
+    scene = Scene(
+        alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=NEAR, sigma=1.0, start=start, stages=1
+    )
     _returns(scene.constants, key_of(np.random.SeedSequence(3)), ln)
     assert abs(ln.mean() - MEAN) < limit(1) * ln.std() / math.sqrt(ln.size)

@@ -1,4 +1,5 @@
-"""The map: runs with admissible steps are unbiased or carry a diagnostic, and negative controls are rejected."""
+"""The map: runs with admissible steps are unbiased or carry a diagnostic, and negative controls are
+rejected."""
 
 import csv
 import json
@@ -11,7 +12,15 @@ from commands import rattle
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import extreme
 from rattle.compare.checks.stability import chart as charts
-from rattle.compare.checks.stability.chart import AXES, BIASED, UNBIASED, UNSTABLE, judge, moderate, reference
+from rattle.compare.checks.stability.chart import (
+    AXES,
+    BIASED,
+    UNBIASED,
+    UNSTABLE,
+    judge,
+    moderate,
+    reference,
+)
 from rattle.compare.checks.stability.page import answer, summary
 from rattle.compare.report.json_text import read_page
 from rattle.montecarlo import SCHEMES, default_step, largest_step
@@ -25,7 +34,10 @@ EULER = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
 @pytest.fixture(scope="module")
 def corner():
     return {
-        axis: (scene := AXES[axis].scene(value), reference(scene, paths=4 * PATHS, seed=1, workers=2))
+        axis: (
+            scene := AXES[axis].scene(value),
+            reference(scene, paths=4 * PATHS, seed=1, workers=2),
+        )
         for axis, value in CORNERS.items()
     }
 
@@ -53,7 +65,11 @@ def test_longer_than_admissible_steps_are_biased_or_unstable(corner, axis, schem
     assert verdict(*corner[axis], scheme, 4.0, 2048).verdict in (BIASED, UNSTABLE)
 
 
-WRONG = {"drag": {"gamma1": 1.0, "gamma2": 0.5}, "noise": {"sigma": 0.36}, "restitution": {"epsilon": 0.85}}
+WRONG = {
+    "drag": {"gamma1": 1.0, "gamma2": 0.5},
+    "noise": {"sigma": 0.36},
+    "restitution": {"epsilon": 0.85},
+}
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -76,8 +92,11 @@ def test_exact_flights_without_noise_are_the_orbit(gap):
 
 def test_restitution_of_nothing_has_no_limit():
     scene = moderate(epsilon=0.0)
-    beside = reference(moderate(epsilon=0.5), paths=1024, seed=1, workers=1)  # any: it is not what decides
-    found = judge(scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, workers=1, z=Z)
+    # any: it is not what decides
+    beside = reference(moderate(epsilon=0.5), paths=1024, seed=1, workers=1)
+    found = judge(
+        scene, beside, scheme="euler-maruyama", dt=0.01, paths=1024, seed=0, workers=1, z=Z
+    )
     assert found.verdict == charts.COLLAPSING
     assert found.diagnosed
 
@@ -92,7 +111,17 @@ def test_free_flights_have_the_exact_covariance_and_another_is_rejected(monkeypa
 
 
 def run(tmp_path, *arguments, code=0):
-    small = ("--axis", "sigma", "--points", "2", "--paths", "1000", "--out", str(tmp_path / "map"), "--no-extremes")
+    small = (
+        "--axis",
+        "sigma",
+        "--points",
+        "2",
+        "--paths",
+        "1000",
+        "--out",
+        str(tmp_path / "map"),
+        "--no-extremes",
+    )
     return rattle("check", "stability", *small, *arguments, code=code)
 
 
@@ -110,7 +139,8 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert len(rows) == 2 * 2 * 7
     assert {row["scheme"] for row in rows} == {"euler-maruyama", "exact-flight"}
     for row in rows:
-        scene, scheme = AXES[row["axis"]].scene(float(row["value"])), row["scheme"]
+        scene = AXES[row["axis"]].scene(float(row["value"]))
+        scheme = row["scheme"]
         share = float(row["share"]) * largest_step(scene, scheme)[0]
         dt = default_step(scene, scheme) if row["default"] == "True" else share
         assert float(row["dt"]) == pytest.approx(dt, rel=1e-4)
@@ -123,8 +153,11 @@ def test_an_interrupted_map_computes_what_is_missing(tmp_path, monkeypatch):
     settings = {"points": 2, "paths": 1000, "seed": 0, "workers": 2, "folder": tmp_path}
     whole = charts.chart(["exact-flight"], ["epsilon"], **settings).table
     next((tmp_path / "cells").glob("*.parquet")).unlink()
-    begun, own = [], charts.reference
-    monkeypatch.setattr(charts, "reference", lambda scene, **how: begun.append(scene) or own(scene, **how))
+    begun = []
+    own = charts.reference
+    monkeypatch.setattr(
+        charts, "reference", lambda scene, **how: begun.append(scene) or own(scene, **how)
+    )
     pd.testing.assert_frame_equal(
         charts.chart(["exact-flight"], ["epsilon"], **settings).table, whole, check_exact=True
     )
@@ -146,7 +179,10 @@ def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_p
 
 def test_undiagnosed_bias_ends_with_an_exit_code(tmp_path, monkeypatch):
     monkeypatch.setattr(charts.Ensemble, "diagnostics", ())
-    assert "without a diagnostic: a defect." in run(tmp_path, "--scheme", "euler-maruyama", code=1).output
+    assert (
+        "without a diagnostic: a defect."
+        in run(tmp_path, "--scheme", "euler-maruyama", code=1).output
+    )
 
 
 @pytest.mark.parametrize(
@@ -165,14 +201,29 @@ def test_bad_input_is_refused(tmp_path, arguments, words):
 
 
 def test_the_advice_and_the_key_figure_count_the_cells():
-    row = {"scheme": "exact-flight", "axis": "beta", "default": True, "share": 0.1, "verdict": UNBIASED}
-    cells = [row, row, row | {"scheme": "euler-maruyama"}, row | {"scheme": "euler-maruyama", "verdict": BIASED}]
-    longer = [row | {"default": False, "share": 4.0, "verdict": UNSTABLE}]  # refused: counts nowhere
+    row = {
+        "scheme": "exact-flight",
+        "axis": "beta",
+        "default": True,
+        "share": 0.1,
+        "verdict": UNBIASED,
+    }
+    cells = [
+        row,
+        row,
+        row | {"scheme": "euler-maruyama"},
+        row | {"scheme": "euler-maruyama", "verdict": BIASED},
+    ]
+    # refused: counts nowhere
+    longer = [row | {"default": False, "share": 4.0, "verdict": UNSTABLE}]
     table = pd.DataFrame(cells + longer).assign(diagnosed=True)
     said = answer(charts.Chart(table, 4.5))
-    assert said[0] == (
-        "Take `exact-flight`: at its default step 2 of 2 scenes, extreme ones among them, are shown to be unbiased and "
-        "none to be biased (unbiased: 1 for `euler-maruyama`)."
+    assert (
+        said[0]
+        == "Take `exact-flight`: at its default step 2 of 2 scenes, extreme ones among them, are"
+        " shown to be unbiased and none to be biased (unbiased: 1 for `euler-maruyama`)."
     )
-    widths = {c.get_label(): [bar.get_width() for bar in c] for c in summary(table).axes[0].containers}
+    widths = {
+        c.get_label(): [bar.get_width() for bar in c] for c in summary(table).axes[0].containers
+    }
     assert widths == {UNBIASED: [2, 1], BIASED: [0, 1]}

@@ -1,9 +1,9 @@
 """Accuracy thresholds for closures of a gear pair: copy this folder and put your own model in.
 
-pytest                               quick: 32 768 simulated paths, kept in pytest's cache; undecided, up to 262 144
-pytest --rattle-profile=full         1 048 576 paths, and up to 8 388 608
-pytest --rattle-undecided=skip       lets a test pass over what that cannot decide; by default it fails
-pytest --rattle-baselines=record     writes the baselines that are missing
+pytest                               quick: 32 768 simulated paths, kept in pytest's cache;
+undecided, up to 262 144 pytest --rattle-profile=full         1 048 576 paths, and up to 8 388 608
+pytest --rattle-undecided=skip       lets a test pass over what that cannot decide; by default it
+fails pytest --rattle-baselines=record     writes the baselines that are missing
 """
 
 import pandas as pd
@@ -20,7 +20,9 @@ def my_model(scene: Scene, impacts: int) -> pd.DataFrame:
 
     Here it is the linearised closure, with nothing of second order.
     """
-    return mean_map(scene, impacts=impacts, order=2).section[["tau", "sd_tau", "y1", "sd_y1", "y2", "sd_y2"]]
+    return mean_map(scene, impacts=impacts, order=2).section[
+        ["tau", "sd_tau", "y1", "sd_y1", "y2", "sd_y2"]
+    ]
 
 
 @pytest.mark.rattle(within={"mean": 0.05, "sd": 0.05})
