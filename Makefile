@@ -2,7 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
-READY := $(VENV)/ready
+# The environment links each source by its name: a new name needs a new installation.
+NAMES := $(shell find scene closure montecarlo compare src -type f -not -path '*__pycache__*' | sort | cksum | cut -d' ' -f1)
+READY := $(VENV)/ready-$(NAMES)
 
 # Folders whose tests are all marked slow (conftest.py): the first tier does not even import them.
 SLOW := tests/faults tests/interpreted tests/page tests/security
@@ -15,21 +17,26 @@ COUNT := --cov --cov-append --cov-report=
 # Three files at a time on two cores, for many tests wait for processes that they have started; in their order, so that
 # the many small files of the doctests come last and fill up.
 TEST = $(RUN)/pytest --numprocesses=3 --dist=loadfile --no-loadscope-reorder
+# The doctests are those of the package, under the name that it is imported by.
+ALL = --pyargs tests rattle
 
 # Hundreds of processes import the same modules: byte code is kept, whatever the caller's environment says.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: report test test-all docs audit pins clean
+.PHONY: venv report test test-all docs audit pins clean
 
 report: $(READY)
 	$(RUN)/rattle validate --out reports/dat21 --overwrite
+
+# The environment alone: after a file has been added or removed.
+venv: $(READY)
 
 # What finds a defect in minutes.
 test: $(READY)
 	rm -f .coverage
 	$(RUN)/rattle warm-up & compiling=$$!; \
 		$(RUN)/ruff check . && $(RUN)/ruff format --check . && $(RUN)/mypy && wait $$compiling
-	$(TEST) -m "not slow" $(SLOW:%=--ignore=%) $(if $(filter test-all,$(MAKECMDGOALS)),$(COUNT))
+	$(TEST) $(ALL) -m "not slow" $(SLOW:%=--ignore=%) $(if $(filter test-all,$(MAKECMDGOALS)),$(COUNT))
 
 # Both tiers, and how much of each package the first one and the interpreter reach.
 test-all: test
@@ -58,6 +65,7 @@ pins:
 
 $(READY): requirements.txt pyproject.toml setup-venv.sh
 	PYTHON=$(PYTHON) sh setup-venv.sh $(VENV)
+	rm -f $(VENV)/ready-*
 	touch $@
 
 clean:

@@ -23,4 +23,6 @@ fi
 # and pip does not look for it: it would take a newer release of a package with an extra, which has no hash here.
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --require-hashes --no-deps \
     --only-binary=:all: --requirement requirements.txt
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+# Strict: real files under the name of the package, for type checkers, coverage and doctests too.
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation \
+    --config-settings editable_mode=strict --editable .

@@ -307,8 +307,7 @@ class Orbit:
 
 @numpy_defaults
 def follow(scene: Scene, impacts: int) -> Orbit:
-    """Compute the orbit of a scene through a number of impacts, and the sticking phases between
-    them.
+    """Compute the orbit of a scene through a number of impacts, with its sticking phases.
 
     Parameters
     ----------

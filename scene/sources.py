@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
+IMPORTED = Path(__file__).parent.parent  # an editable installation imports links to the sources
 PACKAGES = ("scene", "closure", "montecarlo")
 UNCOMPILED = re.compile(rb'"{3}(?:.|\n)*?"{3}|[ \t]*\x23[^\n]*')  # docstrings and comments
 
@@ -125,7 +126,7 @@ def _is_edited(name: str) -> bool:
 def _is_stale(name: str) -> bool:
     """Whether the bytecode that Python keeps of a source is that of another: it compares sizes and
     seconds only."""
-    path = ROOT / name
+    path = IMPORTED / name
     kept = Path(cache_from_source(os.fspath(path)))
     if name in _read or not kept.exists():
         return False

@@ -50,9 +50,9 @@ class RattleThreshold(NamedTuple):
 
 @numpy_defaults
 def rattle_threshold(scene: Scene) -> tuple[RattleThreshold, ...]:
-    """Compute the drag of each loose wheel from which on its closed teeth stay closed, without
-    noise.
+    """Compute the drag of each loose wheel from which on its closed teeth stay closed.
 
+    It is that of the motion without noise.
     Closed teeth open when the driver decelerates faster than the drag slows the wheel.  With both
     meshes closed all wheels move with the driver, and they stay closed if
 

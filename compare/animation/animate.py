@@ -77,8 +77,7 @@ class Animation:
 
 @numpy_defaults
 def animate(scene: Scene, *, impacts: int = 24, rng: Rng = 0, name: str = "scene") -> Animation:
-    """Draw the moving wheels of a scene: the noise-free orbit beside one noisy path over the same
-    time.
+    """Draw the moving wheels of a scene: the noise-free orbit beside one noisy path.
 
     Parameters
     ----------

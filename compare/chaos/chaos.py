@@ -111,8 +111,7 @@ def chaos(
     folder: str | Path | None = None,
     progress: bool = False,
 ) -> Chaos:
-    """Measure whether the motion of a scene is chaotic: Lyapunov exponents, Poincare sections and
-    spectra.
+    """Measure chaos in the motion of a scene: Lyapunov exponents, Poincare sections, spectra.
 
     Parameters
     ----------

@@ -153,9 +153,9 @@ def boundary(
     workers: int = 1,
     progress: str | None = None,
 ) -> Boundary:
-    """Find where along a parameter a closure stops holding: accurate up to one value, shown wrong
-    from another.
+    """Find where along a parameter a closure stops holding.
 
+    It is accurate up to one value and shown wrong from another.
     A coarse scan, then halving of the logarithm wherever the verdict changes.  At each value paths
     are added until every section mean and sd is accurate or one is inaccurate, as `validate` judges
     them, at most 1,048,576.  What is said of the whole search is right with 95 % probability: all

@@ -207,9 +207,9 @@ def boundary_map(
     progress: bool = False,
     **settings: Any,
 ) -> BoundaryMap:
-    """Trace the curve along which a closure stops holding: a `boundary` at each value of a second
-    parameter.
+    """Trace the curve along which a closure stops holding.
 
+    It is a `boundary` at each value of a second parameter.
     The first and the last value are searched first, then those between; what was found on both
     sides says where each search begins.  What is said of the whole map is right with 95 %
     probability.  Nothing is said between the values.

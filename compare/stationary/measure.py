@@ -40,9 +40,9 @@ def stationary(
     workers: int = 1,
     progress: str | None = None,
 ) -> Stationary:
-    """The stationary motion of a scene: rates, speeds, energies, and the share of slow impacts,
-    with their errors.
+    """The stationary motion of a scene, with errors.
 
+    Rates, speeds, energies, and the share of slow impacts.
     Where teeth chatter, most impacts are too slow to matter: ``rate_above`` and ``speed_above`` are
     of impacts that are not slow.
 

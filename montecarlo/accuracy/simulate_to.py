@@ -119,8 +119,9 @@ def simulate_to(
     sampling: Sampling | None = None,
     refuse: bool = True,
 ) -> Ensemble:
-    """Simulate until all section means and sds are known to an accuracy, with 95 % probability for
-    all of them at once.
+    """Simulate until all section means and sds are known to an accuracy.
+
+    They are within it with a probability of 95 % for all of them at once.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def run(tmp_path):
     on standard error."""
     place = tmp_path / "installed" / "rattle"
     shutil.copytree(ROOT / "scene", place / "scene", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "rattle" / "__init__.py", place)
+    shutil.copy(ROOT / "src" / "rattle" / "__init__.py", place)
     (place / "scene" / "inner.py").write_text(INNER)
     (place / "scene" / "outer.py").write_text(OUTER)
     environment = {"PYTHONPATH": str(place.parent), "NUMBA_CACHE_DIR": str(tmp_path / "kept")}

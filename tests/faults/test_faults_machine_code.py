@@ -152,7 +152,7 @@ def installed(tmp_path):
     shutil.copytree(
         ROOT / "scene", place / "rattle" / "scene", ignore=shutil.ignore_patterns("__pycache__")
     )
-    shutil.copy(ROOT / "rattle" / "__init__.py", place / "rattle")
+    shutil.copy(ROOT / "src" / "rattle" / "__init__.py", place / "rattle")
     (place / "rattle" / "scene" / "__pycache__").touch()
     (tmp_path / "tmp").mkdir()
     return {
