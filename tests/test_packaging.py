@@ -21,34 +21,31 @@ def run(*command, cwd, code=0):
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    """Built from a copy of what git tracks, so that the tree stays as it is."""
+def copied(tmp_path_factory):
+    """A copy of what git tracks, without links, so that the tree stays as it is."""
     copy = tmp_path_factory.mktemp("copy")
-    out = tmp_path_factory.mktemp("wheel")
-    listed = run(
-        "git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT
-    ).splitlines()
-    for name in listed:
+    tracked = ("git", "ls-files", "--cached", "--others", "--exclude-standard")
+    for name in run(*tracked, cwd=ROOT).splitlines():
         if name.startswith(("reports/", "tests/")) or not (ROOT / name).exists():
             continue
+        assert not (ROOT / name).is_symlink(), f"{name}: a clone on Windows or a zip loses links"
         target = copy / name
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes((ROOT / name).read_bytes())
-    run(
-        sys.executable,
-        "-m",
-        "pip",
-        "wheel",
-        "--quiet",
-        "--no-deps",
-        "--no-build-isolation",
-        "-w",
-        out,
-        ".",
-        cwd=copy,
-    )
-    (found,) = out.glob("*.whl")
-    return found
+    return copy
+
+
+def build(source, out):
+    """The wheel of a source tree."""
+    pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation")
+    run(*pip, "-w", out, source, cwd=out)
+    (built,) = out.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def wheel(copied, tmp_path_factory):
+    return build(copied, tmp_path_factory.mktemp("wheel"))
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +100,17 @@ def test_wheel_holds_one_import_name(wheel):
     assert "rattle/py.typed" in names
     assert any(name.startswith("rattle/compare/report/templates/") for name in names)
     assert any(name.endswith("licenses/LICENSE") for name in names)
+
+
+@pytest.mark.slow
+def test_wheel_of_the_source_archive_is_the_same(wheel, copied, tmp_path):
+    code = "import sys; from setuptools.build_meta import build_sdist; build_sdist(sys.argv[1])"
+    run(sys.executable, "-c", code, tmp_path, cwd=copied)
+    (archive,) = tmp_path.glob("*.tar.gz")
+    shutil.unpack_archive(archive, tmp_path, filter="data")
+    again = build(tmp_path / archive.name.removesuffix(".tar.gz"), tmp_path)
+    names = zipfile.ZipFile(wheel).namelist()
+    assert sorted(zipfile.ZipFile(again).namelist()) == sorted(names)
 
 
 @pytest.mark.slow
