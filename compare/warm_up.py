@@ -75,9 +75,11 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     import numpy as np
 
     import rattle as rt
+    from rattle.closure import CLOSURES
     from rattle.closure.long_orbit import attractor
     from rattle.closure.stationary import linear_law
     from rattle.compare.chaos.exponents import lyapunov
+    from rattle.montecarlo import SCHEMES
     from rattle.montecarlo.branches.search import rare_events
     from rattle.montecarlo.coupling.paths import LongPath, growths
     from rattle.montecarlo.long_run import long_run
@@ -101,11 +103,9 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     )
     simulate = partial(rt.simulate, paths=PATHS, impacts=IMPACTS)
     kinds = {"": scene, ", one stage": single, ", gaps that vary": by_path}
-    closures = {
-        f"closure {c}{k}": partial(predict, kinds[k], c) for k in kinds for c in rt.CLOSURES
-    }
+    closures = {f"closure {c}{k}": partial(predict, kinds[k], c) for k in kinds for c in CLOSURES}
     schemes: dict[str, Task] = {}
-    for name, scheme in rt.SCHEMES.items():
+    for name, scheme in SCHEMES.items():
         record = rt.Record(
             step_bias=scheme.has_step_bias, histogram=True, energy=True, batches=True
         )

@@ -8,6 +8,7 @@ the paths near rare branches.
 
 from rattle.montecarlo.accuracy.simulate_to import simulate_to as simulate_to
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning as AccuracyWarning
+from rattle.montecarlo.diagnostics.reach import Reach as Reach
 from rattle.montecarlo.ensemble.result import Ensemble as Ensemble
 from rattle.montecarlo.ensemble.simulate import simulate as simulate
 from rattle.montecarlo.ensemble.simulate_rare import simulate_rare as simulate_rare

@@ -140,6 +140,8 @@ def sensitivity(
     """
     if closure is not None and quantities:
         raise InputError("closure", closure, "takes the place of --quantity; give one of them")
+    from rattle.compare import closure_sensitivity
+
     results = begin()
     common: dict[str, Any] = {"parameters": parameters or None, "rng": seed, "workers": workers}
     common["progress"] = "sensitivity"
@@ -151,7 +153,7 @@ def sensitivity(
             settings = {"closure": closure} | {
                 name: asked[name] for name in ("impacts", "paths", "budget")
             }
-            found = rt.closure_sensitivity(base, **settings, **common)
+            found = closure_sensitivity(base, **settings, **common)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
     results.say(found.answer, "sensitivity.html", found.to_dict)
     if closure is None and not found.reached:

@@ -4,7 +4,7 @@ import math
 import os
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -23,6 +23,9 @@ from rattle.compare.report.folder import check_own, write_whole
 from rattle.scene import InputError, Scene, positive
 from rattle.scene.progress import do
 from rattle.scene.units import UNITS, check_units, in_units
+
+if TYPE_CHECKING:
+    from rattle.montecarlo import Ensemble, Reach
 
 MOST_NAMED = 8  # rows that miss an accuracy which are named
 TABLE_UNITS = "Units of the tables; physical: ms, mm and mm/s, for a scene with [gears]."
@@ -86,6 +89,7 @@ def simulate(
     Exit codes: 0 done; 2 bad input; 3 a mean or an sd misses the accuracy.
     """
     from rattle.compare.validation.transient import describe_transient
+    from rattle.montecarlo import AccuracyWarning
 
     base = load_scene(scene, sigma)
     check_units(units, base.gears)
@@ -112,7 +116,7 @@ def simulate(
         do("simulate: pilot runs, which choose scheme, step and paths")
         with (
             shared.estimates_shown(),
-            warnings.catch_warnings(action="ignore", category=rt.AccuracyWarning),
+            warnings.catch_warnings(action="ignore", category=AccuracyWarning),
         ):
             run = rt.simulate_to(
                 base, accuracy, scheme=scheme, budget=budget, refuse=False, **common
@@ -157,7 +161,7 @@ SHOWN = (
 )
 
 
-def _list_missed(reach: "rt.Reach", rows: int) -> list[str]:
+def _list_missed(reach: "Reach", rows: int) -> list[str]:
     """The means and sds that miss the accuracy, the worst by name."""
     said = f"{len(reach.missed)} of {rows} means and sds miss {reach.asked:g} sd (* in the table):"
     named = [f"  {row.sentence}" for row in reach.missed[:MOST_NAMED]]
@@ -165,7 +169,7 @@ def _list_missed(reach: "rt.Reach", rows: int) -> list[str]:
     return [said, *named, *([f"  and {more} more"] if more > 0 else [])]
 
 
-def section_table(run: "rt.Ensemble", units: str) -> str:
+def section_table(run: "Ensemble", units: str) -> str:
     """The columns shown on a terminal, without absent and empty ones, and stars at what misses the
     accuracy.
 

@@ -93,6 +93,7 @@ def validate(
     same but for rounding, as on another kind of processor.
     """
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
+    from rattle.closure import closures_for
     from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
@@ -100,7 +101,7 @@ def validate(
     from rattle.compare.validation.page import CONTENTS, all_rows, draw_sections, write_report
     from rattle.compare.validation.transient import describe_transient
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
-    from rattle.montecarlo import check_settings
+    from rattle.montecarlo import SCHEMES, check_settings, default_step
 
     positive("budget", budget)
     recorded = None
@@ -112,15 +113,15 @@ def validate(
     else:
         base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
         name = name_of(scene) if scene else "DAT21"
-        have_bias = [name for name, each in rt.SCHEMES.items() if each.has_step_bias]
+        have_bias = [name for name, each in SCHEMES.items() if each.has_step_bias]
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
         scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
-        steps = (rt.default_step(s, asked["scheme"], asked["scheme"] in have_bias) for s in scenes)
+        steps = (default_step(s, asked["scheme"], asked["scheme"] in have_bias) for s in scenes)
         settings = manifest.ReportSettings(
             name=name,
             scenes=scenes,
             dt=min(steps) if dt is None else dt,
-            closures=closures or rt.closures_for(base),
+            closures=closures or closures_for(base),
             validity=() if no_validity else read_grid(validity),
             validity_paths=0 if no_validity else count("validity-paths", validity_paths),
             beside=beside or (() if scene else tuple(have_bias)),
@@ -130,7 +131,7 @@ def validate(
     own = [method for method in find_closures("closures", settings.closures) if method.own]
     check_free(out, CONTENTS, overwrite)
     first = settings.scenes[0]
-    biased = rt.SCHEMES[choice("scheme", settings.scheme, rt.SCHEMES)].has_step_bias
+    biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].has_step_bias
     for s in settings.scenes:
         check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
     for s in (*settings.scenes[1:], *(first.with_sigma(sigma) for sigma in settings.validity)):
@@ -249,13 +250,13 @@ def tradeoff(
     Exit codes: 0 complete; 2 bad input.
     """
     from rattle.compare.tradeoff.measure import ACCURACIES, check_accuracies, measure
-    from rattle.montecarlo import check_settings
+    from rattle.montecarlo import SCHEMES, check_settings
 
     positive("sigma", base.sigma)
     asked = check_accuracies(accuracies or ACCURACIES)
     positive("budget", settings["budget"])
     common: dict[str, Any] = {name: settings[name] for name in ("impacts", "workers")}
-    for scheme in rt.SCHEMES:
+    for scheme in SCHEMES:
         check_settings(
             base, paths=1, dt=None, scheme=scheme, rng=settings["seed"], step_bias=False, **common
         )

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rattle import CLOSURES, DAT21, Closure, InputError, Scene, mean_map
+from rattle import DAT21, Closure, InputError, Scene, mean_map
+from rattle.closure import CLOSURES
 from rattle.closure.mean_map import find_closure, find_closures, predict
 
 SCENE = Scene.from_gears(DAT21, sigma=0.02)

@@ -8,16 +8,8 @@ from functools import partial
 
 import pytest
 
-from rattle import (
-    DAT21,
-    Scene,
-    boundary,
-    boundary_map,
-    closure_sensitivity,
-    crossing,
-    sensitivity,
-    stationary,
-)
+from rattle import DAT21, Scene, boundary, boundary_map, crossing, sensitivity, stationary
+from rattle.compare import closure_sensitivity
 from rattle.montecarlo.long_run import expect_run, long_run, run
 
 SCENE = Scene.from_gears(DAT21, sigma=0.5)

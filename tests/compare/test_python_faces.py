@@ -5,6 +5,7 @@ import pytest
 
 import rattle as rt
 from rattle.compare.animation.page import GENERATOR
+from rattle.scene import OutputError
 
 SCENE = rt.Scene.from_gears(rt.DAT21, sigma=0.1)
 LONGEST = 700  # characters of a repr: a dozen lines in a notebook
@@ -16,7 +17,7 @@ def test_an_animation_is_shown_and_written(tmp_path):
     assert "<iframe srcdoc=" in found._repr_html_()
     path = found.save(tmp_path / "gears.html")
     assert GENERATOR in path.read_text()
-    with pytest.raises(rt.OutputError, match=r"exists; choose another name"):
+    with pytest.raises(OutputError, match=r"exists; choose another name"):
         found.save(path)
     assert found.save(path, overwrite=True) == path
     with pytest.raises(rt.InputError, match=r"sigma = 0\.0: nothing is random"):
@@ -34,7 +35,7 @@ def test_chaos_says_what_it_found(measured, tmp_path):
     assert "<table" in measured._repr_html_()
     page = measured.report(tmp_path / "chaos")
     assert page.is_file()
-    with pytest.raises(rt.OutputError):
+    with pytest.raises(OutputError):
         measured.report(tmp_path / "chaos")
     again = rt.chaos(SCENE, points=500, impacts=20_000, events=128, width=0.3)
     assert again.tables["exponents"].equals(measured.tables["exponents"])

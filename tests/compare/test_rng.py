@@ -7,16 +7,8 @@ import numpy as np
 import pytest
 
 import rattle
-from rattle import (
-    DAT21,
-    InputError,
-    Scene,
-    boundary,
-    closure_sensitivity,
-    simulate,
-    simulate_rare,
-    validate,
-)
+from rattle import DAT21, InputError, Scene, boundary, simulate, simulate_rare, validate
+from rattle.compare import closure_sensitivity
 from rattle.montecarlo.seed import Rng, read_seed, read_whole_seed
 
 SCENE = Scene.from_gears(DAT21, sigma=0.01)

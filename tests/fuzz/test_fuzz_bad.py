@@ -195,7 +195,7 @@ CALLS = {
 STUDIES = {"path": (Study.load, load_study), "text": (Study.from_toml,)}
 
 
-@pytest.mark.filterwarnings("ignore::rattle.AccuracyWarning")
+@pytest.mark.filterwarnings("ignore::rattle.montecarlo.AccuracyWarning")
 @tried(
     place=st.sampled_from([(names, name) for names in CALLS for name in names]),
     value=BAD,

@@ -9,7 +9,8 @@ import pytest
 from reference_dynamics import drift_matrix, modulation
 from scipy.integrate import solve_ivp
 
-from rattle import DAT21, SCHEMES, Order, Record, Sampling, Scene, Start, mean_map, simulate
+from rattle import DAT21, Order, Record, Sampling, Scene, Start, mean_map, simulate
+from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.settings import plan_of

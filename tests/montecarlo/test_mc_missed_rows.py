@@ -4,7 +4,8 @@ answer does not hide."""
 import numpy as np
 import pytest
 
-from rattle import DAT21, AccuracyWarning, InputError, Scene, simulate, simulate_to
+from rattle import DAT21, InputError, Scene, simulate, simulate_to
+from rattle.montecarlo import AccuracyWarning
 from rattle.montecarlo.accuracy import cost
 from rattle.montecarlo.accuracy.cost import expect_paths, find_missed_rows, name_dearest_row
 from rattle.montecarlo.diagnostics.accuracy import (

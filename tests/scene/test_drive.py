@@ -9,7 +9,8 @@ from reference_dynamics import drift_matrix, modulation
 from scipy.integrate import solve_ivp
 
 import rattle.scene
-from rattle import DAT21, InputError, Order, Scene, follow, refusals
+from rattle import DAT21, InputError, Order, Scene, follow
+from rattle.closure import refusals
 from rattle.closure.saltation import noise_slope
 from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.sticking import opening

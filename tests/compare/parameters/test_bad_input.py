@@ -7,16 +7,9 @@ from test_crossing import SETTINGS as CROSSING
 from test_map import SETTINGS as MAP
 from test_sensitivity import SMALL
 
-from rattle import (
-    InputError,
-    RattleError,
-    Scene,
-    boundary,
-    boundary_map,
-    closure_sensitivity,
-    crossing,
-    sensitivity,
-)
+from rattle import InputError, Scene, boundary, boundary_map, crossing, sensitivity
+from rattle.compare import closure_sensitivity
+from rattle.scene import RattleError
 
 RESTING = Scene(alpha=0.1, epsilon=0.5, beta1=0.1, gamma1=1.0, stages=1)
 

@@ -7,16 +7,8 @@ import numpy as np
 import pytest
 from test_boundary import page_of
 
-from rattle import (
-    DAT21,
-    InputError,
-    Order,
-    Scene,
-    Tolerance,
-    closure_sensitivity,
-    mean_map,
-    sensitivity,
-)
+from rattle import DAT21, InputError, Order, Scene, Tolerance, mean_map, sensitivity
+from rattle.compare import closure_sensitivity
 from rattle.compare.parameters.figures import tornado
 from rattle.compare.parameters.sensitivity import _effect
 from rattle.compare.study.parameters import STEPS, find_parameter, find_parameters

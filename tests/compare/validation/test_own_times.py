@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rattle import DAT21, Closure, Scene, Study, boundary, closure_sensitivity, mean_map, validate
+from rattle import DAT21, Closure, Scene, Study, boundary, mean_map, validate
+from rattle.compare import closure_sensitivity
 from rattle.compare.study.cells import Prediction
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import predict

@@ -1,0 +1,11 @@
+from .animation.animate import Animation as Animation
+from .chaos.chaos import Chaos as Chaos
+from .parameters.boundary import Boundary as Boundary
+from .parameters.crossing import Crossing as Crossing
+from .parameters.map import BoundaryMap as BoundaryMap
+from .parameters.of_closure import ClosureSensitivity as ClosureSensitivity
+from .parameters.of_closure import closure_sensitivity as closure_sensitivity
+from .parameters.sensitivity import Sensitivity as Sensitivity
+from .stationary.result import Stationary as Stationary
+from .study.impacts import Tables as Tables
+from .validation.result import Validation as Validation

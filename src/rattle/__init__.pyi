@@ -1,0 +1,30 @@
+from .closure import Closure as Closure
+from .closure import follow as follow
+from .closure import mean_map as mean_map
+from .compare.animation.animate import animate as animate
+from .compare.chaos.chaos import chaos as chaos
+from .compare.parameters.boundary import boundary as boundary
+from .compare.parameters.crossing import crossing as crossing
+from .compare.parameters.map import boundary_map as boundary_map
+from .compare.parameters.sensitivity import sensitivity as sensitivity
+from .compare.stationary.measure import stationary as stationary
+from .compare.study.design import Study as Study
+from .compare.study.folder import load_study as load_study
+from .compare.validation.validate import validate as validate
+from .compare.validation.verdict import Tolerances as Tolerances
+from .montecarlo import Record as Record
+from .montecarlo import Sampling as Sampling
+from .montecarlo import simulate as simulate
+from .montecarlo import simulate_rare as simulate_rare
+from .montecarlo import simulate_to as simulate_to
+from .scene import DAT21 as DAT21
+from .scene import Gears as Gears
+from .scene import InputError as InputError
+from .scene import Order as Order
+from .scene import Scene as Scene
+from .scene import Start as Start
+from .scene import Tolerance as Tolerance
+from .scene.measured_drive import measure_drive as measure_drive
+from .scene.threshold import rattle_threshold as rattle_threshold
+
+__version__: str
