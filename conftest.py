@@ -36,7 +36,7 @@ def silent():
     """No command says that it takes long: whether it does depends on the machine."""
     from rattle.scene import progress
 
-    progress.FIRST = threading.TIMEOUT_MAX
+    progress.QUIET = threading.TIMEOUT_MAX
 
 
 @pytest.fixture

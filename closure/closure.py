@@ -26,9 +26,9 @@ if TYPE_CHECKING:  # loading it takes as long as all the rest
 
 
 RHO = ("rho1", "rho2")
-PREDICTED = (*SECTION, *(f"{what}_{name}" for what in ("sd", "skew") for name in SECTION), *RHO)
+PREDICTABLE = (*SECTION, *(f"{what}_{name}" for what in ("sd", "skew") for name in SECTION), *RHO)
 """Columns of `MeanMap.section` that a closure of one's own may predict."""
-DERIVED = ("realizable", "agreement", "discarded", "error_mean", "error_sd", "within")
+DERIVED_COLUMNS = ("realizable", "agreement", "discarded", "error_mean", "error_sd", "within")
 """Other columns of `MeanMap.section`, which are left aside, so that a changed copy of one may be
 returned."""
 DESCRIBED = ("itinerary", "all paths")
@@ -143,7 +143,7 @@ class Closure:
             raise InputError(
                 "closure.predicts", self.predicts, "give a list of columns, as in ('tau', 'sd_tau')"
             )
-        predicts = tuple(choice("closure.predicts", name, PREDICTED) for name in self.predicts)
+        predicts = tuple(choice("closure.predicts", name, PREDICTABLE) for name in self.predicts)
         if self.stages not in (None, 1, 2):
             raise InputError(
                 "closure.stages", self.stages, "give 1 or 2, or leave it out if it is made for both"
@@ -316,7 +316,7 @@ def read_table(
     given: Any,
     index: Iterable[Any],
     needed: Sequence[str],
-    known: Sequence[str] = PREDICTED,
+    known: Sequence[str] = PREDICTABLE,
 ) -> "pd.DataFrame":
     """Read the table that a function of one's own returns: numbers, a row for each impact or time.
 
@@ -327,7 +327,7 @@ def read_table(
     import pandas as pd
 
     rows = pd.Index(index)
-    what = "impact" if known is PREDICTED else "time"
+    what = "impact" if known is PREDICTABLE else "time"
     if not isinstance(given, Mapping | pd.DataFrame):
         raise InputError(
             f"result of {whose}", type(given).__name__, f"return a DataFrame, a row for each {what}"
@@ -336,7 +336,7 @@ def read_table(
     if len(set(names)) < len(names):
         raise InputError(f"columns of {whose}", names, "holds a name twice")
     for name in names:
-        choice(f"columns of {whose}", name, (*known, *DERIVED, "mesh", "side"))
+        choice(f"columns of {whose}", name, (*known, *DERIVED_COLUMNS, "mesh", "side"))
     if missing := [name for name in needed if name not in names]:
         raise InputError(f"columns of {whose}", names, f"{missing[0]!r} is missing; return it too")
     if not set(names) & set(known):

@@ -11,7 +11,7 @@ from rattle.scene import Floats
 from rattle.scene.compiled import jit, shared
 from rattle.scene.elementary import exponentials
 from rattle.scene.flight import NODES, WEIGHTS
-from rattle.scene.moments import SMALLEST
+from rattle.scene.moments import SMALLEST_DIVISOR
 from rattle.scene.numpy_errors import numpy_defaults
 
 FACTORIAL = np.array([factorial(n) for n in range(8)], dtype=float)
@@ -50,7 +50,8 @@ def has_series(vx: float, vy: float, order: int) -> bool:
     if not (vx > 0.0 and vy > 0.0):
         return False
     return bool(
-        min(vx, vy) ** (0.5 * order) > SMALLEST and max(vx, vy) ** (0.5 * order) * SMALLEST < 1.0
+        min(vx, vy) ** (0.5 * order) > SMALLEST_DIVISOR
+        and max(vx, vy) ** (0.5 * order) * SMALLEST_DIVISOR < 1.0
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from rattle.closure import branching, corrected, published, saltation
-from rattle.closure.branching import LEVELS
+from rattle.closure.branching import RESOLUTIONS
 from rattle.closure.closure import Closure, OwnError, describe_error, import_closure, name_of
 from rattle.closure.moments import COMPONENT_MICROSECONDS, Trace, check_white
 from rattle.closure.result import MeanMap
@@ -96,16 +96,16 @@ _TABLE = (
         describes="all paths",
         refines=True,
         impact_microseconds=300.0,
-        components=sum(level.cut for level in LEVELS[-2:]),
+        components=sum(level.cut for level in RESOLUTIONS[-2:]),
     ),
 )
 CLOSURES = {closure.name: closure for closure in _TABLE}
 """The closures of the package, by name."""
 Closure.taken |= set(CLOSURES)
 
-ORDERS = (2, 6)
+ORDER_RANGE = (2, 6)
 # an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
-MOST_IMPACTS = 100_000
+MOST_IMPACTS_OF_A_MAP = 100_000
 
 
 @numpy_defaults
@@ -171,8 +171,8 @@ def _predict(
 ) -> MeanMap:
     """`mean_map`, which raises `OwnError` where a function of one's own raises an exception."""
     check_scene(scene)
-    count("impacts", impacts, most=MOST_IMPACTS)
-    count("order", order, *ORDERS)
+    count("impacts", impacts, most=MOST_IMPACTS_OF_A_MAP)
+    count("order", order, *ORDER_RANGE)
     method.check(scene)
     asked = [] if tolerance is None else [positive("tolerance", tolerance)]
     if asked and not method.refines:

@@ -107,18 +107,18 @@ def stage_raw_moments(covariance: Floats, order: int) -> Floats:
 
 
 CHANGED = 1.0  # error per change from the coarser level
-SLOW = 1.0  # error per share of slow impacts
+ERROR_PER_SLOW_SHARE = 1.0  # error per share of slow impacts
 # errors of mean and sd, per ratio of second-order to first-order sd
 CURVED = np.array([0.05, 0.15])
-BENT = 0.2  # error per unit of what further splits are worth
+ERROR_PER_SPLIT = 0.2  # error per unit of what further splits are worth
 # of a component's flight on one core, with splitting and merging; measured once
 COMPONENT_MICROSECONDS = 60.0
 FLIGHT_MICROSECONDS = 0.8  # of a path's flight, as the cost model of exact flights has it
 COVERAGE = "estimates; at most one row in ten is beyond them"  # measured: docs/theory/closures.md
-SMALLEST = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
+LEAST_BELIEVED_ERROR = 1e-3  # error below which no bound is believed: 12 impacts of a million paths
 # standard errors that with 95 % probability no mean or sd of 12 impacts is off by more than
 ALL = 3.5
-TINY = 1e-18  # variance of a displacement at its wall: rounding
+LEAST_WALL_VARIANCE = 1e-18  # variance of a displacement at its wall: rounding
 SDS = 2.0  # tolerance of the sds over that of the means, as in a verdict
 
 
@@ -140,13 +140,16 @@ def bounds(coarse: Trace, fine: Trace) -> Floats:
     missing = np.repeat(missing[:, None], 2, axis=1)
     change[missing] = np.nan
     change = np.fmax.accumulate(change)
-    common = np.hypot(SLOW * _so_far(fine.slow), BENT * np.minimum(_so_far(fine.residual), 1.0))
+    common = np.hypot(
+        ERROR_PER_SLOW_SHARE * _so_far(fine.slow),
+        ERROR_PER_SPLIT * np.minimum(_so_far(fine.residual), 1.0),
+    )
     # the mean of the paths that are left is at most so many sds off that of all
     common = np.hypot(common, np.sqrt(_so_far(fine.discarded)))
     error = np.asarray(np.hypot(CHANGED * change, common[:, None, None]))
     error[:, 1] *= 1.0 + np.log(np.fmax(kurtosis(fine) / 3.0, 1.0))
     if fine.carried is not None:
-        error = np.hypot(error, SLOW * fine.carried[:, None])
+        error = np.hypot(error, ERROR_PER_SLOW_SHARE * fine.carried[:, None])
     if fine.doubted is not None:
         error = np.hypot(error, fine.doubted)
     error = np.asarray(
@@ -210,7 +213,7 @@ def advice(found: Trace, tolerance: float) -> str:
     # all means and sds are within an error by so many paths, with 95 % probability: the standard
     # error of a mean is ``1 / sqrt(n)`` sds, that of an sd ``sqrt((kurtosis - 1) / 4 n)``
     heaviest = float(np.fmax.reduce(kurtosis(found), axis=None, initial=3.0))
-    paths = (ALL / float(max(np.fmax(means, sds), SMALLEST))) ** 2 * max(
+    paths = (ALL / float(max(np.fmax(means, sds), LEAST_BELIEVED_ERROR))) ** 2 * max(
         1.0, 0.25 * (heaviest - 1.0)
     )
     work = 1e-6 * COMPONENT_MICROSECONDS * found.work
@@ -231,7 +234,7 @@ def kurtosis(found: Trace) -> Floats:
         off = means - weights @ means
         second = weights @ (off**2 + variances)
         fourth = weights @ (off**4 + (6.0 * off**2 + 3.0 * variances) * variances)
-        varies = second > TINY
+        varies = second > LEAST_WALL_VARIANCE
         out[k, varies] = fourth[varies] / second[varies] ** 2
     return out
 

@@ -28,8 +28,8 @@ from rattle.scene.moments import gaussian_raw_moments
 from rattle.scene.parts import SINE_ALONE
 
 SCAN = 0.05  # time step of the search for a counter mesh; E[x_i] moves about a tenth of a gap in it
-LONGEST = 20.0  # longest flight; the map ends if there is no counter mesh in it
-BINOMIAL = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=float)
+LONGEST_MAPPED_FLIGHT = 20.0  # longest flight; the map ends if there is no counter mesh in it
+BINOMIALS = np.array([[comb(n, k) for k in range(7)] for n in range(7)], dtype=float)
 Windows = tuple[float, float]
 
 
@@ -89,7 +89,7 @@ def _counter_mesh(
     """The smaller time at which ``E[x_i] = -E[x_i]_k``, and its stage; stage 0 if there is none."""
     earlier = 0.0
     before = beyond(mean, 1.0, mean)
-    while earlier < LONGEST:
+    while earlier < LONGEST_MAPPED_FLIGHT:
         later = earlier + SCAN
         now = beyond(_in_flight(c, tau, mean, shift, raw, later, windows)[0], 1.0, mean)
         best = np.inf
@@ -120,7 +120,7 @@ def _counter_mesh(
             return best, stage
         earlier = later
         before = now
-    return LONGEST, 0
+    return LONGEST_MAPPED_FLIGHT, 0
 
 
 def _covariance(raw: Floats) -> Floats:
@@ -183,7 +183,10 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
     struck_x = np.where(mesh == 2, mean[:, 2], mean[:, 0])
     side = np.where(mesh > 0, np.copysign(1.0, struck_x), 0).astype(np.int64)
 
-    ended = f"the other mesh is not struck within {LONGEST:g} time units after impact {found}"
+    ended = (
+        f"the other mesh is not struck within {LONGEST_MAPPED_FLIGHT:g} time units"
+        f" after impact {found}"
+    )
     stopped = "" if found == impacts else ended
     at = partial(_at, c, windows, tau[: found + 1], mean, shift, after)
     return Trace(
@@ -219,14 +222,16 @@ def after_flight(raw: Floats, beta: float, t: float, q: Floats) -> Floats:
     for n in range(order + 1):
         for p in range(order + 1 - n):
             for k in range(n + 1):
-                flown[n, p] += BINOMIAL[n, k] * e**k * d**p * raw[n - k, p + k]
+                flown[n, p] += BINOMIALS[n, k] * e**k * d**p * raw[n - k, p + k]
     noise = gaussian_raw_moments(q[0, 0], q[0, 1], q[1, 1], order)
     out = np.zeros_like(raw)
     for n in range(order + 1):
         for p in range(order + 1 - n):
             for i in range(n + 1):
                 for j in range(p + 1):
-                    out[n, p] += BINOMIAL[n, i] * BINOMIAL[p, j] * flown[i, j] * noise[n - i, p - j]
+                    out[n, p] += (
+                        BINOMIALS[n, i] * BINOMIALS[p, j] * flown[i, j] * noise[n - i, p - j]
+                    )
     return out
 
 

@@ -20,7 +20,13 @@ from rattle.closure.edgeworth import (
 )
 from rattle.closure.moments import Trace, advice, largest_error, within
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, count
-from rattle.scene.moments import ROUNDING, SMALLEST, Realizability, correlation, realizability
+from rattle.scene.moments import (
+    RHO_ROUNDING,
+    SMALLEST_DIVISOR,
+    Realizability,
+    correlation,
+    realizability,
+)
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.section_result import SectionResult
 from rattle.scene.units import at_times_in, check_units
@@ -29,12 +35,12 @@ if TYPE_CHECKING:  # tables are made when they are asked for, see `SectionResult
     import pandas as pd
 
 
-TOLERANCE = 0.05
+DEFAULT_TOLERANCE = 0.05
 """Error of a mean, in sds, above which a bound says "simulate" where no tolerance is given; twice
 that of an sd."""
 
 VELOCITIES = ("y1", "y2")
-SHOWN = 12  # impacts of an itinerary that a repr shows
+IMPACTS_SHOWN = 12  # impacts of an itinerary that a repr shows
 
 
 class Breakdown(NamedTuple):
@@ -99,8 +105,8 @@ class MeanMap(SectionResult):
 
     def __repr__(self) -> str:
         """What was predicted, on a few lines."""
-        shown = " ".join(f"{code:+d}" for code in self.itinerary[:SHOWN]) + " ..." * (
-            self.impacts > SHOWN
+        shown = " ".join(f"{code:+d}" for code in self.itinerary[:IMPACTS_SHOWN]) + " ..." * (
+            self.impacts > IMPACTS_SHOWN
         )
         broken = self.breakdown
         where = ""
@@ -139,7 +145,7 @@ class MeanMap(SectionResult):
     def advice(self) -> str:
         """Whether to use the closure or to simulate, by the bound of its errors; empty for a
         closure without one."""
-        asked = TOLERANCE if self.tolerance is None else self.tolerance
+        asked = DEFAULT_TOLERANCE if self.tolerance is None else self.tolerance
         return "" if self.trace.error is None else advice(self.trace, asked)
 
     @property
@@ -212,7 +218,7 @@ class MeanMap(SectionResult):
             if (name[-1] == "2") == (stage == 2)
         ]
         reasons = [f"sd of {name} = {sd:.3g} < 0" for name, sd in own if sd < 0.0]
-        reasons += [f"|rho| = {abs(rho):.4g} > 1"] * (abs(rho) > 1.0 + ROUNDING)
+        reasons += [f"|rho| = {abs(rho):.4g} > 1"] * (abs(rho) > 1.0 + RHO_ROUNDING)
         vx, vy = covariance.diagonal()
         return Realizability(
             not reasons, ", ".join(reasons), float(vx), float(vy), rho, float("nan")
@@ -282,7 +288,7 @@ class MeanMap(SectionResult):
                 [largest_error(e[i]) for e in t.error[1:]] for i in (0, 1)
             )
             table["within"] = within(
-                t.error, TOLERANCE if self.tolerance is None else self.tolerance
+                t.error, DEFAULT_TOLERANCE if self.tolerance is None else self.tolerance
             )[1:]
             table.loc[t.found + 1 :, "within"] = False
         if self.scene.stages == 1:
@@ -404,7 +410,7 @@ class MeanMap(SectionResult):
         """
         i = SECTION.index(choice("quantity", quantity, SECTION))
         count("impact", impact, least=1, most=self.impacts)
-        if impact > self.trace.found or self.trace.sd[impact, i] ** 2 < SMALLEST:
+        if impact > self.trace.found or self.trace.sd[impact, i] ** 2 < SMALLEST_DIVISOR:
             # the displacement at the wall that is struck is one value, which has no density
             return None
         if self.trace.parts is not None:

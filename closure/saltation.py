@@ -27,7 +27,7 @@ from rattle.scene.flight import (
     system_matrix,
 )
 from rattle.scene.linear_algebra import add_product, image, product, totals, transform
-from rattle.scene.moments import SMALLEST, semidefinite
+from rattle.scene.moments import SMALLEST_DIVISOR, semidefinite
 
 SLOWEST = 1e-6
 """Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no
@@ -254,7 +254,7 @@ def propagate(
         cube = sd[part] * sd[part] * sd[part]
         flight = flight_cumulants(first, hessian, p, q, slope, thirds)
         found_cubes = np.column_stack([cubes[:, 0], flight, cubes[:, 1:]])
-        np.divide(found_cubes, cube, out=skew[part], where=cube > SMALLEST)
+        np.divide(found_cubes, cube, out=skew[part], where=cube > SMALLEST_DIVISOR)
     return found, shift, sd, skew, section, covariance
 
 

@@ -22,8 +22,8 @@ from filelock import FileLock, Timeout
 from numba.core import event
 
 # a small run compiles the same machine code as a large one
-IMPACTS = 2
-PATHS = 64
+WARM_UP_IMPACTS = 2
+WARM_UP_PATHS = 64
 RARE_PATHS = 4096  # from which it is known that a branch is worth it
 WARM_UP = "warm-up"  # the command that needs all tasks
 LONGEST_TASK = 600.0  # seconds after which a process that has begun a task is no longer waited for
@@ -86,10 +86,10 @@ def tasks(orders: int = 1) -> dict[str, Task]:
 
     def predict(scene: rt.Scene, closure: str) -> None:
         """All that a closure can be asked for."""
-        found = rt.mean_map(scene, impacts=IMPACTS, closure=closure)
+        found = rt.mean_map(scene, impacts=WARM_UP_IMPACTS, closure=closure)
         start, end = found.section["tau"].iloc[[0, -1]]
         found.at_times([0.5 * (start + end)])
-        found.density(IMPACTS, "y1", np.zeros(1))
+        found.density(WARM_UP_IMPACTS, "y1", np.zeros(1))
 
     drive = tuple(rt.Order(order, 1.0 / order) for order in range(1, orders + 1))
     scene = rt.Scene.from_gears(rt.DAT21, sigma=0.1, drive=drive)
@@ -101,7 +101,7 @@ def tasks(orders: int = 1) -> dict[str, Task]:
     periodic = rt.Scene(
         alpha=0.25, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, sigma=0.01, drive=drive
     )
-    simulate = partial(rt.simulate, paths=PATHS, impacts=IMPACTS)
+    simulate = partial(rt.simulate, paths=WARM_UP_PATHS, impacts=WARM_UP_IMPACTS)
     kinds = {"": scene, ", one stage": single, ", gaps that vary": by_path}
     closures = {f"closure {c}{k}": partial(predict, kinds[k], c) for k in kinds for c in CLOSURES}
     schemes: dict[str, Task] = {}

@@ -14,10 +14,10 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 
-NUMBER = "RATTLE_COMPILERS"
+COMPILERS = "RATTLE_COMPILERS"
 """Environment variable: the number of processes that compile, this one included; otherwise the
 number of cores."""
-CODE = """
+HELPER_CODE = """
 import sys
 sys.path[:] = sys.argv[2:]
 from rattle.compare.warm_up import help_parent
@@ -39,7 +39,7 @@ def expect(command: str, orders: int = 1) -> None:
 def count_processes() -> int:
     """How many processes may compile at the same time."""
     with suppress(ValueError):
-        return int(os.environ.get(NUMBER, ""))
+        return int(os.environ.get(COMPILERS, ""))
     with suppress(AttributeError):  # not every system counts the cores of a process
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -63,11 +63,11 @@ def start(kept: Path) -> None:
     if busy or _expected in _asked or not may_start():
         return
     _asked.add(_expected)
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(kept.parent), NUMBER: "1"}
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(kept.parent), COMPILERS: "1"}
     with suppress(Exception):  # whatever forbids it
         for _ in range(count_processes() - 1):
             process = subprocess.Popen(
-                [sys.executable, "-c", CODE, _expected, *map(str, sys.path)],
+                [sys.executable, "-c", HELPER_CODE, _expected, *map(str, sys.path)],
                 env=environment,
                 stdin=subprocess.PIPE,  # it ends when this is closed, however this process ends
                 stdout=subprocess.DEVNULL,

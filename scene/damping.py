@@ -14,10 +14,10 @@ import numpy as np
 
 from rattle.scene.compiled import jit, shared
 
-SMALL = 0.5  # beta t below which the differences cancel and the series is summed instead
+SMALL_DECAY = 0.5  # beta t below which the differences cancel and the series is summed instead
 PHI2_SERIES = np.array([1.0 / math.factorial(k) for k in range(18, 1, -1)])
 """Coefficients of ``phi2(-z) = 1/2 - z/3! + z^2/4! - ...``, highest power first: to rounding for
-|z| < `SMALL`."""
+|z| < `SMALL_DECAY`."""
 
 
 @shared
@@ -40,7 +40,7 @@ def decay(beta: float, t: float) -> float:
 def damp(beta: float, t: float) -> tuple[float, float]:
     """`phi1` and `decay` together, with one exponential for both where ``beta t`` is small."""
     e = phi1(beta, t)
-    return e, (1.0 - beta * e if abs(beta * t) < SMALL else decay(beta, t))
+    return e, (1.0 - beta * e if abs(beta * t) < SMALL_DECAY else decay(beta, t))
 
 
 @shared
@@ -51,7 +51,7 @@ def phi2(beta: float, t: float) -> float:
     Summed as a series where the difference would cancel.
     """
     z = beta * t
-    if abs(z) > SMALL:
+    if abs(z) > SMALL_DECAY:
         return t * t * ((z + math.expm1(-z)) / z / z)
     total = 0.0
     for coefficient in PHI2_SERIES:
@@ -83,7 +83,7 @@ def pair(beta1: float, beta2: float, t: float) -> Pair:
     - e2 = (d e1 - (d1 - d2)) / beta2``.
     """
     d = beta2 - beta1
-    if max(beta1, beta2) * abs(t) < SMALL:
+    if max(beta1, beta2) * abs(t) < SMALL_DECAY:
         z1 = -beta1 * t
         z2 = -beta2 * t
         value = 0.0

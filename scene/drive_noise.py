@@ -16,12 +16,13 @@ from numpy.polynomial import Legendre
 
 from rattle.scene.types import Bools, Floats
 
-FAR = 8.0  # robust standard deviations from which on a period is left out: never a normal one
-FEW = 0.2  # share of the periods up to which they are left out
+# robust standard deviations from which on a period is left out: never a normal one
+FAR_PERIOD = 8.0
+MOST_LEFT_OUT = 0.2  # share of the periods up to which they are left out
 CYCLES = (1, 2, 3, 4, 5, 6, 8)  # periods after which a pattern may repeat
 HIGHEST_DEGREE = 12  # of the polynomial of a slow change
-SLOW = 4  # periods at least for each number of a pattern
-PASSES = 3  # between leaving out periods and finding their pattern
+PERIODS_PER_NUMBER = 4  # periods at least for each number of a pattern
+PATTERN_PASSES = 3  # between leaving out periods and finding their pattern
 # times log(periods) for each number of a model: white noise of 60 periods passes in 5 of 10,000
 PENALTY = 3.0
 RESOLVED = 1e-7  # scatter, relative to the mean, below which nothing is looked for
@@ -46,8 +47,8 @@ def _find_near(residual: Floats, good: Bools, least: float) -> Bools:
     exception."""
     size = np.abs(residual - np.median(residual[good]))
     sd = 1.4826 * float(np.median(size[good]))
-    near = good & (size <= max(FAR * sd, least))
-    return near if near.sum() >= (1.0 - FEW) * good.sum() else good
+    near = good & (size <= max(FAR_PERIOD * sd, least))
+    return near if near.sum() >= (1.0 - MOST_LEFT_OUT) * good.sum() else good
 
 
 def find_pattern(
@@ -59,12 +60,12 @@ def find_pattern(
     """
     number = np.arange(float(len(values)))
     domain = (0.0, len(values) - 1.0)
-    degrees = range(min(HIGHEST_DEGREE, len(values) // SLOW) + 1)
+    degrees = range(min(HIGHEST_DEGREE, len(values) // PERIODS_PER_NUMBER) + 1)
     powers = np.transpose([Legendre.basis(degree, domain)(number) for degree in degrees])
     rows = _find_near(values, good, least)
-    for _ in range(PASSES):
+    for _ in range(PATTERN_PASSES):
         scores = {}
-        for cycle in (c for c in cycles if c * SLOW <= len(values)):
+        for cycle in (c for c in cycles if c * PERIODS_PER_NUMBER <= len(values)):
             phases = _mark_phases(number, cycle)
             parts, _ = np.linalg.qr(np.hstack([phases, powers])[rows])
             rest = values[rows, None] - np.cumsum(parts * (parts.T @ values[rows]), axis=1)

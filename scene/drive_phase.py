@@ -9,7 +9,7 @@ from rattle.scene.drive_noise import find_pattern
 from rattle.scene.errors import InputError, count, positive
 from rattle.scene.measured_file import Measurement
 from rattle.scene.period_fits import (
-    TURN,
+    FULL_TURN,
     PeriodFits,
     Samples,
     Waves,
@@ -21,11 +21,11 @@ from rattle.scene.types import Bools, Floats
 
 LEAST_PERIODS = 8
 LEAST_SAMPLES = 16
-LONGEST_STEP = TURN / 8.0  # of the phase, between two samples
+LONGEST_STEP = FULL_TURN / 8.0  # of the phase, between two samples
 LEAST_SPIKE = 0.003  # of the range of the mean period, up to which no sample stands out from it
 SLIP = 0.02  # share by which the frequency in the file may differ from the stated one
-STRONGEST = 4  # orders by which the frequency is found
-PASSES = 6  # of the phase: each shrinks its error by more than ten times
+STRONGEST_ORDERS = 4  # orders by which the frequency is found
+PHASE_PASSES = 6  # of the phase: each shrinks its error by more than ten times
 NEIGHBOURS = 11  # samples whose median a sample is compared with: five bad ones in a row are seen
 SPIKE = 10.0  # times the usual step from sample to sample, beyond which a sample is bad
 USUAL = 0.9  # quantile of the steps
@@ -33,10 +33,11 @@ RARE = 0.01  # share of the samples from which on they are no bad ones, but a mo
 FAR_PHASE = 0.1  # rad, up to which no period counts as far off
 # rad of the strongest order, from which on its phase cannot be followed from period to period
 UNSTEADY = 0.6
-MOST = 0.5  # share of the periods whose phases are to be compared, for a phase to be followed
+# share of the periods whose phases are to be compared, for a phase to be followed
+SHARE_COMPARED = 0.5
 FASTER = 0.3  # relative change of the frequency that is never a slow one of the stated
-EXACT = 1e-9  # rad, up to which the phase is left as it is
-ALIKE = 2.0  # factor between the sizes of two periods, up to which their phases are compared
+PHASE_RESOLUTION = 1e-9  # rad, up to which the phase is left as it is
+ALIKE_SIZES = 2.0  # factor between the sizes of two periods, up to which their phases are compared
 
 
 def is_spike(values: Floats, least: float = 0.0) -> Bools:
@@ -61,14 +62,14 @@ def find_shift(fits: PeriodFits, slip: float) -> float:
     waves = waves / np.maximum(length, np.median(length))[:, None]
     # of a turn in a period: the direction of a faster one is not known
     usable = fits.orders * slip < 0.4
-    strongest = np.argsort(np.where(usable, np.median(size, axis=0), 0.0))[-STRONGEST:]
+    strongest = np.argsort(np.where(usable, np.median(size, axis=0), 0.0))[-STRONGEST_ORDERS:]
     shares = np.linspace(
         -slip, slip, 1 + 2 * math.ceil(8.0 * slip * fits.orders[strongest].max() * len(fits.waves))
     )
     power = np.zeros(len(shares))
     for j in strongest:
         turns = np.outer(shares, fits.orders[j] * number)
-        power += np.abs(np.exp(-1j * TURN * turns) @ waves[:, j]) ** 2
+        power += np.abs(np.exp(-1j * FULL_TURN * turns) @ waves[:, j]) ** 2
     return float(shares[power.argmax()])
 
 
@@ -84,14 +85,14 @@ def follow_phase(samples: Samples, highest: int, slip: float) -> tuple[Samples, 
     shift = find_shift(fit_periods(samples, highest), slip)
     tau = tau * (1.0 + shift)
     rate = rate * (1.0 + shift)
-    for _ in range(PASSES):
+    for _ in range(PHASE_PASSES):
         now = Samples(tau, samples.values / rate**samples.power, samples.power)
         fits = fit_periods(now, highest)
         size = np.abs(fits.filled)
         leader = int(np.median(size, axis=0).argmax())
         usual = float(np.median(size[:, leader]))
-        alike = (size[:, leader] < ALIKE * usual) & (size[:, leader] > usual / ALIKE)
-        if alike.sum() < MOST * len(alike):
+        alike = (size[:, leader] < ALIKE_SIZES * usual) & (size[:, leader] > usual / ALIKE_SIZES)
+        if alike.sum() < SHARE_COMPARED * len(alike):
             break
         angle = np.zeros(len(size))
         angle[alike] = np.unwrap(np.angle(fits.waves[alike, leader])) / fits.orders[leader]
@@ -99,13 +100,13 @@ def follow_phase(samples: Samples, highest: int, slip: float) -> tuple[Samples, 
         if fits.orders[leader] * float(pattern.residual[pattern.good].std()) > UNSTEADY:
             break
         ahead = pattern.slow
-        number = tau / TURN - 0.5
-        faster = 1.0 + ahead.deriv()(number) / TURN
+        number = tau / FULL_TURN - 0.5
+        faster = 1.0 + ahead.deriv()(number) / FULL_TURN
         if np.abs(faster - 1.0).max() > FASTER:
             break
         tau = tau + ahead(number) - ahead(number[0])
         rate = rate * faster
-        if np.abs(ahead(number) - ahead(number[0])).max() < EXACT:
+        if np.abs(ahead(number) - ahead(number[0])).max() < PHASE_RESOLUTION:
             break
     return Samples(tau, samples.values / rate**samples.power, samples.power), rate
 
@@ -136,7 +137,7 @@ class Followed:
     def length(self) -> float:
         """Periods from the first sample to one step after the last."""
         tau = self.samples.tau
-        return float((tau[-1] + np.median(np.diff(tau))) / TURN)
+        return float((tau[-1] + np.median(np.diff(tau))) / FULL_TURN)
 
     @property
     def scatter(self) -> float:
@@ -173,7 +174,7 @@ def guess_phases(
             raise InputError("gears.omega", None, why)
         at = at * per_turn / omega
     if periods is not None:
-        stated = TURN * count("drive.periods", periods) / (at[-1] + at[-1] / (len(at) - 1))
+        stated = FULL_TURN * count("drive.periods", periods) / (at[-1] + at[-1] / (len(at) - 1))
         if omega is not None and abs(stated / omega - 1.0) > SLIP:
             why = f"would be a frequency of {stated:.5g} rad/s, not the {omega:.5g} of the gears"
             raise InputError("drive.periods", periods, why)
@@ -216,7 +217,7 @@ def _phases_of_rotation(
         why = f"but the file turns at {own / per_turn:.5g} rad/s, with {per_turn} periods in a turn"
         raise InputError("gears.omega", omega, why)
     steady = own * time, np.full(len(time), own)
-    starts = np.arange(0.0, per_turn * angle[-1], TURN)
+    starts = np.arange(0.0, per_turn * angle[-1], FULL_TURN)
     if len(starts) < LEAST_PERIODS:
         return [steady]
     phase = CubicSpline(np.interp(starts / per_turn, angle, time), starts)
@@ -236,7 +237,7 @@ def follow(
     tau, rate = phase
     _check_sampling(measured, tau)
     everything = Samples(tau, measured.values * radius / rate**measured.power, measured.power)
-    most = int(len(tau) / (tau[-1] / TURN) / 4.0)
+    most = int(len(tau) / (tau[-1] / FULL_TURN) / 4.0)
     samples, factor = follow_phase(everything.select(good), min(highest, most), slip)
     fits = fit_periods(samples, min(2 * highest, most))
     followed = Followed(samples, rate[good] * factor, fits, good, float(np.mean(factor)) - 1.0)
@@ -257,8 +258,8 @@ def _check_sampling(measured: Measurement, tau: Floats) -> None:
     number = count_periods(tau)
     if number < LEAST_PERIODS:
         why = f"is too short; {LEAST_PERIODS} periods are the least"
-        raise InputError("drive.file", f"{tau[-1] / TURN:.3g} periods", why)
-    each = TURN * len(tau) / tau[-1]
+        raise InputError("drive.file", f"{tau[-1] / FULL_TURN:.3g} periods", why)
+    each = FULL_TURN * len(tau) / tau[-1]
     if each < LEAST_SAMPLES:
         raise InputError(
             "drive.file",

@@ -16,7 +16,7 @@ from rattle.scene.text import harmless, show
 
 C = TypeVar("C")
 
-LONGEST = 300  # most characters of a value that a message quotes
+LONGEST_QUOTE = 300  # most characters of a value that a message quotes
 
 
 class RattleError(Exception):
@@ -61,12 +61,12 @@ class InputError(RattleError, ValueError):
 
 
 def _show(value: object) -> str:
-    """A value as it was given, cut to `LONGEST` characters."""
+    """A value as it was given, cut to `LONGEST_QUOTE` characters."""
     try:
         text = show(value)
     except Exception:  # a whole number of too many digits, or an object of the user's own
         text = f"<{type(value).__name__}>"
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return text if len(text) <= LONGEST_QUOTE else text[: LONGEST_QUOTE - 3] + "..."
 
 
 class FileError(InputError):

@@ -17,7 +17,7 @@ from typing import Any
 from rattle.scene.errors import FileError, InputError
 
 TABLE = re.compile(r"\s*\[+([^\[\]]+)\]")
-KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
+KEY_PATTERN = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
 PLACE = re.compile(r"\(at line (\d+),")
 COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)")
 MOST_BYTES = 2**28
@@ -31,7 +31,7 @@ LONG_KEY = re.compile(
 )
 MOST_BITS = 1000
 """Most bits of an integer: any seed has fewer, and a floating-point number holds it."""
-PATIENCE = 5.0  # seconds in which somebody has to open a pipe for writing
+PIPE_PATIENCE = 5.0  # seconds in which somebody has to open a pipe for writing
 
 
 def read_text(what: str, path: str | Path, give: str = "a TOML file") -> str:
@@ -60,7 +60,7 @@ def _read(path: Path) -> bytes:
         first: bytes | None = None
         if (
             stat.S_ISFIFO(os.fstat(file.fileno()).st_mode)
-            and not select.select([file], [], [], PATIENCE)[0]
+            and not select.select([file], [], [], PIPE_PATIENCE)[0]
         ):
             # None while somebody who has opened it has written nothing yet
             first = file.raw.read(1)
@@ -189,7 +189,7 @@ def _line_of(text: str, error: InputError) -> int | None:
     for number, line in enumerate(text.splitlines(), start=1):
         if found := TABLE.match(line):
             table = found[1].strip()
-        found = KEY.match(line)
+        found = KEY_PATTERN.match(line)
         if found and any(
             found[1] == name and (not of or f".{table}".endswith(f".{of}")) for of, name in wanted
         ):

@@ -9,7 +9,7 @@ from rattle.scene.gears import DRIVES, Gears, drive_by
 from rattle.scene.parts import Start
 from rattle.scene.scene import FREE, Scene
 
-UNITS = ("omega", "backlash1")
+UNIT_VALUES = ("omega", "backlash1")
 """Values of gears that units of time, length and speed depend on."""
 
 

@@ -19,16 +19,16 @@ from rattle.scene.gears import DAT21, DRIVES, SPEEDS, WHEEL2, Gears
 from rattle.scene.measured_drive import MeasuredDrive, measure_drive
 from rattle.scene.parts import Order
 
-FIELDS = tuple(f.name for f in fields(Gears))
+GEAR_FIELDS = tuple(f.name for f in fields(Gears))
 REQUIRED = tuple(f.name for f in fields(Gears) if f.default is MISSING)
 OPTIONAL = (*DRIVES, "driver_radius", *SPEEDS, "tolerance")
 AMPLITUDES = {"amplitude_mm": "amplitude", "amplitude_rad": "amplitude_rad"}
 """An order's amplitude on the driver's pitch circle, in mm or rad, and what the gears call their
 own."""
-MEASURED = ("file", "periods", "periods_per_turn", "highest_order")
+MEASURED_KEYS = ("file", "periods", "periods_per_turn", "highest_order")
 """Keys of the table ``[drive]`` of a measured drive."""
-ORDER = ("order", "amplitude", *AMPLITUDES, "phase", "phase_degrees")
-TOLERANCE = ("backlash1", "backlash2", "distribution", "draw")
+ORDER_KEYS = ("order", "amplitude", *AMPLITUDES, "phase", "phase_degrees")
+TOLERANCE_KEYS = ("backlash1", "backlash2", "distribution", "draw")
 
 
 def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
@@ -38,10 +38,10 @@ def read_gears(table: Mapping[str, Any], stages: object) -> Gears:
     `Gears.driven`. `stages`: Of the scene; for a single stage all values of wheel 2 may be left
     out.
     """
-    check_keys("gears", table, (*FIELDS, *OPTIONAL))
+    check_keys("gears", table, (*GEAR_FIELDS, *OPTIONAL))
     values = {name: value for name, value in table.items() if name != "tolerance"}
     drives = [name for name in DRIVES if name in values]
-    wanted = REQUIRED if stages == 1 else sorted((*REQUIRED, *WHEEL2), key=FIELDS.index)
+    wanted = REQUIRED if stages == 1 else sorted((*REQUIRED, *WHEEL2), key=GEAR_FIELDS.index)
     missing = [name for name in wanted if name not in values and not (name == "alpha" and drives)]
     if missing:
         single = (
@@ -71,7 +71,7 @@ def read_tolerance(table: Mapping[str, Any], gears: Gears) -> dict[str, Any] | N
     given = table["tolerance"]
     if not isinstance(given, Mapping):
         raise InputError("gears.tolerance", given, "write it as a table: [gears.tolerance]")
-    check_keys("gears.tolerance", given, TOLERANCE)
+    check_keys("gears.tolerance", given, TOLERANCE_KEYS)
     found: dict[str, Any] = {}
     for i in (1, 2):
         name = f"gears.tolerance.backlash{i}"
@@ -121,7 +121,7 @@ def read_drive(
         raise InputError("drive", given, "write each order as a table: [[drive]]")
     orders = []
     for table in given:
-        check_keys("drive", table, ORDER)
+        check_keys("drive", table, ORDER_KEYS)
         if "order" not in table:
             raise InputError(
                 "drive.order",
@@ -175,7 +175,7 @@ def read_measured(data: Mapping[str, Any]) -> MeasuredDrive:
     gears = data.get("gears", {})
     if "order" in table:
         raise InputError("drive", table, "write each order as a table: [[drive]]")
-    check_keys("drive", table, MEASURED)
+    check_keys("drive", table, MEASURED_KEYS)
     if "file" not in table:
         raise InputError(
             "drive.file", None, "is missing; or write each order as a table: [[drive]]"
@@ -227,7 +227,7 @@ LEAST_DRAG = 0.003 * 9.81  # N/kg: of the weight of a kilogram
 SWING = 0.5  # rad
 SOUND = 5e6  # mm/s
 
-PARTS = {
+VALUES_OF = {
     "beta1": ("damping1", "inertia1", "omega"),
     "beta2": ("damping2", "inertia2", "omega"),
     "gamma1": ("torque1", "radius1", "inertia1", "backlash1", "omega"),
@@ -316,7 +316,7 @@ def of_gears(gears: Gears, error: InputError) -> InputError:
     Returns: Names the field of gears that differs most from the paper's example; the same error for
     anything else.
     """
-    names = PARTS.get(error.field, ())
+    names = VALUES_OF.get(error.field, ())
     if not names:
         return error
     sizes = {

@@ -29,7 +29,7 @@ from rattle.scene.measured_file import RPM, Measurement, read_measurement
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.parts import Order
 from rattle.scene.period_fits import (
-    TURN,
+    FULL_TURN,
     PeriodFits,
     Samples,
     Waves,
@@ -46,18 +46,18 @@ if TYPE_CHECKING:
     from rattle.scene.plot import ShownFigure
 
 
-HIGHEST = 16  # order that is looked for by default
-SMALL = 0.01  # of the largest acceleration of an order, below which an order is left out
+HIGHEST_ORDER = 16  # order that is looked for by default
+SMALL_ORDER = 0.01  # of the largest acceleration of an order, below which an order is left out
 CHANCE = 4.0  # standard errors up to which an order is left out
 # share of the power of all periods that their mean has, below which the drive is not in the file
 COHERENT = 0.25
 REMEMBERS = 3.0  # standard errors of the correlation of successive periods from which on it is said
-FAR = 0.001  # of the mean period, up to which no period counts as far off
+FAR_OFF = 0.001  # of the mean period, up to which no period counts as far off
 DRIFTS = 0.002  # relative range of the frequency, or of the amplitude, from which on it is said
 CLEARLY = 0.5  # of the scatter over time, below which the orders follow the angle
 OFF = 0.1  # periods by which a stated number of periods may be off
 VANISHING = 1e-4  # share that is not written
-NAMED = 5  # lines that are named
+LINES_NAMED = 5  # lines that are named
 
 
 @numpy_defaults
@@ -187,7 +187,7 @@ def measure_drive(
     driver_radius: float | None = None,
     periods: int | None = None,
     periods_per_turn: int = 1,
-    highest_order: int = HIGHEST,
+    highest_order: int = HIGHEST_ORDER,
 ) -> MeasuredDrive:
     """Turn a measured motion of the driver into orders and a noise intensity.
 
@@ -285,7 +285,7 @@ def _analyse(
     waves = fits.filled
     mean, error = _average(waves[good])
     size = np.abs(mean)
-    kept = (orders <= highest) & (size > SMALL * size.max()) & (size > CHANCE * error)
+    kept = (orders <= highest) & (size > SMALL_ORDER * size.max()) & (size > CHANCE * error)
     if not kept.any():
         raise InputError(
             "gears.omega",
@@ -309,7 +309,7 @@ def _analyse(
     made = tuple(Order(int(order), a / amplitude, phase) for order, a, phase, k in rows if k)
 
     each = len(samples.tau) // len(waves)
-    tau = TURN * np.arange(each) / each
+    tau = FULL_TURN * np.arange(each) / each
     unit = found.omega**samples.power / (measured.factor * radius)
     derive = np.asarray(unit * (1j * orders) ** (samples.power - 2), np.complex128)
     cycles = np.real((derive * waves[good]) @ np.exp(1j * np.outer(orders, tau)))
@@ -336,10 +336,10 @@ def _analyse(
 
 def _find_good_periods(fits: PeriodFits, mean: Waves) -> tuple[Bools, int]:
     """Which periods do not stand far off the others, and after how many the motion repeats."""
-    large = np.abs(mean) > SMALL * np.abs(mean).max()
+    large = np.abs(mean) > SMALL_ORDER * np.abs(mean).max()
     shares = project(fits.filled[:, large], mean[large])
-    along = find_pattern(shares.real, fits.fitted, FAR)
-    across = find_pattern(shares.imag, along.good, FAR)
+    along = find_pattern(shares.real, fits.fitted, FAR_OFF)
+    across = find_pattern(shares.imag, along.good, FAR_OFF)
     return across.good, max(along.cycle, across.cycle)
 
 
@@ -378,7 +378,7 @@ def _tabulate(
     return {
         "order": [int(order) if order.is_integer() else order for order in numbers],
         "amplitude_mm": np.abs(displacement[rows]).tolist(),
-        "phase": [math.remainder(phase, TURN) for phase in phases],
+        "phase": [math.remainder(phase, FULL_TURN) for phase in phases],
         "se_mm": (error / orders**2)[rows].tolist(),
         "kept": kept[rows].tolist(),
     }
@@ -396,8 +396,8 @@ def _remark(
     """What else was found, in sentences."""
     bad = np.flatnonzero(~found.good)
     if len(bad):
-        named = [f"{measured.lines[k]} ({measured.written[k]:g})" for k in bad[:NAMED]]
-        more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
+        named = [f"{measured.lines[k]} ({measured.written[k]:g})" for k in bad[:LINES_NAMED]]
+        more = f" and {len(bad) - LINES_NAMED} more" if len(bad) > LINES_NAMED else ""
         yield (
             "Left out as bad, far off their neighbours: the samples of line"
             f" {', '.join(named)}{more}."
@@ -405,11 +405,11 @@ def _remark(
     off = np.flatnonzero(~pattern.good)
     if len(off):
         lines = measured.lines[found.good]
-        edges = np.searchsorted(found.samples.tau, TURN * np.stack([off, off + 1])) - np.array(
+        edges = np.searchsorted(found.samples.tau, FULL_TURN * np.stack([off, off + 1])) - np.array(
             [[0], [1]]
         )
-        named = [f"{lines[first]} to {lines[last]}" for first, last in edges.T[:NAMED]]
-        more = f" and {len(off) - NAMED} more" if len(off) > NAMED else ""
+        named = [f"{lines[first]} to {lines[last]}" for first, last in edges.T[:LINES_NAMED]]
+        more = f" and {len(off) - LINES_NAMED} more" if len(off) > LINES_NAMED else ""
         many = f"{len(off)} of {len(pattern.good)} periods"
         yield f"{many} are left out, far off the others: line {', '.join(named)}{more}."
     if stated is not None and abs(found.length - stated) > OFF:
@@ -418,8 +418,8 @@ def _remark(
     rows = zip(table["order"], table["amplitude_mm"], table["se_mm"], strict=True)
     between = [(order, a) for order, a, se in rows if order % 1.0 > 0.0 and a > CHANCE * se]
     if between:
-        largest = sorted(between, key=itemgetter(1), reverse=True)[:NAMED]
-        largest = [(order, a) for order, a in largest if a > SMALL * largest[0][1]]
+        largest = sorted(between, key=itemgetter(1), reverse=True)[:LINES_NAMED]
+        largest = [(order, a) for order, a in largest if a > SMALL_ORDER * largest[0][1]]
         parts = ", ".join(f"order {order:.3g} {a:.2g} mm" for order, a in sorted(largest))
         yield (
             f"The motion repeats only after {cycle} periods: {parts} count as left out, not as"

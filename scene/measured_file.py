@@ -33,7 +33,7 @@ VALUES = {
 HEADER = re.compile(r"(?:crank )?(\w+)\s*[\[(]\s*([^\])]+?)\s*[\])]", flags=re.I)
 CLOCK = re.compile(r"\d:\d\d|\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4}")
 LEAST_ROWS = 128  # of 8 periods with 16 samples each
-EXAMPLE = "time [ms], speed [rpm]"
+FILE_EXAMPLE = "time [ms], speed [rpm]"
 MISSING = ("", "nan", "inf", "-inf", "na", "n/a", "null", "none")
 
 
@@ -120,13 +120,13 @@ def _rows(text: str) -> Iterator[tuple[int, str, str, list[str]]]:
 def _read_header(head: str, names: list[str]) -> list[tuple[str, str]]:
     """Name and unit of both columns."""
     if len(names) != 2:
-        why = f"has {len(names)} column{'s' * (len(names) != 1)}; keep two, as in: {EXAMPLE}"
+        why = f"has {len(names)} column{'s' * (len(names) != 1)}; keep two, as in: {FILE_EXAMPLE}"
         raise InputError("drive.file", head, why)
     found = []
     for name, known in zip(names, (ALONG, VALUES), strict=True):
         parts = HEADER.fullmatch(name)
         if parts is None:
-            why = f"name two columns with their units in its first line, as in: {EXAMPLE}"
+            why = f"name two columns with their units in its first line, as in: {FILE_EXAMPLE}"
             raise InputError("drive.file", head, why)
         column = parts[1].lower()
         unit = parts[2]
@@ -134,7 +134,7 @@ def _read_header(head: str, names: list[str]) -> list[tuple[str, str]]:
             raise InputError(
                 "drive.file",
                 parts[1],
-                f"is no such column; give {' or '.join(known)}, as in: {EXAMPLE}",
+                f"is no such column; give {' or '.join(known)}, as in: {FILE_EXAMPLE}",
             )
         if unit not in known[column]:
             why = f"has an unknown unit; give {', '.join(known[column])}"

@@ -13,10 +13,11 @@ from rattle.scene.types import Floats
 
 Number = TypeVar("Number", float, Floats)
 
-ROUNDING = 1e-9  # relative tolerance for rounding in |rho| <= 1 and in Cholesky pivots
+RHO_ROUNDING = 1e-9  # relative tolerance for rounding in |rho| <= 1 and in Cholesky pivots
 # smallest variance, or power of an sd, that has all its digits and may be a divisor
-SMALLEST = 1e-290
-LOST = 4.0 * 2.0**-52  # a variance below this times the square of its largest term is rounding
+SMALLEST_DIVISOR = 1e-290
+# a variance below this times the square of its largest term is rounding
+LOST_VARIANCE = 4.0 * 2.0**-52
 
 
 class Realizability(NamedTuple):
@@ -38,7 +39,7 @@ def correlation(covariance: Floats) -> float:
     if not (covariance[0, 0] > 0.0 and covariance[1, 1] > 0.0):
         return float("nan")
     rho = float(covariance[0, 1] / np.sqrt(covariance[0, 0]) / np.sqrt(covariance[1, 1]))
-    return rho if abs(rho) > 1.0 + ROUNDING else max(-1.0, min(1.0, rho))
+    return rho if abs(rho) > 1.0 + RHO_ROUNDING else max(-1.0, min(1.0, rho))
 
 
 def realizability(covariance: Floats) -> Realizability:
@@ -56,7 +57,7 @@ def realizability(covariance: Floats) -> Realizability:
     cross = float(covariance[0, 1])
     smallest = _smallest_eigenvalue(vx, cross, vy)
     reasons = [f"variance of {name} = {v:.3g} < 0" for name, v in (("x", vx), ("y", vy)) if v < 0.0]
-    if abs(rho) > 1.0 + ROUNDING:
+    if abs(rho) > 1.0 + RHO_ROUNDING:
         reasons.append(f"|rho| = {abs(rho):.4g} > 1")
     if not reasons and cross != 0.0 and min(vx, vy) == 0.0:
         reasons.append(
@@ -88,12 +89,12 @@ def _is_clear(a: Floats, scale: Floats) -> bool:
     for j in range(n):
         if a[j, j] == 0.0 and not a[j].any():
             continue
-        if a[j, j] < SMALLEST:
+        if a[j, j] < SMALLEST_DIVISOR:
             return False
         pivot = a[j, j]
         for k in range(j):
             pivot -= root[j, k] * root[j, k]
-        if not (pivot > ROUNDING * a[j, j] and a[j, j] > LOST * scale[j] * scale[j]):
+        if not (pivot > RHO_ROUNDING * a[j, j] and a[j, j] > LOST_VARIANCE * scale[j] * scale[j]):
             return False
         root[j, j] = math.sqrt(pivot)
         for i in range(j + 1, n):
@@ -116,7 +117,9 @@ def semidefinite(covariance: Floats, scale: Floats) -> Floats:
     covariance = 0.5 * (covariance + covariance.T)  # rounding is not symmetric
     if _is_clear(covariance, scale) or not np.isfinite(covariance).all():
         return covariance
-    resolved = (np.diagonal(covariance) > np.maximum(LOST * scale**2, SMALLEST)) & (scale > 0.0)
+    resolved = (
+        np.diagonal(covariance) > np.maximum(LOST_VARIANCE * scale**2, SMALLEST_DIVISOR)
+    ) & (scale > 0.0)
     size = np.where(resolved, scale, 1.0)
     values, vectors = eigen(
         np.where(resolved & resolved[:, None], covariance / size[:, None] / size, 0.0)

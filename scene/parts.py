@@ -24,15 +24,15 @@ UNIT_VARIANCE = {
 """Variance of c for ``c_max = 1``, by distribution."""
 DRAWS = ("path", "contact")
 
-TINY = 1e-30
+LEAST_SIZE = 1e-30
 """Smallest size of a parameter that is not 0: its sixth moments do not underflow."""
 GAPS = (1e-9, 1e6)
-HIGHEST = 1000  # order of a drive
-TURN = 6.2832  # largest phase of an order: 2 pi, also as people round it
-MEMORY = (1e-4, 1e6)  # correlation times of noise that is not white
+LARGEST_ORDER = 1000  # order of a drive
+LARGEST_PHASE = 6.2832  # largest phase of an order: 2 pi, also as people round it
+MEMORY_RANGE = (1e-4, 1e6)  # correlation times of noise that is not white
 # largest speed and time of a start; a float resolves 1e-4 at a time of 1e12
-SPEED = 1e6
-TIME = 1e12
+LARGEST_SPEED = 1e6
+LARGEST_TIME = 1e12
 
 
 @suggesting
@@ -73,7 +73,7 @@ class Tolerance:
             check_range(
                 f"tolerance.{name}",
                 non_negative(f"tolerance.{name}", getattr(self, name)),
-                TINY,
+                LEAST_SIZE,
                 GAPS[1],
             )
         choice("tolerance.distribution", self.distribution, UNIT_VARIANCE)
@@ -122,11 +122,13 @@ class Order:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "order", count("drive.order", self.order, least=1, most=HIGHEST))
+        object.__setattr__(
+            self, "order", count("drive.order", self.order, least=1, most=LARGEST_ORDER)
+        )
         for name in ("amplitude", "phase"):
             object.__setattr__(self, name, finite(f"drive.{name}", getattr(self, name)))
-        check_range("drive.amplitude", self.amplitude, TINY, GAPS[1])
-        if abs(self.phase) > TURN:
+        check_range("drive.amplitude", self.amplitude, LEAST_SIZE, GAPS[1])
+        if abs(self.phase) > LARGEST_PHASE:
             degrees = f"if it is in degrees, write {math.radians(self.phase):.6g}"
             why = (
                 f"is in radians, from -2 pi to 2 pi; {degrees}, or phase_degrees = {self.phase:g}"
@@ -176,7 +178,12 @@ class Start:
     def __post_init__(self) -> None:
         for name in ("tau", "x1", "y1", "x2", "y2"):
             object.__setattr__(self, name, finite(f"start.{name}", getattr(self, name)))
-        check_range("start.tau", self.tau, 0.0, TIME)
-        for name, most in (("x1", GAPS[1]), ("x2", GAPS[1]), ("y1", SPEED), ("y2", SPEED)):
+        check_range("start.tau", self.tau, 0.0, LARGEST_TIME)
+        for name, most in (
+            ("x1", GAPS[1]),
+            ("x2", GAPS[1]),
+            ("y1", LARGEST_SPEED),
+            ("y2", LARGEST_SPEED),
+        ):
             check_range(f"start.{name}", getattr(self, name), 0.0, most)
         object.__setattr__(self, "mesh", count("start.mesh", self.mesh, least=0, most=2))

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from rattle.scene.types import Bools, Floats, Ints
 
 Waves = NDArray[np.complex128]
-TURN = 2.0 * np.pi
-SPARE = 1.25  # rows over columns below which a period is not fitted
-NODES = (np.arange(4) + 0.5) / 4.0  # shares of a step at which the drive is integrated
+FULL_TURN = 2.0 * np.pi
+SPARE_ROWS = 1.25  # rows over columns below which a period is not fitted
+STEP_NODES = (np.arange(4) + 0.5) / 4.0  # shares of a step at which the drive is integrated
 
 
 @dataclass(frozen=True)
@@ -62,17 +62,17 @@ class PeriodFits:
 def count_periods(tau: Floats) -> int:
     """Whole periods from the first sample to one step after the last."""
     end = tau[-1] + (tau[-1] - tau[0]) / (len(tau) - 1)
-    return int(end / TURN + 1e-6)
+    return int(end / FULL_TURN + 1e-6)
 
 
 def _windows(samples: Samples, cycle: int, highest: int) -> Iterator[tuple[Ints, Floats]]:
     """Rows of each window, and its design matrix: polynomial, cosines, sines."""
-    length = TURN * cycle
+    length = FULL_TURN * cycle
     number = count_periods(samples.tau) // cycle
     bounds = np.searchsorted(samples.tau, length * np.arange(number + 1) - 1e-9)
     for k in range(number):
         rows = np.arange(bounds[k], bounds[k + 1])
-        angle = samples.tau[rows] / cycle - TURN * k
+        angle = samples.tau[rows] / cycle - FULL_TURN * k
         waves = np.outer(angle, np.arange(1, cycle * highest + 1))
         drift = legvander(angle / np.pi - 1.0, 2 - samples.power)
         yield rows, np.hstack([drift, np.cos(waves), np.sin(waves)])
@@ -84,7 +84,7 @@ def fit_periods(samples: Samples, highest: int, cycle: int = 1) -> PeriodFits:
     waves = []
     for rows, design in _windows(samples, cycle, highest):
         wave = np.full(len(orders), np.nan + 0j)
-        if len(rows) >= SPARE * design.shape[1]:
+        if len(rows) >= SPARE_ROWS * design.shape[1]:
             values = samples.values[rows]
             found = np.linalg.solve(design.T @ design, design.T @ (values - values.mean()))[
                 3 - samples.power :
@@ -125,7 +125,7 @@ def measure_gains(samples: Samples, highest: int, mean: Waves) -> tuple[Floats, 
     aim = np.concatenate([np.zeros(3 - samples.power), np.real(target), np.imag(target)])
     drive, own = np.full((2, count_periods(samples.tau)), np.nan)
     for k, (rows, design) in enumerate(_windows(samples, 1, highest)):
-        if len(rows) < SPARE * design.shape[1]:
+        if len(rows) < SPARE_ROWS * design.shape[1]:
             continue
         q = design @ np.linalg.solve(design.T @ design, aim)
         tau = samples.tau[rows]
@@ -136,12 +136,12 @@ def measure_gains(samples: Samples, highest: int, mean: Waves) -> tuple[Floats, 
             continue
         step = np.diff(tau)
         ahead = np.cumsum(q[::-1])[::-1][1:]  # sum of the weights from the end of each step on
-        kernel = np.repeat(ahead[:, None], len(NODES), axis=1)
+        kernel = np.repeat(ahead[:, None], len(STEP_NODES), axis=1)
         if samples.power == 0:
             at_end = np.append(np.cumsum((ahead * step)[::-1])[::-1][1:], 0.0)
-            kernel = at_end[:, None] + ahead[:, None] * step[:, None] * (1.0 - NODES)
-        a = evaluate(orders, mean, tau[:-1, None] + step[:, None] * NODES)
-        drive[k] = ((kernel * a) ** 2 * step[:, None] / len(NODES)).sum()
+            kernel = at_end[:, None] + ahead[:, None] * step[:, None] * (1.0 - STEP_NODES)
+        a = evaluate(orders, mean, tau[:-1, None] + step[:, None] * STEP_NODES)
+        drive[k] = ((kernel * a) ** 2 * step[:, None] / len(STEP_NODES)).sum()
     return drive, own
 
 

@@ -22,13 +22,14 @@ from tqdm import tqdm
 
 from rattle.scene.text import duration_text, harmless, line
 
-FIRST = 1.5  # seconds without a word that nobody wonders about
+QUIET = 1.5  # seconds without a word that nobody wonders about
 BETWEEN = 15.0  # seconds between two lines of a log
-TICK = 0.5  # seconds between two states of the line that a terminal shows
-PATIENCE = 1.0  # seconds to wait for a thread that may be stuck where nobody reads what it says
+LINE_TICK = 0.5  # seconds between two states of the line that a terminal shows
+# seconds to wait for a thread that may be stuck where nobody reads what it says
+THREAD_PATIENCE = 1.0
 # of a terminal that does not say its size
-COLUMNS = 80
-ROWS = 24
+TERMINAL_COLUMNS = 80
+TERMINAL_ROWS = 24
 COMPILING = "compiling for this processor, once, a minute or so in all"
 
 ESTIMATES = logging.getLogger("rattle.estimate")
@@ -67,7 +68,7 @@ class Bar(tqdm):  # type: ignore[type-arg]  # generic in its stubs only
     def __init__(self, *given: Any, **settings: Any) -> None:
         with suppress(OSError, ValueError, AttributeError):  # a notebook has no size
             columns, rows = os.get_terminal_size(sys.stderr.fileno())
-            settings |= {"ncols": (columns or COLUMNS) - 1, "nrows": rows or ROWS}
+            settings |= {"ncols": (columns or TERMINAL_COLUMNS) - 1, "nrows": rows or TERMINAL_ROWS}
         super().__init__(*given, **settings)
 
 
@@ -129,7 +130,7 @@ class ProgressBar(Bar):
         counted = done - facts["initial"]
         if total is not None and counted > 0 and done < total:
             text += f", about {duration_text(elapsed / counted * (total - done), 2)} left"
-        elif elapsed >= FIRST:
+        elif elapsed >= QUIET:
             text += f", {duration_text(elapsed, 2)} so far"
         return f"{text} ({facts['postfix']})" if facts["postfix"] else text
 
@@ -223,7 +224,7 @@ class Speaker:
     def _speak(self, pause: float) -> None:
         while not self._ended.wait(pause):
             if shows_bars():
-                pause = TICK
+                pause = LINE_TICK
                 _show_status()
             else:
                 pause = BETWEEN
@@ -232,19 +233,19 @@ class Speaker:
     def stop(self) -> None:
         """Say nothing more, and leave nothing drawn."""
         self._ended.set()
-        self._thread.join(PATIENCE)
+        self._thread.join(THREAD_PATIENCE)
         _hide_status()
 
 
 @contextmanager
 def speaking(what: str) -> Iterator[None]:
-    """Context of a command, which says what it is doing once it has taken `FIRST` seconds.
+    """Context of a command, which says what it is doing once it has taken `QUIET` seconds.
 
     `what`: What it does as a whole; `do` and bars say more.
     """
     global _speaking
     do(what)
-    speaker = Speaker(FIRST)
+    speaker = Speaker(QUIET)
     _speaking += 1
     try:
         yield
@@ -282,7 +283,7 @@ class Compiler:
                 multiprocessing.parent_process() is None and "PYTEST_CURRENT_TEST" not in os.environ
             )
             if alone and not _speaking and shows_bars():
-                self._speaker = Speaker(max(FIRST - self._seconds, 0.0))
+                self._speaker = Speaker(max(QUIET - self._seconds, 0.0))
 
     def end(self) -> None:
         """A function is compiled, or cannot be."""

@@ -14,15 +14,22 @@ from rattle.scene import errors, gears_input
 from rattle.scene.errors import InputError, suggesting
 from rattle.scene.files import in_file, read_text, read_toml
 from rattle.scene.gears import DAT21, Gears
-from rattle.scene.parts import GAPS, MEMORY, SINE_ALONE, TINY, Order, Start, Tolerance
+from rattle.scene.parts import GAPS, LEAST_SIZE, MEMORY_RANGE, SINE_ALONE, Order, Start, Tolerance
 from rattle.scene.text import as_call, as_html
 from rattle.scene.types import SINE, Constants, Floats, Orders
 
 Times = TypeVar("Times", float, Floats)
 Part = TypeVar("Part")
 
-LARGEST = {"alpha": 1e6, "beta1": 1e4, "beta2": 1e4, "gamma1": 1e6, "gamma2": 1e6, "sigma": 1e6}
-FAR = 8
+LARGEST_VALUES = {
+    "alpha": 1e6,
+    "beta1": 1e4,
+    "beta2": 1e4,
+    "gamma1": 1e6,
+    "gamma2": 1e6,
+    "sigma": 1e6,
+}
+FAR_ORDERS = 8
 """Gap between orders above which the sine of the next one is not computed from that of the last."""
 FREE = ("sigma", "tolerance", "start", "stages", "drive", "correlation_time")
 """Fields of a scene that gears do not fix."""
@@ -109,8 +116,8 @@ class Scene:
         for f in fields(self):
             if f.type is float or f.type == "float":
                 object.__setattr__(self, f.name, errors.finite(f.name, getattr(self, f.name)))
-        for name, most in LARGEST.items():
-            least = 0.0 if name.startswith("beta") else TINY
+        for name, most in LARGEST_VALUES.items():
+            least = 0.0 if name.startswith("beta") else LEAST_SIZE
             errors.check_range(name, errors.non_negative(name, getattr(self, name)), least, most)
         errors.unit_interval("epsilon", self.epsilon)
         for name in ("gap1", "gap2"):
@@ -119,11 +126,11 @@ class Scene:
             raise InputError(
                 "mu", self.mu, "two stages need mu = I2 R1^2 / (I1 R2^2 + I2 R1^2), between 0 and 1"
             )
-        errors.check_range("mu", self.mu, TINY, 1.0)
+        errors.check_range("mu", self.mu, LEAST_SIZE, 1.0)
         errors.check_range(
             "correlation_time",
             errors.non_negative("correlation_time", self.correlation_time),
-            *MEMORY,
+            *MEMORY_RANGE,
         )
         self._check_drive()
         self._check_tolerance()
@@ -422,7 +429,7 @@ class Scene:
         odd, even = (
             a * np.array([turn(p) for p in phase.tolist()]) for turn in (math.cos, math.sin)
         )
-        gap = np.where(gap > FAR, 0, gap)
+        gap = np.where(gap > FAR_ORDERS, 0, gap)
         waves = np.empty((2, len(j)))
         return Orders(order, gap, odd, even, order[-1], most1, most2, most3, waves)
 

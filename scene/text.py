@@ -52,7 +52,7 @@ def duration_text(seconds: float, digits: int = 3) -> str:
     return f"{float(f'{seconds / units[name]:.{digits}g}'):g} {name}"
 
 
-WIDTH = 100
+TEXT_WIDTH = 100
 
 
 def show(value: object) -> str:
@@ -73,7 +73,7 @@ def as_call(name: str, arguments: Mapping[str, object], *, first: str = "") -> s
     )
     text = " ".join(f"{name}({listed})".split())
     return textwrap.fill(
-        text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
+        text, TEXT_WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
     )
 
 

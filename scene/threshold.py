@@ -11,7 +11,7 @@ from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.scene import Scene, check_scene
 from rattle.scene.types import Constants
 
-GRID = 32  # points for each order of the drive, among which the largest pull is looked for
+PULL_POINTS = 32  # points for each order of the drive, among which the largest pull is looked for
 ZOOMS = 6  # times that the place of the largest pull is looked for sixteen times as closely
 
 
@@ -117,12 +117,12 @@ def _largest_pull(c: Constants, beta: float) -> float:
         return float(c.alpha * np.hypot(1.0, beta))
     middle = np.pi
     half = np.pi
-    points = GRID * int(c.drive.highest)
+    points = PULL_POINTS * int(c.drive.highest)
     for _ in range(ZOOMS):
         tau = np.linspace(middle - half, middle + half, points + 1)
         rates = np.array([velocity_acceleration(c.drive, t) for t in tau])
         pull = -(rates[:, 1] + beta * rates[:, 0])
         middle = tau[pull.argmax()]
         half = 2.0 * half / points
-        points = GRID
+        points = PULL_POINTS
     return c.alpha * float(pull.max())

@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # a table is there before it is converted
 UNITS = ("dimensionless", "physical")
 """The systems of units in which results are given."""
 
-MOMENTS = ("", "se_", "bias_", "sd_", "se_sd_", "bias_sd_")
+UNIT_PREFIXES = ("", "se_", "bias_", "sd_", "se_sd_", "bias_sd_")
 """Prefixes of columns that have the unit of their quantity; skewness has none."""
 RATE = "impacts_per_s"
 """Column of the inverse of the mean time of flight."""
@@ -58,7 +58,7 @@ class Units(NamedTuple):
         found = {
             p + q: (f"{p}{q}_{unit}", factor)
             for q, (unit, factor) in quantities.items()
-            for p in MOMENTS
+            for p in UNIT_PREFIXES
         }
         for a, b in combinations_with_replacement(state, 2):
             one, first = state[a]

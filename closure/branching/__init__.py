@@ -6,9 +6,9 @@ closure.  The noise of the next flight is added at its start, so that the next i
 of a point in five dimensions, or in nine where flanks are random.  Components are split
 (`rattle.closure.branching.advance`), propagated to the impact
 (`rattle.closure.branching.propagate`), and merged after it (`rattle.closure.branching.mixture`).
-How many there may be is the closure's resolution: it is followed at two of the `LEVELS` at least,
-and estimates its own error from their difference, and from how far its components and their weights
-are known (`rattle.closure.moments`).
+How many there may be is the closure's resolution: it is followed at two of the `RESOLUTIONS` at
+least, and estimates its own error from their difference, and from how far its components and their
+weights are known (`rattle.closure.moments`).
 """
 
 import math
@@ -21,12 +21,12 @@ import numpy as np
 from rattle.closure.branching.advance import Level
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
-from rattle.closure.moments import SLOW, Trace, bounds, within
+from rattle.closure.moments import ERROR_PER_SLOW_SHARE, Trace, bounds, within
 from rattle.closure.orbit import follow
 from rattle.closure.section_map import PLAIN
 from rattle.scene import Floats, Scene
 
-LEVELS = (
+RESOLUTIONS = (
     Level(10, 18, 1e-2, 3e-3),
     Level(20, 60, 3e-3, 1e-3),
     Level(40, 180, 1e-3, 1e-4),
@@ -36,7 +36,8 @@ LEVELS = (
 
 
 def trace(scene: Scene, impacts: int, order: int, tolerance: float | None = None) -> Trace:
-    """Follow the branching closure, at the finest two of the `LEVELS`, or until a tolerance is met.
+    """Follow the branching closure, at the finest two of the `RESOLUTIONS`, or until a tolerance is
+    met.
 
     Principal axes mix times and lengths, so the result could depend on the unit of length: the one
     used is the power of two next to the gap, whatever the scene's.
@@ -73,9 +74,9 @@ def _in_unit(
 def _refine(scene: Scene, impacts: int, order: int, tolerance: float | None) -> Trace:
     """`trace` in the scene's own unit of length: from level to level, each bounded by its change
     from the last one."""
-    first = len(LEVELS) - 2 if tolerance is None else 0
-    found = _trace(scene, impacts, order, LEVELS[first])
-    for level in LEVELS[first + 1 :]:
+    first = len(RESOLUTIONS) - 2 if tolerance is None else 0
+    found = _trace(scene, impacts, order, RESOLUTIONS[first])
+    for level in RESOLUTIONS[first + 1 :]:
         coarse = found
         found = _trace(scene, impacts, order, level)
         error = bounds(coarse, found)
@@ -83,7 +84,7 @@ def _refine(scene: Scene, impacts: int, order: int, tolerance: float | None) -> 
         if tolerance is None:
             continue
         # slow impacts alone put the bounds above the tolerance: more components would not help
-        hopeless = found.slow is not None and SLOW * found.slow.max() > tolerance
+        hopeless = found.slow is not None and ERROR_PER_SLOW_SHARE * found.slow.max() > tolerance
         if within(error, tolerance)[1 : found.found + 1].all() or hopeless:
             break
     return found

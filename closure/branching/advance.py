@@ -25,15 +25,15 @@ from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
 
-NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
+LEAST_WEIGHT_BEYOND = 1e-6  # weight beyond a boundary that need not be found
 LIGHT = 1e-4  # weight of a component above which boundaries are searched for
-TAIL = 2.0  # distance to a boundary, in sds, from which what lies beyond is a tail
+TAIL_DISTANCE = 2.0  # distance to a boundary, in sds, from which what lies beyond is a tail
 BRANCH = 0.03  # error of a boundary through the centre of a component, relative to its weight
 DAMPED = 15.0  # damping times flight time above which a component is discarded
 POWER = 0.35  # error of a component relative to its weight, as a power of the ratio of variances
 # skewness of ``z + a z^2``, per its ratio of second-order to first-order sd
 SKEWED = 3.0 * math.sqrt(2.0)
-LEFT = 0.05  # share of the square of that ratio that a split in three leaves
+SHARE_LEFT_BY_SPLIT = 0.05  # share of the square of that ratio that a split in three leaves
 EARLY = 0.6  # relative error of a weight, per logarithm of what the noise until then takes off it
 MOST_DOUBT = 2.0  # largest relative error of a weight
 ON_ORBIT = 10  # added to the label of a component whose itinerary is the orbit's
@@ -148,7 +148,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
     own = 1.0
     pieces = 1
     if w > LIGHT and rank > 0 and code != 0:
-        reach = math.sqrt(2.0 * math.log(w / NEGLIGIBLE) - 2.0)
+        reach = math.sqrt(2.0 * math.log(w / LEAST_WEIGHT_BEYOND) - 2.0)
         other, q = component.cut_plane(c, centre, axes, code, b.ignored[i], reach, before)
         if other != code:
             length = linalg.norm(q)
@@ -162,7 +162,7 @@ def _examine(c: Constants, b: Buffers, i: int, level: Level, before: Floats) -> 
             if depth > reach * own:
                 b.ignored[i] |= 1 << (other + 2)  # the noise until that impact does not lead to it
                 depth = 0.0
-            elif depth > TAIL:
+            elif depth > TAIL_DISTANCE:
                 b.error[i] = w
                 b.depth[i] = depth
                 b.beyond[i] = other
@@ -240,7 +240,7 @@ def _cut(b: Buffers, i: int, count: int) -> int:
     code = b.image.section.label[2 * i]
     bent = parts.bent[i]
     if pieces == 3:
-        bent += LEFT * (b.image.section.bent[2 * i] - bent)
+        bent += SHARE_LEFT_BY_SPLIT * (b.image.section.bent[2 * i] - bent)
     for k in range(pieces):
         at = i if k == 0 else count + k - 1
         if pieces == 2:

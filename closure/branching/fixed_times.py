@@ -32,12 +32,13 @@ from rattle.scene.linear_algebra import (
 )
 from rattle.scene.moments import semidefinite
 
-REACH = 6.0  # distance of a cut, in sds, beyond which a Gaussian is on one side of it
-POINTS = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)])
-SHARES = np.array([1.0, 4.0, 1.0]) / 6.0
-NEGLIGIBLE = 1e-7  # weight of a component on a flight that is left out
-ROUNDING = 1e-14  # eigenvalue, relative to the largest, below which a direction does not vary
-OPEN = 1e-3  # share of paths beyond the last flight that is followed
+CUT_REACH = 6.0  # distance of a cut, in sds, beyond which a Gaussian is on one side of it
+HERMITE_POINTS = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)])
+HERMITE_WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
+LEAST_COMPONENT_WEIGHT = 1e-7  # weight of a component on a flight that is left out
+# eigenvalue, relative to the largest, below which a direction does not vary
+LEAST_EIGENVALUE = 1e-14
+MOST_BEYOND_LAST_FLIGHT = 1e-3  # share of paths beyond the last flight that is followed
 LACKING = 0.05  # weight too little or too much, above which there are no moments
 FURTHER = 2, 8  # flights followed, at most: per impact asked for, and besides
 
@@ -67,7 +68,7 @@ def _inverse(covariance: Floats) -> Floats:
     values, vectors = eigen(covariance)
     out = np.zeros((d, d))
     for k in range(d):
-        if values[k] > ROUNDING * values[d - 1] and values[k] > 0.0:
+        if values[k] > LEAST_EIGENVALUE * values[d - 1] and values[k] > 0.0:
             for i in range(d):
                 for j in range(d):
                     out[i, j] += vectors[i, k] * vectors[j, k] / values[k]
@@ -119,9 +120,9 @@ def _in_flight(c: Constants, whole: Mixture, b: Buffers, count: int) -> InFlight
 @internal
 def _below(depth: float) -> tuple[float, float, float]:
     """Weight, mean and variance of a standard normal below `depth`."""
-    if depth >= REACH:
+    if depth >= CUT_REACH:
         return 1.0, 0.0, 1.0
-    if depth <= -REACH:
+    if depth <= -CUT_REACH:
         return 0.0, 0.0, 1.0
     weight, rate, variance = half(abs(depth), depth >= 0.0)
     return weight, (rate if depth >= 0.0 else -rate), variance
@@ -199,7 +200,7 @@ def _add(
         share, shift, narrow = _below(_depth(time - f.mean[j, 0], f.covariance[j, 0, 0]))
         share *= f.weight[j]
         started += share
-        if share < NEGLIGIBLE:
+        if share < LEAST_COMPONENT_WEIGHT:
             continue
         m = f.mean[j].copy()
         s = f.covariance[j].copy()
@@ -218,7 +219,7 @@ def _add(
                 crossing[k] -= (1.0 - narrow) * along[k] * ahead
         flying, early, narrow = _below(_depth(end - time, variance))
         share *= flying
-        if share < NEGLIGIBLE:
+        if share < LEAST_COMPONENT_WEIGHT:
             continue
         if narrow < 1.0:
             put_scaled(along, crossing, math.sqrt(variance))
@@ -230,8 +231,8 @@ def _add(
         _cut(m, s, along, 0.0, 0.0)  # tau is given
         for point in range(3):
             at = 3 * j + point
-            given = beyond(m, POINTS[point], along)
-            weight[at] = share * SHARES[point]
+            given = beyond(m, HERMITE_POINTS[point], along)
+            weight[at] = share * HERMITE_WEIGHTS[point]
             _at(c, f, f.parent[j], given, s, time, mean[at], covariance[at])
     return started
 
@@ -262,7 +263,7 @@ class FixedTimes:
             self._follow()
         tau = self.orbit.tau[0]
         end = self.flights[0].end
-        if time == tau or (end[:, 0] - time > REACH * np.sqrt(end[:, 1])).all():
+        if time == tau or (end[:, 0] - time > CUT_REACH * np.sqrt(end[:, 1])).all():
             flown = transform(jacobian(self.constants, time - tau), self.start)
             return self.orbit.state(time), flown + noise_covariance(self.constants, tau, time - tau)
         weight, mean, covariance = self.gaussians(time)
@@ -291,7 +292,7 @@ class FixedTimes:
             covariance = np.zeros((n, 4, 4))
             started = _add(self.constants, self.flights[k], time, weight, mean, covariance)
             found.append((weight[weight > 0.0], mean[weight > 0.0], covariance[weight > 0.0]))
-            if started < OPEN:
+            if started < MOST_BEYOND_LAST_FLIGHT:
                 break
         return tuple(np.concatenate(a) for a in zip(*found, strict=True))  # type: ignore[return-value]
 

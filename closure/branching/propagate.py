@@ -20,18 +20,18 @@ from rattle.scene.flight import field, flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact
 
 BISECTIONS = 6  # steps to locate a boundary, and as many again for the nearest one
-RETURNS = 8  # Newton steps back to a wall, from beyond it: each squares the relative error
-LONGEST = 100.0  # longest flight; a component without an impact by then is discarded
+NEWTON_RETURNS = 8  # Newton steps back to a wall, from beyond it: each squares the relative error
+LONGEST_FLIGHT = 100.0  # longest flight; a component without an impact by then is discarded
 # A standard normal approximated by three Gaussians of equal width: weight of the outer ones, width,
 # and their distance.
 THIRD_WEIGHT = 0.2252246249
 THIRD_WIDTH = 0.6715662887
 THIRD_CENTRE = math.sqrt(0.5 * (1.0 - THIRD_WIDTH**2) / THIRD_WEIGHT)
 # ratio of second-order to first-order sd from which two sigma points replace the Taylor expansion
-STRAIGHT = 0.1
+SIGMA_POINT_RATIO = 0.1
 # slowest impact at which derivatives are taken, in units of the speed that the Gaussian's spread
 # allows
-GRAZE = 2.0
+SLOWEST_IN_SPREADS = 2.0
 
 
 @internal
@@ -48,7 +48,7 @@ def _return(
     """
     i, wall = (0, c.wall1) if mesh == 1 else (2, c.wall2)
     t = late
-    for _ in range(RETURNS):
+    for _ in range(NEWTON_RETURNS):
         x1, y1, x2, y2 = flow(c, e[0], start[0], start[1], start[2], start[3], t)
         beyond = side * (x1 if mesh == 1 else x2) - wall
         speed = side * (y1 if mesh == 1 else y2)
@@ -77,7 +77,7 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
         c, middle1, middle2 = between(c, e)
     start = np.array([e[1] - middle1, e[2], e[3] - middle2, e[4]])
     t, mesh, side, x1, y1, x2, y2 = next_impact(
-        c, e[0], start[0], start[1], start[2], start[3], LONGEST
+        c, e[0], start[0], start[1], start[2], start[3], LONGEST_FLIGHT
     )
     before[0] = x1
     before[1] = y1
@@ -318,7 +318,7 @@ def _derivatives(
     i = 0 if mesh == 1 else 2
     passing = _passing(c, code, centre, axes, t, before)
     pull = field(c, centre[0] + t, before[1], before[3])[i + 1]
-    slowest = GRAZE * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
+    slowest = SLOWEST_IN_SPREADS * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
     first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, regular, d)
@@ -377,7 +377,7 @@ def propagate(
         return 0.0, np.zeros(rank)
     linear, curve = _derivatives(c, code, centre, axes, t, before)
     bend, u = _most_bent(linear, curve)
-    straight = bend < STRAIGHT**2
+    straight = bend < SIGMA_POINT_RATIO**2
     # own: derivative of the flight time
     own = np.empty(rank)
     image = linalg.apply(linear, u)

@@ -16,23 +16,23 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from rattle.compare.animation.record import SCHEME, Motion, Recording
+from rattle.compare.animation.record import ANIMATED_SCHEME, Motion, Recording
 from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.render import render_html
 from rattle.scene import OutputError, line
 from rattle.scene.drive import driver_motion
 
-LARGEST = 1_000_000
+MOST_PAGE_BYTES = 1_000_000
 """Most bytes of an animation."""
 GENERATOR = '<meta name="generator" content="rattle animate">'
 """In the head of every animation; a file without it is never replaced."""
-RADIUS = 90.0  # of the pitch circles in the drawing
+PITCH_RADIUS = 90.0  # of the pitch circles in the drawing
 SECONDS = 0.9  # of watching for each impact of the orbit
 # inner coordinates of a strip
-WIDE = 10_000
+STRIP_WIDTH = 10_000
 HIGH = 1000
-ROOM = 1.3  # height of a strip in half gaps
+STRIP_HEIGHT = 1.3  # height of a strip in half gaps
 MOST_TAU = 1e4  # beyond it time is counted from the start
 TEETH = 12
 PRESSURE = math.radians(25.0)
@@ -56,7 +56,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
     begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
     symbol = "τ" if begin == scene.start.tau else "τ − τ₀"
     ms = None if scene.gears is None else 1000.0 / scene.gears.omega
-    first = Wheel(RADIUS, TOOTH)
+    first = Wheel(PITCH_RADIUS, TOOTH)
     scale = PLAY * first.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
     widths = [TOOTH, *(1.0 - TOOTH - 2.0 * gap * scale / first.pitch for gap in gaps)]
     data = {
@@ -64,7 +64,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         "phase": scene.phase,
         "alpha": scene.alpha,
         "drive": [[one.order, one.amplitude, one.phase] for one in scene.drive],
-        "turn": math.degrees(scale / RADIUS),
+        "turn": math.degrees(scale / PITCH_RADIUS),
         "seconds": SECONDS * shown.orbit.impacts,
         "offset": begin,
         # of a time that is shown
@@ -82,15 +82,15 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         shown=shown,
         scene=scene,
         command=line(command),
-        radius=RADIUS,
-        wheels=[outline(Wheel(RADIUS, width)) for width in widths],
+        radius=PITCH_RADIUS,
+        wheels=[outline(Wheel(PITCH_RADIUS, width)) for width in widths],
         turns=_turns(shown, scale),
         strips=[_strip(shown, mesh) for mesh in range(1, scene.stages + 1)],
         ticks=list(_ticks(begin, span)),
         ms=ms,
         symbol=symbol,
-        scheme=SCHEME,
-        size=(WIDE, HIGH),
+        scheme=ANIMATED_SCHEME,
+        size=(STRIP_WIDTH, HIGH),
     )
 
 
@@ -134,7 +134,7 @@ def _turns(shown: Recording, scale: float) -> list[float]:
     x2 = shown.orbit.x2[0]
     driver = scene.alpha * driver_motion(scene.constants.drive, scene.phase)
     turns = [driver - x1, -driver, x1 - driver - x2][: scene.stages + 1]  # wheel 1, driver, wheel 2
-    return [round(math.degrees(scale / RADIUS * float(turn)), 3) for turn in turns]
+    return [round(math.degrees(scale / PITCH_RADIUS * float(turn)), 3) for turn in turns]
 
 
 def _ticks(begin: float, span: float) -> Iterator[tuple[float, str]]:
@@ -160,7 +160,7 @@ def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
     )
     random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
     c_max = getattr(scene.tolerance, f"c{mesh}_max") if random else 0.0
-    top = max(ROOM * wall, 1.1 * (wall + c_max))
+    top = max(STRIP_HEIGHT * wall, 1.1 * (wall + c_max))
     label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * wall:.3g}"
     heights = {f"+{label}": wall, "0": 0.0, f"−{label}": -wall}
     curves = []
@@ -168,7 +168,7 @@ def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
     for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
         x = motion.x1 if mesh == 1 else motion.x2
         places = zip((motion.time / shown.span).tolist(), _height(x, top).tolist(), strict=True)
-        curves.append((name, " ".join(f"{WIDE * a:.0f},{HIGH * b:.0f}" for a, b in places)))
+        curves.append((name, " ".join(f"{STRIP_WIDTH * a:.0f},{HIGH * b:.0f}" for a, b in places)))
         left = 100.0 * motion.impact_time / shown.span
         down = 100.0 * _height(motion.impact_x, top)
         own = np.flatnonzero(np.abs(motion.code) == mesh)

@@ -12,19 +12,19 @@ from rattle.montecarlo import Record, Sampling, default_step, simulate
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Ints, Scene, count
 
-SCHEME = "exact-flight"
-MOST_IMPACTS = 200
+ANIMATED_SCHEME = "exact-flight"
+MOST_IMPACTS_SHOWN = 200
 """Most impacts of the orbit that an animation shows; more would take minutes to watch."""
-FEWEST = 200
-INSTANTS = 1200
+FEWEST_INSTANTS = 200
+MOST_INSTANTS = 1200
 """Instants between which the drawing goes in straight lines, beside those of the impacts: at least,
 at the most."""
 # impacts that still leave a file of less than 1 MB; steps of some seconds
 MOST_DRAWN = 2000
-MOST_STEPS = 10**7
+MOST_STEPS_SHOWN = 10**7
 # what is shown after the last impact: at the most this share of a mean flight, or of the way to the
 # next
-TAIL = 0.5
+SHARE_AFTER_LAST = 0.5
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Recording:
 
 def check_recording(scene: Scene, impacts: int, seed: int) -> None:
     """Refuse settings that `record` could not take, before any work."""
-    count("impacts", impacts, most=MOST_IMPACTS)
+    count("impacts", impacts, most=MOST_IMPACTS_SHOWN)
     count("seed", seed, least=0)
     if not is_random(scene):
         raise InputError(
@@ -91,8 +91,8 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
     The orbit is exact. The noisy path is a sample by exact flights, which have no step bias; its
     state is taken at fixed times and just before each impact.
 
-    `impacts`: Impacts of the orbit after the start, at most `MOST_IMPACTS`; the path has as many as
-    it has in that time.
+    `impacts`: Impacts of the orbit after the start, at most `MOST_IMPACTS_SHOWN`; the path has as
+    many as it has in that time.
     """
     check_recording(scene, impacts, seed)
     orbit = follow(scene.noise_free, impacts + 1)  # one more: the time shown ends before it
@@ -107,20 +107,24 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
             "impacts", impacts, f"the noise-free orbit has {orbit.found} ({why}); {shown}"
         )
     times = orbit.tau - scene.phase
-    tail = TAIL * times[impacts] / impacts
+    tail = SHARE_AFTER_LAST * times[impacts] / impacts
     if orbit.found > impacts:
-        tail = min(tail, TAIL * (times[impacts + 1] - times[impacts]))
+        tail = min(tail, SHARE_AFTER_LAST * (times[impacts + 1] - times[impacts]))
     span = float(times[impacts] + tail)
     if not span > 0.0:
         raise InputError(
             "impacts", impacts, "the noise-free orbit has all of them at the start; ask for more"
         )
-    dt = min(default_step(scene, SCHEME), span / FEWEST)
-    if span / dt > MOST_STEPS:
+    dt = min(default_step(scene, ANIMATED_SCHEME), span / FEWEST_INSTANTS)
+    if span / dt > MOST_STEPS_SHOWN:
         raise InputError(
             "impacts", impacts, f"take {span / dt:.2g} steps of the noisy path; ask for fewer"
         )
-    instants = dt * math.ceil(span / dt / INSTANTS) * np.arange(1, INSTANTS + 1, dtype=np.float64)
+    instants = (
+        dt
+        * math.ceil(span / dt / MOST_INSTANTS)
+        * np.arange(1, MOST_INSTANTS + 1, dtype=np.float64)
+    )
     instants = instants[instants < span]
     path = _path(scene, seed, impacts, span, dt, instants)
     if path.impacts > MOST_DRAWN:
@@ -162,7 +166,7 @@ def _path(
     kept = Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True)  # rounded to the step
     settings: dict[str, Any] = {
         "dt": dt,
-        "scheme": SCHEME,
+        "scheme": ANIMATED_SCHEME,
         "rng": seed,
         "sampling": sampling,
         "record": kept,

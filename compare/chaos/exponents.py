@@ -18,25 +18,26 @@ from scipy.special import ndtri, stdtrit
 
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
 from rattle.montecarlo.coupling.paths import after_impact, growths
+from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats, InputError, Ints, Scene, count
 from rattle.scene.tangent import Stretch
 
 ORBIT = "orbit"
 DRIFT = "drift's linearisation along a noisy path"
-BATCHES = 32
-BLOCK = 128  # consecutive impacts whose growths are summed before they enter the batches
-CONFIDENCE = 0.95
-FIRST = 100_000  # impacts of a record without a required width
+GROWTH_BATCHES = 32
+GROWTH_BLOCK = 128  # consecutive impacts whose growths are summed before they enter the batches
+DEFAULT_RECORD = 100_000  # impacts of a record without a required width
 # impacts of a record with one: the first attempt, and the longest
-LEAST = 40_000
-MOST = 2_000_000
+FIRST_RECORD = 40_000
+LONGEST_RECORD = 2_000_000
 # below this share of effectively independent batches a record is taken to contain a transient
-TOGETHER = 0.4
-LOST = 1e-3  # error of the exponents' sum above which their growth is taken to be lost in rounding
-SPARE = 0.9  # a record is lengthened so as to reach this fraction of the required width
+LEAST_EFFECTIVE_SHARE = 0.4
+# error of the exponents' sum above which their growth is taken to be lost in rounding
+LOST_IN_ROUNDING = 1e-3
+AIM_OF_WIDTH = 0.9  # a record is lengthened so as to reach this fraction of the required width
 # default range of delta
-SMALLEST = 1e-7
-LARGEST = 1e-3
+SMALLEST_DELTA = 1e-7
+LARGEST_DELTA = 1e-3
 DISTANCES = 7
 DELTAS = tuple(float(d) for d in np.geomspace(1e-7, 1e-1, 13))  # of the finite-size exponent
 # impacts with a smaller |modulation| of the noise are left out: the drift outweighs the noise there
@@ -60,16 +61,22 @@ def ratio_mean(top: Floats, bottom: Floats) -> Mean:
 
     Entries beyond the last full batch are left out. Shapes: `top`, `bottom` (entries,).
     """
-    size = top.size // BATCHES
-    t, b = (a[: BATCHES * size].reshape(BATCHES, size).sum(axis=1) for a in (top, bottom))
+    size = top.size // GROWTH_BATCHES
+    t, b = (
+        a[: GROWTH_BATCHES * size].reshape(GROWTH_BATCHES, size).sum(axis=1) for a in (top, bottom)
+    )
     value = float(t.sum() / b.sum())
     residual = t - value * b
     spread = float((residual**2).sum())
     # autocorrelation
     lag1 = float((residual[1:] * residual[:-1]).sum()) / spread if spread > 0.0 else 0.0
     widening = (1.0 + max(lag1, 0.0)) / (1.0 - max(lag1, 0.0))
-    se = math.sqrt(spread * BATCHES / (BATCHES - 1) * widening) / float(b.sum())
-    return Mean(value, float(stdtrit(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)) * se, BATCHES / widening)
+    se = math.sqrt(spread * GROWTH_BATCHES / (GROWTH_BATCHES - 1) * widening) / float(b.sum())
+    return Mean(
+        value,
+        float(stdtrit(GROWTH_BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)) * se,
+        GROWTH_BATCHES / widening,
+    )
 
 
 @dataclass(frozen=True)
@@ -120,15 +127,15 @@ class Exponents:
 
     def impacts_for(self, width: float) -> int:
         """Estimate the impacts that a given width of the largest exponent's interval takes."""
-        need = self.impacts * (self.width / (SPARE * width)) ** 2
+        need = self.impacts * (self.width / (AIM_OF_WIDTH * width)) ** 2
         unit = 10.0 ** max(math.floor(math.log10(need)) - 1, 0)
         return int(math.ceil(need / unit) * unit)
 
 
 def _blocks(s: Stretch) -> Floats:
-    """Sums over `BLOCK` impacts each (the last block may have fewer): log growths, time, number of
-    impacts."""
-    starts = np.arange(0, s.flight.size, BLOCK)
+    """Sums over `GROWTH_BLOCK` impacts each (the last block may have fewer): log growths, time,
+    number of impacts."""
+    starts = np.arange(0, s.flight.size, GROWTH_BLOCK)
     columns = np.column_stack([s.growth, s.flight, np.ones(s.flight.size)])
     return np.asarray(np.add.reduceat(columns, starts, axis=0))
 
@@ -140,13 +147,13 @@ def _exponents(of: str, scene: Scene, b: Floats, regime: Regime) -> Exponents:
     time = float(b[:, 4].sum())
     impacts = int(b[:, 5].sum())
     sum_error = np.nan
-    if len(b) >= 2 * BATCHES and regime.has_record:
+    if len(b) >= 2 * GROWTH_BATCHES and regime.has_record:
         c = scene.constants
         exact_sum = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
         sum_error = float(b[:, :size].sum() / time - exact_sum)
-        if not abs(sum_error) < LOST:
+        if not abs(sum_error) < LOST_IN_ROUNDING:
             regime.give_up()
-    if not abs(sum_error) < LOST:
+    if not abs(sum_error) < LOST_IN_ROUNDING:
         nothing = np.full(size, np.nan)
         return Exponents(of, nothing, nothing, np.nan, np.nan, impacts, time, 0.0, regime)
     found = sorted(
@@ -170,10 +177,10 @@ def _measure(
     if scene.epsilon == 0.0:
         why = "exponents need epsilon > 0: the Jacobian of an impact without rebound is singular"
         raise InputError("epsilon", 0.0, why)
-    least = 2 * BATCHES * BLOCK
+    least = 2 * GROWTH_BATCHES * GROWTH_BLOCK
     if impacts is not None:
-        count("impacts", impacts, least=least, most=MOST)
-    target = impacts or (FIRST if width is None else LEAST)
+        count("impacts", impacts, least=least, most=LONGEST_RECORD)
+    target = impacts or (DEFAULT_RECORD if width is None else FIRST_RECORD)
     blocks = np.empty((0, 6))
     done = 0
     for s in stretches:
@@ -183,16 +190,21 @@ def _measure(
         if done < target:
             continue
         found = _exponents(of, scene, blocks, regime)
-        if width is None or found.width <= width or not regime.has_record or regime.computed > MOST:
+        if (
+            width is None
+            or found.width <= width
+            or not regime.has_record
+            or regime.computed > LONGEST_RECORD
+        ):
             return found
         # strongly correlated batches: the first half may be a transient
-        if found.effective < TOGETHER * BATCHES:
+        if found.effective < LEAST_EFFECTIVE_SHARE * GROWTH_BATCHES:
             early, blocks = np.split(blocks, [len(blocks) // 2])
             regime.transient += int(early[:, 5].sum())
             done -= int(early[:, 5].sum())
         else:
             target = max(found.impacts_for(width), target + least)
-        target = min(target, MOST)
+        target = min(target, LONGEST_RECORD)
     return _exponents(of, scene, blocks, regime)
 
 
@@ -248,7 +260,9 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
     precision resolves; `regime` gives the reason.
     """
     regime = Regime()
-    return _measure(ORBIT, scene, orbit_record(scene, 10 * MOST, regime), regime, impacts, width)
+    return _measure(
+        ORBIT, scene, orbit_record(scene, 10 * LONGEST_RECORD, regime), regime, impacts, width
+    )
 
 
 def drift_exponents(
@@ -313,14 +327,14 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0) -> SqrtLaw:
     ``delta /
     |y|``, which outweighs weaker noise at all distances that the Brownian tree resolves.
     """
-    largest = LARGEST * min(1.0, scene.sigma**2)
-    if largest < 9.0 * SMALLEST:
+    largest = LARGEST_DELTA * min(1.0, scene.sigma**2)
+    if largest < 9.0 * SMALLEST_DELTA:
         raise InputError(
             "sigma",
             scene.sigma,
             "is too weak for the square-root law to be seen: give 0.03 or more",
         )
-    deltas = np.geomspace(SMALLEST, largest, DISTANCES)
+    deltas = np.geomspace(SMALLEST_DELTA, largest, DISTANCES)
     apart, place, _ = after_impact(scene, deltas, impacts, seed)
     speed = place[:, 1:2]
     modulation = place[:, 2:3]

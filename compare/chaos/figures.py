@@ -17,7 +17,7 @@ from rattle.compare.chaos.exponents import DRIFT, Exponents, SqrtLaw
 from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
-from rattle.compare.chaos.spectrum import SEQUENCE, TIME, Spectrum
+from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectrum
 from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
 from rattle.compare.report.texts import read_texts
@@ -33,11 +33,11 @@ SIDE: Any = {
 STICKS = "orbit sticks often or for good"
 STICKING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
 # colour map of densities, and its lower end relative to the highest density
-SHADES = "viridis"
-DEEP = 1e-4
-NAMES: dict[str, str] = read_texts("chaos")["fields"]
+DENSITY_COLOURS = "viridis"
+LEAST_DENSITY = 1e-4
+FIELD_NAMES: dict[str, str] = read_texts("chaos")["fields"]
 IMAGE: Any = {"rasterized": True}
-HIGHEST = 6.5  # highest frequency drawn, in units of the excitation frequency
+HIGHEST_FREQUENCY = 6.5  # highest frequency drawn, in units of the excitation frequency
 
 
 def _velocity(stage: int) -> str:
@@ -45,12 +45,17 @@ def _velocity(stage: int) -> str:
 
 
 def _density(ax: Axes, x: Floats, y: Floats, share: Floats, highest: float) -> QuadMesh:
-    """Draw a density on a logarithmic colour scale down to `DEEP` times the highest; empty bins
-    stay white."""
+    """Draw a density on a logarithmic colour scale down to `LEAST_DENSITY` times the highest; empty
+    bins stay white."""
     shown = np.ma.masked_less_equal(share.T, 0.0)
     ax.grid(False)
     return ax.pcolormesh(
-        x, y, shown, norm=LogNorm(DEEP * highest, highest), cmap=SHADES, rasterized=True
+        x,
+        y,
+        shown,
+        norm=LogNorm(LEAST_DENSITY * highest, highest),
+        cmap=DENSITY_COLOURS,
+        rasterized=True,
     )
 
 
@@ -90,7 +95,12 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
     names = sorted({name for _, _, name in found})
     figure, axes = new_figure(4.6 * len(names), 6.4, 2, len(names))
     kinds = (
-        (TIME, "frequency / excitation frequency", "excitation frequency", HIGHEST),
+        (
+            VELOCITY_IN_TIME,
+            "frequency / excitation frequency",
+            "excitation frequency",
+            HIGHEST_FREQUENCY,
+        ),
         (SEQUENCE, "frequency (cycles per impact)", "cycle per impact", math.inf),
     )
     for ax, ((kind, frequency, unit, highest), name) in zip(
@@ -179,7 +189,7 @@ def sweep_figure(
         label = "chaotic according to the paper: {:g} to {:g}".format(*claimed)
         ax.axvspan(*claimed, color="#F0E442", alpha=0.25, lw=0, label=label)
     _lines(ax, table, field)
-    ax.set_xlabel(NAMES.get(field, field))
+    ax.set_xlabel(FIELD_NAMES.get(field, field))
     legend_above(figure, [ax], 2)
     return figure
 
@@ -204,7 +214,7 @@ def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Fig
         _lines(axes[-1], table, b.field)
         axes[-1].set_xlim(x[0], x[-1])
         legend_above(figure, [axes[-1]], 2)
-    axes[-1].set_xlabel(NAMES.get(b.field, b.field))
+    axes[-1].set_xlabel(FIELD_NAMES.get(b.field, b.field))
     return figure
 
 

@@ -33,8 +33,8 @@ from rattle.scene import Scene
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""
-FOLLOWED = 400  # impacts through which moments are followed
-SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
+IMPACTS_FOLLOWED = 400  # impacts through which moments are followed
+IMPACTS_OF_SPREAD = 2000  # impacts of the orbit from which the sd of its own y1 is taken
 # a closure's sd of y1 above this fraction of the orbit's own no longer localises the state
 TOO_WIDE = 1.0
 MAPS: dict[str, dict[str, str]] = read_texts("chaos")["maps"]
@@ -52,7 +52,7 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     (impacts that could be evaluated) and ``followed`` (impacts requested). Impacts are NaN if there
     is none.
     """
-    along = LongOrbit(scene).stretch(SPREAD, tangent=False).before[:, 1]
+    along = LongOrbit(scene).stretch(IMPACTS_OF_SPREAD, tangent=False).before[:, 1]
     spread = float(along.std()) if along.size else np.inf
     walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
     rows = []
@@ -71,7 +71,7 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
         if closure == "branching":
             rows.append(row | {"followed": 0})
             continue
-        m = mean_map(scene, impacts=FOLLOWED, closure=closure, order=4)
+        m = mean_map(scene, impacts=IMPACTS_FOLLOWED, closure=closure, order=4)
         t = m.trace
         ends = m.trace.found
         beyond = (np.abs(t.mean[1 : ends + 1, : 2 * scene.stages : 2]) > walls).any(axis=1)
@@ -81,7 +81,7 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
             "leaves_gap": beyond.argmax() + 1 if beyond.any() else np.nan,
             "too_wide": wide.argmax() + 1 if wide.any() and not own else np.nan,
         }
-        rows.append(row | {"ends": ends, "followed": FOLLOWED})
+        rows.append(row | {"ends": ends, "followed": IMPACTS_FOLLOWED})
     return pd.DataFrame(rows)
 
 

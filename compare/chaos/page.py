@@ -10,7 +10,7 @@ from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, crossings, s
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
-from rattle.compare.chaos.spectrum import TIME, spectra_tables
+from rattle.compare.chaos.spectrum import VELOCITY_IN_TIME, spectra_tables
 from rattle.compare.report import Figure, Text
 from rattle.compare.report.save import contents, save_report
 from rattle.compare.report.texts import (
@@ -200,7 +200,9 @@ def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
         said.append(SAID["sizes"].format(" and ".join(map(SAID["size"].format_map, ends))))
     if study.spectra:
         rows = tables["spectra_summary"]
-        spectra = map(SAID["spectrum"].format_map, rows[rows["kind"] == TIME].to_dict("records"))
+        spectra = map(
+            SAID["spectrum"].format_map, rows[rows["kind"] == VELOCITY_IN_TIME].to_dict("records")
+        )
         said.append(SAID["spectra"].format("; ".join(spectra)))
     if study.sweep is not None:
         for of, who in ((ORBIT, "the orbit"), (DRIFT, "the noisy path")):

@@ -26,13 +26,14 @@ from rattle.scene.text import percent
 T = TypeVar("T")
 R = TypeVar("R")
 DISCARD = 1000  # impacts after each start that are discarded as a transient
-CHUNK = 50_000  # impacts of an orbit at a time
-STEPS = 100_000  # steps of a noisy path at a time
+ORBIT_CHUNK = 50_000  # impacts of an orbit at a time
+STEPS_AT_A_TIME = 100_000  # steps of a noisy path at a time
 SETTLE = 500.0  # time after which a noisy path is recorded
 TRIAL = 20_000  # computed impacts after which an orbit with too few recorded ones is given up
 # speed below which rounding breaks the monotonic decrease of impact speeds in chatter
-ROUNDED = 1e-6
-WORTH = 0.25  # smallest share of the computed impacts that must have been recorded by then
+SLOWEST_IN_CHATTER = 1e-6
+# smallest share of the computed impacts that must have been recorded by then
+LEAST_RECORDED_SHARE = 0.25
 
 RUNS = "runs"
 STICKS_AT_TIMES = "sticks at times"
@@ -137,7 +138,7 @@ def orbit_record(
         regime.starts += 1
         regime.computed += orbit.stretch(DISCARD, tangent).flight.size
         while regime.impacts < impacts and orbit.ended > 0:
-            s = orbit.stretch(min(CHUNK, impacts - regime.impacts), tangent)
+            s = orbit.stretch(min(ORBIT_CHUNK, impacts - regime.impacts), tangent)
             regime.computed += s.flight.size
             if orbit.ended <= 0:
                 s = s.first(_accumulating(s))
@@ -148,7 +149,7 @@ def orbit_record(
         if orbit.ended == NONE:
             regime.end = SILENT
             return
-        if regime.computed >= TRIAL and regime.impacts < WORTH * regime.computed:
+        if regime.computed >= TRIAL and regime.impacts < LEAST_RECORDED_SHARE * regime.computed:
             regime.closed, regime.end = _measure_sticking(scene)
             return
 
@@ -173,7 +174,7 @@ def _accumulating(s: Stretch) -> int:
     if s.code.size == 0:
         return 0
     every = np.abs(s.before[:, 1 if abs(s.code[-1]) == 1 else 3])
-    same = np.flatnonzero((s.code == s.code[-1]) & (every > ROUNDED))
+    same = np.flatnonzero((s.code == s.code[-1]) & (every > SLOWEST_IN_CHATTER))
     rising = np.flatnonzero(every[same][1:] >= every[same][:-1])
     return int(same[rising[-1] + 1]) if rising.size else 0
 
@@ -201,7 +202,7 @@ def noisy_record(
     done = 0
     while done < steps:
         before = walker.steps
-        s, velocity = walker.stretch(min(STEPS, steps - done), tangent)
+        s, velocity = walker.stretch(min(STEPS_AT_A_TIME, steps - done), tangent)
         done += walker.steps - before
         regime.computed += s.flight.size
         regime.impacts += s.flight.size

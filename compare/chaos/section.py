@@ -25,11 +25,11 @@ from rattle.scene import Floats, Ints, Scene
 ORBIT = "orbit"
 MAP = "mean map (corrected)"
 NOISY = "noisy system"
-BINS = 300  # of counts, along either axis
-PILOT = 20_000  # points of the pilot run that sets the axes
-PARTS = 8  # noisy paths among which the points are shared, whatever the number of workers
-MARGIN = 0.05  # added to the axes at each end, relative to their length
-MAPPED = 4000  # points of the mean map, which propagates moments as well
+SECTION_BINS = 300  # of counts, along either axis
+AXIS_POINTS = 20_000  # points of the pilot run that sets the axes
+NOISY_PATHS = 8  # noisy paths among which the points are shared, whatever the number of workers
+AXIS_MARGIN = 0.05  # added to the axes at each end, relative to their length
+MAP_POINTS = 4000  # points of the mean map, which propagates moments as well
 
 
 @dataclass(frozen=True)
@@ -104,18 +104,20 @@ def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
     """
     found: list[tuple[Floats, Floats]] = []
     with suppress(NoRecord):
-        found += _orbit_points(scene, PILOT)
+        found += _orbit_points(scene, AXIS_POINTS)
     try:
-        found += _noisy_points(scene, PILOT, seed, PARTS)
+        found += _noisy_points(scene, AXIS_POINTS, seed, NOISY_PATHS)
     except NoRecord:
         if not found:
             raise
     flight = np.concatenate([f for f, _ in found])
     velocity = np.concatenate([b[:, 1 : 2 * scene.stages : 2].ravel() for _, b in found])
     low, high = np.quantile(velocity, [1e-4, 1.0 - 1e-4])
-    room = MARGIN * (high - low)
-    longest = (1.0 + MARGIN) * float(np.quantile(flight, 1.0 - 1e-4))
-    return np.linspace(0.0, longest, BINS + 1), np.linspace(low - room, high + room, BINS + 1)
+    room = AXIS_MARGIN * (high - low)
+    longest = (1.0 + AXIS_MARGIN) * float(np.quantile(flight, 1.0 - 1e-4))
+    return np.linspace(0.0, longest, SECTION_BINS + 1), np.linspace(
+        low - room, high + room, SECTION_BINS + 1
+    )
 
 
 def sections(
@@ -134,7 +136,7 @@ def sections(
     """
 
     def part(p: int) -> Section:
-        share = points // PARTS + (p < points % PARTS)
+        share = points // NOISY_PATHS + (p < points % NOISY_PATHS)
         return _section(NOISY, scene.stages, edges, _noisy_points(scene, share, seed, p))
 
     found: dict[str, Section] = {}
@@ -143,10 +145,12 @@ def sections(
         with leave_out(missing, "the Poincaré section of the orbit"):
             found[ORBIT] = _section(ORBIT, scene.stages, edges, _orbit_points(scene, points))
             if scene.sigma > 0.0:
-                t = mean_map(scene, impacts=MAPPED, closure="corrected").trace
+                t = mean_map(scene, impacts=MAP_POINTS, closure="corrected").trace
                 mapped = np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1]
                 found[MAP] = _section(MAP, scene.stages, edges, [mapped])
         with leave_out(missing, "the Poincaré section of the noisy system"):
-            counts = np.sum([s.counts for s in in_threads(workers, part, range(PARTS))], axis=0)
+            counts = np.sum(
+                [s.counts for s in in_threads(workers, part, range(NOISY_PATHS))], axis=0
+            )
             found[NOISY] = Section(NOISY, *edges, counts, points)
     return found

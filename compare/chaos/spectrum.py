@@ -25,20 +25,21 @@ from rattle.compare.chaos.record import (
 )
 from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.montecarlo.coupling.dyadic import step_time
+from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats, Scene
 
 SEQUENCE = "velocity before impact, by impact"
-TIME = "velocity in time"
-CONFIDENCE = 0.95
-FALSE_ALARM = 0.01
+VELOCITY_IN_TIME = "velocity in time"
+FALSE_LINE = 0.01
 """Probability that at least one line is found in a spectrum that has none."""
-AROUND = 32  # bins on either side that enter the floor of a bin
+FLOOR_BINS = 32  # bins on either side that enter the floor of a bin
 # factor on the threshold of an isolated bin: a true line also raises its neighbours (Hann window)
 ALONE = 1.5
-NARROW = 2.0  # largest width of a narrow band, in bins; a single frequency has 1.5 with this window
+# largest width of a narrow band, in bins; a single frequency has 1.5 with this window
+NARROW_BINS = 2.0
 # samples of a segment; in time these are 64 periods of the excitation
-SEGMENT = {SEQUENCE: 2048, TIME: 8192}
-PARTS = 4  # noisy paths
+SEGMENT = {SEQUENCE: 2048, VELOCITY_IN_TIME: 8192}
+SPECTRUM_PATHS = 4  # noisy paths
 SEGMENTS = 4  # fewest segments of each, in time
 
 
@@ -67,19 +68,19 @@ class Spectrum:
 
         The continuous part is assumed to be smooth over 65 bins; narrower features count as bands.
         """
-        around = ndimage.median_filter(self.power, size=2 * AROUND + 1, mode="reflect")
+        around = ndimage.median_filter(self.power, size=2 * FLOOR_BINS + 1, mode="reflect")
         return np.asarray(around * (self.dof / float(chdtri(self.dof, 0.5))))
 
     @property
     def threshold(self) -> float:
-        """Ratio of power to floor above which a bin belongs to a line, at `FALSE_ALARM` for the
+        """Ratio of power to floor above which a bin belongs to a line, at `FALSE_LINE` for the
         whole spectrum.
 
         It includes three standard errors of the floor: a median has 1.25 times the standard error
         of a mean, and with this window 65 neighbouring bins count as 65 / 1.5 independent ones.
         """
-        chance = chdtri(self.dof, FALSE_ALARM / self.power.size) / self.dof
-        unsure = 1.25 * math.sqrt(2.0 / self.dof) / math.sqrt((2 * AROUND + 1) / 1.5)
+        chance = chdtri(self.dof, FALSE_LINE / self.power.size) / self.dof
+        unsure = 1.25 * math.sqrt(2.0 / self.dof) / math.sqrt((2 * FLOOR_BINS + 1) / 1.5)
         return float(chance * (1.0 + 3.0 * unsure))
 
     @cached_property
@@ -104,7 +105,9 @@ class Spectrum:
             width = float(p.sum() / p.max())
             centroid = float((self.frequency[place] * p).sum() / p.sum())
             over = float((self.power[place] / np.maximum(self.floor[place], 1e-300)).max())
-            rows.append((centroid, width, float(p.sum() / self.power.sum()), over, width <= NARROW))
+            rows.append(
+                (centroid, width, float(p.sum() / self.power.sum()), over, width <= NARROW_BINS)
+            )
         table = pd.DataFrame(rows, columns=["frequency", "width", "share", "over", "narrow"])
         return table.sort_values("share", ascending=False, ignore_index=True)
 
@@ -150,9 +153,9 @@ def spectra(
 
     `impacts`: Impacts of the orbit; the noisy paths have at least as many together, and more where
     they chatter. Returns: By side, kind and velocity (``y1, y2``).  `SEQUENCE` is the velocity
-    before each impact, with frequencies in cycles per impact; `TIME` is the velocity in time, with
-    frequencies in units of the excitation frequency. Without a side whose record is too short,
-    because it sticks, or has no further impact.
+    before each impact, with frequencies in cycles per impact; `VELOCITY_IN_TIME` is the velocity in
+    time, with frequencies in units of the excitation frequency. Without a side whose record is too
+    short, because it sticks, or has no further impact.
     """
     h = step_time(scene)
 
@@ -171,7 +174,10 @@ def spectra(
         for s, velocity in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
             sequence.append(s.before[:, 1::2].copy())
             time.append(velocity)
-            if regime.impacts * PARTS >= impacts and regime.steps >= SEGMENTS * SEGMENT[TIME]:
+            if (
+                regime.impacts * SPECTRUM_PATHS >= impacts
+                and regime.steps >= SEGMENTS * SEGMENT[VELOCITY_IN_TIME]
+            ):
                 break
         if not regime.has_record:
             raise NoRecord(f"the noisy path {regime.brief}")
@@ -180,11 +186,11 @@ def spectra(
     found: dict[tuple[str, str, str], Spectrum] = {}
     for side, pieces_of in (
         (ORBIT, orbit),
-        (NOISY, lambda: in_threads(workers, noisy, range(PARTS))),
+        (NOISY, lambda: in_threads(workers, noisy, range(SPECTRUM_PATHS))),
     ):
         with leave_out(missing, f"the spectra of the {side}"):
             sequence, time = zip(*pieces_of(), strict=True)
-            kinds = ((SEQUENCE, sequence, 1.0), (TIME, time, 2.0 * math.pi / h))
+            kinds = ((SEQUENCE, sequence, 1.0), (VELOCITY_IN_TIME, time, 2.0 * math.pi / h))
             found |= {
                 (side, kind, f"y{stage + 1}"): welch(
                     (p[:, stage] for p in pieces), SEGMENT[kind], rate

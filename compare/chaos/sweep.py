@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rattle.closure import closures_for, mean_map
 from rattle.compare.chaos.exponents import DRIFT, Exponents, drift_exponents, lyapunov
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
-from rattle.compare.chaos.section import BINS, NOISY, ORBIT
+from rattle.compare.chaos.section import NOISY, ORBIT, SECTION_BINS
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.montecarlo.kernel.blocks import Blocks
@@ -27,15 +27,15 @@ from rattle.scene.gear_values import has_own_start, scene_with, values_of
 from rattle.scene.scene import SWEPT
 
 ALPHAS = "0.05:2.5:100"
-COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
-PUBLISHED = 30  # impacts through which the published map is followed at each value
+SWEEP_COLUMNS = ("largest", "low", "high", "rate", "sum_error", "impacts", "regime", "reason")
+PUBLISHED_IMPACTS = 30  # impacts through which the published map is followed at each value
 WITHOUT_NOISE = "without noise"
 WITH_NOISE = "with noise"
 DENSITY_BINS = 240
 DENSITY_POINTS = 6000  # impacts of an orbit behind each density without noise
 # of the long run behind each density with noise
-PATHS = 64
-PERIODS = 64
+SWEEP_PATHS = 64
+SWEEP_PERIODS = 64
 
 
 def values(name: str, text: str) -> tuple[float, ...]:
@@ -82,7 +82,7 @@ def vary(
 
 def _row(of: str, e: Exponents) -> dict[str, object]:
     numbers = (*e.largest, e.rate, e.sum_error, e.impacts, e.regime.kind, e.regime.reason)
-    return {"of": of} | dict(zip(COLUMNS, numbers, strict=True))
+    return {"of": of} | dict(zip(SWEEP_COLUMNS, numbers, strict=True))
 
 
 @dataclass(frozen=True)
@@ -126,15 +126,20 @@ class ExponentsAt(AtValue):
             _row(DRIFT, drift),
         ]
         if scene.sigma > 0.0 and "published" in closures_for(scene):
-            m = mean_map(scene, impacts=PUBLISHED, closure="published")
+            m = mean_map(scene, impacts=PUBLISHED_IMPACTS, closure="published")
             how = (
                 f"not realizable from impact {m.breakdown.impact}"
                 if m.breakdown
                 else "realizable throughout"
             )
-            row = {"of": "mean map (published)", "impacts": m.trace.found, "regime": "breaks down"}
+            end = m.stopped or f"followed through {PUBLISHED_IMPACTS} impacts"
             rows.append(
-                row | {"reason": f"{how}; {m.stopped or f'followed through {PUBLISHED} impacts'}"}
+                {
+                    "of": "mean map (published)",
+                    "impacts": m.trace.found,
+                    "regime": "breaks down",
+                    "reason": f"{how}; {end}",
+                }
             )
         return pd.DataFrame(rows), {}
 
@@ -190,7 +195,7 @@ def sweep(
     table: pd.DataFrame = pd.concat(
         [content.table.assign(**{field: cell.value}) for cell, content in found], ignore_index=True
     )
-    return table.reindex(columns=[field, "of", *COLUMNS])
+    return table.reindex(columns=[field, "of", *SWEEP_COLUMNS])
 
 
 @dataclass(frozen=True)
@@ -240,7 +245,7 @@ def bifurcation(
     if every.size == 0:
         raise NoRecord(f"the noisy path {at[0].facts['brief']}")
     low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
-    edges = np.linspace(low, high, BINS + 1)
+    edges = np.linspace(low, high, SECTION_BINS + 1)
     counts = {}
     reasons = {}
     for side in (ORBIT, NOISY):
@@ -296,7 +301,7 @@ def _density(scene: Scene, seed: int) -> tuple[tuple[Floats, Floats], str]:
     why."""
     nothing = np.empty(0), np.empty(0)
     try:
-        run = long_run(scene, periods=PERIODS, paths=PATHS, rng=seed)
+        run = long_run(scene, periods=SWEEP_PERIODS, paths=SWEEP_PATHS, rng=seed)
     except (AtRest, BurnInError) as error:
         return nothing, str(error)
     density = next((d for d in run.densities if d.mesh == 1), None)

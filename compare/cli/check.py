@@ -16,7 +16,7 @@ from rattle.scene import OutputError, count, positive
 from rattle.scene.progress import do
 
 EXIT_BROKEN = 1
-EXTREMES = "Try extreme values too (rattle check extremes), and put their table on the page."
+EXTREMES_HELP = "Try extreme values too (rattle check extremes), and put their table on the page."
 
 
 def show_results(results: Sequence[Any], all_checks: bool, as_json: bool, record: object) -> None:
@@ -81,13 +81,17 @@ def extremes(ranges: bool, as_json: bool) -> None:
 
 
 @check.command()
-@shared.name_option("scheme", shared.SCHEMES, "Scheme; repeatable. [default: all]", many="schemes")
-@shared.name_option("axis", shared.AXES, "Axis; repeatable. [default: all]", many="axes")
+@shared.name_option(
+    "scheme", shared.SCHEME_NAMES, "Scheme; repeatable. [default: all]", many="schemes"
+)
+@shared.name_option("axis", shared.AXIS_NAMES, "Axis; repeatable. [default: all]", many="axes")
 @shared.whole("points", 7, "Values of each axis, 1 to 7.")
 @shared.whole("paths", 32_768, "Most paths of a cell.")
 @shared.SEED_AND_WORKERS
 @shared.folder(Path("reports/stability"))
-@click.option("--extremes/--no-extremes", "extreme", default=True, show_default=True, help=EXTREMES)
+@click.option(
+    "--extremes/--no-extremes", "extreme", default=True, show_default=True, help=EXTREMES_HELP
+)
 @shared.OVERWRITE
 def stability(
     schemes: tuple[str, ...],
@@ -109,8 +113,8 @@ def stability(
     from rattle.compare.checks.extremes import ROWS
     from rattle.compare.checks.stability.chart import chart, covariance_table, moderate
 
-    chosen = list(dict.fromkeys(schemes or shared.SCHEMES))
-    along = list(dict.fromkeys(axes or shared.AXES))
+    chosen = list(dict.fromkeys(schemes or shared.SCHEME_NAMES))
+    along = list(dict.fromkeys(axes or shared.AXIS_NAMES))
     for name, least, most in (
         ("points", 1, 7),
         ("paths", 1000, None),

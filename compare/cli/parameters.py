@@ -9,8 +9,8 @@ from rattle.compare.cli import shared
 from rattle.compare.cli.shared import EXIT_NOT_MET, Begin
 from rattle.scene import InputError, Scene
 
-REACH = "Its range. [default: half its value to twice it]"
-JUDGED = "In place of quantities: judge what it predicts."
+REACH_HELP = "Its range. [default: half its value to twice it]"
+CLOSURE_HELP = "In place of quantities: judge what it predicts."
 
 
 @click.command()
@@ -35,7 +35,7 @@ JUDGED = "In place of quantities: judge what it predicts."
 @click.option(
     "--and", "along", metavar="NAME", help="A second parameter: trace the boundary over both."
 )
-@click.option("--reach", nargs=2, type=float, metavar="LOW HIGH", help=REACH)
+@click.option("--reach", nargs=2, type=float, metavar="LOW HIGH", help=REACH_HELP)
 @shared.whole("values", 9, "How many values of it.")
 @shared.SCHEDULER
 @shared.whole("impacts", 12, "Impacts that must be accurate.")
@@ -111,7 +111,9 @@ def boundary(
     "Quantity; repeatable. [default: energy, impacts and speeds, by mesh]",
 )
 @shared.several("parameter", "parameters", str, "Parameter; repeatable. [default: all]")
-@click.option("--closure", type=shared.ClosureName("closure", shared.CLOSURES), help=JUDGED)
+@click.option(
+    "--closure", type=shared.ClosureName("closure", shared.CLOSURE_NAMES), help=CLOSURE_HELP
+)
 @shared.whole("impacts", 4, "Impacts at which a closure is judged.")
 @shared.whole("paths", 16_384, "Simulated paths beside a closure, for each change.")
 @shared.real("accuracy", "Half width of the widest 95 % interval of an effect of 1 %.", 0.001)

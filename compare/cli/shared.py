@@ -18,19 +18,19 @@ from rattle.compare.report.json_text import json_text
 from rattle.scene import DAT21, Scene, choice, compile_ahead, count, harmless
 from rattle.scene.progress import ESTIMATES, apart_from_bars, do, print_on_stderr
 
-PATH = click.Path(path_type=Path)
+FILE_PATH = click.Path(path_type=Path)
 Option = Callable[[Any], Any]
 Begin = Callable[[], "Results"]  # checks the folder of the results, and starts the clock
 
-SCHEMES = ("euler-maruyama", "euler-maruyama-located", "exact-flight")
-CLOSURES = ("published", "corrected", "saltation", "branching")
-AXES = ("beta", "gap", "sigma", "epsilon")
+SCHEME_NAMES = ("euler-maruyama", "euler-maruyama-located", "exact-flight")
+CLOSURE_NAMES = ("published", "corrected", "saltation", "branching")
+AXIS_NAMES = ("beta", "gap", "sigma", "epsilon")
 # Written out, for --help does not wait for the modules that define them; a test compares them.
 EXIT_NOT_MET = 3  # the accuracy, the width or the requirement that was asked for
 PAPER_SIGMA = 1.5**0.5  # sqrt(alpha) of DAT21
 
 MOST_DIGITS = 60
-LONGEST = 100  # characters of what a command says that it does
+LONGEST_NOTICE = 100  # characters of what a command says that it does
 
 
 class WholeNumber(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.2
@@ -74,7 +74,7 @@ class Name(click.Choice):  # type: ignore[type-arg]  # generic only since click 
         return choice(self.field, value, self.choices)
 
 
-SCENE = click.argument("scene", required=False, type=PATH)
+SCENE_ARGUMENT = click.argument("scene", required=False, type=FILE_PATH)
 OVERWRITE = click.option(
     "--overwrite", is_flag=True, help="Replace earlier results in that folder."
 )
@@ -100,7 +100,7 @@ class ClosureName(Name):
         )
 
 
-CLOSURE = ClosureName("closures", CLOSURES)
+CLOSURE_TYPE = ClosureName("closures", CLOSURE_NAMES)
 
 
 def several(option: str, into: str, kind: type, meaning: str) -> Option:
@@ -139,11 +139,11 @@ def join(*options: Option) -> Option:
     return lambda command: reduce(lambda inner, option: option(inner), reversed(options), command)
 
 
-SIGMA = real("sigma", "Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
-SCENE_AND_SIGMA = join(SCENE, SIGMA)
-SEED = whole("seed", 0, "Seed.")
+SIGMA_OPTION = real("sigma", "Noise intensity. [default: the scene's; sqrt(alpha) on DAT21]")
+SCENE_AND_SIGMA = join(SCENE_ARGUMENT, SIGMA_OPTION)
+SEED_OPTION = whole("seed", 0, "Seed.")
 WORKERS = whole("workers", 2, "Threads; the result does not depend on it.")
-SEED_AND_WORKERS = join(SEED, WORKERS)
+SEED_AND_WORKERS = join(SEED_OPTION, WORKERS)
 
 
 def check_scheduler(ctx: click.Context, param: click.Parameter, address: str | None) -> str | None:
@@ -174,7 +174,7 @@ def folder(default: Path | str) -> Option:
     given = isinstance(default, Path)
     words = "Folder." if given else f"Folder. [default: {default}]"
     return click.option(
-        "--out", type=PATH, default=default if given else None, show_default=given, help=words
+        "--out", type=FILE_PATH, default=default if given else None, show_default=given, help=words
     )
 
 
@@ -230,7 +230,7 @@ class CommandGroup(click.Group):
         """Find the command that is asked for."""
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
-            do(f"{name} ({command.get_short_help_str(LONGEST).rstrip('.')})")
+            do(f"{name} ({command.get_short_help_str(LONGEST_NOTICE).rstrip('.')})")
         return name, command, rest
 
 

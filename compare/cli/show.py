@@ -33,10 +33,10 @@ from rattle.scene.files import read_text, read_toml
 from rattle.scene.gears_input import find_measured, read_measured
 from rattle.scene.progress import apart_from_bars
 
-NARROWEST = 20
+NARROWEST_LINE = 20
 """Characters of the shortest line; a narrower terminal wraps it."""
 COLOUR = {"good": "green", "bad": "red", "open": "magenta", "part": "yellow"}
-NARROW = 16
+NARROWEST_COLUMN = 16
 """Characters below which a column of text is not narrowed."""
 GAP = "  "
 
@@ -133,7 +133,7 @@ def _extent(table: Table, column: int) -> tuple[int, int]:
     least = (
         longest
         if table.columns[column].kind == NUMBER
-        else max(min(longest, NARROW), min(word, NARROW))
+        else max(min(longest, NARROWEST_COLUMN), min(word, NARROWEST_COLUMN))
     )
     return least, max(longest, min(len(head), 2 * longest))
 
@@ -172,7 +172,7 @@ def _lines(
 
 
 @click.command()
-@click.argument("report", type=shared.PATH)
+@click.argument("report", type=shared.FILE_PATH)
 @click.option(
     "--section",
     default=None,
@@ -194,8 +194,8 @@ def show(report: Path, section: str | None, width: int | None) -> None:
         )
         raise FileError("report", str(report), why)
     page = read_page(path)
-    terminal = max(shutil.get_terminal_size().columns, NARROWEST)
-    columns = terminal if width is None else count("width", width, least=NARROWEST)
+    terminal = max(shutil.get_terminal_size().columns, NARROWEST_LINE)
+    columns = terminal if width is None else count("width", width, least=NARROWEST_LINE)
     if section is None:
         lines = page_lines(page, columns)
     else:
@@ -210,13 +210,13 @@ def show(report: Path, section: str | None, width: int | None) -> None:
 
 
 @click.command()
-@shared.SCENE
+@shared.SCENE_ARGUMENT
 @shared.real("sigma", "Noise intensity. [default: the scene's; 0.1 on DAT21]")
 @shared.whole("impacts", 24, "Impacts of the noise-free orbit to show, 1 to 200.")
-@shared.SEED
+@shared.SEED_OPTION
 @click.option(
     "--out",
-    type=shared.PATH,
+    type=shared.FILE_PATH,
     default=None,
     help="HTML file. [default: reports/NAME-animation.html]",
 )
@@ -259,7 +259,7 @@ def template(name: str) -> str:
 
 
 @click.command()
-@click.argument("file", type=shared.PATH, default=Path("gears.toml"))
+@click.argument("file", type=shared.FILE_PATH, default=Path("gears.toml"))
 def init(file: Path) -> None:
     """Write a scene file to start from, with comments.
 
@@ -282,7 +282,7 @@ def init(file: Path) -> None:
 
 
 @click.command()
-@click.argument("measured", type=shared.PATH, metavar="SCENE")
+@click.argument("measured", type=shared.FILE_PATH, metavar="SCENE")
 @shared.folder_options("reports/NAME-drive", shared.JSON_ALONE)
 def drive(measured: Path, **written: Any) -> None:
     """Show the measured drive of a scene file.

@@ -33,8 +33,8 @@ JSON_UNITS = (
     "Units of --json: dimensionless, or physical for a scene with [gears]. [default: dimensionless]"
 )
 STEP_BIAS = "Measure the bias of an Euler-Maruyama step, with --paths (two thirds more work)."
-COMPARED = "Closure to compare; repeatable. [default: all]"
-QUANTITY = (
+COMPARED_HELP = "Closure to compare; repeatable. [default: all]"
+QUANTITY_HELP = (
     "Quantity that the accuracy is for; repeatable. [default: rate_above, speed_above,"
     " energy_per_period]"
 )
@@ -54,7 +54,7 @@ AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 @shared.whole("paths", None, "Number of paths, in place of an accuracy.")
 @shared.real("dt", "Step, with --paths. [default: the scheme's, 0.002 for Euler-Maruyama]")
 @shared.name_option(
-    "scheme", shared.SCHEMES, "Scheme. [default: what costs least; exact-flight with --paths]"
+    "scheme", shared.SCHEME_NAMES, "Scheme. [default: what costs least; exact-flight with --paths]"
 )
 @click.option("--step-bias/--no-step-bias", default=True, show_default=True, help=STEP_BIAS)
 @shared.real(
@@ -63,7 +63,9 @@ AN_HOUR = "an hour; beyond it the answer is what 20 s give"
 )
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, TABLE_UNITS, default="dimensionless")
-@click.option("--out", type=shared.PATH, default=None, help="CSV file of the whole section table.")
+@click.option(
+    "--out", type=shared.FILE_PATH, default=None, help="CSV file of the whole section table."
+)
 @shared.json_flag("the section table and the settings")
 def simulate(
     scene: Path | None,
@@ -151,10 +153,10 @@ def simulate(
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
 
-FORMS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
+COLUMN_FORMATS = {"se_": ".2g", "bias_": ".2g", "sd_": ".4g"}
 """How columns are printed whose names begin so: errors may be far smaller than what they belong to.
 """
-SHOWN = (
+COLUMNS_SHOWN = (
     *("tau", "se_tau", "bias_tau", "sd_tau"),
     *(f"{error}{name}" for name in ("y1", "y2") for error in ("", "se_", "bias_", "sd_")),
     *("mesh", "side", "agreement"),
@@ -181,11 +183,13 @@ def section_table(run: "Ensemble", units: str) -> str:
     physical = gears.units.columns_of if gears is not None and units == "physical" else {}
     stars = {(f"{'sd_' if row.moment == 'sd' else ''}{row.quantity}", row.impact) for row in missed}
     texts = [["impact", *(str(k) for k in range(1, len(columns["mesh"]) + 1))]]
-    for own in SHOWN:
+    for own in COLUMNS_SHOWN:
         name = physical[own][0] if own in physical else own
         values = columns[name].tolist() if name in columns else []
         if not all(math.isnan(v) for v in values):
-            form = next((form for start, form in FORMS.items() if name.startswith(start)), ".5f")
+            form = next(
+                (form for start, form in COLUMN_FORMATS.items() if name.startswith(start)), ".5f"
+            )
             cells = [format(v, form) if isinstance(v, float) else str(v) for v in values]
             texts.append(
                 [
@@ -204,12 +208,12 @@ def section_table(run: "Ensemble", units: str) -> str:
 @shared.SCENE_AND_SIGMA
 @shared.real("accuracy", "Relative half width of the widest 95 % interval. [default: 0.01]")
 @shared.whole("periods", None, "Periods of each path, in place of an accuracy.")
-@shared.several("quantity", "quantities", str, QUANTITY)
+@shared.several("quantity", "quantities", str, QUANTITY_HELP)
 @shared.whole("paths", 256, "Independent paths.")
 @shared.whole("burn-in", None, "Periods of burn-in, left out. [default: found by tests]")
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
 @shared.real("budget", BUDGET)
-@click.option("--closure", "closures", type=shared.CLOSURE, multiple=True, help=COMPARED)
+@click.option("--closure", "closures", type=shared.CLOSURE_TYPE, multiple=True, help=COMPARED_HELP)
 @click.option("--no-closures", is_flag=True, help="Compare no closure.")
 @shared.field("Field of the scene, or value of its gears, that --over is of.")
 @shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")

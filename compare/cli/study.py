@@ -19,7 +19,7 @@ LOOKED_AT = 200  # points of a grid from which --explain estimates the cost of a
 
 
 @click.command()
-@click.argument("file", type=shared.PATH)
+@click.argument("file", type=shared.FILE_PATH)
 @shared.folder("FILE without its suffix")
 @shared.whole("workers", 2, "Threads; the results do not depend on it.")
 @shared.SCHEDULER
@@ -49,7 +49,7 @@ def study(
     Exit codes: 0 complete; 1 complete except for results that cannot be computed at some points,
     with the reasons; 2 bad input, or nothing that could be computed; 130 interrupted.
     """
-    from rattle.compare.engine.run import CELLS
+    from rattle.compare.engine.run import CELLS_FOLDER
     from rattle.compare.engine.store import Store
     from rattle.compare.study.folder import check_folder, group_failures
 
@@ -58,7 +58,7 @@ def study(
     folder = out or file.with_suffix("")
     if folder.resolve() == file.resolve():
         raise InputError("out", str(folder), "is the study file itself; give --out a folder")
-    seen = Store(folder / CELLS, read_only=True)
+    seen = Store(folder / CELLS_FOLDER, read_only=True)
     if explain:
         say(_explain(wanted, seen, workers), keep="\n")
         return
@@ -143,13 +143,13 @@ def _compute(
 def _read_finished(wanted: "rt.Study", seen: Any, folder: Path) -> dict[str, Any] | None:
     """The record of a study whose cells and page are complete; None if something is to be computed
     or written."""
-    from rattle.compare.study.folder import FILE, PAGE, is_current, is_current_file
+    from rattle.compare.study.folder import FILE, SCRATCH_PART, is_current, is_current_file
 
     current = is_current(wanted, folder)
     if current is None or seen.missing(wanted.cells):
         return None
     say(f"All {len(wanted.cells)} results are stored, and the page is up to date.", err=True)
-    for place, scratch in ((folder, PAGE), (folder, ANY_TEXT), (seen.folder, ANY_TEXT)):
+    for place, scratch in ((folder, SCRATCH_PART), (folder, ANY_TEXT), (seen.folder, ANY_TEXT)):
         sweep(place, scratch)
     if not is_current_file(wanted, folder):
         write_whole(folder / FILE, wanted.text)

@@ -25,11 +25,11 @@ from rattle.scene import Scene, choice, count, positive
 EXIT_FAILED = 1
 EXIT_NOT_REPEATED = 4
 EXIT_ROUNDED = 5
-CLOSURE = (
+JUDGED_CLOSURES_HELP = (
     "Closure, or package.module:function of your own; repeatable. [default: all that can be"
     " applied]"
 )
-BESIDE = (
+BESIDE_HELP = (
     "Scheme whose ensemble is shown beside; repeatable. [default: both Euler-Maruyama schemes"
     " without SCENE]"
 )
@@ -41,14 +41,18 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 
 
 @click.command()
-@shared.SCENE
+@shared.SCENE_ARGUMENT
 @shared.several("sigma", "sigmas", float, "Noise intensity; repeatable.")
 @shared.whole("impacts", 12, "Impacts after the start.")
 @shared.whole("paths", 256_000, "Simulated paths.")
 @shared.real("dt", "Step. [default: the scheme's, 0.002 for Euler-Maruyama]")
-@shared.name_option("scheme", shared.SCHEMES, "Scheme of the simulation.", default="exact-flight")
-@click.option("--closure", "closures", type=shared.CLOSURE, multiple=True, help=CLOSURE)
-@shared.name_option("beside", shared.SCHEMES, BESIDE, many="beside")
+@shared.name_option(
+    "scheme", shared.SCHEME_NAMES, "Scheme of the simulation.", default="exact-flight"
+)
+@click.option(
+    "--closure", "closures", type=shared.CLOSURE_TYPE, multiple=True, help=JUDGED_CLOSURES_HELP
+)
+@shared.name_option("beside", shared.SCHEME_NAMES, BESIDE_HELP, many="beside")
 @shared.whole("order", 4, "Order of the closures' moments, 2 to 6.")
 @shared.SEED_AND_WORKERS
 @shared.grid("validity", "1e-3:2:12", VALIDITY)
@@ -56,10 +60,10 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 @shared.real("budget", "Core-seconds of counted work for that figure.", 60.0)
 @click.option("--no-validity", is_flag=True, help="Leave that figure out.")
 @click.option(
-    "--out", type=shared.PATH, default=None, help="Report folder. [default: reports/NAME]"
+    "--out", type=shared.FILE_PATH, default=None, help="Report folder. [default: reports/NAME]"
 )
 @click.option("--overwrite", is_flag=True, help="Replace an earlier report in that folder.")
-@click.option("--repeat", type=shared.PATH, help="Repeat the run of a manifest.json.")
+@click.option("--repeat", type=shared.FILE_PATH, help="Repeat the run of a manifest.json.")
 @click.option(
     "--require",
     type=click.Choice(["accurate"]),
@@ -222,7 +226,7 @@ def validate(
 
 
 @click.command()
-@shared.SCENE
+@shared.SCENE_ARGUMENT
 @shared.real("sigma", "Noise intensity. [default: the scene's, or 0.1]")
 @shared.whole("impacts", 12, "Impacts after the start.")
 @shared.several(
@@ -231,7 +235,7 @@ def validate(
 @shared.real(
     "budget", "Core-seconds up to which a point is run; costlier ones are extrapolated.", 100.0
 )
-@shared.SEED
+@shared.SEED_OPTION
 @click.option(
     "--orders/--no-orders",
     default=True,

@@ -86,9 +86,9 @@ async def _greeted(address: str, patience: float, certificates: dict[str, Any]) 
         (await connect(address, timeout=patience, **certificates)).abort()
 
 
-SHARE = 64
+BLOCKS_OF_A_TASK = 64
 """Blocks of one task: about a second of exact flights, against 3.5 ms of scheduling."""
-PATIENCE = 15.0
+SCHEDULER_PATIENCE = 15.0
 """Seconds that a scheduler may take to answer, and that a cluster may have no worker.
 
 Dask's nanny process restarts a worker that has died in less time.
@@ -118,9 +118,9 @@ class Cluster(Runner):
     scheduler, and for a worker while there is none.
     """
 
-    share = SHARE
+    share = BLOCKS_OF_A_TASK
 
-    def __init__(self, address: str, patience: float = PATIENCE) -> None:
+    def __init__(self, address: str, patience: float = SCHEDULER_PATIENCE) -> None:
         check_address(address)
         super().__init__(0)
         self.address = address

@@ -28,8 +28,8 @@ from rattle.montecarlo.kernel.blocks import in_tasks
 from rattle.scene import InputError, line
 from rattle.scene.progress import ProgressBar, print_on_stderr
 
-CELLS = "cells"
-LOG = "study.log"
+CELLS_FOLDER = "cells"
+LOG_FILE = "study.log"
 LOG_LINE = rb"\A\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} \d+ "
 LOOK = 0.2  # seconds between two checks of the threads: the longest delay of Ctrl-C
 
@@ -83,14 +83,14 @@ class Runner:
 
 def check_log(folder: Path) -> None:
     """Check that a log can be continued, if there is one."""
-    check_own(folder / LOG, LOG_LINE, "a log of rattle")
+    check_own(folder / LOG_FILE, LOG_LINE, "a log of rattle")
 
 
 def check_cells(folder: Path) -> None:
     """Check that a folder holds nothing of others under the names of cells and log."""
     check_log(folder)
-    if not has_cells(folder) and (folder / CELLS).is_dir():
-        refuse_foreign(folder / CELLS, os.listdir(folder / CELLS))
+    if not has_cells(folder) and (folder / CELLS_FOLDER).is_dir():
+        refuse_foreign(folder / CELLS_FOLDER, os.listdir(folder / CELLS_FOLDER))
 
 
 def open_cells(folder: Path | None) -> Store:
@@ -98,12 +98,12 @@ def open_cells(folder: Path | None) -> Store:
     if folder is None:
         return TemporaryStore()
     check_cells(folder)
-    return Store(folder / CELLS)
+    return Store(folder / CELLS_FOLDER)
 
 
 def has_cells(folder: Path) -> bool:
     """Whether there is a store of cells in a folder."""
-    return (folder / CELLS / LOCKS).is_dir()
+    return (folder / CELLS_FOLDER / LOCKS).is_dir()
 
 
 class StudyProgress:
@@ -128,9 +128,9 @@ class StudyProgress:
         try:
             self._file: TextIO = io.StringIO()
             if folder is not None:
-                self._file = open(folder / LOG, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (see __exit__)
+                self._file = open(folder / LOG_FILE, "a", encoding="utf-8", buffering=1)  # noqa: SIM115  (see __exit__)
         except OSError as error:
-            raise describe_refusal(Path(folder or "", LOG), error) from None
+            raise describe_refusal(Path(folder or "", LOG_FILE), error) from None
         self._bar = ProgressBar(
             total=stored + len(todo),
             initial=stored,

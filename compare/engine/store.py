@@ -61,9 +61,9 @@ def _processor() -> str:
 
 LOCKS = "locks"  # folder in every store
 PAUSE = 0.2  # seconds between two tries of a cell that another process is computing
-PATIENCE = 5  # tries before that process is named
+MOST_TRIES = 5  # tries before that process is named
 SEAL = hashlib.sha256().digest_size
-NAME = b"rattle"  # metadata entry of a Parquet file that holds its key and its facts
+PARQUET_ENTRY = b"rattle"  # metadata entry of a Parquet file that holds its key and its facts
 
 
 class Content(NamedTuple):
@@ -181,7 +181,7 @@ class Store:
         table = pa.Table.from_pandas(content.table)
         sink = pa.BufferOutputStream()
         record = json_text({"key": cell.key, "facts": content.facts}, indent=None).encode()
-        table = table.replace_schema_metadata({**table.schema.metadata, NAME: record})
+        table = table.replace_schema_metadata({**table.schema.metadata, PARQUET_ENTRY: record})
         pq.write_table(table, sink, compression="zstd")
         scratch = scratch_path(self.folder, ANY_TEXT, PART)
         try:
@@ -223,7 +223,7 @@ class Store:
         time.sleep(PAUSE)
         who = self._holder(cell.key)
         self._tries[who] += 1
-        if self._tries[who] == PATIENCE:
+        if self._tries[who] == MOST_TRIES:
             say(f"waiting for {who}, at work on {cell.label}; continues when it finishes")
         return None
 
@@ -306,7 +306,7 @@ def _parse(key: str, content: bytes) -> Content:
     """The result in a file's content; raises an error of some kind if there is none."""
     with pq.ParquetFile(pa.BufferReader(_without_seal(content))) as file:
         found = file.read(use_threads=False)
-    record = json.loads(found.schema.metadata[NAME])
+    record = json.loads(found.schema.metadata[PARQUET_ENTRY])
     if record["key"] != key:
         raise ValueError("belongs to another key")
     float(record["facts"]["seconds"])

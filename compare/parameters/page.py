@@ -15,7 +15,7 @@ from rattle.compare.parameters.finding import TEXTS, Finding, with_unit
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.save import contents, save_report
-from rattle.compare.study.parameters import PERCENT, STEPS
+from rattle.compare.study.parameters import PERCENT, RELATIVE_CHANGES
 from rattle.compare.validation.verdict import JUDGED
 from rattle.scene.text import percent
 
@@ -49,7 +49,7 @@ KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {
     Boundary: ("boundary", "boundary.md", SEARCH),
     BoundaryMap: ("boundary", "map.md", SEARCH),
     crossing.Crossing: ("boundary", "crossing.md", LONG_RUNS),
-    Sensitivity: ("sensitivity", "sensitivity.md", _steps(*STEPS)),
+    Sensitivity: ("sensitivity", "sensitivity.md", _steps(*RELATIVE_CHANGES)),
     of_closure.ClosureSensitivity: ("sensitivity", "of_closure.md", _steps(*of_closure.STEPS)),
 }
 """Name of the files, layout, and what stands between braces in it besides attributes, by the kind

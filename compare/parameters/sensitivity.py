@@ -16,7 +16,13 @@ from scipy.stats import t as student
 from rattle.compare.parameters.finding import Finding, quantity_words, value_text
 from rattle.compare.stationary.measure import stationary
 from rattle.compare.stationary.result import unit_of
-from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
+from rattle.compare.study.parameters import (
+    CHANGE,
+    PERCENT,
+    RELATIVE_CHANGES,
+    Parameter,
+    find_parameters,
+)
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.seed import Rng, read_whole_seed
@@ -265,7 +271,7 @@ def sensitivity(
         try:
             jobs += [_Job(name, f, parameter.scene_at(f * parameter.value)) for f in factors_of()]
         except InputError as error:
-            remarks[name] = f"cannot be changed by {STEPS[1]:.0%}: {error}"
+            remarks[name] = f"cannot be changed by {RELATIVE_CHANGES[1]:.0%}: {error}"
     if progress and is_random(scene):
         _state_estimate(progress, scene, GROUPS[0] * len(jobs), slow)
     runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
@@ -316,7 +322,7 @@ def _state_estimate(label: str, scene: Scene, runs: int, slow: float) -> None:
     ESTIMATES.info("%s", said)
 
 
-def factors_of(steps: tuple[float, float] = STEPS) -> list[float]:
+def factors_of(steps: tuple[float, float] = RELATIVE_CHANGES) -> list[float]:
     """What a parameter is multiplied by: down and up by each step."""
     return [1.0 + sign * step for step in steps for sign in (-1.0, 1.0)]
 
@@ -387,7 +393,7 @@ def _effect(logs: Floats, checks: int) -> dict[str, Any]:
     factors)."""
     groups = len(logs)
     one = math.log1p(CHANGE)
-    span, slopes, shown, linear = find_slopes(logs, STEPS, checks)
+    span, slopes, shown, linear = find_slopes(logs, RELATIVE_CHANGES, checks)
     half = student.isf(0.5 * (1.0 - CONFIDENCE), groups - 1) * _se(shown)
     alone = float((logs.var(axis=0, ddof=1).reshape(-1, 2).sum(axis=1) / span**2).sum())
     paired = float(slopes.var(axis=0, ddof=1).sum())

@@ -20,7 +20,7 @@ from rattle.compare.report.render import pages, write_page
 from rattle.compare.report.texts import lay_out
 from rattle.scene import harmless
 from rattle.scene.files import read_regular
-from rattle.scene.measured_drive import CHANCE, SMALL, MeasuredDrive
+from rattle.scene.measured_drive import CHANCE, SMALL_ORDER, MeasuredDrive
 
 
 def csv_text(table: pd.DataFrame, **options: Any) -> str:
@@ -145,7 +145,7 @@ def write_drive(out: Path, found: MeasuredDrive, record: dict[str, Any], overwri
     page: dict[str, Any] = {
         "package": "report",
         "layout": "drive.md",
-        "values": {"small": SMALL, "chance": CHANCE},
+        "values": {"small": SMALL_ORDER, "chance": CHANCE},
     }
     files: dict[str, Any] = {
         "figures": {"drive": found.plot()},

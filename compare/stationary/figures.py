@@ -12,7 +12,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from rattle.closure.stationary import Law
-from rattle.compare.chaos.figures import NAMES, field_edges, mark_values
+from rattle.compare.chaos.figures import FIELD_NAMES, field_edges, mark_values
 from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
 from rattle.montecarlo.long_run import LongRun, SectionDensity
@@ -135,7 +135,7 @@ def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
             x, factor * view.edges, shown, cmap="magma_r", vmin=0.0, vmax=1.0, rasterized=True
         )
         ax.set_title(side, loc="left", fontweight="bold")
-        ax.set_xlabel(NAMES.get(view.field, view.field))
+        ax.set_xlabel(FIELD_NAMES.get(view.field, view.field))
         lost = np.array(view.reasons[side]) != ""
         mark_values(ax, view.at, lost, "no stationary motion", color="0.85", lw=0)
         if lost.any():

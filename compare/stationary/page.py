@@ -18,7 +18,7 @@ from rattle.compare.validation.transient import drag_text
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo.long_run import LongRun
 from rattle.scene import Scene
-from rattle.scene.gear_values import UNITS
+from rattle.scene.gear_values import UNIT_VALUES
 from rattle.scene.text import percent
 from rattle.scene.threshold import rattle_threshold
 
@@ -112,7 +112,7 @@ def write_stationary(
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
         figures["bifurcation"] = bifurcation_figure(
-            view, *speed_unit(None if view.field in UNITS else gears)
+            view, *speed_unit(None if view.field in UNIT_VALUES else gears)
         )
         tables["bifurcation"] = view.table
     title = f"The long run of {record['name']}"

@@ -22,13 +22,13 @@ from rattle.montecarlo import (
     simulate,
     simulate_to,
 )
-from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, small_noise
+from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, sampling_error, small_noise
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import SECTION, Floats, InputError, Scene, choice, positive
 
-FACTS = ("paths", "path_steps", "sticking_steps", "unfinished")
+FACTS_STORED = ("paths", "path_steps", "sticking_steps", "unfinished")
 """What is stored of an ensemble besides its table."""
 FOLLOWERS = "followers_"  # before the columns of the paths on an itinerary
 BATCH = "batch_{}_{}"  # column of batch statistics: mean, sd or control, and a section quantity
@@ -45,7 +45,7 @@ class Sampled:
     # index ``impact``; columns ``batch_mean_tau, batch_sd_tau, batch_control_tau, ...``, lists over
     # the batches of `rattle.montecarlo.statistics.records`
     batches: pd.DataFrame
-    facts: dict[str, Any]  # `FACTS` and ``seconds``
+    facts: dict[str, Any]  # `FACTS_STORED` and ``seconds``
     # the same of the paths on the noise-free itinerary, where asked for
     followers: "Sampled | None" = None
 
@@ -100,8 +100,8 @@ class Sample(Cell):
     def expected_paths(self) -> int:
         """Paths to simulate, plain ones and those near rare branches; the fewest that an accuracy
         takes."""
-        plain = self.paths or LEAST
-        return plain + max(plain, LEAST) if self.near_branches else plain
+        plain = self.paths or FEWEST_PATHS
+        return plain + max(plain, FEWEST_PATHS) if self.near_branches else plain
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Simulate the ensemble: what is stored of it, a row for each impact."""
@@ -125,11 +125,11 @@ class Sample(Cell):
             assert self.paths is not None
             run = self.simulate(self.paths, blocks, **record)
             if self.near_branches and self.scene.sigma > 0.0:
-                run = begin_rare(run, max(run.paths, LEAST), blocks or in_threads(1)) or run
+                run = begin_rare(run, max(run.paths, FEWEST_PATHS), blocks or in_threads(1)) or run
         parts = [_sections(run)]
         if self.on_itinerary:
             parts.append(_sections(followers_of(run)).add_prefix(FOLLOWERS))
-        return pd.concat(parts, axis=1), {name: getattr(run, name) for name in FACTS}
+        return pd.concat(parts, axis=1), {name: getattr(run, name) for name in FACTS_STORED}
 
     def simulate(self, paths: int, blocks: Blocks | None = None, **record: Any) -> Ensemble:
         """Simulate a number of paths of it, with the step bias where the scheme has one."""

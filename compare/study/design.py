@@ -34,31 +34,31 @@ from rattle.scene import (
     positive,
 )
 from rattle.scene.files import in_file, read_text, read_toml
-from rattle.scene.gear_values import UNITS, scene_with, values_of
+from rattle.scene.gear_values import UNIT_VALUES, scene_with, values_of
 from rattle.scene.gears import SPEEDS
 from rattle.scene.gears_input import check_plausible
 from rattle.scene.numpy_errors import numpy_defaults
 
-SETTINGS = ("scheme", "paths", "accuracy", "dt", "seed")
+SETTING_NAMES = ("scheme", "paths", "accuracy", "dt", "seed")
 """Settings of the simulation that an axis may vary, in addition to the fields of the scene."""
 
-PARTS = {"tolerance": Tolerance, "start": Start}
-FIELDS = tuple(
-    [f.name for f in fields(Scene) if f.name not in (*PARTS, "gears", "drive")]
-    + [f"{part}.{f.name}" for part, kind in PARTS.items() for f in fields(kind)]
+SCENE_PARTS = {"tolerance": Tolerance, "start": Start}
+SCENE_FIELDS = tuple(
+    [f.name for f in fields(Scene) if f.name not in (*SCENE_PARTS, "gears", "drive")]
+    + [f"{part}.{f.name}" for part, kind in SCENE_PARTS.items() for f in fields(kind)]
 )
-VARIABLE = (*FIELDS, *SETTINGS)
-GEARS = (
+VARIABLE = (*SCENE_FIELDS, *SETTING_NAMES)
+GEAR_VALUES = (
     "amplitude",
     "driver_radius",
     *SPEEDS,
-    *(f.name for f in fields(Gears) if f.name not in FIELDS),
+    *(f.name for f in fields(Gears) if f.name not in SCENE_FIELDS),
 )
 """Values of gears that no field of the scene is named like."""
-ORDER = re.compile(r"drive\.([1-9][0-9]*)\.(amplitude|phase)")
+ORDER_FIELD = re.compile(r"drive\.([1-9][0-9]*)\.(amplitude|phase)")
 """A field of one order of the drive, such as ``drive.2.amplitude``."""
-MOST_POINTS = 100_000  # largest number of grid points of a study
-EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
+MOST_GRID_POINTS = 100_000  # largest number of grid points of a study
+AXIS_EXAMPLE = "write { log = [0.001, 2.0, 24] }, { linear = [0.5, 1.5, 11] } or a list of values"
 
 
 class Axis(NamedTuple):
@@ -87,13 +87,15 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
                 "axes", table, "give each [[axes]] a field and its values, as in sigma = [0.1, 0.2]"
             )
         for name in table:
-            if name not in valid and not ORDER.fullmatch(name):
+            if name not in valid and not ORDER_FIELD.fullmatch(name):
                 needs = (
                     "a value of gears, which this study has not; write [gears], or vary one of"
                     " [scene]"
                 )
                 why = f"no field of a scene or a simulation; {nearest(name, valid)}"
-                raise InputError("axes", name, needs if gears is None and name in GEARS else why)
+                raise InputError(
+                    "axes", name, needs if gears is None and name in GEAR_VALUES else why
+                )
         columns = {name: _values(name, values) for name, values in table.items()}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) > 1:
@@ -108,9 +110,11 @@ def read_axes(tables: Sequence[Mapping[str, Any]], gears: Gears | None = None) -
         if names.count(name) > 1:
             raise InputError("axes", name, "varies along two axes; keep one")
     points = math.prod(len(axis.values) for axis in found)
-    if points > MOST_POINTS:
+    if points > MOST_GRID_POINTS:
         raise InputError(
-            "axes", points, f"points make the grid; it may have {MOST_POINTS}: take fewer values"
+            "axes",
+            points,
+            f"points make the grid; it may have {MOST_GRID_POINTS}: take fewer values",
         )
     return tuple(found)
 
@@ -129,15 +133,15 @@ def _values(name: str, given: Any) -> tuple[Any, ...]:
     if isinstance(given, Mapping):
         check_keys(field, given, ("linear", "log"))
         if len(given) != 1:
-            raise InputError(field, dict(given), EXAMPLE)
+            raise InputError(field, dict(given), AXIS_EXAMPLE)
         kind, ends = next(iter(given.items()))
         values = _space(field, kind, ends)
     elif isinstance(given, Sequence) and not isinstance(given, str):
         values = tuple(given)
     else:
-        raise InputError(field, given, EXAMPLE)
+        raise InputError(field, given, AXIS_EXAMPLE)
     if not values:
-        raise InputError(field, given, "has no values; " + EXAMPLE)
+        raise InputError(field, given, "has no values; " + AXIS_EXAMPLE)
     for value in values:
         if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
             raise InputError(field, value, "each value is a number or a name")
@@ -153,7 +157,7 @@ def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
         raise InputError(field, ends, "give [LOW, HIGH, POINTS]")
     low = finite(f"{field} LOW", ends[0])
     high = finite(f"{field} HIGH", ends[1])
-    points = count(f"{field} POINTS", ends[2], least=2, most=MOST_POINTS)
+    points = count(f"{field} POINTS", ends[2], least=2, most=MOST_GRID_POINTS)
     if kind == "log":
         positive(f"{field} LOW", low)
     if high <= low:
@@ -163,7 +167,10 @@ def _space(field: str, kind: str, ends: Any) -> tuple[float, ...]:
     return tuple(float(f"{v:.{digits}g}") for v in values)
 
 
-KINDS = {"impacts": "rattle.compare.study.impacts", "stationary": "rattle.compare.stationary.study"}
+STUDY_KINDS = {
+    "impacts": "rattle.compare.study.impacts",
+    "stationary": "rattle.compare.stationary.study",
+}
 """Module of each kind of study: what is computed at each point of a grid, and how it is shown.
 
 ``TITLE`` of a study that gives none.  ``KEYS`` of ``[study]`` besides ``kind`` and ``title``:
@@ -327,7 +334,7 @@ class Study:
         given = data.get("study", {})
         if not isinstance(given, Mapping):
             raise InputError("study", given, "write it as a table: [study]")
-        name = choice("study.kind", given.get("kind", cls.kind), tuple(KINDS))
+        name = choice("study.kind", given.get("kind", cls.kind), tuple(STUDY_KINDS))
         kind = kind_of(name)
         check_keys("study", given, ("kind", "title", *kind.KEYS))
         parts: dict[str, Any] = {
@@ -395,7 +402,7 @@ class Study:
         """Number of different scenes: points that differ only in settings of the simulation share
         one."""
         return math.prod(
-            len(axis.values) for axis in self.axes if not set(axis.names) <= set(SETTINGS)
+            len(axis.values) for axis in self.axes if not set(axis.names) <= set(SETTING_NAMES)
         )
 
     def some_points(self, most: int) -> tuple[Point, ...]:
@@ -423,12 +430,12 @@ class Study:
     @property
     def shown_gears(self) -> Gears | None:
         """The gears in whose units the study is explained; None where these vary along an axis."""
-        return None if set(UNITS) & set(self.names) else self.gears
+        return None if set(UNIT_VALUES) & set(self.names) else self.gears
 
     def _base_at(self, coordinates: Mapping[str, Any]) -> dict[str, Any]:
         """The scene as a table, with the parameters that follow from the values of the gears at a
         point."""
-        changes = {name: value for name, value in coordinates.items() if name in GEARS}
+        changes = {name: value for name, value in coordinates.items() if name in GEAR_VALUES}
         if not changes:
             return self.base
         scene = scene_with(replace(make_scene(self.base, {}), gears=self.gears), changes)
@@ -443,7 +450,7 @@ class Study:
         except InputError as error:
             return Point(coordinates, None, (), {"scene": str(error)})
         settings = self.settings | {
-            name: value for name, value in coordinates.items() if name in SETTINGS
+            name: value for name, value in coordinates.items() if name in SETTING_NAMES
         }
         sample, predictions, reasons = kind_of(self.kind).cells(self, scene, settings)
         return Point(coordinates, sample, predictions, reasons)
@@ -451,7 +458,7 @@ class Study:
 
 def kind_of(name: str) -> Any:
     """The module of a kind of study."""
-    return import_module(KINDS[name])
+    return import_module(STUDY_KINDS[name])
 
 
 def page_of(study: Study) -> Any:
@@ -509,7 +516,7 @@ def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any
     out = {name: dict(value) if isinstance(value, dict) else value for name, value in base.items()}
     for name, value in coordinates.items():
         part, _, field = name.partition(".")
-        if order := ORDER.fullmatch(name):
+        if order := ORDER_FIELD.fullmatch(name):
             orders = {
                 one["order"]: one for one in out.get("drive", [{"order": 1, "amplitude": 1.0}])
             }
@@ -520,6 +527,6 @@ def place(base: dict[str, Any], coordinates: Mapping[str, Any]) -> dict[str, Any
             out["drive"] = [*(orders | {number: changed}).values()]
         elif field:
             out.setdefault(part, {})[field] = value
-        elif name not in (*SETTINGS, *GEARS):
+        elif name not in (*SETTING_NAMES, *GEAR_VALUES):
             out[name] = value
     return out

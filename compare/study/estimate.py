@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.engine.cluster import SHARE
+from rattle.compare.engine.cluster import BLOCKS_OF_A_TASK
 from rattle.compare.engine.store import Cell
 from rattle.compare.study.cells import Sample
 from rattle.montecarlo import SCHEMES, simulate
@@ -22,7 +22,7 @@ from rattle.montecarlo.kernel.blocks import Budget, in_threads
 from rattle.montecarlo.kernel.kernel import COLUMNS
 from rattle.montecarlo.settings import count_followed
 
-PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
+PATHS_PROBED = 64  # paths whose steps stand for those of all where the number of paths is given
 PILOTS = 20  # most pilot runs for accuracies; other cells are taken to be like the one before
 PILOT_SECONDS = 10.0  # budget of one of them
 BASE_MEGABYTES = 330.0  # interpreter, libraries and machine code
@@ -53,7 +53,9 @@ def expect_work(cells: Sequence[Cell]) -> dict[str, Work]:
             found[cell.key] = last
             seen = seen + 1
         elif isinstance(cell, Sample):
-            cost = cost_of(cell.simulate(PROBED), count_followed(cell.scene, cell.expected_paths))
+            cost = cost_of(
+                cell.simulate(PATHS_PROBED), count_followed(cell.scene, cell.expected_paths)
+            )
             found[cell.key] = Work(cost.path_steps, cost.core_seconds)
         else:
             found[cell.key] = Work(0.0, cell.core_seconds)
@@ -108,7 +110,7 @@ def scaling(
         pieces = 1
         if isinstance(cell, Sample):
             count = -(-count_followed(cell.scene, cell.expected_paths) // BLOCK)
-            pieces = -(-count // SHARE)
+            pieces = -(-count // BLOCKS_OF_A_TASK)
             blocks += times(cell) * count
         work += times(cell) * taken
         tasks += times(cell) * pieces

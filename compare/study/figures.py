@@ -21,7 +21,7 @@ GREEK = {
     "epsilon": r"restitution $\varepsilon$",
     "correlation_time": r"correlation time $\theta$ ($1/\omega$)",
 }
-SHADES = ("#440154", "#31688E", "#35B779", "#C7B700")
+IMPACT_COLOURS = ("#440154", "#31688E", "#35B779", "#C7B700")
 """Line colours of up to four impacts, in order (from viridis)."""
 MOMENT_STYLE: Any = {
     "mean": {"color": "#0072B2", "marker": "o"},
@@ -50,7 +50,7 @@ def _draw_band(ax: Axes, x: Any, y: Any, low: Any, high: Any, **style: Any) -> N
 def _by_impact(rows: pd.DataFrame, r: Any) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
     """The rows of a few impacts in the order of the field that varies, each with colour and
     label."""
-    for impact, colour in zip(_pick_impacts(r.study.impacts), SHADES, strict=False):
+    for impact, colour in zip(_pick_impacts(r.study.impacts), IMPACT_COLOURS, strict=False):
         own = rows[rows["impact"] == impact].sort_values(r.study.along)
         yield {"color": colour, "lw": 1.4, "marker": "o", "label": f"impact {impact}"}, own
 
@@ -287,7 +287,7 @@ class TablePlot(NamedTuple):
         return figure
 
 
-FIGURES = {
+STUDY_FIGURES = {
     "validity": TablePlot(
         "validity", "Range of validity, for all means and sds of the first impacts", validity
     ),

@@ -36,7 +36,7 @@ from rattle.compare.report.json_text import check_not_newer
 from rattle.compare.report.provenance import provenance, source_of
 from rattle.compare.report.render import pages
 from rattle.compare.report.save import contents, file_digest, write_files
-from rattle.compare.study.design import KINDS, Point, Study, kind_of, page_of
+from rattle.compare.study.design import STUDY_KINDS, Point, Study, kind_of, page_of
 from rattle.scene import FileError, OutputError, RattleError
 from rattle.scene.files import parse_json, read_regular, read_text
 from rattle.scene.numpy_errors import numpy_defaults
@@ -45,7 +45,7 @@ FILE = "study.toml"
 """Names in a study's folder: the folder of results, and the study file."""
 
 BROKEN = "is damaged; run rattle study again: it rewrites the tables from the stored cells"
-PAGE = "page"
+SCRATCH_PART = "page"
 """Part of the name of scratch folders, in which the output is written before it is moved to its
 place."""
 
@@ -63,7 +63,7 @@ def check_folder(study: Study, folder: Path, overwrite: bool) -> None:
         raise OutputError(f"out = {str(folder)!r}: exists and is not a folder; choose another name")
     check_cells(folder)
     files = {FILE, FIGURES}.union(
-        *(contents("study", tables=k.SMALL, large=k.TABLES) for k in map(kind_of, KINDS))
+        *(contents("study", tables=k.SMALL, large=k.TABLES) for k in map(kind_of, STUDY_KINDS))
     )
     inside = {path for path in folder.iterdir() if path.name in files}
     record = read_own_manifest(folder)
@@ -194,8 +194,8 @@ def cells_digest(study: Study) -> str:
     return hashlib.sha256(f"{study.digest} {keys}".encode()).hexdigest()
 
 
-NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
-NAMES = {"scene": "the scene", "sample": "the simulation"}
+NUMBER_PATTERN = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
+REASON_NAMES = {"scene": "the scene", "sample": "the simulation"}
 """Names for readers of those keys of `Point.reasons` that are not closures."""
 
 
@@ -234,10 +234,14 @@ def group_failures(points: Sequence[Point], failed: Mapping[str, str]) -> list[F
             if cell.key in failed
         }
         for what, why in (point.reasons | lost).items():
-            found.setdefault((what, NUMBER.sub("", why)), []).append((point, why))
+            found.setdefault((what, NUMBER_PATTERN.sub("", why)), []).append((point, why))
     return [
         FailedPoints(
-            NAMES.get(what, what), where[0][1], len(where), len(points), where[0][0].coordinates
+            REASON_NAMES.get(what, what),
+            where[0][1],
+            len(where),
+            len(points),
+            where[0][0].coordinates,
         )
         for (what, _), where in found.items()
     ]
@@ -260,7 +264,7 @@ def write_page(
     Returns the manifest.
     """
     try:
-        with scratch_folder(folder, PAGE) as scratch:
+        with scratch_folder(folder, SCRATCH_PART) as scratch:
             record = _write(scratch, tables, seconds, facts)
             files = [path.relative_to(scratch) for path in scratch.rglob("*") if path.is_file()]
             # holds the digests of the others: removed first, written last

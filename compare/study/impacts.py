@@ -11,17 +11,17 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import CLOSURES
-from rattle.closure.mean_map import ORDERS, find_closures
+from rattle.closure.mean_map import ORDER_RANGE, find_closures
 from rattle.compare.study.cells import (
     BATCH,
-    FACTS,
+    FACTS_STORED,
     Predicted,
     Prediction,
     Sample,
     Sampled,
     check_sample,
 )
-from rattle.compare.study.design import SETTINGS, Point, Study, list_reasons, with_coordinates
+from rattle.compare.study.design import SETTING_NAMES, Point, Study, list_reasons, with_coordinates
 from rattle.compare.validation.errors import (
     ON_ITINERARY,
     judge_followers,
@@ -62,7 +62,7 @@ KEYS = (
     "impacts",
     "closures",
     "order",
-    *SETTINGS,
+    *SETTING_NAMES,
     "common_noise",
     "on_itinerary",
     "near_branches",
@@ -159,9 +159,9 @@ class Tables:
         Keywords are values of the fields that vary besides the first; the table's first where one
         is left out.
         """
-        from rattle.compare.study.figures import FIGURES, panels
+        from rattle.compare.study.figures import STUDY_FIGURES, panels
 
-        plot = FIGURES[choice("kind", kind, FIGURES)]
+        plot = STUDY_FIGURES[choice("kind", kind, STUDY_FIGURES)]
         rows = getattr(self, plot.table)
         for fixed, part in panels(self.study, rows, len(rows)):
             if at.items() <= fixed.items():
@@ -431,7 +431,7 @@ def _cost(study: Study, found: Mapping[str, Any]) -> pd.DataFrame:
             "what": getattr(cell, "closure", "monte carlo"),
             "seconds": facts["seconds"],
         }
-        | {name: facts[name] for name in FACTS if name in facts}
+        | {name: facts[name] for name in FACTS_STORED if name in facts}
         for point in study.points
         for cell in point.cells
         for facts in ([found[cell.key].facts] if cell.key in found else [])
@@ -440,7 +440,7 @@ def _cost(study: Study, found: Mapping[str, Any]) -> pd.DataFrame:
 
 def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
     """Read the fields of `Study` that ``[study]`` gives."""
-    settings = {name: given[name] for name in SETTINGS if name in given}
+    settings = {name: given[name] for name in SETTING_NAMES if name in given}
     for name, value in settings.items():
         if name in varying:
             raise InputError(f"study.{name}", value, "varies along an axis too; keep one")
@@ -454,7 +454,7 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
     return {
         "closures": _closures(given.get("closures", tuple(CLOSURES))),
         "impacts": count("study.impacts", given.get("impacts", 12)),
-        "order": count("study.order", given.get("order", 4), *ORDERS),
+        "order": count("study.order", given.get("order", 4), *ORDER_RANGE),
         "settings": settings,
         "common_noise": _flag("study.common_noise", given.get("common_noise", True)),
         "on_itinerary": _flag("study.on_itinerary", given.get("on_itinerary", False)),

@@ -15,7 +15,7 @@ from rattle.compare.report.texts import (
     lay_out,
 )
 from rattle.compare.study.estimate import scaling
-from rattle.compare.study.figures import FIGURES, panels
+from rattle.compare.study.figures import STUDY_FIGURES, panels
 from rattle.compare.study.folder import Drawing
 from rattle.compare.study.impacts import Tables, find_validity
 from rattle.compare.validation.errors import ON_ITINERARY
@@ -32,7 +32,7 @@ from rattle.compare.validation.verdict import (
 SYMBOLS = ("exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement")
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *SYMBOLS)
 # up to so many different ranges of validity of a closure are listed one by one in the answer
-FEW = 4
+MOST_RANGES_LISTED = 4
 
 
 def answer(r: Tables) -> list[str]:
@@ -131,7 +131,7 @@ def _range_in_words(r: Tables, errors: pd.DataFrame, rows: pd.DataFrame) -> str:
         )
     if len(found) == 1:
         return next(iter(found))
-    if len(found) <= FEW:
+    if len(found) <= MOST_RANGES_LISTED:
         return "; ".join(f"{said} (at {' and '.join(where)})" for said, where in found.items())
     (least, low), *_, (most, high) = found.items()
     return f"from {least} (at {low[0]}) to {most} (at {high[-1]})"
@@ -140,7 +140,7 @@ def _range_in_words(r: Tables, errors: pd.DataFrame, rows: pd.DataFrame) -> str:
 def draw(r: Tables) -> list[Drawing]:
     """Draw the figures, each once for all values of the fields that vary besides the first."""
     drawn = []
-    for name, plot in FIGURES.items():
+    for name, plot in STUDY_FIGURES.items():
         for number, (fixed, part) in enumerate(panels(r.study, getattr(r, plot.table)), 1):
             own = f"figures/{name}-{number}" if fixed else f"figures/{name}"
             at = ", ".join(f"{field} = {v}" for field, v in fixed.items())

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from rattle.compare.study.design import FIELDS, ORDER, make_scene, table_of
+from rattle.compare.study.design import ORDER_FIELD, SCENE_FIELDS, make_scene, table_of
 from rattle.scene import Scene, choice
 from rattle.scene.gear_values import has_own_start, is_value, scene_with, values_of
 from rattle.scene.gears_input import UNIT
@@ -16,11 +16,11 @@ from rattle.scene.text import percent
 CHANGE = 0.01  # the change of a parameter that effects are stated for
 PERCENT = percent(CHANGE)
 # relative changes of a parameter at which the motion is simulated, up and down
-STEPS = (0.02, 0.04)
+RELATIVE_CHANGES = (0.02, 0.04)
 # not of a single stage
 SECOND = ("beta2", "gamma2", "mu", "gap2", "start.x2", "start.y2", "tolerance.c2_max")
 NOT_REAL = ("stages", "start.mesh", "tolerance.distribution", "tolerance.draw")
-WORDS = {
+PARAMETER_WORDS = {
     "amplitude": "amplitude of the drive",
     "omega": "frequency of the drive",
     "epsilon": "restitution",
@@ -52,7 +52,11 @@ class Parameter(NamedTuple):
         if self.name.startswith("drive."):
             return f"order {self.name.split('.')[1]} of the drive"
         kind = self.name.rstrip("12")
-        return WORDS[kind].format(self.name[-1]) if kind in WORDS else f"`{self.name}`"
+        return (
+            PARAMETER_WORDS[kind].format(self.name[-1])
+            if kind in PARAMETER_WORDS
+            else f"`{self.name}`"
+        )
 
 
 def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
@@ -90,9 +94,9 @@ def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:
     known = find_parameters(scene, absent=True)
     if name in known:
         return known[name]
-    if not ORDER.fullmatch(name):
+    if not ORDER_FIELD.fullmatch(name):
         missing = (*known, *NOT_REAL, *(SECOND if scene.stages == 1 else ()))
-        choice(asked, name, [*known, *(other for other in FIELDS if other not in missing)])
+        choice(asked, name, [*known, *(other for other in SCENE_FIELDS if other not in missing)])
     phases = {f"drive.{one.order}.phase": one.phase for one in scene.drive}
     own: Any = scene
     for field in name.split("."):

@@ -13,12 +13,12 @@ from matplotlib.ticker import NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure
 
-SCHEME = {
+SCHEME_STYLES = {
     "euler-maruyama": {"color": "#CC79A7", "marker": "P"},
     "euler-maruyama-located": {"color": "#56B4E9", "marker": "X"},
     "exact-flight": STYLE["monte carlo"],
 }
-MEASURED = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
+MEASURED_MARK = Line2D([], [], ls="-", marker="D", ms=5, color="0.4", label="measured")
 EXTRAPOLATED = Line2D(
     [], [], ls="--", marker="D", ms=5, mfc="none", color="0.4", label="extrapolated"
 )
@@ -43,7 +43,9 @@ def tradeoff_figure(
     multilevel = points[points["kind"] == "multilevel"].groupby("method", sort=False)
     for method, rows in [*multilevel, ("exact-flight", means_alone)]:
         colour = (
-            SCHEME[method.removeprefix("multilevel ")]["color"] if method != "exact-flight" else "k"
+            SCHEME_STYLES[method.removeprefix("multilevel ")]["color"]
+            if method != "exact-flight"
+            else "k"
         )
         handles += ax.plot(
             rows["core_seconds"],
@@ -63,12 +65,12 @@ def tradeoff_figure(
         xlabel="processor time (core-seconds)",
     )
     ax.set_ylabel("error of the section means and sds / sd of each quantity")
-    handles += [MEASURED, EXTRAPOLATED, MISSED]
+    handles += [MEASURED_MARK, EXTRAPOLATED, MISSED]
     figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False)
     return figure
 
 
-QUANTITY: Any = {
+QUANTITY_STYLES: Any = {
     "tau": {"color": "#000000", "marker": "o"},
     "flight": {"color": "#999999", "marker": "v"},
     "x1": {"color": "#56B4E9", "marker": "s"},
@@ -76,17 +78,17 @@ QUANTITY: Any = {
     "x2": {"color": "#E69F00", "marker": "s"},
     "y2": {"color": "#D55E00", "marker": "D"},
 }
-MOMENTS = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary"}
+MOMENT_NAMES = {"mean": "section means", "sd": "section sds", "itinerary": "itinerary"}
 
 
 def order_figure(changes: pd.DataFrame) -> Figure:
     """Change against the step: a row of panels for each noise intensity and scheme, a panel for
     each kind of moment."""
     pairs = list(dict.fromkeys(zip(changes["sigma"], changes["scheme"], strict=True)))
-    figure, axes = new_figure(9.6, 2.7 * len(pairs), len(pairs), len(MOMENTS))
+    figure, axes = new_figure(9.6, 2.7 * len(pairs), len(pairs), len(MOMENT_NAMES))
     for i, (sigma, scheme) in enumerate(pairs):
-        for j, (moment, title) in enumerate(MOMENTS.items()):
-            ax = axes[len(MOMENTS) * i + j]
+        for j, (moment, title) in enumerate(MOMENT_NAMES.items()):
+            ax = axes[len(MOMENT_NAMES) * i + j]
             of = (
                 (changes["sigma"] == sigma)
                 & (changes["scheme"] == scheme)
@@ -108,7 +110,7 @@ def _changes(ax: Axes, own: pd.DataFrame) -> None:
     ax.set_yscale("log")
     for quantity, rows in own.groupby("quantity", sort=False):
         away = [rows["change"] - rows["low"], rows["high"] - rows["change"]]
-        style = QUANTITY.get(str(quantity), {"color": "k", "marker": "o"})
+        style = QUANTITY_STYLES.get(str(quantity), {"color": "k", "marker": "o"})
         label = SYMBOL.get(str(quantity), "itinerary")
         ax.errorbar(rows["dt"], rows["change"], away, ms=4, lw=1.1, capsize=2, label=label, **style)
     if len(own):
@@ -126,7 +128,7 @@ def _changes(ax: Axes, own: pd.DataFrame) -> None:
 def _scheme(ax: Axes, scheme: str, rows: pd.DataFrame, slope: float) -> Artist:
     """A line through the points of a scheme, solid where measured; points that missed their
     accuracy stand alone."""
-    style = SCHEME[scheme]
+    style = SCHEME_STYLES[scheme]
     missed = rows[rows["missed"]]
     reached = rows[~rows["missed"]]
     x = reached["core_seconds"].to_numpy()

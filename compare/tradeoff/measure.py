@@ -21,7 +21,7 @@ import pandas as pd
 from rattle.closure import closures_for, mean_map
 from rattle.closure.mean_map import closure_seconds
 from rattle.compare.tradeoff.multilevel import (
-    SIGMAS,
+    MEASURED_SIGMAS,
     Levels,
     control_table,
     measure_levels,
@@ -32,7 +32,12 @@ from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, Record, simulate, simulate_to
 from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths, step_error
 from rattle.montecarlo.accuracy.pilots import PilotRun, pilot, sample_branches
-from rattle.montecarlo.diagnostics.accuracy import LEAST, sampling_error, share_of_look, units
+from rattle.montecarlo.diagnostics.accuracy import (
+    FEWEST_PATHS,
+    sampling_error,
+    share_of_look,
+    units,
+)
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
@@ -41,8 +46,8 @@ from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
 # ratio of the steps of both pilot runs, which separates the time of steps from that of impacts
-FINER = 8.0
-REPEATS = 3  # timings of a pilot run and of a closure, of which the least counts
+PILOT_STEP_RATIO = 8.0
+TIMINGS = 3  # timings of a pilot run and of a closure, of which the least counts
 
 
 class CostPoint(NamedTuple):
@@ -106,7 +111,7 @@ class CostModel:
         first, seconds = _least(lambda: pilot(scene, scheme, again))
         if not SCHEMES[scheme].has_step_bias:
             return cls(scheme, first, 0.0, seconds / first.path_steps, seconds, 0.0, first)
-        longer = partial(again, paths=first.paths, scheme=scheme, dt=first.dt / FINER)
+        longer = partial(again, paths=first.paths, scheme=scheme, dt=first.dt / PILOT_STEP_RATIO)
         finer, more = _least(partial(longer, record=Record(step_bias=True)))
         step = (more - seconds) / (finer.path_steps - first.path_steps)
         path = max(0.0, seconds - step * first.path_steps) / first.paths
@@ -136,7 +141,7 @@ class CostModel:
         """
         room = 0.5 * accuracy if self.bias else accuracy
         run = max((self.best, self.shared or self.best), key=lambda found: found.paths)
-        wanted = max(expect_paths(run, room, share_of_look(LOOKS)).paths, LEAST)
+        wanted = max(expect_paths(run, room, share_of_look(LOOKS)).paths, FEWEST_PATHS)
         paths = math.ceil(wanted / BLOCK) * BLOCK
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
         seconds = self.pilot_seconds + paths * (
@@ -173,7 +178,7 @@ class CostModel:
 def _least(call: Callable[[], T]) -> tuple[T, float]:
     """The result of a call and the shortest of several timings, after a first call that
     compiles."""
-    return call(), min(time_run(call)[1] for _ in range(REPEATS))
+    return call(), min(time_run(call)[1] for _ in range(TIMINGS))
 
 
 ACCURACIES = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
@@ -209,7 +214,7 @@ def _measure_point(
     """The point of a scheme at an accuracy, with its run if it was measured."""
     point = model.at(accuracy)
     if point.work > budget and not model.bias:  # as a run to that accuracy would go on
-        begin = partial(begin_rare, model.best, LEAST, in_threads(1))
+        begin = partial(begin_rare, model.best, FEWEST_PATHS, in_threads(1))
         model.best = sample_branches(PilotRun.of(model.best), accuracy, begin).run
         point = model.at(accuracy)
     if point.work > budget:  # counted, so that no clock decides which rows are measured
@@ -356,7 +361,9 @@ def slope(points: pd.DataFrame, method: str, measured: bool) -> tuple[float, int
 
     Points so rough that the minimal number of paths determines their cost are left out.
     """
-    rows = points[(points["method"] == method) & (points["paths"] > LEAST) & ~points["missed"]]
+    rows = points[
+        (points["method"] == method) & (points["paths"] > FEWEST_PATHS) & ~points["missed"]
+    ]
     rows = rows[rows["measured"]] if measured else rows
     if len(rows) < 2:
         return math.nan, len(rows)
@@ -411,7 +418,7 @@ def measure(
     table = pd.DataFrame(points, columns=list(CostPoint._fields))
     models = {name: models[name] for name in SCHEMES}
     control = control_table(
-        base, seed=seed, sigmas=() if base.correlation_time else SIGMAS, **common
+        base, seed=seed, sigmas=() if base.correlation_time else MEASURED_SIGMAS, **common
     )
     sigmas = sorted({base.sigma, base.alpha**0.5})  # its own, and the paper's
     slopes = orders_over(base, sigmas, rng=seed, workers=workers) if orders else None

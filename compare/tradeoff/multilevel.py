@@ -29,9 +29,9 @@ from rattle.scene import SECTION, Floats, Scene
 from rattle.scene.progress import ProgressBar
 
 T = TypeVar("T")
-LEVELS = 7
-PATHS = 16_384
-COARSEST = 0.02  # step of level 0, if it is admissible for the scene
+MULTILEVELS = 7
+LEVEL_PATHS = 16_384
+COARSEST_STEP = 0.02  # step of level 0, if it is admissible for the scene
 FITTED_FROM = 2  # first level used to fit the rates; the levels before are not yet asymptotic
 KURTOSIS_ALARM = 100.0
 """Kurtosis of a level difference above which its estimated variance is unreliable (Giles 2015,
@@ -147,14 +147,14 @@ def giles_cost(variance: Floats, seconds: Floats, accuracy: float) -> float:
 def measure_levels(scene: Scene, scheme: str, *, impacts: int, seed: int, workers: int) -> Levels:
     """Run every level with its own random numbers, and tabulate the level differences."""
     longest = 0.99 * largest_step(scene, scheme)[0] / 2 ** (SIDE_BY_SIDE - 1)
-    seeds = np.random.SeedSequence([seed, LEVELS]).spawn(LEVELS)
+    seeds = np.random.SeedSequence([seed, MULTILEVELS]).spawn(MULTILEVELS)
     common: dict[str, Any] = {
-        "paths": PATHS,
+        "paths": LEVEL_PATHS,
         "impacts": impacts,
         "scheme": scheme,
         "workers": workers,
     }
-    common["record"], dt = Record(step_bias=True), min(COARSEST, longest)
+    common["record"], dt = Record(step_bias=True), min(COARSEST_STEP, longest)
     bar = ProgressBar(seeds, label=f"levels of {scheme}", unit="level", leave=False)
     return levels_of(
         [simulate(scene, dt=dt / 2**level, rng=own, **common) for level, own in enumerate(bar)]
@@ -245,8 +245,8 @@ def _consistency(a: CentralSums, b: CentralSums) -> float:
     return float(np.divide(off, 3.0 * spread, out=np.zeros_like(off), where=spread > 0.0).max())
 
 
-SIGMAS = (1e-3, 1e-2, 0.05, 0.1, 0.3, 1.5**0.5)
-REPEATS = 3
+MEASURED_SIGMAS = (1e-3, 1e-2, 0.05, 0.1, 0.3, 1.5**0.5)
+LEVEL_TIMINGS = 3
 
 
 def control_table(
@@ -255,8 +255,8 @@ def control_table(
     impacts: int,
     seed: int,
     workers: int,
-    sigmas: Sequence[float] = SIGMAS,
-    paths: int = PATHS,
+    sigmas: Sequence[float] = MEASURED_SIGMAS,
+    paths: int = LEVEL_PATHS,
 ) -> pd.DataFrame:
     """Variance without the control variate over variance with it, on the same paths.
 
@@ -276,7 +276,7 @@ def control_table(
         runs, seconds = zip(
             *[
                 time_run(partial(call, sampling=Sampling(control=c)))
-                for _ in range(REPEATS)
+                for _ in range(LEVEL_TIMINGS)
                 for c in (False, True)
             ],
             strict=True,

@@ -26,7 +26,7 @@ from rattle.compare.tradeoff.measure import (
     slope,
 )
 from rattle.compare.tradeoff.multilevel import KURTOSIS_ALARM, Rate
-from rattle.compare.tradeoff.weak_order import IMPACTS, STEPS
+from rattle.compare.tradeoff.weak_order import ORDER_IMPACTS, STEP_PAIRS
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words, span
 from rattle.scene import duration_text
@@ -243,7 +243,7 @@ def orders_said(table: pd.DataFrame) -> list[str]:
         hidden = len(rows) - len(seen)
         parts += [f"hidden by noise or constant: {hidden} of {len(rows)}"] if hidden else []
         said.append(
-            f"`{scheme}`, σ = {sigma:.4g}, dt from {STEPS[0]:g} to {0.5 * STEPS[-1]:g}:"
+            f"`{scheme}`, σ = {sigma:.4g}, dt from {STEP_PAIRS[0]:g} to {0.5 * STEP_PAIRS[-1]:g}:"
             f" {'; '.join(parts)}."
         )
     return said
@@ -285,7 +285,7 @@ def write_tradeoff(out: Path, m: Tradeoff, record: dict[str, Any], overwrite: bo
         "budget": record["budget"],
         "reference": f"{m.reference.paths:,}",
     }
-    said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": IMPACTS}
+    said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": ORDER_IMPACTS}
     title = f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts"
     files: dict[str, Any] = {
         "figures": figures,

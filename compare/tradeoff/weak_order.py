@@ -19,15 +19,15 @@ from scipy.special import stdtrit
 
 from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
-from rattle.montecarlo.diagnostics.accuracy import ROUNDED, units
+from rattle.montecarlo.diagnostics.accuracy import ROUNDED_SD, units
+from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Bools, Floats, Scene
 from rattle.scene.progress import ProgressBar
 
-CONFIDENCE = 0.95
 STILL = 1e-9  # change below which a quantity counts as constant
 
 
-SETTLED = 0.3
+SETTLED_SLOPES = 0.3
 """Largest half width of the interval of the difference of two local slopes with which they can be
 said to agree."""
 AGREE = 0.05  # difference of two local slopes that does not matter
@@ -77,7 +77,7 @@ def find_settled(
         return second - first
 
     bent, half = _jackknife(change, n)
-    if turning[-2:].any() or not (abs(bent) <= max(half, AGREE) and half <= SETTLED):
+    if turning[-2:].any() or not (abs(bent) <= max(half, AGREE) and half <= SETTLED_SLOPES):
         return math.nan, math.nan, math.nan, turns
     return *slope_from(bias[:, -3:], se[:, -3:], steps[-3:]), turns
 
@@ -123,13 +123,13 @@ def _jackknife(value: Callable[[Floats], Any], n: int) -> tuple[Any, Any]:
     )
 
 
-STEPS = (0.016, 0.008, 0.004, 0.002)
+STEP_PAIRS = (0.016, 0.008, 0.004, 0.002)
 """Larger step of each pair; the smaller one is half of it."""
 
-IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
+ORDER_IMPACTS = 4  # impacts over which paths with different dt keep the same itinerary
 
 
-COLUMNS = [
+SLOPE_COLUMNS = [
     *("scheme", "sigma", "moment", "quantity", "coarsest", "finest"),
     *("slope", "low", "high", "last", "last_low", "last_high", "turns"),
     *("order", "order_low", "order_high", "change", "limit_z", "limit_allowed"),
@@ -152,7 +152,7 @@ Row: TypeAlias = tuple[Any, ...]
 class WeakOrders(NamedTuple):
     """Slopes and orders, and the changes from which they are fitted."""
 
-    table: pd.DataFrame  # with `COLUMNS`
+    table: pd.DataFrame  # with `SLOPE_COLUMNS`
     # columns ``scheme, sigma, moment, quantity, dt, change, low, high``.  For means and sds
     # ``change`` is the root mean square over the impacts, in sds, of the change between dt and dt /
     # 2; for the itinerary the distance of its probability at dt from that of exact flights; NaN
@@ -191,14 +191,14 @@ def _limit_z(run: Ensemble, exact: Ensemble, moment: str) -> tuple[Floats, Bools
     )
     away = np.maximum(np.abs(rows["corrected"].to_numpy() - value) - rows["rest"].to_numpy(), 0.0)
     error = np.hypot(rows["se_corrected"].to_numpy(), se)
-    varies = error > ROUNDED * np.abs(value)
+    varies = error > ROUNDED_SD * np.abs(value)
     return away / np.where(varies, error, np.inf), varies
 
 
 def weak_orders(
     scene: Scene,
     *,
-    impacts: int = IMPACTS,
+    impacts: int = ORDER_IMPACTS,
     paths: int = 40_000,
     replicates: int = 6,
     rng: int = 0,
@@ -217,7 +217,7 @@ def weak_orders(
     changes = []
     schemes = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
     with ProgressBar(
-        label="weak order", total=len(schemes) * replicates * len(STEPS), unit="run"
+        label="weak order", total=len(schemes) * replicates * len(STEP_PAIRS), unit="run"
     ) as bar:
         for scheme in schemes:
             common: dict[str, Any] = {
@@ -227,14 +227,16 @@ def weak_orders(
             }
             runs: list[list[Ensemble]] = []
             for seed in seeds[:-1]:
-                runs.append([sample(dt=0.5 * step, rng=seed, **common) for step in STEPS])
-                bar.update(len(STEPS))
+                runs.append([sample(dt=0.5 * step, rng=seed, **common) for step in STEP_PAIRS])
+                bar.update(len(STEP_PAIRS))
             moments = [_by_quantity(scheme, moment, runs, exact) for moment in ("mean", "sd")]
             for slopes, points in (*moments, _by_itinerary(scheme, runs, exact)):
                 found += slopes
                 changes += points
     columns = ["scheme", "sigma", "moment", "quantity", "dt", "change", "low", "high"]
-    return WeakOrders(pd.DataFrame(found, columns=COLUMNS), pd.DataFrame(changes, columns=columns))
+    return WeakOrders(
+        pd.DataFrame(found, columns=SLOPE_COLUMNS), pd.DataFrame(changes, columns=columns)
+    )
 
 
 def _by_quantity(
@@ -258,10 +260,10 @@ def _by_quantity(
             (float(z[own & varies].max()) for z, varies in limits if (own & varies).any()),
             default=math.nan,
         )
-        of = (scheme, sigma, moment, str(quantity), STEPS[0], 0.5 * STEPS[-1])
-        slopes.append((*of, *_slopes(b, s, STEPS), float(errors[0][-1]), z, allowed))
+        of = (scheme, sigma, moment, str(quantity), STEP_PAIRS[0], 0.5 * STEP_PAIRS[-1])
+        slopes.append((*of, *_slopes(b, s, STEP_PAIRS), float(errors[0][-1]), z, allowed))
         points += [
-            (scheme, sigma, moment, quantity, *row) for row in zip(STEPS, *errors, strict=True)
+            (scheme, sigma, moment, quantity, *row) for row in zip(STEP_PAIRS, *errors, strict=True)
         ]
     return slopes, points
 
@@ -282,7 +284,7 @@ def _by_itinerary(
     errors = np.where(away > half, away, np.nan), np.maximum(away - half, 0.0), away + half
     floor = max(floor, 1e-150)
     seen = away > 3.0 * np.hypot(spread, floor)
-    steps = 0.5 * np.array(STEPS)
+    steps = 0.5 * np.array(STEP_PAIRS)
     slopes: tuple[float, ...] = (*[math.nan] * 6, 0, *[math.nan] * 3)  # noise hides them
     if seen.sum() >= 2:
         distance = (shares - kept)[:, seen, None]

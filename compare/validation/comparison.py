@@ -32,7 +32,7 @@ from rattle.compare.validation.verdict import (
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import PilotRun, sample_branches
-from rattle.montecarlo.diagnostics.accuracy import LEAST
+from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS
 from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.leaving import KNOWN, expect_leaving, interval
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
@@ -80,7 +80,7 @@ class Comparison:
     def near_branches(self) -> Ensemble | None:
         """Paths by the simulation's scheme of which a part is drawn near the rare branches that
         matter, if any does."""
-        return self.second_look or begin_rare(self.run, LEAST, in_threads(1))
+        return self.second_look or begin_rare(self.run, FEWEST_PATHS, in_threads(1))
 
     def foresee(self, accuracy: float) -> PilotRun:
         """What `rattle.montecarlo.simulate_to` is expected to take by the simulation's scheme."""

@@ -15,7 +15,7 @@ from rattle.closure import MeanMap
 from rattle.closure.closure import describe_error
 from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Ensemble
-from rattle.montecarlo.diagnostics.accuracy import LEAST, skewness_gain, smallest_sd
+from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, skewness_gain, smallest_sd
 from rattle.montecarlo.diagnostics.unseen import (
     Unseen,
     find_unseen,
@@ -327,11 +327,13 @@ def judge_again(
 
 
 def _count_again(rows: pd.DataFrame, paths: int) -> int:
-    """Paths that are expected to decide all rows that so many can decide; at least `LEAST`."""
+    """Paths that are expected to decide all rows that so many can decide; at least
+    `FEWEST_PATHS`.
+    """
     margin = (rows["tolerance"] - rows["error"].abs()).abs()
     needed = SPARE * paths * ((rows["noise"] + rows["rest"]) / margin) ** 2
     most = float(needed.where(needed <= paths, 0.0).max())
-    return max(math.ceil(most), LEAST)
+    return max(math.ceil(most), FEWEST_PATHS)
 
 
 def take_decided(table: pd.DataFrame, rows: "pd.Series[bool]", again: pd.DataFrame) -> pd.DataFrame:

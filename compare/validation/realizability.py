@@ -19,7 +19,7 @@ from rattle.closure import MeanMap
 from rattle.montecarlo import Ensemble
 from rattle.scene import SECTION, Floats, Ints
 from rattle.scene.elementary import gauss_legendre
-from rattle.scene.moments import ROUNDING, central_from_raw, correlation
+from rattle.scene.moments import RHO_ROUNDING, central_from_raw, correlation
 
 CONFIDENCE = 0.95  # of the Kolmogorov floor
 REACH = 10.0  # sds on both sides of its mean over which a density is integrated
@@ -146,8 +146,8 @@ QUADRATURE = 1e-6
 """Negative mass below which a density counts as positive: less than one path in a million.
 
 The quadrature gives a mass of this size to 0.1 %.  All other tolerances are
-`rattle.scene.moments.ROUNDING`, relative to the largest of the terms that are compared; the sign of
-a variance needs none.
+`rattle.scene.moments.RHO_ROUNDING`, relative to the largest of the terms that are compared; the
+sign of a variance needs none.
 """
 
 # sds on both sides of the mean, and points per axis, of the quadratures of negative parts
@@ -159,10 +159,10 @@ NAN = float("nan")
 CHECKS = {
     "variance of displacement": (0.0, 1, 0.0),
     "variance of velocity": (0.0, 1, 0.0),
-    "|rho|": (1.0, -1, ROUNDING),
-    "covariance eigenvalue": (0.0, 1, ROUNDING),
-    "kurtosis": (0.0, 1, ROUNDING),
-    "moment matrix": (0.0, 1, ROUNDING),
+    "|rho|": (1.0, -1, RHO_ROUNDING),
+    "covariance eigenvalue": (0.0, 1, RHO_ROUNDING),
+    "kurtosis": (0.0, 1, RHO_ROUNDING),
+    "moment matrix": (0.0, 1, RHO_ROUNDING),
     "negative mass": (0.0, -1, QUADRATURE),
     "section negative mass": (0.0, -1, QUADRATURE),
 }

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from rattle.montecarlo.diagnostics.accuracy import (
-    LEAST,
-    MOMENTS,
+    BOUND_MOMENTS,
+    FEWEST_PATHS,
     absolute_errors,
     count_paths,
     errors_by_row,
@@ -148,7 +148,7 @@ def cost_to(run: Ensemble, accuracy: float) -> Candidate:
     if biased:
         dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
     wanted = expect_paths(run, 0.5 * accuracy if bias else accuracy, share_of_look(LOOKS)).paths
-    paths = max(LEAST // BLOCK, math.ceil(wanted / BLOCK)) * BLOCK
+    paths = max(FEWEST_PATHS // BLOCK, math.ceil(wanted / BLOCK)) * BLOCK
     return cost_of(run, count_followed(run.scene, paths), dt)
 
 
@@ -201,7 +201,7 @@ def find_missed_rows(run: Ensemble, accuracy: float, share: float) -> tuple[Row,
         elif bias[place] > MOST_OF * bound[place]:
             why = "bias of the step"
         moment, i, k = place
-        found.append(Row(MOMENTS[moment], SECTION[i], int(k) + 1, float(bound[place]), why))
+        found.append(Row(BOUND_MOMENTS[moment], SECTION[i], int(k) + 1, float(bound[place]), why))
     return tuple(sorted(found, key=lambda row: -row.bound))
 
 
@@ -239,11 +239,11 @@ def _biases(run: Ensemble) -> Floats:
     impacts)."""
     unit = np.array(list(units_by_quantity(run).values()))
     quantities = 2 + 2 * run.scene.stages
-    found = np.zeros((2, len(MOMENTS), len(SECTION), run.impacts))
+    found = np.zeros((2, len(BOUND_MOMENTS), len(SECTION), run.impacts))
     steps = (
         run.step_bias[["bias", "se_bias"]]
         .to_numpy()
-        .T.reshape(2, len(MOMENTS), quantities, run.impacts)
+        .T.reshape(2, len(BOUND_MOMENTS), quantities, run.impacts)
     )
     found[:, :, :quantities] = np.nan_to_num(np.abs(steps)) / unit[:quantities]
     return found

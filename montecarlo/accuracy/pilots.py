@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rattle.montecarlo.accuracy.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expect_paths
-from rattle.montecarlo.diagnostics.accuracy import LEAST, share_of_look, small_noise
+from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, share_of_look, small_noise
 from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import extend
@@ -117,8 +117,8 @@ def sample_branches(
     """A pilot run that samples rare branches on purpose where an accuracy waits for them; else the
     same one.
 
-    `begin`: Starts such a run, at least `LEAST` paths, see `begin_rare`; called only where plain
-    paths are expensive.
+    `begin`: Starts such a run, at least `FEWEST_PATHS` paths, see `begin_rare`; called only where
+    plain paths are expensive.
     """
     run = plain.run
     cost = plain.at(accuracy).core_seconds
@@ -128,7 +128,7 @@ def sample_branches(
     if heavy < HEAVY and not plain.expect_paths(accuracy).branch:
         return plain
     rare = begin()
-    if rare is None or rare.paths < LEAST:
+    if rare is None or rare.paths < FEWEST_PATHS:
         return plain
     found = PilotRun(rare, max(plain.path_seconds, cost_of(rare, 1).core_seconds), True)
     return found if found.at(accuracy).core_seconds < CHEAPER * cost else plain
@@ -199,10 +199,10 @@ def choose_scheme(
         and not SCHEMES[best.run.scheme].has_step_bias
         and best.at(accuracy).core_seconds > WAIT
     ):
-        longer = extend(best.run, count_followed(scene, LEAST), blocks, progress)
+        longer = extend(best.run, count_followed(scene, FEWEST_PATHS), blocks, progress)
         tried[place] = PilotRun(longer, best.path_seconds, True)
         if budget.remaining > 0.0:
             tried[place] = sample_branches(
-                tried[place], accuracy, partial(begin_rare, longer, LEAST, blocks)
+                tried[place], accuracy, partial(begin_rare, longer, FEWEST_PATHS, blocks)
             )
     return tried[place], [p.at(accuracy) for p in tried]

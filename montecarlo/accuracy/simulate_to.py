@@ -30,7 +30,7 @@ from rattle.montecarlo.accuracy.pilots import (
     sample_branches,
 )
 from rattle.montecarlo.diagnostics.accuracy import (
-    LEAST,
+    FEWEST_PATHS,
     error_bound,
     sampling_error,
     share_of_look,
@@ -70,7 +70,9 @@ def _expect_seconds(pilot_run: PilotRun, accuracy: float) -> float:
     """Core-seconds that an accuracy is expected to take; those of the fewest paths where there was
     no whole pilot."""
     expected = pilot_run.at(accuracy)
-    return max(expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * LEAST)
+    return max(
+        expected.core_seconds, 0.0 if pilot_run.whole else pilot_run.path_seconds * FEWEST_PATHS
+    )
 
 
 def _refuse(pilot_run: PilotRun, accuracy: float) -> None:
@@ -240,7 +242,7 @@ def simulate_to(
     bound = error_bound(run, share_of_look(look))
     step = step_error(run)[0]
     worst = bound.where + ("" if is_random(scene) else ": one path is the answer")
-    enough = pilot_run.whole and run.paths >= count_followed(scene, LEAST)
+    enough = pilot_run.whole and run.paths >= count_followed(scene, FEWEST_PATHS)
     reach = Reach(
         accuracy,
         sampling_error(run)[0],
@@ -284,7 +286,11 @@ def _cut_short(
         return run, more, look
     grain = count_followed(run.scene, BLOCK)
     paths = int(INSTEAD / cost_of(run, 1).core_seconds) // grain * grain
-    return _extend(run, max(paths, count_followed(run.scene, LEAST)), blocks, progress), more, 1
+    return (
+        _extend(run, max(paths, count_followed(run.scene, FEWEST_PATHS)), blocks, progress),
+        more,
+        1,
+    )
 
 
 def _follow_up(
@@ -304,7 +310,7 @@ def _follow_up(
         missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths)
         return run, missing, 1
     exact = not SCHEMES[run.scheme].has_step_bias
-    fewest = count_followed(scene, LEAST)
+    fewest = count_followed(scene, FEWEST_PATHS)
     grain = count_followed(scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS

@@ -17,16 +17,13 @@ from scipy.special import ndtr
 
 from rattle.montecarlo.diagnostics.unseen import Unseen, unseen, unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import SECTION, STATE, Floats, Scene
 
 if TYPE_CHECKING:
     import pandas as pd
 
-CONFIDENCE = 0.95
-"""Probability with which an accuracy that is said to be reached bounds all errors of section means
-and sds."""
-
-LEAST = (
+FEWEST_PATHS = (
     32 * BLOCK
     # fewest paths of an answer: events of probability 1e-4 can dominate an sd, so they must be
     # sampled
@@ -34,25 +31,25 @@ LEAST = (
 # sigma / alpha up to which the control variate is tried; on DAT21 it pays up to 0.07
 SMALL_NOISE = 0.2
 Z_OF_GAIN = 3.0  # half width, in standard errors, at which the skewness of rows is accounted for
-MOMENTS = ("mean", "sd")
+BOUND_MOMENTS = ("mean", "sd")
 Place = tuple[np.intp, ...]
-"""Indices of a moment in `MOMENTS`, of a quantity in `SECTION`, and of an impact."""
+"""Indices of a moment in `BOUND_MOMENTS`, of a quantity in `SECTION`, and of an impact."""
 # sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd
-ROUNDED = 2.0**-40
+ROUNDED_SD = 2.0**-40
 
 
 def smallest_sd(columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
     """Smallest sd of each quantity, shape (impacts,), that doubles resolve: below it the quantity
     counts as constant.
 
-    It is `ROUNDED` times a size: of times their own, of displacements and velocities the largest
+    It is `ROUNDED_SD` times a size: of times their own, of displacements and velocities the largest
     over the impacts.
     """
-    tau = ROUNDED * np.abs(np.asarray(columns["tau"], float))
+    tau = ROUNDED_SD * np.abs(np.asarray(columns["tau"], float))
     found = dict.fromkeys(SECTION[:2], tau)
     for q in STATE:
         size = np.nan_to_num(np.hypot(columns[q], columns["sd_" + q]))
-        found[q] = np.full_like(tau, ROUNDED * size.max(initial=0.0))
+        found[q] = np.full_like(tau, ROUNDED_SD * size.max(initial=0.0))
     return found
 
 
@@ -185,7 +182,9 @@ def errors_by_row(run: Any) -> tuple[Floats, Floats, Unseen]:
 def explain_shift(hidden: Unseen, shift: Floats, row: Place) -> str:
     """The unseen branch that could move a row, in words."""
     moment, i, k = row
-    return unseen_text(MOMENTS[moment], hidden.probability[k, i], shift[row], hidden.needed[k, i])
+    return unseen_text(
+        BOUND_MOMENTS[moment], hidden.probability[k, i], shift[row], hidden.needed[k, i]
+    )
 
 
 def error_bound(run: Any, share: float = 1.0 - CONFIDENCE) -> Bound:
@@ -209,7 +208,7 @@ def error_bound(run: Any, share: float = 1.0 - CONFIDENCE) -> Bound:
 def name_row(row: Place) -> str:
     """A row in words."""
     moment, i, k = row
-    return f"{MOMENTS[moment]} of {SECTION[i]} at impact {k + 1}"
+    return f"{BOUND_MOMENTS[moment]} of {SECTION[i]} at impact {k + 1}"
 
 
 def small_noise(scene: Scene) -> bool:

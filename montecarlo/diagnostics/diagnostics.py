@@ -14,21 +14,21 @@ from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.montecarlo.settings import STEPS, is_random, noise_free_path
 from rattle.scene import SECTION, Floats, Scene
 
-UNSEEN = 0.1
+UNSEEN_ERROR = 0.1
 """Largest error from branches that were not sampled, in sds, that is not diagnosed."""
 UNSEARCHED = (
     "Rare branches are searched for with white noise only: whether this sample misses one is not"
     " known."
 )
 SEARCHED = 60  # most impacts for which rare branches are looked for: a second
-TOLERANCE = 0.05
+BIAS_TOLERANCE = 0.05
 """Largest bias that is not diagnosed, in `motion_units`."""
 
-SMALLEST = 0.01  # an error unit is at least this share of the scale of the motion
+SMALLEST_UNIT = 0.01  # an error unit is at least this share of the scale of the motion
 # dt over the step of the comparison; for order 1, dt against dt / 4 shows 3/4 of the bias: times
 # 4/3
-FINER = 4
-UNBIASED = "exact-flight, which has no such bias"
+STEP_RATIO = 4
+WITHOUT_BIAS = "exact-flight, which has no such bias"
 COLLAPSE = math.exp(-math.pi / math.sqrt(3.0))
 """Restitution below which white noise makes impacts accumulate: inelastic collapse (Cornell, Swift,
 Bray 1998)."""
@@ -53,7 +53,7 @@ def motion_units(columns: Mapping[str, NDArray[Any]], scene: Scene) -> dict[str,
         "x2": scene.gap2,
         "y2": fastest,
     }
-    return {q: np.fmax(columns["sd_" + q], SMALLEST * scale[q]) for q in SECTION}
+    return {q: np.fmax(columns["sd_" + q], SMALLEST_UNIT * scale[q]) for q in SECTION}
 
 
 def orbit_shift(run: Any) -> tuple[float, str]:
@@ -66,7 +66,7 @@ def orbit_shift(run: Any) -> tuple[float, str]:
     unit = motion_units(run.columns, run.scene)
     columns = run.columns
     coarse, fine = (
-        noise_free_path(run.plan, run.plan.scheme, run.plan.dt / times) for times in (1, FINER)
+        noise_free_path(run.plan, run.plan.scheme, run.plan.dt / times) for times in (1, STEP_RATIO)
     )
     worst = 0.0
     where = "nothing moves"
@@ -84,7 +84,11 @@ def orbit_shift(run: Any) -> tuple[float, str]:
         for i, q in enumerate(SECTION):
             if run.scene.stages == 1 and q in ("x2", "y2"):
                 continue
-            shift = float(_share(abs(coarse[k, i] - fine[k, i]), unit[q][k])) * FINER / (FINER - 1)
+            shift = (
+                float(_share(abs(coarse[k, i] - fine[k, i]), unit[q][k]))
+                * STEP_RATIO
+                / (STEP_RATIO - 1)
+            )
             if shift > worst:
                 worst = shift
                 where = f"{q} at impact {k + 1}"
@@ -126,7 +130,7 @@ def diagnose_rare_branch(run: Any) -> str:
     if run.scene.correlation_time and run.scene.sigma:
         return UNSEARCHED
     bound = error_bound(run)
-    if bound.error - bound.sampled <= UNSEEN or not bound.remark:
+    if bound.error - bound.sampled <= UNSEEN_ERROR or not bound.remark:
         return ""
     return f"{bound.remark[0].upper()}{bound.remark[1:]} ({bound.rare})."
 
@@ -151,18 +155,20 @@ def _of_step(run: Any) -> Iterator[str]:
         return
     limit, why = trusted_step(scene, scheme)
     if run.plan.dt > limit:
-        remedy = f"dt = {limit:.2g} would do" if limit * STEPS > 1.0 else f"take {UNBIASED}"
-        yield f"The step may bias moments by more than {TOLERANCE:.0%} of an sd: {why}; {remedy}."
+        remedy = f"dt = {limit:.2g} would do" if limit * STEPS > 1.0 else f"take {WITHOUT_BIAS}"
+        bias = f"{BIAS_TOLERANCE:.0%} of an sd"
+        yield f"The step may bias moments by more than {bias}: {why}; {remedy}."
     shift, where = orbit_shift(run)
-    if shift > TOLERANCE:
-        by = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST * shift:.2%}"
+    if shift > BIAS_TOLERANCE:
+        by = f"{shift:.2g} sd" if is_random(scene) else f"{SMALLEST_UNIT * shift:.2%}"
         yield (
-            f"The step moves the noise-free path by {by} ({where}): shorten it, or take {UNBIASED}."
+            f"The step moves the noise-free path by {by} ({where}):"
+            f" shorten it, or take {WITHOUT_BIAS}."
         )
 
 
 def _of_measured_bias(run: Any) -> str:
-    """The largest measured step bias, where it is more than `TOLERANCE` and its own error."""
+    """The largest measured step bias, where it is more than `BIAS_TOLERANCE` and its own error."""
     unit = motion_units(run.columns, run.scene)
     steps = run.step_bias
     scale = np.array(
@@ -173,12 +179,12 @@ def _of_measured_bias(run: Any) -> str:
     shares = np.where(bias > 3.0 * error, _share(np.nan_to_num(bias), scale), 0.0)
     share = float(shares.max())
     worst = steps.iloc[int(shares.argmax())]
-    if share <= TOLERANCE:
+    if share <= BIAS_TOLERANCE:
         return ""
     where = f"{worst['moment']} of {worst['quantity']} at impact {worst['impact']}"
     return (
         f"The step biases the {where} by {share:.2g} sd, as measured (columns bias_...; the moments"
-        f" are not corrected): shorten the step, or take {UNBIASED}."
+        f" are not corrected): shorten the step, or take {WITHOUT_BIAS}."
     )
 
 

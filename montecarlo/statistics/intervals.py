@@ -16,6 +16,7 @@ from scipy.special import stdtrit
 from rattle.scene import Floats
 
 CONFIDENCE = 0.95
+"""Probability of an interval, and of an accuracy that is said to be reached."""
 
 
 def half_width(effective_paths: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any:

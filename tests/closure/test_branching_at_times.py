@@ -8,7 +8,7 @@ import pytest
 from random_gears import gear_sets, noisy
 
 from rattle.closure import follow, mean_map
-from rattle.closure.branching import LEVELS
+from rattle.closure.branching import RESOLUTIONS
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.montecarlo import Record, simulate
 from rattle.scene import DAT21, InputError, Scene, Tolerance
@@ -35,7 +35,7 @@ SCENES = {  # and what is allowed besides sampling, in sds
 
 
 def moments_of(scene):
-    return FixedTimes(scene, follow(scene, IMPACTS).until_sticking, LEVELS[-1], IMPACTS)
+    return FixedTimes(scene, follow(scene, IMPACTS).until_sticking, RESOLUTIONS[-1], IMPACTS)
 
 
 def times_of(scene):

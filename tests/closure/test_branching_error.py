@@ -9,7 +9,7 @@ import pytest
 from random_gears import gear_sets, noisy
 
 from rattle.closure import mean_map
-from rattle.closure.branching import LEVELS, _trace
+from rattle.closure.branching import RESOLUTIONS, _trace
 from rattle.closure.moments import advice, bounds
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene, Start
@@ -47,7 +47,7 @@ def quiet():
 
 def test_a_met_tolerance_stops_the_refinement(quiet):
     """A quarter of the finest level's components at most, and it says that its tolerance is met."""
-    assert max(len(w) for w, _, _ in quiet.trace.parts.values()) <= LEVELS[1].cut * 2
+    assert max(len(w) for w, _, _ in quiet.trace.parts.values()) <= RESOLUTIONS[1].cut * 2
     assert quiet.section["within"].all()
     assert "within the tolerance 0.05" in quiet.advice
     assert "own bounds of the errors (estimates; at most one row in ten is beyond them)" in repr(
@@ -98,7 +98,7 @@ def test_an_sd_that_few_paths_carry_is_not_within():
     not refined."""
     scene = noisy(gear_sets()[9], 0.01)
     impacts = 7
-    coarse, fine = (_trace(scene, impacts, 4, level) for level in LEVELS[:2])
+    coarse, fine = (_trace(scene, impacts, 4, level) for level in RESOLUTIONS[:2])
     true = simulate(
         scene, paths=10_240, impacts=impacts, scheme="exact-flight", rng=9, workers=2
     ).section.loc[impacts]
@@ -173,7 +173,7 @@ def test_first_branches_have_their_share(gears, noise):
     """At every level, and the finer ones split the components near the boundary hundreds of
     times."""
     scene = noisy(gear_sets(sets=gears + 1)[gears], noise)
-    for level in LEVELS:
+    for level in RESOLUTIONS:
         share = 1.0 - _trace(scene, 1, 4, level).agreement[1]
         assert share == pytest.approx(FIRST[gears, noise], rel=0.07, abs=1e-3)
 
@@ -182,7 +182,7 @@ def test_a_flight_that_begins_beyond_its_wall_is_back_at_it_in_time():
     """Noise moved back to the start puts half of the fine components there: a mean was off by 0.46
     of an sd."""
     scene = noisy(gear_sets(sets=28)[27], 0.01)
-    coarse, fine = (_trace(scene, 6, 4, level) for level in (LEVELS[0], LEVELS[-1]))
+    coarse, fine = (_trace(scene, 6, 4, level) for level in (RESOLUTIONS[0], RESOLUTIONS[-1]))
     assert fine.work > 10 * coarse.work  # it is split
     assert fine.mean[6, 1] == pytest.approx(
         coarse.mean[6, 1], abs=0.02 * coarse.sd[6, SECTION.index("y1")]

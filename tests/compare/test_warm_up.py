@@ -115,7 +115,7 @@ print(len(compile_ahead._started), count_compiled(), len(list(folder().glob("*.n
 @pytest.mark.slow
 @COMPILED
 def test_another_process_compiles_what_a_session_will_need(tmp_path):
-    environment = os.environ | {compile_ahead.NUMBER: "2", "NUMBA_CACHE_DIR": str(tmp_path)}
+    environment = os.environ | {compile_ahead.COMPILERS: "2", "NUMBA_CACHE_DIR": str(tmp_path)}
     environment.pop("PYTEST_XDIST_WORKER", None)
     done = [
         subprocess.run(

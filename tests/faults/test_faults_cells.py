@@ -7,16 +7,18 @@ import pytest
 from commands import rattle, study
 from small_disks import DEAD, scratch_name
 
-from rattle.compare.engine.run import CELLS
+from rattle.compare.engine.run import CELLS_FOLDER
 from rattle.compare.study.cells import Sample
-from rattle.compare.study.figures import FIGURES
+from rattle.compare.study.figures import STUDY_FIGURES
 from rattle.scene import InputError
 
 
 @pytest.fixture
 def file(tmp_path, monkeypatch):
     """A study whose page is soon drawn."""
-    monkeypatch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
+    monkeypatch.setattr(
+        "rattle.compare.study.impacts_page.STUDY_FIGURES", dict([*STUDY_FIGURES.items()][:1])
+    )
     (tmp_path / "s.toml").write_text(study())
     return tmp_path / "s.toml"
 
@@ -56,7 +58,7 @@ def test_what_killed_processes_have_left_is_gone_after_the_next_run(file):
     to draw."""
     rattle("study", file)
     out = file.with_suffix("")
-    for place in (out, out / CELLS):
+    for place in (out, out / CELLS_FOLDER):
         (place / scratch_name("rattle", DEAD)).touch()
     (out / scratch_name("page", DEAD) / "figures").mkdir(parents=True)
     assert "All 2 results are stored" in rattle("study", file).output

@@ -10,8 +10,8 @@ import pytest
 from commands import rattle, study
 from test_faults_commands import WRITERS
 
-from rattle.compare.engine.run import CELLS, LOG, obtain_all
-from rattle.compare.study.figures import FIGURES
+from rattle.compare.engine.run import CELLS_FOLDER, LOG_FILE, obtain_all
+from rattle.compare.study.figures import STUDY_FIGURES
 from rattle.scene import OutputError
 
 TEXT = study(paths=64)
@@ -21,8 +21,8 @@ THEIRS = {
     "manifest.json": '{"my": 1}',
     "page.json": "[]",
     "study.html": "<p>",
-    LOG: "my log\n",
-    f"{CELLS}/mine": "1",
+    LOG_FILE: "my log\n",
+    f"{CELLS_FOLDER}/mine": "1",
     "figures/errors.svg": "<svg/>",
     "validity.csv": "a,b\n",
 }
@@ -31,7 +31,9 @@ THEIRS = {
 @pytest.fixture(autouse=True)
 def work(monkeypatch):
     """No command gets so far that it simulates; a study that may is drawn soon."""
-    monkeypatch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
+    monkeypatch.setattr(
+        "rattle.compare.study.impacts_page.STUDY_FIGURES", dict([*STUDY_FIGURES.items()][:1])
+    )
 
 
 @pytest.fixture
@@ -155,7 +157,7 @@ def test_the_table_of_simulate_replaces_its_own(tmp_path):
 
 
 @pytest.mark.usefixtures("no_work")
-@pytest.mark.parametrize("name", [LOG, f"{CELLS}/mine"])
+@pytest.mark.parametrize("name", [LOG_FILE, f"{CELLS_FOLDER}/mine"])
 def test_a_command_keeps_no_cells_among_files_of_others(name, tmp_path):
     place(tmp_path / "out-cells", name, "theirs")
     said = rattle("chaos", "--no-sweep", "--out", tmp_path / "out", code=2).stderr
@@ -163,11 +165,11 @@ def test_a_command_keeps_no_cells_among_files_of_others(name, tmp_path):
     assert everything(tmp_path) == {f"out-cells/{name}": b"theirs"}
 
 
-@pytest.mark.parametrize("name", [LOG, f"{CELLS}/mine"])
+@pytest.mark.parametrize("name", [LOG_FILE, f"{CELLS_FOLDER}/mine"])
 def test_cells_beside_a_report_and_of_python(name, tmp_path):
     """The folder in which a command or a function keeps its cells."""
     place(tmp_path, name, "theirs")
     with pytest.raises(OutputError, match=r"is not a log of rattle|holds other things \(mine\)"):
         obtain_all([], tmp_path, 1)
     assert (tmp_path / name).read_text() == "theirs"
-    assert not (tmp_path / CELLS / "locks").exists()
+    assert not (tmp_path / CELLS_FOLDER / "locks").exists()

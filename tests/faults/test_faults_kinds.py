@@ -8,11 +8,11 @@ import threading
 import pytest
 from commands import rattle, study
 
-from rattle.compare.engine.run import CELLS, LOG, Runner, run
+from rattle.compare.engine.run import CELLS_FOLDER, LOG_FILE, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.report.manifest import read_settings
 from rattle.compare.study.design import Study
-from rattle.compare.study.figures import FIGURES
+from rattle.compare.study.figures import STUDY_FIGURES
 from rattle.compare.study.folder import is_current, load_study
 from rattle.scene import FileError, OutputError, Scene
 from rattle.scene import files as module
@@ -49,7 +49,9 @@ def once(tmp_path_factory):
     file = tmp_path_factory.mktemp("s") / "s.toml"
     file.write_text(study())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
+        patch.setattr(
+            "rattle.compare.study.impacts_page.STUDY_FIGURES", dict([*STUDY_FIGURES.items()][:1])
+        )
         rattle("study", file)
     return file.with_suffix("")
 
@@ -58,7 +60,7 @@ def once(tmp_path_factory):
 def test_such_a_cell_or_lock_is_replaced(kind, wanted, tmp_path, monkeypatch):
     """As a damaged cell is; it does not count as stored."""
     monkeypatch.chdir(tmp_path)  # the path of a socket may not be long
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     run(wanted.cells, store, Runner(1))
     first, second = wanted.cells
     store.path(first).unlink()
@@ -73,7 +75,7 @@ def test_such_a_cell_or_lock_is_replaced(kind, wanted, tmp_path, monkeypatch):
 
 
 def test_a_folder_in_place_of_a_cell_is_refused_before_any_work(wanted, tmp_path, monkeypatch):
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     store.path(wanted.cells[-1]).mkdir()
     monkeypatch.setattr(
         "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
@@ -85,7 +87,7 @@ def test_a_folder_in_place_of_a_cell_is_refused_before_any_work(wanted, tmp_path
 @pytest.mark.parametrize("kind", ["pipe", "zero"])
 def test_such_a_lock_is_not_waited_for(kind, wanted, tmp_path):
     """The name of its holder is read from a regular file only."""
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     lock = store.folder / "locks" / wanted.cells[0].key
     ENDLESS[kind](lock)
     if kind == "pipe":
@@ -98,14 +100,16 @@ def test_such_a_lock_is_not_waited_for(kind, wanted, tmp_path):
 @pytest.mark.parametrize("kind", ENDLESS)
 def test_such_a_log_is_refused_before_any_work(kind, wanted, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    ENDLESS[kind](tmp_path / LOG if kind != "socket" else (tmp_path / LOG).relative_to(tmp_path))
+    ENDLESS[kind](
+        tmp_path / LOG_FILE if kind != "socket" else (tmp_path / LOG_FILE).relative_to(tmp_path)
+    )
     monkeypatch.setattr(
         "rattle.montecarlo.kernel.blocks.run", lambda *_: pytest.fail("paths were followed")
     )
     with pytest.raises(
         OutputError, match=r"study.log': exists and is not|study.log': .*choose another place"
     ):
-        run(wanted.cells, Store(tmp_path / CELLS), Runner(1))
+        run(wanted.cells, Store(tmp_path / CELLS_FOLDER), Runner(1))
 
 
 @pytest.mark.parametrize("kind", ENDLESS)
@@ -125,7 +129,7 @@ def test_such_a_file_of_a_finished_study_is_damaged(kind, name, once, tmp_path, 
 @pytest.mark.parametrize("reader", [Scene.load, Study.load, read_settings])
 def test_such_a_file_that_a_user_names(kind, reader, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(module, "PATIENCE", 0.05)
+    monkeypatch.setattr(module, "PIPE_PATIENCE", 0.05)
     monkeypatch.setattr(module, "MOST_BYTES", 2**20)
     ENDLESS[kind](
         path := (tmp_path / "file").relative_to(tmp_path) if kind == "socket" else tmp_path / "file"
@@ -138,7 +142,7 @@ def test_such_a_file_that_a_user_names(kind, reader, tmp_path, monkeypatch):
 def test_a_scene_may_come_through_a_pipe(late, tmp_path, monkeypatch):
     """Whoever writes may take its time: before the patience ends it has to be there, not to have
     written."""
-    monkeypatch.setattr(module, "PATIENCE", 60.0 if late == "opened late" else 0.05)
+    monkeypatch.setattr(module, "PIPE_PATIENCE", 60.0 if late == "opened late" else 0.05)
     scene = Scene(alpha=1.0, epsilon=0.5, beta1=0.1, gamma1=0.1, stages=1)
     begun = threading.Event()
 

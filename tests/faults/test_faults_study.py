@@ -8,11 +8,11 @@ import pytest
 from commands import rattle, study
 from small_disks import disk
 
-from rattle.compare.engine.run import CELLS, Runner, run
+from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.report.save import MANIFEST
 from rattle.compare.study.design import Study
-from rattle.compare.study.figures import FIGURES
+from rattle.compare.study.figures import STUDY_FIGURES
 from rattle.compare.study.folder import is_current, load_study
 from rattle.scene import FileError, OutputError
 
@@ -29,7 +29,9 @@ def file(tmp_path):
 def few_figures():
     """Draw one figure instead of seven, as drawing takes most of a small study's time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rattle.compare.study.impacts_page.FIGURES", dict([*FIGURES.items()][:1]))
+        patch.setattr(
+            "rattle.compare.study.impacts_page.STUDY_FIGURES", dict([*STUDY_FIGURES.items()][:1])
+        )
         yield
 
 
@@ -50,7 +52,7 @@ def finished(file, once):
 def test_a_disk_that_fills_while_cells_are_written(tmp_path):
     wanted = Study.from_toml(study(impacts=2, paths=1024, sigma=(0.01, 0.02, 0.03, 0.04, 0.05)))
     with disk(tmp_path / "disk", "250k") as place:
-        store = Store(place / CELLS)
+        store = Store(place / CELLS_FOLDER)
         with pytest.raises(OutputError, match="the disk is full"):
             run(wanted.cells, store, Runner(1))
         kept = len(wanted.cells) - len(store.missing(wanted.cells))
@@ -66,7 +68,7 @@ def test_a_disk_that_fills_while_the_page_is_written(file, tmp_path):
     with disk(tmp_path / "disk", "250k") as place:
         found = rattle("study", file, "--out", place / "noise", code=2)
         assert "all results stored: make room and repeat the command" in found.output
-        assert len(list((place / "noise" / CELLS).glob("*.parquet"))) == 4
+        assert len(list((place / "noise" / CELLS_FOLDER).glob("*.parquet"))) == 4
         assert not (place / "noise" / MANIFEST).exists()
         assert not list((place / "noise").glob(".*"))
         with pytest.raises(FileError, match="holds no finished study"):

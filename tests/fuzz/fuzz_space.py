@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rattle.scene.parts import GAPS, SPEED, TIME, TINY, UNIT_VARIANCE
-from rattle.scene.scene import LARGEST
+from rattle.scene.parts import GAPS, LARGEST_SPEED, LARGEST_TIME, LEAST_SIZE, UNIT_VARIANCE
+from rattle.scene.scene import LARGEST_VALUES
 
 LEAST = 5e-324
 """The least number above 0."""
@@ -47,8 +47,8 @@ class Numbers:
             return 0.0
         if self.often(0.1):
             return self.one(least, most)
-        if least < TINY < most and self.often(0.5):
-            least = TINY
+        if least < LEAST_SIZE < most and self.often(0.5):
+            least = LEAST_SIZE
         return float(
             min(max(10.0 ** self.stream.uniform(math.log10(least), math.log10(most)), least), most)
         )
@@ -94,16 +94,16 @@ def _share(n: Numbers) -> float:
 
 
 def _damping(n: Numbers, tame: bool) -> float:
-    return n.size(1e-3, 10.0) if tame else n.size(LEAST, LARGEST["beta1"])
+    return n.size(1e-3, 10.0) if tame else n.size(LEAST, LARGEST_VALUES["beta1"])
 
 
 def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
     tame = lengths.unit is not None
     scene: Data = {
-        "alpha": lengths.size(TINY, LARGEST["alpha"]),
+        "alpha": lengths.size(LEAST_SIZE, LARGEST_VALUES["alpha"]),
         "epsilon": _share(n),
         "beta1": _damping(n, tame),
-        "gamma1": lengths.size(TINY, LARGEST["gamma1"]),
+        "gamma1": lengths.size(LEAST_SIZE, LARGEST_VALUES["gamma1"]),
         "gap1": lengths.size(*GAPS, zero=False),
     }
     if stages == 2 or n.often(0.2):
@@ -111,11 +111,11 @@ def _plain(n: Numbers, lengths: _Lengths, stages: int) -> Data:
         scene["beta2"] = n.one(
             beta1, min(math.nextafter(beta1, math.inf), 1e4), *(_damping(n, tame) for _ in range(6))
         )
-        scene["gamma2"] = lengths.size(TINY, LARGEST["gamma2"])
+        scene["gamma2"] = lengths.size(LEAST_SIZE, LARGEST_VALUES["gamma2"])
         scene["gap2"] = n.one(scene["gap1"], *(lengths.size(*GAPS, zero=False) for _ in range(3)))
         near_one = 1.0 - n.size(2.0**-53, 0.5, zero=False)
         scene["mu"] = n.one(
-            n.size(TINY, BELOW_ONE, zero=False), near_one, n.stream.uniform(0.1, 0.9)
+            n.size(LEAST_SIZE, BELOW_ONE, zero=False), near_one, n.stream.uniform(0.1, 0.9)
         )
     return scene
 
@@ -142,11 +142,13 @@ def _gears(n: Numbers, scene: Data) -> Data:
 def _deviation(n: Numbers, gap: float) -> float:
     """0, the least, anything below the gap, or just under it."""
     under = math.nextafter(gap, 0.0)
-    return n.one(0.0, TINY, under, 0.1 * gap, n.size(TINY, under), n.size(TINY, under))
+    return n.one(
+        0.0, LEAST_SIZE, under, 0.1 * gap, n.size(LEAST_SIZE, under), n.size(LEAST_SIZE, under)
+    )
 
 
 def _tolerance(n: Numbers, gaps: tuple[float, float], stages: int) -> Data:
-    second = n.size(TINY, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
+    second = n.size(LEAST_SIZE, GAPS[1]) if stages == 1 and n.often(0.3) else _deviation(n, gaps[1])
     return {
         "c1_max": _deviation(n, gaps[0]),
         "c2_max": second,
@@ -161,11 +163,11 @@ def _start(
     """At a mesh or in flight; with zero velocity, at an edge, in the middle; early, and as late as
     is admissible."""
     mesh = n.one(*range(stages + 1))
-    tau = n.one(n.signed(TIME), n.stream.uniform(-10.0, 10.0))
+    tau = n.one(n.signed(LARGEST_TIME), n.stream.uniform(-10.0, 10.0))
     start: Data = {"tau": tau, "mesh": mesh}
     for i in (1, 2):
         side = n.one(1.0, -1.0)
-        speed = lengths.size(LEAST, SPEED, zero=False)
+        speed = lengths.size(LEAST, LARGEST_SPEED, zero=False)
         where = "flank" if mesh == i else n.one("flank", "edge", "inside", "inside", "near")
         inward = mesh == 0 and i <= stages
         if where == "flank":
@@ -197,7 +199,7 @@ def any_scene(n: Numbers) -> Data:
         gaps = scene["gap1"], scene.get("gap2", 0.5)
     scene = data["scene"]
     deviations = (0.0, 0.0)
-    scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(TINY, LARGEST["sigma"])
+    scene["sigma"] = 0.0 if n.often(0.2) else lengths.size(LEAST_SIZE, LARGEST_VALUES["sigma"])
     if n.often(0.4):
         scene["tolerance"] = tolerance = _tolerance(n, gaps, stages)
         deviations = tolerance["c1_max"], tolerance["c2_max"]

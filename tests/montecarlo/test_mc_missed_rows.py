@@ -9,7 +9,7 @@ from rattle.montecarlo import AccuracyWarning
 from rattle.montecarlo.accuracy import cost
 from rattle.montecarlo.accuracy.cost import expect_paths, find_missed_rows, name_dearest_row
 from rattle.montecarlo.diagnostics.accuracy import (
-    LEAST,
+    FEWEST_PATHS,
     error_bound,
     share_of_look,
     units_by_quantity,
@@ -43,7 +43,7 @@ def test_own_bounds_hold_together():
     reference = simulate(NOISY, paths=2_000_000, rng=1, impacts=3)
     failed = halved = 0
     for seed in range(60):
-        run = simulate(NOISY, paths=LEAST, rng=100 + seed, impacts=3)
+        run = simulate(NOISY, paths=FEWEST_PATHS, rng=100 + seed, impacts=3)
         unit = units_by_quantity(run)
         off = []
         for row in find_missed_rows(run, 1e-9, 0.05):

@@ -49,7 +49,7 @@ def started(monkeypatch):
     monkeypatch.setattr(subprocess, "Popen", note)
     monkeypatch.setattr(compile_ahead, "_asked", set())
     monkeypatch.setattr(compile_ahead, "_started", [])
-    monkeypatch.setenv(compile_ahead.NUMBER, "3")
+    monkeypatch.setenv(compile_ahead.COMPILERS, "3")
     monkeypatch.delenv("PYTEST_XDIST_WORKER", raising=False)
     monkeypatch.setattr("multiprocessing.parent_process", lambda: None)
     monkeypatch.setattr(threading, "current_thread", threading.main_thread)
@@ -150,7 +150,7 @@ def test_none_is_started_where_that_is_not_allowed_or_makes_no_sense(
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [(compile_ahead.NUMBER, "1"), ("PYTEST_XDIST_WORKER", "gw0")]
+    ("name", "value"), [(compile_ahead.COMPILERS, "1"), ("PYTEST_XDIST_WORKER", "gw0")]
 )
 def test_none_is_started_where_the_environment_says_so(started, monkeypatch, tmp_path, name, value):
     monkeypatch.setenv(name, value)
@@ -159,7 +159,7 @@ def test_none_is_started_where_the_environment_says_so(started, monkeypatch, tmp
 
 
 def test_one_core_has_no_other_process(started, monkeypatch, tmp_path):
-    monkeypatch.setenv(compile_ahead.NUMBER, "as many as possible")
+    monkeypatch.setenv(compile_ahead.COMPILERS, "as many as possible")
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0}, raising=False)
     compile_ahead.start(tmp_path)
     assert not started
@@ -182,7 +182,7 @@ def test_where_no_process_can_be_started_nothing_is_said(
 SLEEPER = """
 import sys, time
 from rattle.scene import compile_ahead
-compile_ahead.CODE = "import os, time; print(os.getpid(), flush=True)" + {then!r}
+compile_ahead.HELPER_CODE = "import os, time; print(os.getpid(), flush=True)" + {then!r}
 compile_ahead.subprocess.DEVNULL = None
 from pathlib import Path
 compile_ahead.start(Path("kept"))
@@ -207,7 +207,10 @@ def test_what_was_started_ends_with_this_process(end):
     """By itself or killed."""
     then = "\nfrom rattle.compare.warm_up import _end_with_parent\n_end_with_parent()"
     code = SLEEPER.format(then=then, alive=60 if end else 0.5)
-    environment = os.environ | {compile_ahead.NUMBER: "2", "PYTHONPATH": os.pathsep.join(sys.path)}
+    environment = os.environ | {
+        compile_ahead.COMPILERS: "2",
+        "PYTHONPATH": os.pathsep.join(sys.path),
+    }
     environment.pop("PYTEST_XDIST_WORKER", None)
     with subprocess.Popen(
         [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE

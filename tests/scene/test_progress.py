@@ -14,7 +14,8 @@ from rattle.scene import progress
 from rattle.scene.progress import ProgressBar, do, speaking
 
 AT_ONCE = (
-    "from rattle.scene import progress; progress.FIRST = progress.BETWEEN = progress.TICK = 0.005\n"
+    "from rattle.scene import progress;"
+    " progress.QUIET = progress.BETWEEN = progress.LINE_TICK = 0.005\n"
 )
 RUN = AT_ONCE + "from rattle.compare.cli.main import main; main({words})"
 HELD = """
@@ -163,7 +164,7 @@ def words(monkeypatch):
         with heard:
             assert heard.wait_for(lambda: any(text in one for one in said), 120.0), said
 
-    monkeypatch.setattr(progress, "FIRST", 0.001)
+    monkeypatch.setattr(progress, "QUIET", 0.001)
     monkeypatch.setattr(progress, "BETWEEN", 0.001)
     monkeypatch.setattr(progress, "print_on_stderr", say)
     monkeypatch.setattr(sys, "stderr", io.StringIO())

@@ -19,7 +19,7 @@ from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, say_crossing
 from rattle.compare.chaos.measure import CLAIMED
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import NOISY
-from rattle.compare.chaos.spectrum import TIME, spectra_tables
+from rattle.compare.chaos.spectrum import VELOCITY_IN_TIME, spectra_tables
 from rattle.compare.checks.claims.evidence import Evidence
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import Comparison, rows_to_judge
@@ -395,7 +395,7 @@ def _judge_spectra(
     """Judge a claim on the mean velocity of the published map: which of orbit, single paths and
     their mean show it."""
     summary = spectra_tables(e.chaos.spectra)[2]
-    rows = summary[summary["kind"] == TIME]
+    rows = summary[summary["kind"] == VELOCITY_IN_TIME]
     shown = "; ".join(map(TEXTS[judged]["spectrum"].format_map, rows.to_dict("records")))
     shows = has(rows).groupby(rows["side"], sort=False).all()
     found = [

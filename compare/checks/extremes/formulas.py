@@ -169,9 +169,11 @@ def correlations() -> Iterator[float]:
             covariance = np.array([[unit * unit, rho * unit], [rho * unit, 1.0]])
             judged = moments.realizability(covariance)
             least = _least(covariance)
-            yield farthest(judged.rho, 1.0 if beyond and distance < moments.ROUNDING else rho, 1.0)
+            yield farthest(
+                judged.rho, 1.0 if beyond and distance < moments.RHO_ROUNDING else rho, 1.0
+            )
             yield farthest(judged.smallest_eigenvalue, least, min(unit, 1.0) ** 2)
-            within = not beyond or distance < moments.ROUNDING
+            within = not beyond or distance < moments.RHO_ROUNDING
             yield 0.0 if judged.realizable == within else math.inf
 
 

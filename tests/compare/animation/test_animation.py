@@ -13,7 +13,7 @@ from matplotlib.path import Path as Polygon
 from rattle.closure.orbit import follow
 from rattle.compare.animation.page import (
     GENERATOR,
-    LARGEST,
+    MOST_PAGE_BYTES,
     PLAY,
     TOOTH,
     Wheel,
@@ -21,7 +21,12 @@ from rattle.compare.animation.page import (
     check_file,
     outline,
 )
-from rattle.compare.animation.record import FEWEST, MOST_IMPACTS, SCHEME, record
+from rattle.compare.animation.record import (
+    ANIMATED_SCHEME,
+    FEWEST_INSTANTS,
+    MOST_IMPACTS_SHOWN,
+    record,
+)
 from rattle.montecarlo import Record, default_step, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.errors import InputError, OutputError
@@ -74,14 +79,14 @@ def test_recorded_paths(name):
     np.testing.assert_allclose(
         [shown.orbit.x1[shown.orbit.time == middle][0], *state[1:]], state, rtol=1e-9
     )
-    assert len(animation(shown, name)) < LARGEST
+    assert len(animation(shown, name)) < MOST_PAGE_BYTES
 
 
 def test_the_path_is_the_simulated_one(shown):
     """Another run of the sampler, with another number of impacts, strikes at the same times."""
-    dt = min(default_step(GEARS, SCHEME), shown.span / FEWEST)
+    dt = min(default_step(GEARS, ANIMATED_SCHEME), shown.span / FEWEST_INSTANTS)
     raw = simulate(
-        GEARS, paths=1, impacts=60, dt=dt, scheme=SCHEME, rng=1, record=Record(raw=True)
+        GEARS, paths=1, impacts=60, dt=dt, scheme=ANIMATED_SCHEME, rng=1, record=Record(raw=True)
     ).raw[0]
     raw = raw[raw[:, 0] <= shown.span]
     assert shown.path.impacts == len(raw)
@@ -122,7 +127,7 @@ def test_teeth_touch_where_the_backlash_ends(drive, side):
 
 
 def test_the_file_is_alone_and_small(page):
-    assert len(page.encode()) < LARGEST
+    assert len(page.encode()) < MOST_PAGE_BYTES
     assert not re.search(
         r"https?:|//[a-z]|@import|url\(|\bsrc=|<link|<iframe|\bfetch\(|\bstyle=|\bon[a-z]+=", page
     )
@@ -159,7 +164,7 @@ def test_hostile_names_are_escaped(shown):
     [
         (GEARS.with_sigma(0.0), {}, r"^sigma = 0.0: nothing is random.*give noise"),
         (GEARS, {"impacts": 0}, "^impacts = 0: must be at least 1"),
-        (GEARS, {"impacts": MOST_IMPACTS + 1}, "^impacts = 201: must be at most 200"),
+        (GEARS, {"impacts": MOST_IMPACTS_SHOWN + 1}, "^impacts = 201: must be at most 200"),
         (GEARS, {"impacts": 2.5}, "^impacts = 2.5: give a whole number"),
         (GEARS, {"seed": -1}, "^seed = -1: must be at least 0"),
         (
@@ -216,6 +221,6 @@ def test_command(tmp_path, monkeypatch):
 def test_the_documentation_shows_the_animation_of_today():
     """Made anew by ``rattle animate --out docs/_static/animation.html --overwrite``."""
     page = (ROOT / "docs" / "_static" / "animation.html").read_text()
-    assert len(page.encode()) < LARGEST
+    assert len(page.encode()) < MOST_PAGE_BYTES
     for part in ("animation.css", "animation.js"):
         assert (ROOT / "compare" / "animation" / "templates" / part).read_text() in page

@@ -19,9 +19,9 @@ from rattle.compare.chaos.measure import mean_maps
 from rattle.compare.chaos.record import Regime, noisy_record
 from rattle.compare.chaos.section import NOISY, ORBIT, sections
 from rattle.compare.chaos.spectrum import (
-    FALSE_ALARM,
+    FALSE_LINE,
     SEQUENCE,
-    TIME,
+    VELOCITY_IN_TIME,
     spectra,
     spectra_tables,
     welch,
@@ -305,7 +305,7 @@ def test_noise_has_no_lines(colour):
     for _ in range(300):
         x = signal.lfilter([1.0], [1.0, -colour], rng.normal(size=60_000))
         alarms += len(welch([x], 2048, 1.0).lines) > 0
-    assert alarms <= 3 * 300 * FALSE_ALARM
+    assert alarms <= 3 * 300 * FALSE_LINE
 
 
 def test_a_line_added_to_noise_is_found_with_its_frequency_and_power():
@@ -333,7 +333,7 @@ def test_spectra_integrate_to_the_variance_and_shares_add_up():
     assert len(found) == 8
     _, _, summary = spectra_tables(found)
     assert (summary["line_share"] + summary["floor_share"]).to_numpy() == pytest.approx(1.0)
-    drive = found[ORBIT, TIME, "y1"].lines
+    drive = found[ORBIT, VELOCITY_IN_TIME, "y1"].lines
     assert drive["frequency"][0] == pytest.approx(1.0, abs=1e-3)  # the excitation itself
     s = found[NOISY, SEQUENCE, "y1"]
     assert s.power.sum() * (s.frequency[1] - s.frequency[0]) == pytest.approx(2.8, rel=0.1)

@@ -39,7 +39,7 @@ EXAMPLES = sorted((Path(__file__).resolve().parents[3] / "examples").glob("*.tom
 
 @pytest.mark.parametrize(
     ("listed", "table"),
-    [(shared.SCHEMES, SCHEMES), (shared.CLOSURES, CLOSURES), (shared.AXES, AXES)],
+    [(shared.SCHEME_NAMES, SCHEMES), (shared.CLOSURE_NAMES, CLOSURES), (shared.AXIS_NAMES, AXES)],
 )
 def test_the_lists_of_the_options_are_those_of_the_modules(listed, table):
     assert sorted(listed) == sorted(table)

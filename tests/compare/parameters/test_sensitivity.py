@@ -11,7 +11,7 @@ from rattle import DAT21, InputError, Order, Scene, Tolerance, mean_map, sensiti
 from rattle.compare import closure_sensitivity
 from rattle.compare.parameters.figures import tornado
 from rattle.compare.parameters.sensitivity import _effect
-from rattle.compare.study.parameters import STEPS, find_parameter, find_parameters
+from rattle.compare.study.parameters import RELATIVE_CHANGES, find_parameter, find_parameters
 
 # Noise alone drives this stage: in the long run all that it supplies, sigma^2 (1 + beta1^2) / 4, is
 # lost in impacts.
@@ -55,7 +55,7 @@ def test_the_result_does_not_depend_on_the_workers():
 def logs(power, noise=0.0, bend=0.0, groups=6):
     """Logarithms at each factor of a quantity that grows as a power, with noise and a term of third
     order."""
-    x = np.log([1.0 + sign * step for step in STEPS for sign in (-1.0, 1.0)])
+    x = np.log([1.0 + sign * step for step in RELATIVE_CHANGES for sign in (-1.0, 1.0)])
     rng = np.random.default_rng(5)
     return power * x + bend * x**3 + noise * rng.standard_normal((groups, 4))
 

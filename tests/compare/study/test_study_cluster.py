@@ -20,8 +20,8 @@ from programs import python
 from study_files import Deadly, Refused, study_text, tables_of
 
 from rattle.compare.engine import cluster as module
-from rattle.compare.engine.cluster import SHARE, Cluster, Lost
-from rattle.compare.engine.run import CELLS, Runner, run
+from rattle.compare.engine.cluster import BLOCKS_OF_A_TASK, Cluster, Lost
+from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.study.design import Study
 from rattle.scene.errors import InputError
@@ -49,18 +49,20 @@ def cluster():
 @pytest.fixture(scope="module")
 def study():
     """Ensembles of three tasks each."""
-    return Study.from_toml(study_text(sigmas=(0.02, 0.1), paths=(2 * SHARE + 5) * 1024 + 77))
+    return Study.from_toml(
+        study_text(sigmas=(0.02, 0.1), paths=(2 * BLOCKS_OF_A_TASK + 5) * 1024 + 77)
+    )
 
 
 @pytest.fixture(scope="module")
 def local(study, tmp_path_factory):
-    store = Store(tmp_path_factory.mktemp("local") / CELLS)
+    store = Store(tmp_path_factory.mktemp("local") / CELLS_FOLDER)
     run(study.cells, store, Runner(2))
     return tables_of(study, store)
 
 
 def test_results_equal_the_local_ones_though_a_worker_is_killed(cluster, study, local, tmp_path):
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     victim = next(iter(cluster.workers.values())).pid
     killer = threading.Timer(0.7, os.kill, (victim, signal.SIGKILL))
     killer.start()
@@ -80,7 +82,7 @@ def test_a_worker_of_another_version_is_refused(cluster, study, tmp_path, monkey
     with pytest.raises(
         Lost, match=r"has numerical version .*, here it is version of .*: install the same there"
     ):
-        run(study.cells, Store(tmp_path / CELLS), Cluster(cluster.scheduler_address))
+        run(study.cells, Store(tmp_path / CELLS_FOLDER), Cluster(cluster.scheduler_address))
 
 
 def _another(*packages):
@@ -94,7 +96,11 @@ def test_a_cluster_without_workers_is_named(study, tmp_path):
         ) as empty,
         pytest.raises(InputError, match="has no workers"),
     ):
-        run(study.cells, Store(tmp_path / CELLS), Cluster(empty.scheduler_address, patience=1.0))
+        run(
+            study.cells,
+            Store(tmp_path / CELLS_FOLDER),
+            Cluster(empty.scheduler_address, patience=1.0),
+        )
 
 
 @pytest.fixture
@@ -144,7 +150,7 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
     """A command that is interrupted; the same command continues, here or on the cluster."""
     file = tmp_path / "s.toml"
     file.write_text(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
-    store = Store(tmp_path / "s" / CELLS)
+    store = Store(tmp_path / "s" / CELLS_FOLDER)
     with of_our_own(1) as (scheduler, address, _):
         killer = meanwhile(store, 2, scheduler.kill)
         done = python("-c", PATIENT, "study", file, "--scheduler", address, code=2)
@@ -158,7 +164,7 @@ def test_a_lost_scheduler_ends_the_study_with_one_line(small, tmp_path):
 
 
 def test_the_loss_of_all_workers_is_said(small, tmp_path):
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     with of_our_own(2) as (_, address, workers):
         place = Cluster(address, patience=60.0)
 
@@ -192,7 +198,7 @@ def test_a_suspended_worker_is_named_and_the_others_go_on(small, tmp_path, monke
     """It is suspended at work: what it was computing, and what it holds, is computed by the other
     worker."""
     monkeypatch.setattr(module, "SILENCE", 5.0)
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     wanted = Study.from_toml(study_text(sigmas=(0.02, 0.05, 0.1), paths=400_000))
     with of_our_own(2) as (_, address, workers):
         stopper = meanwhile(store, 1, lambda: workers[0].send_signal(signal.SIGSTOP))
@@ -222,7 +228,7 @@ def test_suspended_workers_are_waited_for_and_ctrl_c_ends_that(tmp_path):
             command, env=os.environ | path, stderr=subprocess.PIPE, text=True
         ) as running:
             meanwhile(
-                Store(tmp_path / "s" / CELLS), 1, lambda: worker.send_signal(signal.SIGSTOP)
+                Store(tmp_path / "s" / CELLS_FOLDER), 1, lambda: worker.send_signal(signal.SIGSTOP)
             ).join()
             try:
                 told = next(line for line in running.stderr if not line.startswith(PROGRESS))
@@ -247,7 +253,7 @@ def test_suspended_workers_are_waited_for_and_ctrl_c_ends_that(tmp_path):
 def test_a_cell_that_cannot_be_computed_costs_itself_only(small, tmp_path, kind, why):
     """One that kills its workers, and one that is refused there: the reason is given, all others
     are computed."""
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     first = next(c for c in small.cells if hasattr(c, "closure"))
     wrong = kind(first.scene, first.impacts, first.closure)
     others = [c for c in small.cells if c.key != first.key]
@@ -266,7 +272,7 @@ def test_a_server_that_is_no_scheduler_is_named(small, tmp_path):
         for port in (listening.getsockname()[1], 9):
             address = f"tcp://127.0.0.1:{port}"
             with pytest.raises(InputError, match=rf"{address}.* does not answer"):
-                run(small.cells, Store(tmp_path / CELLS), Cluster(address, patience=1.0))
+                run(small.cells, Store(tmp_path / CELLS_FOLDER), Cluster(address, patience=1.0))
 
 
 @pytest.mark.parametrize(
@@ -339,7 +345,7 @@ def test_a_study_over_tls(small, tmp_path, certificates):
         f"DASK_{name.replace('.', '__').replace('-', '_').upper()}": v
         for name, v in settings.items()
     }
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     with (
         processes.scheduler("tls://", **environment) as (_, address),
         processes.worker(address, **environment),

@@ -8,7 +8,7 @@ import pytest
 from study_files import study_text
 
 from rattle.compare.study.cells import Prediction, Sample
-from rattle.compare.study.design import EXAMPLE, Study
+from rattle.compare.study.design import AXIS_EXAMPLE, Study
 from rattle.scene import DAT21, Order
 from rattle.scene.errors import InputError
 
@@ -156,7 +156,7 @@ def test_a_bad_file_is_refused_with_field_and_remedy(change, field, remedy):
     assert remedy in str(refused.value)
 
 
-@pytest.mark.parametrize("example", [*re.findall(r"\{.*?\}", EXAMPLE), "[0.1, 0.2]"])
+@pytest.mark.parametrize("example", [*re.findall(r"\{.*?\}", AXIS_EXAMPLE), "[0.1, 0.2]"])
 def test_the_values_that_messages_propose_are_taken(example):
     assert len(Study.from_toml(study_text().replace("[0.01, 0.02, 0.05]", example)).points) > 1
 

@@ -16,7 +16,7 @@ from commands import study
 from study_files import study_text, tables_of
 
 from rattle.closure import mean_map
-from rattle.compare.engine.run import CELLS, Runner, run
+from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.study.design import Study
 from rattle.compare.study.figures import validity
@@ -104,20 +104,20 @@ def test_killed_and_resumed_is_the_same_to_the_last_bit(slow, tmp_path):
     file.write_text(study_text(**SLOW))
     out = tmp_path / "noise"
     for pattern, files in (
-        (f"{CELLS}/*.parquet", 3),
-        (f"{CELLS}/*.parquet", 9),
+        (f"{CELLS_FOLDER}/*.parquet", 3),
+        (f"{CELLS_FOLDER}/*.parquet", 9),
         (".page-*.part", 1),
     ):
         running = start(file)
         wait_for(out, pattern, files)
         running.send_signal(signal.SIGKILL)
         running.communicate()
-        kept = {p.name: p.stat().st_mtime_ns for p in (out / CELLS).glob("*.parquet")}
+        kept = {p.name: p.stat().st_mtime_ns for p in (out / CELLS_FOLDER).glob("*.parquet")}
         assert files <= len(kept) < (18 if files > 1 else 19)
     assert not (out / "manifest.json").exists()
     rattle(file)
     assert digests(out) == whole
-    assert all((out / CELLS / name).stat().st_mtime_ns == at for name, at in kept.items())
+    assert all((out / CELLS_FOLDER / name).stat().st_mtime_ns == at for name, at in kept.items())
     assert not list(out.rglob(".*"))  # nothing half written is left
 
 
@@ -127,12 +127,12 @@ def test_two_processes_share_the_work(slow, tmp_path):
     file = tmp_path / "noise.toml"
     file.write_text(study_text(**SLOW))
     first = start(file)
-    wait_for(tmp_path / "noise", f"{CELLS}/*.parquet", 1)
+    wait_for(tmp_path / "noise", f"{CELLS_FOLDER}/*.parquet", 1)
     # so that the second has something to do, however late it is ready
     first.send_signal(signal.SIGSTOP)
     found = len(list((tmp_path / "noise").glob("cells/*.parquet")))
     second = start(file)
-    wait_for(tmp_path / "noise", f"{CELLS}/*.parquet", found + 1)
+    wait_for(tmp_path / "noise", f"{CELLS_FOLDER}/*.parquet", found + 1)
     first.send_signal(signal.SIGCONT)
     for running in (first, second):
         _, err = running.communicate(timeout=600)
@@ -147,7 +147,7 @@ def test_two_processes_share_the_work(slow, tmp_path):
 @pytest.mark.parametrize("damage", ["truncated", "foreign", "flipped", "empty"])
 def test_a_damaged_file_is_computed_again(tmp_path, damage):
     study = Study.from_toml(study_text(paths=1024))
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     run(study.cells, store, Runner(1))
     before = tables_of(study, store).errors
     first, second, *_ = sorted(store.folder.glob("*.parquet"))
@@ -255,7 +255,7 @@ def test_undecided_is_not_called_wrong(tmp_path):
     """At the smallest value no row of a closure is inaccurate and some are undecided: text and
     figure say so."""
     study = Study.from_toml(UNDECIDED)
-    store = Store(tmp_path / CELLS)
+    store = Store(tmp_path / CELLS_FOLDER)
     run(study.cells, store, Runner(1))
     found = tables_of(study, store)
     first = found.errors.query("sigma == 0.01 and closure == 'saltation'")["verdict"].value_counts()
@@ -293,7 +293,7 @@ def test_results_do_not_depend_on_workers(tmp_path):
     study = Study.from_toml(study_text())
     tables = []
     for workers in (1, 3):
-        store = Store(tmp_path / str(workers) / CELLS)
+        store = Store(tmp_path / str(workers) / CELLS_FOLDER)
         run(study.cells, store, Runner(workers))
         tables.append(tables_of(study, store))
     pd.testing.assert_frame_equal(tables[0].errors, tables[1].errors, check_exact=True)
@@ -316,7 +316,7 @@ def test_paths_on_the_itinerary_are_judged_apart_where_asked_for(tmp_path):
     for more in ("", "on_itinerary = true\n"):
         text = study_text(sigmas=(0.02, 0.1), paths=32_768).replace("paths =", f"{more}paths =", 1)
         study = replace(Study.from_toml(text), closures=("saltation", "branching", off))
-        store = Store(tmp_path / CELLS)
+        store = Store(tmp_path / CELLS_FOLDER)
         run(study.cells, store, Runner(1))
         found.append(tables_of(study, store))
     without, apart = found
@@ -342,7 +342,7 @@ def test_rare_branches_are_sampled_where_asked_for(tmp_path):
     )
     for more in ("", "near_branches = true\n"):
         study = Study.from_toml(f"[study]\n{head}{more}\n{scene}")
-        store = Store(tmp_path / CELLS)
+        store = Store(tmp_path / CELLS_FOLDER)
         run(study.cells, store, Runner(1))
         found.append(tables_of(study, store))
     rows = [one.errors.query("sigma > 0 and moment == 'sd'") for one in found]

@@ -156,7 +156,7 @@ def absolutely_judged(covariance):
     """A verdict by the smallest eigenvalue relative to the largest variance, although x and y have
     different units."""
     judged = realizability(covariance)
-    bound = -moments.ROUNDING * max(covariance[0, 0], covariance[1, 1])
+    bound = -moments.RHO_ROUNDING * max(covariance[0, 0], covariance[1, 1])
     return judged._replace(realizable=abs(judged.rho) <= 1.0 or judged.smallest_eigenvalue >= bound)
 
 
