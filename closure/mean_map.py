@@ -104,7 +104,7 @@ CLOSURES = {closure.name: closure for closure in _TABLE}
 Closure.taken |= set(CLOSURES)
 
 ORDERS = (2, 6)
-# an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
+# an impact takes some kilobytes; for longer orbits see rattle.scene.long_orbit
 MOST_IMPACTS = 100_000
 
 

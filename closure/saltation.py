@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.closure.moments import Trace, stage_raw_moments
-from rattle.closure.orbit import Impacts, Orbit, follow
 from rattle.closure.section_map import column, hit_matrix, redrawn_variances, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene, memory
 from rattle.scene.flight import (
@@ -28,6 +27,7 @@ from rattle.scene.flight import (
 )
 from rattle.scene.linear_algebra import add_product, image, product, totals, transform
 from rattle.scene.moments import SMALLEST, semidefinite
+from rattle.scene.orbit import Impacts, Orbit, follow
 
 SLOWEST = 1e-6
 """Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no

@@ -17,14 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from rattle.closure.long_orbit import PERIODIC, Attractor
 from rattle.closure.mean_map import mean_map, refusals
-from rattle.closure.orbit import Impacts
 from rattle.closure.saltation import SLOWEST, propagate, section_derivatives
 from rattle.closure.section_map import PLAIN, hit_matrix
 from rattle.scene import SECTION, Floats, Ints, Scene
 from rattle.scene.flight import noise_covariance
 from rattle.scene.linear_algebra import transform
+from rattle.scene.long_orbit import PERIODIC, Attractor
+from rattle.scene.orbit import Impacts
 
 MAPPED = 4000  # impacts of a mean map whose average is taken
 DROPPED = 400  # of those, before the average begins

@@ -18,12 +18,12 @@ import numpy as np
 from rattle.closure.branching import propagate as component
 from rattle.closure.branching.mixture import Mixture, empty, reduce
 from rattle.closure.branching.propagate import Image
-from rattle.closure.orbit import Orbit
 from rattle.closure.section_map import PLAIN, column, hit_matrix, redrawn_variances, start_pieces
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import jacobian, noise_covariance, noise_rate
+from rattle.scene.orbit import Orbit
 
 NEGLIGIBLE = 1e-6  # weight beyond a boundary that need not be found
 LIGHT = 1e-4  # weight of a component above which boundaries are searched for

@@ -14,7 +14,6 @@ import pandas as pd
 from scipy import ndimage, signal
 from scipy.special import chdtri
 
-from rattle.closure.long_orbit import velocities
 from rattle.compare.chaos.record import (
     NoRecord,
     Regime,
@@ -26,6 +25,7 @@ from rattle.compare.chaos.record import (
 from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.scene import Floats, Scene
+from rattle.scene.long_orbit import velocities
 
 SEQUENCE = "velocity before impact, by impact"
 TIME = "velocity in time"

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rattle.closure.orbit import HORIZON, Impacts, Orbit, follow
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
 from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
+from rattle.scene.orbit import HORIZON, Impacts, Orbit, follow
 from rattle.scene.sticking import complete_chatter
 from rattle.scene.tangent import Stretch, carry_frame, strike_frame
 
