@@ -191,7 +191,10 @@ def propagate(
     `rattle.closure.section_map.redrawn_variances`. Shapes: `start` (d, d); result (impacts + 1, 6);
     result (impacts + 1, d, d).
     """
-    tau, mesh, side, before, _ = at
+    tau = at.tau
+    mesh = at.mesh
+    side = at.side
+    before = at.before
     count = tau.size
     d = start.shape[0]
     shift, sd, skew = np.full((3, count, 6), np.nan)
