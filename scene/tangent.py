@@ -73,7 +73,7 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
     """
     z1, z2 = struck(c, mesh, y1, y2)
     late, landed = land(field(c, tau, y1, y2), 2 * (mesh - 1), np.eye(4))
-    xi = times(contact_matrix(c, mesh), landed)
+    xi = times(contact_matrix(c, mesh), landed)  # R (1 - F- g' / (g' F-)) + F+ g' / (g' F-)
     add_outer(xi, -1.0, field(c, tau, z1, z2), late)
     return xi
 
