@@ -6,7 +6,7 @@ from rattle.closure.mean_map import CLOSURES as CLOSURES
 from rattle.closure.mean_map import closures_for as closures_for
 from rattle.closure.mean_map import mean_map as mean_map
 from rattle.closure.mean_map import refusals as refusals
-from rattle.closure.orbit import Orbit as Orbit
-from rattle.closure.orbit import follow as follow
 from rattle.closure.result import Breakdown as Breakdown
 from rattle.closure.result import MeanMap as MeanMap
+from rattle.scene.orbit import Orbit as Orbit
+from rattle.scene.orbit import follow as follow

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from rattle.closure.moments import Trace
-from rattle.closure.orbit import follow
 from rattle.scene import SECTION, STATE, Floats, InputError, Scene, choice, line, nearest
 from rattle.scene.numpy_errors import call_users
+from rattle.scene.orbit import follow
 
 if TYPE_CHECKING:  # loading it takes as long as all the rest
     import pandas as pd

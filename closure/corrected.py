@@ -12,12 +12,12 @@ import numpy as np
 
 from rattle.closure.edgeworth import window_shift
 from rattle.closure.moments import Trace, stage_raw_moments
-from rattle.closure.orbit import Orbit, follow
 from rattle.scene import Constants, Floats, Scene
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix
 from rattle.scene.linear_algebra import product, transform
 from rattle.scene.moments import semidefinite
+from rattle.scene.orbit import Orbit, follow
 
 
 def stage_shifts(raw: Floats, state: Floats, windows: tuple[float, float], stages: int) -> Floats:

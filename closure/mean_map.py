@@ -104,7 +104,7 @@ CLOSURES = {closure.name: closure for closure in _TABLE}
 Closure.taken |= set(CLOSURES)
 
 ORDER_RANGE = (2, 6)
-# an impact takes some kilobytes; for longer orbits see rattle.closure.long_orbit
+# an impact takes some kilobytes; for longer orbits see rattle.scene.long_orbit
 MOST_IMPACTS_OF_A_MAP = 100_000
 
 

@@ -15,24 +15,18 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.closure.moments import Trace, stage_raw_moments
-from rattle.closure.orbit import Impacts, Orbit, follow
-from rattle.closure.section_map import column, hit_matrix, redrawn_variances, start_covariance
-from rattle.scene import Constants, Floats, Ints, Scene, memory
-from rattle.scene.flight import (
-    field,
-    field_rate,
-    jacobian,
-    noise_covariance,
-    noise_rate,
-    system_matrix,
+from rattle.closure.section_map import (
+    column,
+    redrawn_variances,
+    section_derivatives,
+    start_covariance,
 )
+from rattle.scene import Constants, Floats, Scene, memory
+from rattle.scene.flight import field, jacobian, noise_covariance, noise_rate
+from rattle.scene.impact import contact_matrix, slowest_impact
 from rattle.scene.linear_algebra import add_product, image, product, totals, transform
 from rattle.scene.moments import SMALLEST_DIVISOR, semidefinite
-
-SLOWEST = 1e-6
-"""Impact speed, relative to excitation, drag and initial speeds, below which the orbit grazes: no
-derivatives there."""
-
+from rattle.scene.orbit import Impacts, Orbit, follow
 
 PLACES = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
 STATES = np.arange(5)
@@ -43,9 +37,7 @@ class Steps(NamedTuple):
     """Steps from section to section; d components of the state, m of the noise."""
 
     first: Floats  # derivatives of the next state by state and noise; (steps, d, d + m)
-    # second derivatives of the components `bent`; (steps, components, d + m, d + m)
-    hessian: Floats
-    bent: Ints  # components that are not linear
+    hessian: Floats  # second derivatives; (steps, d, d + m, d + m)
     noise: Floats  # covariances of the noise; (steps, m, m)
     kick: Floats  # effect of white noise on the state at the impact, per root of time; (steps, d)
 
@@ -63,7 +55,7 @@ def section_start(scene: Scene) -> Floats:
 
 def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
     """The steps between successive impacts; d is the size of the section state."""
-    first, hessian, bent = section_derivatives(c, at, d)
+    first, hessian = section_derivatives(c, at, d)
     flights = list(zip(at.tau[:-1], np.diff(at.tau), strict=True))
     kick = np.zeros((len(at.tau) - 1, d))
     if c.memory:
@@ -73,7 +65,7 @@ def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
         noise = np.array([noise_covariance(c, s, t) for s, t in flights])
         rate = np.array([noise_rate(c, s + t) for s, t in flights])
         kick[:, 2 : 1 + 2 * c.stages : 2] = c.sigma * rate[:, : c.stages]
-    return Steps(first, hessian, bent, noise, kick)
+    return Steps(first, hessian, noise, kick)
 
 
 def noise_slope(c: Constants, tau: float, t: float) -> Floats:
@@ -101,85 +93,6 @@ def noise_slope(c: Constants, tau: float, t: float) -> Floats:
     return noise_covariance(c, tau + eighth, t) - noise_covariance(c, tau - eighth, t)
 
 
-def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floats, Ints]:
-    """`rattle.closure.section_map.derivatives` of each flight between impacts, in numpy: for white
-    noise the same bits.
-
-    With noise that has a memory eta, which is 0 on the orbit, is a fifth component of the state.
-
-    Returns: First and second derivatives by ``(s, n)``, of k state components, and the components
-    that the second are of.  Shapes: (n, d, d + k); (n, 1 + k, d + k, d + k); (1 + k,).
-    """
-    t = np.diff(at.tau)
-    k = 5 if c.memory else 4
-    every = np.arange(len(at.tau) - 1)
-    begin = at.tau[:-1]
-    end = at.tau[:-1] + t
-    side = at.side[1:]
-    size = d + k
-    # their places in the section state
-    state = [1, 2, 3, 4, d - 1][:k]
-    flanks = range(5, d + 4 - k)
-    struck = np.where(at.mesh[1:] == 1, 0, 2)  # place of its displacement in the state
-    y = at.before[1:][every, struck + 1, None]
-    flank = column(at.mesh[1:], side)
-
-    def drift(times: Floats, states: Floats) -> Floats:
-        return _with_eta(
-            [
-                field(c, s, y1, y2)
-                for s, y1, y2 in zip(times, states[:, 1], states[:, 3], strict=True)
-            ],
-            k,
-        )
-
-    rate = drift(end, at.before[1:])
-    begun = drift(begin, at.after[:-1])
-    explicit, initial = (_with_eta([field_rate(c, s) for s in times], k) for times in (end, begin))
-    if c.memory:
-        carried = [memory.propagator(c, s, duration) for s, duration in zip(begin, t, strict=True)]
-        j, turned = (np.array(part) for part in zip(*carried, strict=True))
-        a = np.array([memory.matrix(c, s) for s in end])
-    else:
-        j = np.array([jacobian(c, s) for s in t])
-        a = system_matrix(c)
-    moving = rate - image(j, begun)  # by the time of the start
-    flown = np.zeros((len(t), k, size))
-    flown[:, :, 0] = moving
-    flown[:, :, state] = j
-    flown[:, range(k), range(d, size)] = 1.0
-    late = -flown[every, struck] / y  # of the remaining time to the wall
-    first = np.zeros((len(t), d, size))
-    first[:, flanks, flanks] = 1.0
-    if flanks:
-        late[every, flank] += side / y[:, 0]
-    first[:, 0] = late
-    first[:, state] = flown + rate[:, :, None] * late[:, None]
-    first[:, 0, 0] += 1.0
-    first[every, 1 + struck] = 0.0  # the struck displacement is on its wall
-    if flanks:
-        first[every, 1 + struck, flank] = side
-    along = product(a, flown)
-    along[:, :, 0] += explicit
-    cross = along[:, :, :, None] * late[:, None, None]
-    bend = image(a, rate) + explicit
-    second = cross + cross.mT + bend[:, :, None, None] * (late[:, :, None] * late[:, None])[:, None]
-    second[:, :, 0, 0] += explicit + image(a, moving) - image(j, initial)
-    if c.memory:
-        second[:, :, 0, d - 1] += turned[:, :, 4]
-        second[:, :, d - 1, 0] += turned[:, :, 4]
-    hessian = np.empty((len(t), 1 + k, size, size))
-    hessian[:, 0] = -second[every, struck] / y[:, :, None]
-    hessian[:, 1:] = second + rate[:, :, None, None] * hessian[:, :1]
-    hessian[every, 1 + struck] = 0.0
-    return first, hessian, np.array([0, *state])
-
-
-def _with_eta(states: list[Floats], k: int) -> Floats:
-    """Rates of the state, filled up to k components: eta has none on the orbit."""
-    return np.pad(np.array(states), ((0, 0), (0, k - 4)))
-
-
 def propagate(
     c: Constants, at: Impacts, found: int, start: Floats, redrawn: Floats, second: bool
 ) -> tuple[int, Floats, Floats, Floats, Floats, Floats]:
@@ -191,7 +104,10 @@ def propagate(
     `rattle.closure.section_map.redrawn_variances`. Shapes: `start` (d, d); result (impacts + 1, 6);
     result (impacts + 1, d, d).
     """
-    tau, mesh, side, before, _ = at
+    tau = at.tau
+    mesh = at.mesh
+    side = at.side
+    before = at.before
     count = tau.size
     d = start.shape[0]
     shift, sd, skew = np.full((3, count, 6), np.nan)
@@ -200,9 +116,8 @@ def propagate(
     moved = np.zeros(d)
     third = np.zeros((d, d, d))
     speed = np.where(mesh == 1, before[:, 1], before[:, 3])[1 : found + 1]
-    fastest = max(c.alpha, c.gamma1, abs(before[0, 1]), abs(before[0, 3]))
-    found = int(np.append(np.abs(speed) < SLOWEST * fastest, True).argmax())
-    hits = {m: hit_matrix(c, m, d) for m in (1, 2)}
+    found = int(np.append(np.abs(speed) < slowest_impact(c, before[0]), True).argmax())
+    hits = {m: contact_matrix(c, m, d, 1) for m in (1, 2)}
     for low in range(0, found, BLOCK):
         high = min(low + BLOCK, found)
         ends = slice(low, high + 1)
@@ -241,7 +156,7 @@ def propagate(
             moved = image(linear[n], moved)
             thirds[n] = third
             third = map_cumulants(linear[n], third, made[n])
-            moved[steps.bent] += bent[n]
+            moved += bent[n]
             shift[k, PLACES] = moved[:5]
             shift[k, 1] = moved[0] - last
             cubes[n] = third[STATES, STATES, STATES]
@@ -351,8 +266,7 @@ def produce_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
     since = reach[:, :, 0]
     late = product(reach[:, :1], first.mT)[:, 0] - since  # cov(delta, s'), delta = tau' - tau - t
     # bent[:, l, i, j]: contribution of the quadratic part of component l
-    bent = np.zeros((n, d, d, d))
-    bent[:, steps.bent] = transform(reach[:, None], steps.hessian)
+    bent = transform(reach[:, None], steps.hessian)
     out = bent.transpose(0, 2, 3, 1) + bent.transpose(0, 2, 1, 3) + bent
     out = out + _over_pairs(varied, since)
     return out + _over_pairs(steps.kick[:, :, None] * steps.kick[:, None], late)

@@ -18,12 +18,13 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from rattle.scene import Constants, Floats, Ints, Scene, Tolerance
-from rattle.scene.compiled import internal, shared, splice
+from rattle.scene import Constants, Floats, Ints, Scene, Tolerance, memory
+from rattle.scene.compiled import internal, jit, shared
 from rattle.scene.elementary import each, exponentials, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
-from rattle.scene.impact import contact_matrix
-from rattle.scene.linear_algebra import apply, times, transform
+from rattle.scene.linear_algebra import add_outer, apply, put_scaled, times, transform
+from rattle.scene.orbit import Impacts
+from rattle.scene.tangent import land
 from rattle.scene.types import CUT
 
 Number = TypeVar("Number", int, Ints)
@@ -151,108 +152,148 @@ def between(c: Constants, e: Floats) -> tuple[Constants, float, float]:
     """
     wall1 = max(c.wall1 + 0.5 * (e[5] + e[6]), NARROWEST * c.wall1)
     wall2 = max(c.wall2 + 0.5 * (e[7] + e[8]), NARROWEST * c.wall2)
-    beta1 = c.beta1
-    beta2 = c.beta2
-    gamma1 = c.gamma1
-    gamma2 = c.gamma2
-    drive = c.drive
     own = Constants(
         c.alpha,
         c.epsilon,
-        beta1,
-        beta2,
-        gamma1,
-        gamma2,
+        c.beta1,
+        c.beta2,
+        c.gamma1,
+        c.gamma2,
         c.mu,
         wall1,
         wall2,
         c.sigma,
         c.stages,
-        drive,
+        c.drive,
         c.memory,
     )
     return own, 0.5 * (e[5] - e[6]), 0.5 * (e[7] - e[8])
 
 
-@splice
-def derivatives(
-    c: Constants, mesh: int, side: int, tau: float, after: Floats, t: float, before: Floats, d: int
-) -> tuple[Floats, Floats]:
-    """First and second derivatives of the section map with respect to ``(s, n)``, exact.
+class LinearFlight(NamedTuple):
+    """A flight linearised along the orbit, in k components: those of the state, and a noise's
+    memory where it has one."""
 
-    The flight is linear except in the phase of its start; the other nonlinearity is the time at
-    which it ends.
+    propagator: Floats  # derivative of the end by the start; (k, k)
+    matrix: Floats  # of the linear flight, at its end; (k, k)
+    # drift at the start and at the end of the flight; (k,)
+    begun: Floats
+    rate: Floats
+    # partial derivatives by time of the drift at the start and at the end; (k,)
+    initial: Floats
+    explicit: Floats
+    turned: Floats  # derivative by the time of the start of the effect of the memory; (k,)
 
-    Shapes: `tau`, `after` (4,); `t`, `before` (4,); `first` (d, d + 4); `second` (5, d + 4, d + 4).
+
+@shared
+def linearise_flight(
+    c: Constants, tau: float, after: Floats, t: float, before: Floats
+) -> LinearFlight:
+    """Linearise a flight of time `t` under white noise, from a state `after` an impact to one
+    `before` the next."""
+    return LinearFlight(
+        jacobian(c, t),
+        system_matrix(c),
+        field(c, tau, after[1], after[3]),
+        field(c, tau + t, before[1], before[3]),
+        field_rate(c, tau),
+        field_rate(c, tau + t),
+        np.zeros(4),
+    )
+
+
+def _linearise_with_memory(
+    c: Constants, tau: float, after: Floats, t: float, before: Floats
+) -> LinearFlight:
+    """The same where the noise has a memory, which is 0 on the orbit."""
+    white = linearise_flight(c, tau, after, t, before)
+    begun, rate, initial, explicit = (np.append(drift, 0.0) for drift in white[2:6])
+    propagator, turned = memory.propagator(c, tau, t)
+    matrix = memory.matrix(c, tau + t)
+    return LinearFlight(propagator, matrix, begun, rate, initial, explicit, turned[:, 4].copy())
+
+
+def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floats]:
+    """`derivatives` of each flight between impacts.
+
+    Shapes: result (n, d, d + k) and (n, d, d + k, d + k).
     """
-    size = d + 4
-    i = 0 if mesh == 1 else 2
-    y = before[i + 1]
-    j = jacobian(c, t)
-    a = system_matrix(c)
-    rate = field(c, tau + t, before[1], before[3])
-    explicit = field_rate(c, tau + t)
-    bend = apply(a, rate)  # second time derivative along the flight
-    flown = np.zeros((4, size))  # derivative of the state after a flight of time t, noise added
-    begun = apply(j, field(c, tau, after[1], after[3]))
-    first_rate = np.zeros(4)
-    for k in range(4):
-        bend[k] += explicit[k]
-        first_rate[k] = flown[k, 0] = rate[k] - begun[k]
-        flown[k, d + k] = 1.0
-        for m in range(4):
-            flown[k, 1 + m] = j[k, m]
-    flank = column(mesh, side)
-    late = np.zeros(size)  # derivative of the remaining time to the wall
-    for m in range(size):
-        late[m] = -flown[i, m] / y
-    if d > 5:
-        late[flank] += side / y
-    first = np.zeros((d, size))
-    for m in range(size):
-        first[0, m] = late[m]
-        for k in range(4):
-            if k != i:  # the struck displacement is on its wall: derivative 0
-                first[1 + k, m] = flown[k, m] + rate[k] * late[m]
-    first[0, 0] += 1.0
-    for k in range(5, d):
-        first[k, k] = 1.0
-    if d > 5:
-        first[1 + i, flank] = side
-    drift = times(a, flown)
-    end_term = apply(a, first_rate)
-    start_term = apply(j, field_rate(c, tau))
-    for k in range(4):
-        drift[k, 0] += explicit[k]  # derivative of the rate at the end of the flight
-    second = np.zeros((5, size, size))
-    for m in range(size):
-        for n in range(size):
-            for k in range(4):
-                second[1 + k, m, n] = (
-                    drift[k, m] * late[n] + late[m] * drift[k, n] + bend[k] * (late[m] * late[n])
-                )
-    for k in range(4):
-        second[1 + k, 0, 0] += explicit[k] + end_term[k] - start_term[k]
-    for m in range(size):
-        for n in range(size):
-            second[0, m, n] = -second[1 + i, m, n] / y
-            for k in range(4):
-                second[1 + k, m, n] += rate[k] * second[0, m, n]
-            second[1 + i, m, n] = 0.0
+    linearise = _linearise_with_memory if c.memory else linearise_flight
+    of_flights = [
+        derivatives(linearise(c, tau, after, t, before), mesh, side, d)
+        for tau, after, t, before, mesh, side in zip(
+            at.tau, at.after, np.diff(at.tau), at.before[1:], at.mesh[1:], at.side[1:], strict=False
+        )
+    ]
+    first, second = (np.array(derivative) for derivative in zip(*of_flights, strict=True))
     return first, second
 
 
 @shared
-def hit_matrix(c: Constants, mesh: int, d: int) -> Floats:
-    """The restitution map on the section state ``(tau, x1, y1, x2, y2, ...)``.
+def section_index(k: int, d: int) -> int:
+    """Index of component k of the state, the last of which is a memory, in the section state."""
+    return 1 + k if k < 4 else d - 1
 
-    Shapes: result (d, d).
+
+@jit
+def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Floats, Floats]:
+    """First and second derivatives of the section map with respect to ``(s, n)``, exact.
+
+    The flight is linear except in the phase of its start; the other nonlinearity is the time at
+    which it ends.  A memory is the last component of the section state.
+
+    Shapes: `first` (d, d + k); `second` (d, d + k, d + k), zero for the flanks.
     """
-    contact = contact_matrix(c, mesh)
-    out = np.zeros((d, d))
-    for i in range(d):
-        out[i, i] = 1.0
-    for i in range(4):
-        for j in range(4):
-            out[1 + i, 1 + j] = contact[i, j]
-    return out
+    states = flight.rate.size
+    size = d + states
+    i = 2 * mesh - 1  # place of the struck displacement
+    flank = column(mesh, side)
+    varies = d > states + 1
+    # the section state at the orbit's impact time: derivative, drift, and how the drift changes
+    flown = np.zeros((d, size))
+    rate = np.zeros(d)
+    matrix = np.zeros((d, d))
+    flown[0, 0] = 1.0
+    rate[0] = 1.0
+    for k in range(PLAIN, d):
+        flown[k, k] = 1.0
+    begun = apply(flight.propagator, flight.begun)
+    for k in range(states):
+        at = section_index(k, d)
+        rate[at] = flight.rate[k]
+        flown[at, 0] = rate[at] - begun[k]
+        flown[at, d + k] = 1.0
+        for m in range(states):
+            flown[at, section_index(m, d)] = flight.propagator[k, m]
+            matrix[at, section_index(m, d)] = flight.matrix[k, m]
+    drift = times(matrix, flown)
+    bend = apply(matrix, rate)  # second time derivative along the flight
+    if varies:
+        flown[i, flank] -= side  # the wall moves
+    late, first = land(rate, i, flown)
+    for m in range(size):  # the struck displacement is on its wall
+        first[i, m] = 0.0
+    if varies:
+        first[i, flank] = side
+    second = np.zeros((d, size, size))
+    start_term = apply(flight.propagator, flight.initial)
+    for k in range(states):
+        at = section_index(k, d)
+        drift[at, 0] += flight.explicit[k]
+        bend[at] += flight.explicit[k]
+        add_outer(second[at], 1.0, drift[at], late)
+        add_outer(second[at], 1.0, late, drift[at])
+        add_outer(second[at], bend[at], late, late)
+        second[at, 0, 0] += drift[at, 0] - start_term[k]
+        if states > 4:
+            second[at, 0, d - 1] += flight.turned[k]
+            second[at, d - 1, 0] += flight.turned[k]
+    for m in range(size):
+        put_scaled(second[0, m], second[i, m], -rate[i])
+        for k in range(states):
+            at = section_index(k, d)
+            for n in range(size):
+                second[at, m, n] += rate[at] * second[0, m, n]
+        for n in range(size):
+            second[i, m, n] = 0.0
+    return first, second

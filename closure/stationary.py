@@ -17,14 +17,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from rattle.closure.long_orbit import PERIODIC, Attractor
 from rattle.closure.mean_map import mean_map, refusals
-from rattle.closure.orbit import Impacts
-from rattle.closure.saltation import SLOWEST, propagate, section_derivatives
-from rattle.closure.section_map import PLAIN, hit_matrix
+from rattle.closure.saltation import propagate
+from rattle.closure.section_map import PLAIN, section_derivatives
 from rattle.scene import SECTION, Floats, Ints, Scene
 from rattle.scene.flight import noise_covariance
+from rattle.scene.impact import GRAZE, contact_matrix
 from rattle.scene.linear_algebra import transform
+from rattle.scene.long_orbit import PERIODIC, Attractor
+from rattle.scene.orbit import Impacts
 
 MAPPED = 4000  # impacts of a mean map whose average is taken
 DROPPED = 400  # of those, before the average begins
@@ -63,13 +64,13 @@ def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floa
     map of each one."""
     c = scene.constants
     size = 1 + 2 * scene.stages
-    first, _, _ = section_derivatives(c, Impacts.of(a), PLAIN)
+    first, _ = section_derivatives(c, Impacts.of(a), PLAIN)
     flights = zip(a.tau[:-1], np.diff(a.tau), strict=True)
     noise = transform(
         first[:, :size, PLAIN:], np.array([noise_covariance(c, tau, t) for tau, t in flights])
     )
     flown = first[:, :size, :size]
-    hit = np.array([hit_matrix(c, mesh, PLAIN)[:size, :size] for mesh in a.mesh[1:]])
+    hit = np.array([contact_matrix(c, mesh, PLAIN, 1)[:size, :size] for mesh in a.mesh[1:]])
     whole = np.eye(size)
     added = np.zeros((size, size))
     for f, q, h in zip(flown, noise, hit, strict=True):
@@ -94,7 +95,7 @@ def linear_law(scene: Scene, a: Attractor) -> Law:
             "the tolerance is random; the stationary covariance is that of the noise alone"
         )
     speeds = np.abs(np.where(a.mesh == 1, a.before[:, 1], a.before[:, 3]))[1:]
-    if speeds.min() < SLOWEST * max(speeds.max(), scene.alpha):
+    if speeds.min() < GRAZE * max(speeds.max(), scene.alpha):
         raise NotPredicted("the orbit grazes a wall: no derivative there")
     whole, added, flown, hit = _cycle_map(scene, a)
     largest = float(np.abs(np.linalg.eigvals(whole)).max())

@@ -76,13 +76,13 @@ def tasks(orders: int = 1) -> dict[str, Task]:
 
     import rattle as rt
     from rattle.closure import CLOSURES
-    from rattle.closure.long_orbit import attractor
     from rattle.closure.stationary import linear_law
     from rattle.compare.chaos.exponents import lyapunov
     from rattle.montecarlo import SCHEMES
     from rattle.montecarlo.branches.search import rare_events
     from rattle.montecarlo.coupling.paths import LongPath, growths
     from rattle.montecarlo.long_run import long_run
+    from rattle.scene.long_orbit import attractor
 
     def predict(scene: rt.Scene, closure: str) -> None:
         """All that a closure can be asked for."""

@@ -28,6 +28,8 @@ TOUCH = 1e-9
 MOST_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
 # most times that a step is enlarged, each time by 8: the first step may be as short as 1e-80
 SOON = 100
+# slowest impact that is no graze, over the largest of excitation, drag and initial speeds
+GRAZE = 1e-6
 
 
 @jit
@@ -36,6 +38,12 @@ def struck(c: Constants, mesh: int, y1: float, y2: float) -> tuple[float, float]
     if mesh == 1:  # the driver's motion is prescribed: Eq. 10 uses this map, Eqs. 4 and 6 omit it
         return -c.epsilon * y1, y2 - (1.0 + c.epsilon) * y1
     return y1 - (1.0 + c.epsilon) * c.mu * y2, -c.epsilon * y2  # Eq. 4
+
+
+def slowest_impact(c: Constants, state: Floats) -> float:
+    """Impact speed below which an orbit that begins at a state grazes its wall: it has no
+    derivative there."""
+    return GRAZE * max(c.alpha, c.gamma1, abs(float(state[1])), abs(float(state[3])))
 
 
 @shared
@@ -194,18 +202,19 @@ def next_impact(
 
 
 @shared
-def contact_matrix(c: Constants, mesh: int) -> Floats:
-    """The restitution map as a matrix on ``(x1, y1, x2, y2)``.
+def contact_matrix(c: Constants, mesh: int, size: int = 4, at: int = 0) -> Floats:
+    """The restitution map as a matrix on ``(x1, y1, x2, y2)``, or on more with these from place
+    `at` on.
 
-    Shapes: result (4, 4).
+    Shapes: result (size, size).
     """
-    r = np.zeros((4, 4))
-    for i in range(4):
+    r = np.zeros((size, size))
+    for i in range(size):
         r[i, i] = 1.0
     if mesh == 1:
-        r[1, 1] = -c.epsilon
-        r[3, 1] = -(1.0 + c.epsilon)
+        r[at + 1, at + 1] = -c.epsilon
+        r[at + 3, at + 1] = -(1.0 + c.epsilon)
     elif mesh == 2:
-        r[1, 3] = -(1.0 + c.epsilon) * c.mu
-        r[3, 3] = -c.epsilon
+        r[at + 1, at + 3] = -(1.0 + c.epsilon) * c.mu
+        r[at + 3, at + 3] = -c.epsilon
     return r

@@ -62,7 +62,7 @@ def plot_orbit(
     mesh sticks.
 
     Shapes: `times` (n,) with `states` (n, 4); `tau` and `mesh` (impacts,) with the states `before`
-    (impacts, 4); `sticking` as `rattle.closure.orbit.StickingPhase`.
+    (impacts, 4); `sticking` as `rattle.scene.orbit.StickingPhase`.
     """
     figure = ShownFigure(figsize=(7.0, 0.6 + 1.8 * c.stages), layout="constrained")
     panels = figure.subplots(c.stages, 1, sharex=True, squeeze=False)[:, 0]

@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.scene.compiled import internal, jit
-from rattle.scene.damping import pair
-from rattle.scene.flight import field
+from rattle.scene.compiled import internal, jit, shared
+from rattle.scene.flight import field, jacobian
 from rattle.scene.impact import contact_matrix, struck
-from rattle.scene.linear_algebra import apply, dot, norm, put_row, put_scaled
+from rattle.scene.linear_algebra import add_outer, apply, dot, norm, put_row, put_scaled, times
 from rattle.scene.types import Constants, Floats, Ints
 
 SLOWEST = 1e-150
@@ -47,45 +46,46 @@ class Stretch(NamedTuple):
         return Stretch._make(part[:impacts] for part in self)
 
 
+@shared
+def land(rate: Floats, i: int, flown: Floats) -> tuple[Floats, Floats]:
+    """Derivatives of the delay until displacement `i` is on its wall, and of the state there.
+
+    From the derivatives `flown` of the state at the orbit's own impact time, at which the state has
+    the drift `rate`: ``late = -flown_i / rate_i`` and ``flown + rate late``.
+
+    Shapes: `rate` (n,); `flown` (n, m); `late` (m,); `landed` (n, m).
+    """
+    speed = rate[i] if abs(rate[i]) > SLOWEST else np.copysign(SLOWEST, rate[i])
+    late = np.empty(flown.shape[1])
+    landed = flown.copy()
+    for m in range(late.size):
+        late[m] = -flown[i, m] / speed
+        for k in range(rate.size):
+            landed[k, m] += rate[k] * late[m]
+    return late, landed
+
+
 @jit
 def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) -> Floats:
     """``Xi`` of an impact.
 
     Shapes: result (4, 4).
     """
-    xi = contact_matrix(c, mesh)
     z1, z2 = struck(c, mesh, y1, y2)
-    before = field(c, tau, y1, y2)
-    after = field(c, tau, z1, z2)
-    j = 2 * (mesh - 1)
-    jump = np.zeros(4)
-    for i in range(4):
-        total = after[i]
-        for k in range(4):
-            total -= xi[i, k] * before[k]
-        jump[i] = total / (
-            before[j] if abs(before[j]) > SLOWEST else np.copysign(SLOWEST, before[j])
-        )
-    for i in range(4):
-        xi[i, j] += jump[i]
+    late, landed = land(field(c, tau, y1, y2), 2 * (mesh - 1), np.eye(4))
+    xi = times(contact_matrix(c, mesh), landed)  # R (1 - F- g' / (g' F-)) + F+ g' / (g' F-)
+    add_outer(xi, -1.0, field(c, tau, z1, z2), late)
     return xi
 
 
 @internal
-def carry_frame(c: Constants, t: float, frame: Floats) -> None:
-    """Propagate a tangent frame through a flight, in place.
+def _map_frame(linear: Floats, frame: Floats, size: int) -> None:
+    """Apply a linear map to the first vectors of a tangent frame, in place.
 
-    Shapes: `frame` (4, 4), a vector in each row.
+    Shapes: `linear` (4, 4); `frame` (4, 4), a vector in each row.
     """
-    p = pair(c.beta1, c.beta2, t)
-    for k in range(4):
-        v1 = frame[k, 1]
-        v2 = frame[k, 3]
-        frame[k, 0] += p.e1 * v1
-        frame[k, 1] = p.d1 * v1
-        if c.stages == 2:
-            frame[k, 2] += p.e12 * v1 + p.e2 * v2
-            frame[k, 3] = p.d12 * v1 + p.d2 * v2
+    for k in range(size):
+        put_row(frame[k, :size], apply(linear, frame[k]))
 
 
 @internal
@@ -140,20 +140,20 @@ def _orthonormalise(frame: Floats, size: int, growth: Floats) -> None:
         put_scaled(frame[k, :size], frame[k, :size], length)
 
 
-@internal
-def strike_frame(
-    c: Constants, mesh: int, tau: float, y1: float, y2: float, frame: Floats, growth: Floats
-) -> None:
-    """Take a tangent frame through an impact, orthonormalise it, and record its growth.
+@jit
+def grow(c: Constants, frame: Floats, s: Stretch) -> None:
+    """Take a tangent frame through the flights and impacts of a stretch, and record its growth.
 
-    Orthonormalised on both sides of the impact: the saltation matrix of a slow one is as large as 1
+    Orthonormalised on both sides of an impact: the saltation matrix of a slow one is as large as 1
     / speed.
 
-    Shapes: `frame` (4, 4); `growth` (4,).
+    Shapes: `frame` (4, 4), a vector in each row.
     """
     size = 2 * c.stages
-    _orthonormalise(frame, size, growth)
-    xi = saltation_matrix(c, mesh, tau, y1, y2)
-    for k in range(size):
-        put_row(frame[k, :size], apply(xi, frame[k]))
-    _orthonormalise(frame, size, growth)
+    for k in range(s.flight.size):
+        mesh = abs(s.code[k])
+        xi = saltation_matrix(c, mesh, s.phase[k], s.before[k, 1], s.before[k, 3])
+        _map_frame(jacobian(c, s.flight[k]), frame, size)
+        _orthonormalise(frame, size, s.growth[k])
+        _map_frame(xi, frame, size)
+        _orthonormalise(frame, size, s.growth[k])

@@ -22,9 +22,9 @@ from rattle.closure.branching.advance import Level
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
 from rattle.closure.moments import ERROR_PER_SLOW_SHARE, Trace, bounds, within
-from rattle.closure.orbit import follow
 from rattle.closure.section_map import PLAIN
 from rattle.scene import Floats, Scene
+from rattle.scene.orbit import follow
 
 RESOLUTIONS = (
     Level(10, 18, 1e-2, 3e-3),

@@ -15,7 +15,6 @@ import numpy as np
 from rattle.closure.branching.advance import Advance, Buffers, Level
 from rattle.closure.branching.mixture import Mixture
 from rattle.closure.branching.propagate import event, half
-from rattle.closure.orbit import Orbit
 from rattle.closure.section_map import PLAIN, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import internal, jit, splice
@@ -31,6 +30,7 @@ from rattle.scene.linear_algebra import (
     transform,
 )
 from rattle.scene.moments import semidefinite
+from rattle.scene.orbit import Orbit
 
 CUT_REACH = 6.0  # distance of a cut, in sds, beyond which a Gaussian is on one side of it
 HERMITE_POINTS = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)])

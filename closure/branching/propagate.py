@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.closure.branching.mixture import Mixture
-from rattle.closure.section_map import PLAIN, between, column, derivatives
+from rattle.closure.section_map import PLAIN, between, column, derivatives, linearise_flight
 from rattle.scene import Constants, Floats
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
@@ -321,7 +321,8 @@ def _derivatives(
     slowest = SLOWEST_IN_SPREADS * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
-    first, second = derivatives(c, mesh, side, centre[0], centre[1:PLAIN], t, regular, d)
+    flight = linearise_flight(c, centre[0], centre[1:PLAIN], t, regular)
+    first, second = derivatives(flight, mesh, side, d)
     linear = linalg.times(first[:, :d].copy(), axes)
     curve = np.zeros((PLAIN, axes.shape[1], axes.shape[1]))
     for j in range(PLAIN):

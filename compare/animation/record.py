@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from rattle.closure.orbit import Orbit, follow
 from rattle.montecarlo import Record, Sampling, default_step, simulate
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Floats, InputError, Ints, Scene, count
+from rattle.scene.orbit import Orbit, follow
 
 ANIMATED_SCHEME = "exact-flight"
 MOST_IMPACTS_SHOWN = 200

@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from rattle.closure import closures_for, mean_map
-from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.chaos.exponents import (
     Exponents,
     SqrtLaw,
@@ -30,6 +29,7 @@ from rattle.compare.chaos.spectrum import Spectrum, spectra
 from rattle.compare.chaos.sweep import Bifurcation, bifurcation, sweep
 from rattle.compare.report.texts import read_texts
 from rattle.scene import Scene
+from rattle.scene.long_orbit import LongOrbit
 
 CLAIMED = (0.2, 1.7)
 """Range of alpha that the paper claims to be chaotic (section 4)."""

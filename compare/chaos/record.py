@@ -14,12 +14,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from rattle.closure.long_orbit import LongOrbit
-from rattle.closure.orbit import follow
 from rattle.compare.report.texts import read_texts
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.scene import Floats, InputError, RattleError, Scene, count
 from rattle.scene.impact import MISSES, NONE
+from rattle.scene.long_orbit import LongOrbit
+from rattle.scene.orbit import follow
 from rattle.scene.tangent import Stretch
 from rattle.scene.text import percent
 

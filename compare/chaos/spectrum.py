@@ -14,7 +14,6 @@ import pandas as pd
 from scipy import ndimage, signal
 from scipy.special import chdtri
 
-from rattle.closure.long_orbit import velocities
 from rattle.compare.chaos.record import (
     NoRecord,
     Regime,
@@ -27,6 +26,7 @@ from rattle.compare.chaos.section import NOISY, ORBIT
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats, Scene
+from rattle.scene.long_orbit import velocities
 
 SEQUENCE = "velocity before impact, by impact"
 VELOCITY_IN_TIME = "velocity in time"

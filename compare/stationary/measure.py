@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from rattle.closure.long_orbit import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.compare.stationary.result import Stationary
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, law_of, values_of
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
@@ -17,6 +16,7 @@ from rattle.montecarlo.long_run.run import ASKED, PATHS
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, choice, compile_ahead
+from rattle.scene.long_orbit import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import do
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from rattle.closure.long_orbit import Attractor
 from rattle.closure.stationary import Law
 from rattle.compare.stationary.verdicts import judge_predictions, laws, predictions
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.long_run.estimates import NAMES, QUANTILES
 from rattle.scene import Gears, InputError, Scene, as_html, choice
+from rattle.scene.long_orbit import Attractor
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.threshold import rattle_threshold
 from rattle.scene.units import DIMENSIONLESS, Units, check_units

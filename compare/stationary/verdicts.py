@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtr
 
-from rattle.closure.long_orbit import Attractor, attractor
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.verdict import judge, widest
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import Floats, Scene
+from rattle.scene.long_orbit import Attractor, attractor
 
 CLOSURES_JUDGED = {
     "saltation": "linear at a periodic orbit",

@@ -10,7 +10,7 @@ their start.
 import matplotlib.pyplot as plt
 
 from rattle import DAT21, Record, Scene, simulate
-from rattle.closure.long_orbit import LongOrbit
+from rattle.scene.long_orbit import LongOrbit
 
 scene = Scene.from_gears(DAT21, sigma=0.1)
 orbit = LongOrbit(scene.noise_free).stretch(20_000, tangent=False)

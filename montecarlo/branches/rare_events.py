@@ -22,6 +22,7 @@ from rattle.scene import Constants, Floats
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import next_impact, struck
+from rattle.scene.orbit import Impacts, fill_impacts, put_impact
 from rattle.scene.tangent import saltation_matrix
 
 FURTHEST = 6.0
@@ -75,33 +76,17 @@ def _covariances(
                 spread[n, a, b] = total
 
 
-@jit
-def onward(
-    c: Constants,
-    tau: float,
-    x1: float,
-    y1: float,
-    x2: float,
-    y2: float,
-    mesh: int,
-    first: int,
-    rows: Floats,
-) -> None:
-    """Follow a noise-free path from an impact, whose row is written already, through the rows after
-    it."""
-    for k in range(first, rows.shape[0]):
-        if mesh > 0:
-            y1, y2 = struck(c, mesh, y1, y2)
-        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, LONGEST)
-        if mesh <= 0:
-            return
-        tau += t
-        rows[k, 0] = tau
-        rows[k, 1] = t
-        rows[k, 2] = x1
-        rows[k, 3] = y1
-        rows[k, 4] = x2
-        rows[k, 5] = y2
+def follow_on(c: Constants, tau: float, state: Floats, mesh: int, rows: Floats) -> None:
+    """Write the impacts of a noise-free path, ``tau, flight, x1, y1, x2, y2`` a row, from a state
+    just before an impact on, or in flight with mesh 0.
+
+    Shapes: `state` (4,); `rows` (impacts, 6).
+    """
+    at = Impacts.empty(len(rows))
+    x1, y1, x2, y2 = state
+    put_impact(c, at, 0, tau, math.nan, mesh, (x1, y1, x2, y2))
+    fill_impacts(c, at, [])
+    rows[:] = np.column_stack([at.tau, at.flight, at.before])[1:]
 
 
 @jit

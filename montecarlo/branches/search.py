@@ -14,9 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rattle.montecarlo.branches.rare_events import Event, Gaussian, SearchedFlight, events, onward
-from rattle.montecarlo.schemes.short_flight import first_state
+from rattle.montecarlo.branches.rare_events import (
+    Event,
+    Gaussian,
+    SearchedFlight,
+    events,
+    follow_on,
+)
 from rattle.scene import Constants, Floats, Scene
+from rattle.scene.impact import slowest_impact
+from rattle.scene.orbit import first_state
 
 MOST = 12  # paths that are searched: the orbit, and the most probable branches
 # flights that are searched, so that orbits of many impacts take no more than about a second
@@ -24,8 +31,6 @@ FLIGHTS = 300
 SMALLEST = 1e-9
 """Probability down to which branches are known, and searched for branches of their own."""
 AT_WALL = 1e-9  # distance from a wall, over that from the middle, of what strikes it: rounding
-# impact speed, over the largest of alpha, gamma1 and initial speeds, below which the orbit grazes
-GRAZE = 1e-6
 
 
 class Branch(NamedTuple):
@@ -116,8 +121,8 @@ class BranchSearch:
         c = scene.constants
         state = np.array(first_state(scene))
         self.constants, self.impacts, self.orbit = c, impacts, np.full((impacts, 6), np.nan)
-        onward(c, scene.phase, state[0], state[1], state[2], state[3], 0, 0, self.orbit)
-        self._slowest = GRAZE * max(c.alpha, c.gamma1, abs(state[1]), abs(state[3]))
+        follow_on(c, scene.phase, state, 0, self.orbit)
+        self._slowest = slowest_impact(c, state)
         begin = Gaussian(state, np.zeros((4, 4)), np.zeros(steps), np.zeros((4, steps)))
         self._queue = [_Parent(1.0, scene.phase, begin, 0, self.orbit)]  # the most probable last
         self._grid = scene.phase, dt
@@ -188,8 +193,7 @@ class BranchSearch:
         for j, (t, state, mesh) in enumerate(event.states):
             if mesh:
                 rows[j, k] = [tau + t, t, *state.mean]
-            x1, y1, x2, y2 = state.mean
-            onward(c, tau + t, x1, y1, x2, y2, mesh, k + 1 if mesh else k, rows[j])
+            follow_on(c, tau + t, state.mean, mesh, rows[j, k + (mesh > 0) :])
             if not mesh:
                 rows[j, k, 1] = rows[j, k, 0] - tau
             share = probability * event.weights[j]

@@ -14,13 +14,13 @@ import numpy as np
 
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, new_room, tree_of, walk_step
 from rattle.montecarlo.noise.philox import STEP, Word, normals
-from rattle.montecarlo.schemes.short_flight import first_state
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
 from rattle.scene import Constants, Floats, Scene
 from rattle.scene.compiled import internal, jit
 from rattle.scene.flight import jacobian, noise_rate
 from rattle.scene.linear_algebra import put_row
-from rattle.scene.tangent import Stretch, carry_frame, strike_frame
+from rattle.scene.orbit import first_state
+from rattle.scene.tangent import Stretch, grow
 
 DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3.5e-3 sigma in one
 # shares of a step between which an impact is used: the partner's is in the same step
@@ -34,11 +34,9 @@ TINY = 1e-16  # least distance of two paths, for logarithms
 def _stretch(
     tree: Tree,
     path: Word,
-    tangent: bool,
     step: int,
     most: int,
     at: Floats,
-    frame: Floats,
     s: Stretch,
     velocity: Floats,
 ) -> tuple[int, int, int]:
@@ -77,9 +75,6 @@ def _stretch(
             s.phase[n] = tau
             s.code[n] = code
             put_row(s.before[n], hits[i, 2:])
-            if tangent:
-                carry_frame(c, flight, frame)
-                strike_frame(c, abs(code), tau, hits[i, 3], hits[i, 5], frame, s.growth[n])
             at[4] = 0.0
             last = hits[i, 0]
             n += 1
@@ -115,12 +110,13 @@ class LongPath:
         """
         s = Stretch.empty(steps // 2 + MOST_IN_A_STEP)
         velocity = np.empty((steps if velocities else 0, 2))
-        n, taken, sticking = _stretch(
-            self.tree, self.path, tangent, self.steps, steps, self.at, self.frame, s, velocity
-        )
+        n, taken, sticking = _stretch(self.tree, self.path, self.steps, steps, self.at, s, velocity)
+        s = s.first(n)
+        if tangent:
+            grow(self.tree.c, self.frame, s)
         self.steps += taken
         self.sticking_steps += sticking
-        return s.first(n), velocity[:taken]
+        return s, velocity[:taken]
 
 
 @internal

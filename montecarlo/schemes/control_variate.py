@@ -15,19 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.short_flight import first_state, kick
+from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import SECTION, Bools, Constants, Floats, Ints, Scene
 from rattle.scene.compiled import lean_internal
 from rattle.scene.flight import field, jacobian
-from rattle.scene.impact import contact_matrix, next_impact, struck
-from rattle.scene.linear_algebra import image, product, transform
+from rattle.scene.impact import slowest_impact
+from rattle.scene.linear_algebra import product, transform
+from rattle.scene.orbit import follow
+from rattle.scene.tangent import land, saltation_matrix
 
 MOST_STEPS = 100_000  # of the linearised path; later impacts have no control variate
-LONGEST = 1e3  # flight of the orbit; after a longer one it is not followed
 FEWEST = 32  # paths of a regression; with three its residuals would be zero
-# impact speed, over the largest of alpha, gamma1 and initial speeds, below which it is grazing
-GRAZE = 1e-6
 
 
 class LinearPath(NamedTuple):
@@ -79,35 +78,27 @@ class LinearImpact(NamedTuple):
 
 
 def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
-    """The orbit's impacts, until it grazes or ends."""
+    """The orbit's impacts, until it grazes, sticks or ends."""
     c = scene.constants
-    tau = scene.phase
-    found = []
-    x1, y1, x2, y2 = first_state(scene)
-    fastest = max(c.alpha, c.gamma1, abs(y1), abs(y2))
-    for _ in range(impacts):
-        t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, LONGEST)
-        struck_x = 2 * (mesh - 1)
-        if mesh <= 0 or abs((y1, y2)[mesh - 1]) < GRAZE * fastest:
+    orbit = follow(scene, impacts).until_sticking
+    slowest = slowest_impact(c, orbit.after[0])
+    linear = []
+    for k in range(1, orbit.found + 1):
+        mesh = orbit.mesh[k]
+        tau = orbit.tau[k]
+        _, y1, _, y2 = orbit.before[k]
+        if abs((y1, y2)[mesh - 1]) < slowest:
             break
-        tau += t
-        before = field(c, tau, y1, y2)
-        r = contact_matrix(c, mesh)
-        y1, y2 = struck(c, mesh, y1, y2)
-        jump = field(c, tau, y1, y2) - image(r, before)
-        delay = np.zeros(5)
-        delay[struck_x] = -1.0 / before[struck_x]
+        late, landed = land(field(c, tau, y1, y2), 2 * (mesh - 1), np.eye(4))
         read = np.zeros((len(SECTION), 5))
-        read[0] = read[1] = delay
-        read[1, 4] -= 1.0
-        read[2:, :4] = np.eye(4)
-        read[2:] += before[:, None] * delay
+        read[:2, :4] = late
+        read[1, 4] = -1.0
+        read[2:, :4] = landed
         carry = np.zeros((5, 5))
-        carry[:4, :4] = r
-        carry[:4] -= jump[:, None] * delay
-        carry[4] = delay
-        found.append(LinearImpact(tau, read, carry))
-    return found
+        carry[:4, :4] = saltation_matrix(c, mesh, tau, y1, y2)
+        carry[4, :4] = late
+        linear.append(LinearImpact(float(tau), read, carry))
+    return linear
 
 
 def _flight(c: Constants, tau: float, begin: float, h: float, span: float) -> tuple[Floats, Floats]:

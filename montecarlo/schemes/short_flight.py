@@ -8,7 +8,7 @@ which sine and cosine of the phase are two more series.
 
 from typing import Any
 
-from rattle.scene import Constants, Scene
+from rattle.scene import Constants
 from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import (
     begin_derivatives,
@@ -17,7 +17,6 @@ from rattle.scene.drive import (
     phase_of_orders,
     sine_cosine,
 )
-from rattle.scene.impact import struck
 
 State = tuple[float, float, float, float]
 """``x1, y1, x2, y2``."""
@@ -27,15 +26,6 @@ Phase = tuple[float, ...]
 
 MOST_TERMS = 60
 NEGLIGIBLE = 1e-16  # size of a Taylor term, relative to the first, after which the series ends
-
-
-def first_state(scene: Scene) -> State:
-    """State in which the first flight of a scene begins: after the impact at the start if there is
-    one."""
-    x1, y1, x2, y2 = scene.start_state
-    if scene.start.mesh:
-        y1, y2 = struck(scene.constants, scene.start.mesh, y1, y2)
-    return x1, y1, x2, y2
 
 
 @inline

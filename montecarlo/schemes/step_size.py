@@ -13,12 +13,13 @@ import numpy as np
 
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.control_variate import orbit_impacts
-from rattle.montecarlo.schemes.short_flight import first_state, kick
+from rattle.montecarlo.schemes.short_flight import kick
 from rattle.scene import InputError, Scene, finite
 from rattle.scene.drive import highest_order, most_modulation, most_velocity
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.linear_algebra import transform
 from rattle.scene.numpy_errors import numpy_defaults
+from rattle.scene.orbit import first_state
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 from common_scenes import SCENES
 
 from rattle.closure import follow, mean_map
-from rattle.closure.section_map import derivatives
+from rattle.closure.section_map import derivatives, linearise_flight
 from rattle.compare.validation.errors import ABSOLUTE, section_errors
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import Record, simulate
@@ -121,9 +121,8 @@ def test_derivatives_of_the_section_map(name, d):
         mesh = int(orbit.mesh[k])
         side = int(orbit.side[k])
         t = orbit.tau[k] - orbit.tau[k - 1]
-        first, second = derivatives(
-            c, mesh, side, orbit.tau[k - 1], orbit.after[k - 1], t, orbit.before[k], d
-        )
+        parts = linearise_flight(c, orbit.tau[k - 1], orbit.after[k - 1], t, orbit.before[k])
+        first, second = derivatives(parts, mesh, side, d)
         base = np.zeros(d + 4)
         base[:5] = orbit.tau[k - 1], *orbit.after[k - 1]
 

@@ -6,13 +6,13 @@ import pytest
 from rattle.closure.moments import largest_error
 from rattle.closure.section_map import (
     column,
-    hit_matrix,
     pieces,
     random_tolerance,
     start_covariance,
     start_pieces,
 )
 from rattle.scene import DAT21, Scene, Tolerance
+from rattle.scene.impact import contact_matrix
 
 
 def gears(*tolerance, **more):
@@ -42,7 +42,7 @@ def test_pieces_of_a_flank_have_its_moments(distribution):
 
 def test_an_impact_turns_the_speed_across_its_flank():
     assert [column(mesh, side) for mesh in (1, 2) for side in (1, -1)] == [5, 6, 7, 8]
-    struck = hit_matrix(Scene.from_gears(DAT21).constants, 1, 5) @ np.array(
+    struck = contact_matrix(Scene.from_gears(DAT21).constants, 1, 5, 1) @ np.array(
         [0.3, 0.5, 2.0, 0.1, 2.0]
     )
     assert struck == pytest.approx([0.3, 0.5, -1.8, 0.1, -1.8])

@@ -15,8 +15,6 @@ import numpy as np
 
 from rattle.closure import mean_map
 from rattle.closure.branching.advance import Level
-from rattle.closure.long_orbit import LongOrbit, velocities
-from rattle.closure.orbit import follow
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
 from rattle.montecarlo.branches.search import BranchSearch
@@ -32,6 +30,8 @@ from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Order, Scene, Start, Tolerance
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
 from rattle.scene.impact import contact_matrix, energy_loss
+from rattle.scene.long_orbit import LongOrbit, velocities
+from rattle.scene.orbit import follow
 
 PAIR = Scene.from_gears(DAT21, sigma=0.3)
 LONE = Scene.from_gears(DAT21, sigma=0.3, stages=1)

@@ -7,7 +7,6 @@ from mc_checks import agrees, dat21, limit, open_space
 from mc_checks import stepped as simulate
 from scipy import stats
 
-from rattle.closure.orbit import follow
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.impacts import compare_paired
 from rattle.montecarlo import Record
@@ -19,6 +18,7 @@ from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.records import BATCHES
 from rattle.montecarlo.statistics.section_statistics import estimate_remainder
 from rattle.scene import InputError
+from rattle.scene.orbit import follow
 
 SECTION = ("tau", "flight", "x1", "y1", "x2", "y2")
 STATE = SECTION[2:]

@@ -9,9 +9,9 @@ from mc_checks import by_steps, dat21, open_space
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
-from rattle.closure.orbit import follow
 from rattle.montecarlo import Record, simulate
 from rattle.scene import Scene, Start
+from rattle.scene.orbit import follow
 
 
 def exact_covariance(scene, t):

@@ -8,10 +8,10 @@ from mc_checks import agrees, dat21
 from mc_checks import stepped as simulate
 from scipy.special import gamma, hyp2f1
 
-from rattle.closure.orbit import follow
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import Scene, Start
 from rattle.scene.flight import noise_covariance
+from rattle.scene.orbit import follow
 
 SMALL = 1e-3
 

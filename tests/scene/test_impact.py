@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_dynamics import contact, first_crossing
 
-from rattle.closure.orbit import follow
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.flight import flow, jacobian
 from rattle.scene.impact import NONE, REST, energy_loss, next_impact, struck
+from rattle.scene.orbit import follow
 
 HORIZON = 50.0
 

@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 
 from rattle import InputError, Order, rattle_threshold
 from rattle.closure import follow, mean_map
-from rattle.closure.long_orbit import LongOrbit, attractor
 from rattle.scene import DAT21, Gears, Scene, Start
 from rattle.scene.impact import MISSES, NONE, REST
+from rattle.scene.long_orbit import LongOrbit, attractor
 from rattle.scene.sticking import find_sticking, opening, stuck
 
 COMPILED = pytest.mark.skipif(

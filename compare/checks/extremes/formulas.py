@@ -9,12 +9,23 @@ import mpmath as mp
 import numpy as np
 
 from rattle import montecarlo
-from rattle.closure import edgeworth, orbit
+from rattle.closure import edgeworth
 from rattle.closure import saltation as linear
 from rattle.compare.checks.check import extreme, farthest, spread
 from rattle.compare.checks.extremes import truth
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Constants, Scene, Start, damping, drive, flight, impact, moments, tangent
+from rattle.scene import (
+    Constants,
+    Scene,
+    Start,
+    damping,
+    drive,
+    flight,
+    impact,
+    moments,
+    orbit,
+    tangent,
+)
 from rattle.scene.impact import TOUCH
 
 BETAS = spread(1e-14, 1e3, 7, 0.0)

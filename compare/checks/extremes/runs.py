@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from rattle import closure, montecarlo
-from rattle.closure import CLOSURES, long_orbit
+from rattle.closure import CLOSURES
 from rattle.compare.checks.check import Check, extreme, farthest
 from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.published import noise
@@ -21,7 +21,7 @@ from rattle.compare.validation import validate as validation
 from rattle.montecarlo import SCHEMES, Record, Sampling
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.montecarlo.kernel.kernel import PLAIN
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene import DAT21, Scene, Start, Tolerance, long_orbit
 
 IMPACTS = 3
 # powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3

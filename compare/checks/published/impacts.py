@@ -20,8 +20,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rattle.closure.long_orbit import PERIOD, LongOrbit, attractor
-from rattle.closure.orbit import follow
 from rattle.closure.stationary import linear_law
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov
 from rattle.compare.checks.check import Check, Found, self_test
@@ -34,6 +32,8 @@ from rattle.montecarlo.long_run.sums import NOISE
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.scene import DAT21, Floats, Ints, Scene, Start
 from rattle.scene.impact import energy_loss
+from rattle.scene.long_orbit import PERIOD, LongOrbit, attractor
+from rattle.scene.orbit import follow
 
 TWO_STAGES = replace(DAT21, backlash2=0.3, epsilon=0.8)
 # of the rims

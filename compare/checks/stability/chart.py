@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.compare.validation.verdict import Tolerances, at_wall, widest
@@ -33,6 +32,7 @@ from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance
+from rattle.scene.long_orbit import LongOrbit
 
 SIGMA = 0.3
 HALF_GAP = 0.5

@@ -10,7 +10,6 @@ import pytest
 from commands import rattle
 from matplotlib.path import Path as Polygon
 
-from rattle.closure.orbit import follow
 from rattle.compare.animation.page import (
     GENERATOR,
     MOST_PAGE_BYTES,
@@ -30,6 +29,7 @@ from rattle.compare.animation.record import (
 from rattle.montecarlo import Record, default_step, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.errors import InputError, OutputError
+from rattle.scene.orbit import follow
 
 ROOT = Path(__file__).resolve().parents[3]
 GEARS = Scene.from_gears(DAT21, sigma=0.1)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.chaos import sweep as sweeps
 from rattle.compare.chaos.exponents import (
     crossings,
@@ -30,6 +29,7 @@ from rattle.compare.chaos.sweep import bifurcation, paper_noise, sweep, vary
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
 from rattle.scene.flight import jacobian
 from rattle.scene.impact import contact_matrix
+from rattle.scene.long_orbit import LongOrbit
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
 

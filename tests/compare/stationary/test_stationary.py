@@ -10,13 +10,13 @@ import pytest
 from commands import rattle
 
 import rattle as rt
-from rattle.closure.long_orbit import attractor
 from rattle.closure.stationary import NotPredicted, _cycle_map, linear_law
 from rattle.compare.stationary.page import answer
 from rattle.montecarlo.long_run import BurnInError
 from rattle.montecarlo.long_run.estimates import estimates
 from rattle.montecarlo.long_run.sums import SLOW
 from rattle.scene import DAT21, InputError, Scene, Start
+from rattle.scene.long_orbit import attractor
 
 PAIR = {"alpha": 0.25, "epsilon": 0.5, "beta1": 0.0, "gamma1": 0.0, "stages": 1}
 RESTING = {"alpha": 0.1, "epsilon": 0.3, "beta1": 0.1, "gamma1": 1.0, "stages": 1}

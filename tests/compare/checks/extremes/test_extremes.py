@@ -9,14 +9,14 @@ import pytest
 from commands import rattle
 
 from rattle import closure, montecarlo
-from rattle.closure import edgeworth, long_orbit, orbit, saltation
+from rattle.closure import edgeworth, saltation
 from rattle.compare.checks import extremes
 from rattle.compare.checks.check import extreme, extreme_record, farthest, result_lines
 from rattle.compare.checks.extremes import ROWS, formulas, runs
 from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
 from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Scene, damping, drive, flight, impact, moments, tangent
+from rattle.scene import Scene, damping, drive, flight, impact, long_orbit, moments, orbit, tangent
 
 LONG = {
     "unit_of_length",

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from commands import rattle
 
-from rattle.closure.orbit import follow
 from rattle.compare.checks.check import Check, Result, limit, run_checks
 from rattle.compare.checks.published import RESULTS, impacts, noise
 from rattle.compare.checks.published.noise import MEAN
@@ -22,6 +21,7 @@ from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
+from rattle.scene.orbit import follow
 
 pytestmark = pytest.mark.published
 

@@ -11,13 +11,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rattle.closure.orbit import HORIZON, Impacts, Orbit, follow
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
-from rattle.scene.impact import MISSES, NONE, REST, next_impact, struck
-from rattle.scene.sticking import complete_chatter
-from rattle.scene.tangent import Stretch, carry_frame, strike_frame
+from rattle.scene.impact import MISSES, NONE, REST, struck
+from rattle.scene.orbit import (
+    LEGS,
+    Impacts,
+    Leg,
+    Orbit,
+    begin,
+    find_chatter,
+    fly,
+    follow,
+    stick,
+)
+from rattle.scene.tangent import Stretch, grow
 
 PERIOD = 2.0 * math.pi
 
@@ -32,44 +41,6 @@ SAME = 1e-8  # difference of states, relative to the largest, up to which they a
 # phases at which states are compared: at one of them an impact may be due
 INSTANTS = (0.0, 1.0, 2.5, 4.5)
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-
-
-@jit
-def _stretch(c: Constants, tangent: bool, at: Floats, frame: Floats, s: Stretch) -> tuple[int, int]:
-    """Fill a stretch with impacts from ``at = (tau, x1, y1, x2, y2)`` on, up to a sticking phase;
-    updates `at`.
-
-    Returns the number of impacts, and 1 or a code of `MISSES`.
-    """
-    tau = at[0]
-    x1 = at[1]
-    y1 = at[2]
-    x2 = at[3]
-    y2 = at[4]
-    for k in range(s.flight.size):
-        t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, HORIZON)
-        if mesh <= 0:
-            return k, mesh
-        tau = (tau + t) % PERIOD
-        s.flight[k] = t
-        s.phase[k] = tau
-        s.code[k] = mesh * side
-        s.before[k, 0] = x1
-        s.before[k, 1] = y1
-        s.before[k, 2] = x2
-        s.before[k, 3] = y2
-        if tangent:
-            carry_frame(c, t, frame)
-            strike_frame(c, mesh, tau, y1, y2, frame, s.growth[k])
-        y1, y2 = struck(c, mesh, y1, y2)
-        if complete_chatter(c, tau, x1, y1, x2, y2, mesh, side)[0] < math.inf:
-            return k + 1, REST
-    at[0] = tau
-    at[1] = x1
-    at[2] = y1
-    at[3] = x2
-    at[4] = y2
-    return s.flight.size, 1
 
 
 @jit
@@ -97,12 +68,10 @@ class LongOrbit:
     """
 
     def __init__(self, scene: Scene, start: int = 0) -> None:
-        self.c = scene.noise_free.constants
-        x1, y1, x2, y2 = scene.noise_free.start_state
-        if scene.start.mesh != 0:
-            y1, y2 = struck(self.c, scene.start.mesh, y1, y2)
-        tau = (scene.phase + start * PERIOD * (math.sqrt(5.0) - 1.0) / 2.0) % PERIOD
-        self.at = np.array([tau, x1, y1, x2, y2])
+        scene = scene.noise_free
+        self.c = scene.constants
+        self.last = begin(scene, 0)
+        self.last.tau[0] = (scene.phase + start * PERIOD * GOLDEN) % PERIOD
         self.frame = np.eye(4)
         self.ended = 1
 
@@ -112,11 +81,24 @@ class LongOrbit:
         Returns: Fewer impacts where the orbit has ended; the attribute `ended` is then a code of
         `rattle.scene.impact.MISSES`.
         """
-        n = 0
-        s = Stretch.empty(impacts)
-        if self.ended > 0:
-            n, self.ended = _stretch(self.c, tangent, self.at, self.frame, s)
-        return s.first(n)
+        at = Impacts.empty(impacts)
+        for values, last in zip(at, self.last, strict=True):
+            values[0] = last[0]
+        legs: list[Leg] = []
+        k = 0
+        while self.ended > 0 and (k := fly(self.c, PERIOD, at, k)) < impacts:
+            reached = stick(self.c, PERIOD, at, k, legs, LEGS)
+            self.ended = REST if legs else min(reached, 1)
+            k += self.ended > 0
+        if find_chatter(self.c, at, k)[0] < math.inf:
+            self.ended = REST
+        self.last = Impacts.of(at, slice(k, k + 1))
+        part = Impacts.of(at, slice(1, k + 1))
+        code = part.mesh * part.side
+        s = Stretch(part.flight, part.tau, code, part.before, np.zeros((k, 4)))
+        if tangent:
+            grow(self.c, self.frame, s)
+        return s
 
 
 def velocities(scene: Scene, s: Stretch, step: float) -> Floats:
@@ -138,6 +120,7 @@ class Attractor:
     # times of the impacts of one cycle, the last of the cycle before it first; empty for others;
     # (impacts + 1,)
     tau: Floats
+    flight: Floats  # time since the impact before; (impacts + 1,)
     mesh: Ints  # mesh, side: what is struck; (impacts + 1,)
     side: Ints
     before: Floats  # before, after: states just before and just after; (impacts + 1, 4)
@@ -168,9 +151,7 @@ class Attractor:
 
 
 def _none(kind: str, reason: str, contact: tuple[float, float] = (0.0, 0.0)) -> Attractor:
-    nothing = np.empty((0, 4))
-    numbers = np.empty(0, np.int64)
-    return Attractor(kind, reason, 0, np.empty(0), numbers, numbers, nothing, nothing, contact)
+    return Attractor(kind, reason, 0, *Impacts.of(Impacts.empty(0), slice(0)), contact)
 
 
 def _repeats(orbit: Orbit, end: float, periods: int, stages: int) -> bool:

@@ -1,5 +1,5 @@
-"""The deterministic orbit (sigma = 0) from impact to impact over both meshes, around which every
-closure is built.
+"""The deterministic orbit (sigma = 0) from impact to impact over both meshes: what every closure is
+built around, and what a simulation compares its paths with.
 
 Between two impacts lies a flight, or a sticking phase: impacts accumulate (chatter), the mesh stays
 closed while its contact force pushes, and opens.  The orbit goes through all of these.  Its
@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rattle.scene import STATE, Constants, Floats, Ints, Scene
-from rattle.scene.compiled import lean
+from rattle.scene.compiled import lean, shared
 from rattle.scene.flight import State, flow
 from rattle.scene.impact import LOST, MISSES, NONE, REST, next_impact, struck
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.sticking import (
+    Sides,
     complete_chatter,
     find_sticking,
     may_chatter,
@@ -48,10 +49,19 @@ class Impacts(NamedTuple):
     """Impacts of an orbit, arrays as of `Orbit`; the first is where it begins."""
 
     tau: Floats
+    flight: Floats
     mesh: Ints
     side: Ints
     before: Floats
     after: Floats
+
+    @classmethod
+    def empty(cls, impacts: int) -> "Impacts":
+        """Room for a start and so many impacts after it, none of which is known yet."""
+        tau, flight = np.full((2, impacts + 1), np.nan)
+        mesh, side = np.zeros((2, impacts + 1), np.int64)
+        before, after = np.full((2, impacts + 1, 4), np.nan)
+        return cls(tau, flight, mesh, side, before, after)
 
     @classmethod
     def of(cls, orbit: Any, part: slice = slice(None)) -> "Impacts":
@@ -59,54 +69,77 @@ class Impacts(NamedTuple):
         return cls(*(getattr(orbit, name)[part] for name in cls._fields))
 
 
+@shared
+def put_impact(
+    c: Constants, at: Impacts, k: int, tau: float, flight: float, mesh: int, state: State
+) -> None:
+    """Write impact k, whose state just before it is given; a start in flight has mesh 0."""
+    x1, y1, x2, y2 = state
+    at.tau[k] = tau
+    at.flight[k] = flight
+    at.mesh[k] = mesh
+    at.before[k, 0] = x1
+    at.before[k, 1] = y1
+    at.before[k, 2] = x2
+    at.before[k, 3] = y2
+    if mesh > 0:
+        at.side[k] = 1 if (x1 if mesh == 1 else x2) > 0.0 else -1
+        y1, y2 = struck(c, mesh, y1, y2)
+    at.after[k, 0] = x1
+    at.after[k, 1] = y1
+    at.after[k, 2] = x2
+    at.after[k, 3] = y2
+
+
 @lean
-def _fly(
-    c: Constants, k: int, tau: Floats, mesh: Ints, side: Ints, before: Floats, after: Floats
-) -> int:
+def fly(c: Constants, period: float, at: Impacts, k: int) -> int:
     """Write the impacts after impact k, as far as no mesh can stick between them; returns the last
     one."""
-    while k + 1 < tau.size:
-        x1 = after[k, 0]
-        y1 = after[k, 1]
-        x2 = after[k, 2]
-        y2 = after[k, 3]
+    while k + 1 < at.tau.size:
+        x1 = at.after[k, 0]
+        y1 = at.after[k, 1]
+        x2 = at.after[k, 2]
+        y2 = at.after[k, 3]
         if (y1 == 0.0 and abs(x1) == c.wall1) or (y2 == 0.0 and abs(x2) == c.wall2):
             break
-        if mesh[k] > 0 and may_chatter(c, tau[k], y1, y2, mesh[k]):
+        if at.mesh[k] > 0 and may_chatter(c, at.tau[k], y1, y2, at.mesh[k]):
             break
-        t, hit, wall, x1, y1, x2, y2 = next_impact(c, tau[k], x1, y1, x2, y2, HORIZON)
-        if hit <= 0:
+        t, mesh, _, x1, y1, x2, y2 = next_impact(c, at.tau[k], x1, y1, x2, y2, HORIZON)
+        if mesh <= 0:
             break
+        tau = at.tau[k] + t
+        if tau >= period:
+            tau %= period
         k += 1
-        tau[k] = tau[k - 1] + t
-        mesh[k] = hit
-        side[k] = wall
-        before[k, 0] = x1
-        before[k, 1] = y1
-        before[k, 2] = x2
-        before[k, 3] = y2
-        y1, y2 = struck(c, hit, y1, y2)
-        after[k, 0] = x1
-        after[k, 1] = y1
-        after[k, 2] = x2
-        after[k, 3] = y2
+        put_impact(c, at, k, tau, t, mesh, (x1, y1, x2, y2))
     return k
 
 
-def _stick(
-    c: Constants, tau: float, state: State, mesh: int, side: int, legs: list[Leg], room: int
-) -> tuple[float, int, int, State]:
-    """Time, mesh, side and state of the next impact, through sticking phases, whose legs are added
-    to the list.
+def find_chatter(c: Constants, at: Impacts, k: int) -> tuple[float, Sides]:
+    """The time after impact k at which its chatter is complete, infinite where it is none, and the
+    meshes that then stick."""
+    if at.mesh[k] == 0:
+        return math.inf, (0, 0)
+    x1, y1, x2, y2 = at.after[k].tolist()
+    return complete_chatter(c, float(at.tau[k]), x1, y1, x2, y2, int(at.mesh[k]), int(at.side[k]))
 
-    The mesh is a code of `MISSES` where there is none; `room`: most legs that the list may have.
+
+def stick(c: Constants, period: float, at: Impacts, k: int, legs: list[Leg], room: int) -> int:
+    """Write the impact after impact k, through sticking phases, whose legs are added to the list.
+
+    Returns: Its mesh, or a code of `MISSES` where there is none. `room`: most legs that the list
+    may have.
     """
+    tau = float(at.tau[k])
+    x1, y1, x2, y2 = at.after[k].tolist()
+    state = (x1, y1, x2, y2)
+    flight = 0.0
     closed = (0, 0)
-    if mesh > 0:
-        t, sticking = complete_chatter(c, tau, *state, mesh, side)
-        if t < math.inf:
-            state = stuck(c, *flow(c, tau, *state, t), sticking)
-            tau += t
+    t, sticking = find_chatter(c, at, k)
+    if t < math.inf:
+        state = stuck(c, *flow(c, tau, *state, t), sticking)
+        tau += t
+        flight += t
     while True:
         if closed == (0, 0):
             x1, y1, x2, y2 = state
@@ -117,18 +150,55 @@ def _stick(
             closed = find_sticking(c, tau, y1, y2, (touching1, touching2))
         if closed != (0, 0):
             legs.append((tau, *state, *closed))
-            t, mesh, side, x1, y1, x2, y2, closed = next_contact(c, tau, *state, closed, HORIZON)
+            t, mesh, _, x1, y1, x2, y2, closed = next_contact(c, tau, *state, closed, HORIZON)
             if mesh == NONE:
-                return tau, REST, 0, state
+                return REST
         else:
-            t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, *state, HORIZON)
-        tau = tau + t
+            t, mesh, _, x1, y1, x2, y2 = next_impact(c, tau, *state, HORIZON)
+        tau += t
+        flight += t
         state = (x1, y1, x2, y2)
+        if mesh > 0:
+            tau = tau % period if tau >= period else tau
+            put_impact(c, at, k + 1, tau, flight, mesh, state)
         if mesh != REST:
-            return tau, mesh, side, state
+            return mesh
         if len(legs) + 2 >= room:
-            return tau, LOST, side, state
+            return LOST
         legs.append((tau, *state, *closed))
+
+
+def fill_impacts(c: Constants, at: Impacts, legs: list[Leg]) -> tuple[int, int, list[int]]:
+    """Write the impacts after the first, through sticking phases, whose legs are added to the list.
+
+    Returns: The last impact; its mesh, or a code of `MISSES` where it is the last of all; and the
+    impact before each leg.
+    """
+    impacts = at.tau.size - 1
+    room = LEGS * (impacts + 2)
+    legs_after: list[int] = []
+    k = 0
+    code = 1
+    while code > 0 and (k := fly(c, math.inf, at, k)) < impacts:
+        known = len(legs)
+        code = stick(c, math.inf, at, k, legs, room - k - 1)
+        legs_after += [k] * (len(legs) - known)
+        k += code > 0
+    return k, code, legs_after
+
+
+def begin(scene: Scene, impacts: int) -> Impacts:
+    """The start of a scene, with room for so many impacts after it."""
+    at = Impacts.empty(impacts)
+    put_impact(scene.constants, at, 0, scene.phase, math.nan, scene.start.mesh, scene.start_state)
+    return at
+
+
+def first_state(scene: Scene) -> State:
+    """State in which the first flight of a scene begins: after the impact at the start if there is
+    one."""
+    x1, y1, x2, y2 = begin(scene, 0).after[0].tolist()
+    return x1, y1, x2, y2
 
 
 SHOWN = 12  # impacts of an itinerary that a repr shows
@@ -157,6 +227,8 @@ class Orbit:
         Of its scene.
     tau : ndarray, shape (impacts + 1,)
         Impact times in local time (`Scene.phase`).
+    flight : ndarray, shape (impacts + 1,)
+        Time since the impact before; NaN for the start.
     mesh, side : ndarray of int, shape (impacts + 1,)
         Mesh and flank of each impact; 0 for a start in flight.
     before, after : ndarray, shape (impacts + 1, 4)
@@ -181,6 +253,7 @@ class Orbit:
 
     constants: Constants
     tau: Floats
+    flight: Floats
     mesh: Ints
     side: Ints
     before: Floats
@@ -226,8 +299,8 @@ class Orbit:
             return self
         k = self.sticking[0].impact
         cut = Impacts._make(values.copy() for values in Impacts.of(self))
-        for values, missing in zip(cut, (np.nan, 0, 0, np.nan, np.nan), strict=True):
-            values[k + 1 :] = missing
+        for values, missing in zip(cut, Impacts.empty(0), strict=True):
+            values[k + 1 :] = missing[0]
         legs = self.legs[: int(self.legs[:, 5:].any(axis=1).argmax())]
         return Orbit(self.constants, *cut, k, f"{MISSES[REST]} after impact {k}", legs, ())
 
@@ -335,46 +408,16 @@ def follow(scene: Scene, impacts: int) -> Orbit:
     [1, 1, 4.97495, 7.21048, 14]
     """
     c = scene.constants
-    first = scene.start.mesh
-    tau = np.full(impacts + 1, np.nan)
-    before, after = np.full((2, impacts + 1, 4), np.nan)
-    mesh, side = np.zeros((2, impacts + 1), np.int64)
-    x1, y1, x2, y2 = before[0] = scene.start_state
-    tau[0] = scene.phase
-    mesh[0] = first
-    if first != 0:
-        side[0] = 1 if (x1 if first == 1 else x2) > 0.0 else -1
-        y1, y2 = struck(c, first, y1, y2)
-    after[0] = x1, y1, x2, y2
-    k = 0
-    code = 1
-    room = LEGS * (impacts + 2)
+    at = begin(scene, impacts)
     legs: list[Leg] = []
-    legs_after: list[int] = []
-    while (k := _fly(c, k, tau, mesh, side, before, after)) < impacts:
-        known = len(legs)
-        time, code, flank, state = _stick(
-            c, tau[k], after[k].tolist(), mesh[k], side[k], legs, room - k - 1
-        )
-        legs_after += [k] * (len(legs) - known)
-        if code <= 0:
-            break
-        k += 1
-        x1, y1, x2, y2 = before[k] = state
-        tau[k] = time
-        mesh[k] = code
-        side[k] = flank
-        y1, y2 = struck(c, code, y1, y2)
-        after[k] = x1, y1, x2, y2
+    k, code, legs_after = fill_impacts(c, at, legs)
     number = np.arange(k + 1)
-    begun = np.column_stack([tau[: k + 1], after[: k + 1], np.zeros((k + 1, 2))])
+    begun = np.column_stack([at.tau[: k + 1], at.after[: k + 1], np.zeros((k + 1, 2))])
     place = np.searchsorted(number, legs_after, side="right")
     pieces = np.insert(begun, place, np.reshape(legs, (-1, 7)), axis=0)
     number = np.insert(number, place, legs_after)
     stopped = "" if code > 0 else f"{MISSES[code]} after impact {k}"
-    return Orbit(
-        c, tau, mesh, side, before, after, k, stopped, pieces, _sticking_phases(pieces, number)
-    )
+    return Orbit(c, *at, k, stopped, pieces, _sticking_phases(pieces, number))
 
 
 def _sticking_phases(legs: Floats, impact: Ints) -> tuple[StickingPhase, ...]:
