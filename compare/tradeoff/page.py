@@ -2,20 +2,18 @@
 figures."""
 
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Row, Table, TableCell, Text, numbers
-from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.report import Report
+from rattle.compare.report.table import Table, TableCell, of_numbers
 from rattle.compare.report.texts import (
     CLOSURE_TERMS,
     SCHEME_TERMS,
     SECTION_TERMS,
     glossary,
-    read_texts,
 )
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import (
@@ -33,8 +31,6 @@ from rattle.scene import duration_text
 
 EXACT = "exact-flight"
 PLAIN = "euler-maruyama"
-SAID: dict[str, str] = read_texts("tradeoff")
-"""Sentences of the answer."""
 
 
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
@@ -61,7 +57,11 @@ def advice(m: Tradeoff) -> str:
             "" if best["measured"] else ", extrapolated"
         )
         parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
-    return SAID["advice"].format(m.reference, methods=join_words(parts))
+    return (
+        f"For all means and sds at {m.reference.impacts} impacts of this gear pair at σ ="
+        f" {m.reference.scene.sigma:.4g} take {join_words(parts)}; times are those of one core, and"
+        " what is cheapest is decided by counted work."
+    )
 
 
 def answer(m: Tradeoff) -> list[str]:
@@ -78,18 +78,30 @@ def answer(m: Tradeoff) -> list[str]:
             below = "" if row["resolved"] else "below "
             after = duration_text(row["core_seconds"], 2)
             times = float(format(simulated / row["work"], ".2g"))
-            wins.append(SAID["closure"].format(**row, below=below, after=after, times=times))
+            wins.append(
+                f"`{row['method']}`, whose worst error is {below}{row['error']:.2g} (median"
+                f" {row['median_error']:.2g}) after {after}: exact flights take {times:g} times the"
+                " work for the same error"
+            )
     ratios = [
         plain.path_alone(finest, ns) / exact.path_alone(finest) for ns in (None, HAND_TUNED_NS)
     ]
-    ns = (1e9 * plain.step_seconds, HAND_TUNED_NS)
     cost = duration_text(exact.at(finest).core_seconds, 2)
-    needs = SAID["plain"].format(
-        finest=finest, dt=plain.at(finest).dt, ns=ns, times=ratios, cost=cost
+    needs = (
+        f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at"
+        f" {1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes"
+        f" {ratios[0]:,.0f} times the processor time of exact flights ({cost}), and"
+        f" {ratios[1]:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned numba code."
     )
-    closures = SAID["closures" if wins else "no closure"].format(
-        "; ".join(wins), roughest=m.accuracies[0]
+    closures = (
+        f"No closure that predicts all of them within {m.accuracies[0]:g} of an sd is shown to take"
+        " less work than a simulation with the same worst error."
     )
+    if wins:
+        closures = (
+            "At the accuracy of its own worst error a closure takes less work than a simulation:"
+            f" {'; '.join(wins)}."
+        )
     missing = explain_missing(m.reference.scene, list(predictions["method"]))
     return [advice(m), closures, needs, *missing, verdict(m)]
 
@@ -111,19 +123,16 @@ def verdict(m: Tradeoff) -> str:
         for a, f in zip(m.accuracies, factors, strict=True)
         if f < 1.0
     ]
-    ends = {"accuracies": m.accuracies, "factors": factors, "typical": typical}
-    found = SAID["multilevel" if wins else "no multilevel"].format(", ".join(wins))
-    return SAID["verdict"].format(
-        found=found, **{name: (of[0], of[-1]) for name, of in ends.items()}
+    found = "is never cheaper than exact flights for all section means"
+    if wins:
+        found = f"is cheaper than exact flights for the section means at {', '.join(wins)}"
+    return (
+        f"Multilevel Monte Carlo over the step {found}: from {m.accuracies[0]:g} to"
+        f" {m.accuracies[-1]:g} the better of both Euler schemes takes {factors[0]:.2g} to"
+        f" {factors[-1]:.2g} times the counted work of exact flights. For a typical mean alone it"
+        f" takes {typical[0]:.2g} to {typical[-1]:.2g} times theirs."
     )
 
-
-CONTENTS = contents(
-    "tradeoff",
-    figures=["tradeoff", "orders"],
-    tables=["tradeoff", "levels", "control", "orders", "changes"],
-)
-"""Names of all files in a trade-off folder; a folder with any other file is not overwritten."""
 
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
@@ -141,7 +150,7 @@ def _parts(m: Tradeoff) -> dict[str, Any]:
         below=np.where(p["resolved"], "", "below "),
         most=p["rows"].max(),
     )
-    means: list[Row] = []
+    means: list[tuple[str, ...]] = []
     for a in m.accuracies:
         cells = [
             f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())
@@ -158,7 +167,6 @@ def _parts(m: Tradeoff) -> dict[str, Any]:
     rates = ("alpha", "beta", "typical_beta", "gamma")
     parts: dict[str, Any] = {
         "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in m.accuracies]),
-        "words": glossary(*WORDS, gears=m.reference.scene.gears),
         "points": p[p["kind"] == "scheme"],
         "slopes": pd.DataFrame(
             {
@@ -175,18 +183,13 @@ def _parts(m: Tradeoff) -> dict[str, Any]:
             | {rate: _rate(getattr(x, rate), 1 if rate == "gamma" else -1) for rate in rates}
             for name, x in m.levels.items()
         ),
-        "means": Table.of(numbers(*heads), means),
+        "means": Table.of(map(of_numbers, heads), means),
     }
     if m.orders:
         table = m.orders.table
-        parts |= {
-            "orders_said": [Text(said) for said in orders_said(table)],
-            "orders": format_orders(table),
-        }
+        parts |= {"orders_said": orders_said(table), "orders": format_orders(table)}
     if m.control.empty:
-        return parts | {
-            "no_control": Text("Left out: the control variate is for white noise only.")
-        }
+        return parts
     gains = {
         f"{of}_per_second": m.control[f"{of}_median"] / m.control["time_ratio"]
         for of in ("means", "sds")
@@ -259,9 +262,9 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
     return join_words(found)
 
 
-def write_tradeoff(out: Path, m: Tradeoff, record: dict[str, Any], overwrite: bool) -> list[str]:
-    """Write the folder of a trade-off, whole or not at all."""
-    sentences = answer(m)
+def make_report(m: Tradeoff, record: dict[str, Any]) -> Report:
+    """The report on a trade-off."""
+    *sentences, multilevel = answer(m)
     scene = m.reference.scene
     impacts = m.reference.impacts
     exact = m.models[EXACT]
@@ -280,18 +283,21 @@ def write_tradeoff(out: Path, m: Tradeoff, record: dict[str, Any], overwrite: bo
     if m.orders:
         figures["orders"] = order_figure(m.orders.changes)
         tables |= {"orders": m.orders.table, "changes": m.orders.changes}
-    said = {
-        "verdict": sentences[-1],
+    content = {
+        "verdict": multilevel,
         "budget": record["budget"],
         "reference": f"{m.reference.paths:,}",
+        "alarm": f"{KURTOSIS_ALARM:g}",
+        "impacts": ORDER_IMPACTS,
     }
-    said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": ORDER_IMPACTS}
-    title = f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts"
-    files: dict[str, Any] = {
-        "figures": figures,
-        "tables": tables,
-        "more": {"all points": "`tradeoff.csv`"},
-    }
-    files |= {"values": said, "allowed": CONTENTS, "overwrite": overwrite}
-    save_report(out, "tradeoff", title, sentences[:-1], record, _parts(m), **files)
-    return sentences
+    return Report(
+        "tradeoff",
+        f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts",
+        sentences,
+        record,
+        content | _parts(m),
+        glossary(*WORDS, gears=scene.gears),
+        figures=figures,
+        tables=tables,
+        more={"all points": "`tradeoff.csv`"},
+    )

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,9 @@ from rattle.compare.checks.stability.chart import (
     UNSTABLE,
     Chart,
 )
-from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
-from rattle.compare.report.texts import SCHEME_TERMS, glossary, read_texts
+from rattle.compare.report.texts import SCHEME_TERMS, glossary
 from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
 
@@ -141,11 +140,6 @@ def _legend(verdicts: set[str]) -> list[Line2D]:
     ]
 
 
-CONTENTS = contents(
-    "stability", figures=["verdicts", "stability"], tables=["stability", "covariance", "extremes"]
-)
-"""Files of such a folder; a folder with any other file is not overwritten."""
-
 MAP_TERMS = (
     "admissible step",
     "default step",
@@ -156,8 +150,6 @@ MAP_TERMS = (
     "no limit",
 )
 WORDS = (*SCHEME_TERMS, *MAP_TERMS, "standard error", "σ", "ε", "E, sd", "impact", "sticking")
-SAID: dict[str, str] = read_texts("checks.stability")
-"""Sentences of the answer."""
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
 
 
@@ -165,22 +157,27 @@ def answer(found: Chart) -> list[str]:
     """Summarise the map in sentences."""
     cells = found.admissible
     undiagnosed = found.without_diagnostic
-    counts = {
-        v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)
-    }
+    counts = {verdict: (cells["verdict"] == verdict).sum() for verdict in MARKS}
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
-    numbers = counts | {
-        "cells": len(cells),
-        "diagnosed": wrong["diagnosed"].sum(),
-        "wrong": len(wrong),
-    }
-    said = [_advice(found), SAID["cells"].format(**numbers)]
+    said = [
+        _advice(found),
+        f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased,"
+        f" {counts[UNDECIDED]} undecided, {counts[BIASED]} biased and {counts[UNSTABLE]} unstable;"
+        f" diagnostics report {wrong['diagnosed'].sum()} of these {len(wrong)} biased and unstable"
+        " cells.",
+    ]
     if len(undiagnosed):
-        said.append(SAID["undiagnosed"].format(len(undiagnosed)))
+        said.append(
+            f"{len(undiagnosed)} admissible cells are biased or unstable without a diagnostic: a"
+            " defect."
+        )
     for scheme, own in found.table[found.table["default"]].groupby("scheme", sort=False):
         good = own["verdict"] == UNBIASED
         diagnosed = own["diagnosed"].astype(bool)
-        said.append(SAID["scheme"].format(scheme, good.sum(), len(own), (~good & diagnosed).sum()))
+        said.append(
+            f"`{scheme}` at its default step: {good.sum()} of {len(own)} cells shown to be"
+            f" unbiased, {(~good & diagnosed).sum()} others with a diagnostic."
+        )
     return said
 
 
@@ -198,18 +195,16 @@ def _advice(found: Chart) -> str:
     of = len(own) // len(good)
     others = [f"{n} for `{scheme}`" for scheme, n in good.iloc[1:].items()]
     beside = f" (unbiased: {join_words(others)})" if others else ""
-    return SAID["advice"].format(best, good.iloc[0], of, wrong[best] or "none", beside)
+    return (
+        f"Take `{best}`: at its default step {good.iloc[0]} of {of} scenes, extreme ones among"
+        f" them, are shown to be unbiased and {wrong[best] or 'none'} to be biased{beside}."
+    )
 
 
-def write_stability(
-    out: Path,
-    found: Chart,
-    covariance: pd.DataFrame,
-    tried: Sequence[Result],
-    record: dict[str, Any],
-    overwrite: bool,
-) -> list[str]:
-    """Write the folder of the map atomically."""
+def make_report(
+    found: Chart, covariance: pd.DataFrame, tried: Sequence[Result], record: dict[str, Any]
+) -> Report:
+    """The report on the map."""
     said = answer(found)
     if tried:
         said.append(
@@ -217,49 +212,34 @@ def write_stability(
             " samplers hold."
         )
     cells = found.admissible[found.admissible["verdict"] != COLLAPSING]
-    moments = found.table["moments"]
     table = found.table.assign(
         mark=[MARK.get(verdict, "open") for verdict in found.table["verdict"]],
         said=np.where(found.table["diagnosed"], "yes", "no"),
     )
-    parts: dict[str, Any] = {
+    content: dict[str, Any] = {
+        "found": found,
+        "within": Tolerances(),
         "worst": table.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()],
-        "words": glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
         "defaults": table[table["default"]],
         "covariance": covariance.assign(mark=np.where(covariance["holds"], "good", "bad")),
     }
-    drawn = {"verdicts": summary(found.table), "stability": figure(found.table)}
     tables = {"stability": found.table, "covariance": covariance}
     if tried:
         extremes = tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
-        parts["extremes"] = extremes.assign(
+        content["extremes"] = extremes.assign(
             shown=[f"{row.worst.found:{'.2f' if row.unit == 'z' else '.1e'}}" for row in tried],
             mark=np.where(extremes["holds"], "good", "bad"),
             relative=extremes["unit"].replace("z", "standard errors"),
         )
-    values = {
-        "impacts": found.impacts,
-        "z": found.z,
-        "fewest": moments.min(),
-        "most": moments.max(),
-    }
-    content: dict[str, Any] = {
-        "figures": drawn,
-        "tables": tables,
-        "digits": "%.6g",
-        "package": "checks.stability",
-    }
-    content |= {
-        "allowed": CONTENTS,
-        "overwrite": overwrite,
-        "values": values | Tolerances()._asdict(),
-    }
-    return save_report(
-        out,
+    return Report(
         "stability",
         "Where is each scheme stable and unbiased?",
         said,
         record,
-        parts,
-        **content,
+        content,
+        glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
+        figures={"verdicts": summary(found.table), "stability": figure(found.table)},
+        tables=tables,
+        digits="%.6g",
+        template="checks/stability/page.j2",
     )
