@@ -21,7 +21,7 @@ from rattle.closure.section_map import (
     section_derivatives,
     start_covariance,
 )
-from rattle.scene import Constants, Floats, Scene, memory
+from rattle.scene import Constants, Floats, Ints, Scene, memory
 from rattle.scene.flight import field, jacobian, noise_covariance, noise_rate
 from rattle.scene.impact import contact_matrix, slowest_impact
 from rattle.scene.linear_algebra import add_product, image, product, totals, transform
@@ -37,7 +37,9 @@ class Steps(NamedTuple):
     """Steps from section to section; d components of the state, m of the noise."""
 
     first: Floats  # derivatives of the next state by state and noise; (steps, d, d + m)
-    hessian: Floats  # second derivatives; (steps, d, d + m, d + m)
+    # second derivatives of the components `bent`; (steps, components, d + m, d + m)
+    hessian: Floats
+    bent: Ints  # components that are not linear
     noise: Floats  # covariances of the noise; (steps, m, m)
     kick: Floats  # effect of white noise on the state at the impact, per root of time; (steps, d)
 
@@ -55,7 +57,7 @@ def section_start(scene: Scene) -> Floats:
 
 def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
     """The steps between successive impacts; d is the size of the section state."""
-    first, hessian = section_derivatives(c, at, d)
+    first, hessian, bent = section_derivatives(c, at, d)
     flights = list(zip(at.tau[:-1], np.diff(at.tau), strict=True))
     kick = np.zeros((len(at.tau) - 1, d))
     if c.memory:
@@ -65,7 +67,7 @@ def section_steps(c: Constants, at: Impacts, d: int) -> Steps:
         noise = np.array([noise_covariance(c, s, t) for s, t in flights])
         rate = np.array([noise_rate(c, s + t) for s, t in flights])
         kick[:, 2 : 1 + 2 * c.stages : 2] = c.sigma * rate[:, : c.stages]
-    return Steps(first, hessian, noise, kick)
+    return Steps(first, hessian, bent, noise, kick)
 
 
 def noise_slope(c: Constants, tau: float, t: float) -> Floats:
@@ -156,7 +158,7 @@ def propagate(
             moved = image(linear[n], moved)
             thirds[n] = third
             third = map_cumulants(linear[n], third, made[n])
-            moved += bent[n]
+            moved[steps.bent] += bent[n]
             shift[k, PLACES] = moved[:5]
             shift[k, 1] = moved[0] - last
             cubes[n] = third[STATES, STATES, STATES]
@@ -266,7 +268,8 @@ def produce_cumulants(steps: Steps, p: Floats, slope: Floats) -> Floats:
     since = reach[:, :, 0]
     late = product(reach[:, :1], first.mT)[:, 0] - since  # cov(delta, s'), delta = tau' - tau - t
     # bent[:, l, i, j]: contribution of the quadratic part of component l
-    bent = transform(reach[:, None], steps.hessian)
+    bent = np.zeros((n, d, d, d))
+    bent[:, steps.bent] = transform(reach[:, None], steps.hessian)
     out = bent.transpose(0, 2, 3, 1) + bent.transpose(0, 2, 1, 3) + bent
     out = out + _over_pairs(varied, since)
     return out + _over_pairs(steps.kick[:, :, None] * steps.kick[:, None], late)

@@ -213,10 +213,11 @@ def _linearise_with_memory(
     return LinearFlight(propagator, matrix, begun, rate, initial, explicit, turned[:, 4].copy())
 
 
-def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floats]:
+def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floats, Ints]:
     """`derivatives` of each flight between impacts.
 
-    Shapes: result (n, d, d + k) and (n, d, d + k, d + k).
+    Returns: First and second derivatives, and the components that the second are of.  Shapes: (n,
+    d, d + k); (n, 1 + k, d + k, d + k); (1 + k,).
     """
     linearise = _linearise_with_memory if c.memory else linearise_flight
     of_flights = [
@@ -226,7 +227,8 @@ def section_derivatives(c: Constants, at: Impacts, d: int) -> tuple[Floats, Floa
         )
     ]
     first, second = (np.array(derivative) for derivative in zip(*of_flights, strict=True))
-    return first, second
+    bent = [0, *(section_index(k, d) for k in range(second.shape[1] - 1))]
+    return first, second, np.array(bent)
 
 
 @shared
@@ -240,16 +242,18 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
     """First and second derivatives of the section map with respect to ``(s, n)``, exact.
 
     The flight is linear except in the phase of its start; the other nonlinearity is the time at
-    which it ends.  A memory is the last component of the section state.
+    which it ends.  A memory is the last component of the section state.  Second derivatives are
+    those of tau and of the k components of the flight; the flanks have none.
 
-    Shapes: `first` (d, d + k); `second` (d, d + k, d + k), zero for the flanks.
+    Shapes: `first` (d, d + k); `second` (1 + k, d + k, d + k).
     """
     states = flight.rate.size
     size = d + states
     i = 2 * mesh - 1  # place of the struck displacement
     flank = column(mesh, side)
     varies = d > states + 1
-    # the section state at the orbit's impact time: derivative, drift, and how the drift changes
+    # of the section state at the orbit's impact time, later on its wall; its drift, and how that
+    # changes
     flown = np.zeros((d, size))
     rate = np.zeros(d)
     matrix = np.zeros((d, d))
@@ -270,30 +274,30 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
     bend = apply(matrix, rate)  # second time derivative along the flight
     if varies:
         flown[i, flank] -= side  # the wall moves
-    late, first = land(rate, i, flown)
+    late = land(rate, i, flown)
     for m in range(size):  # the struck displacement is on its wall
-        first[i, m] = 0.0
+        flown[i, m] = 0.0
     if varies:
-        first[i, flank] = side
-    second = np.zeros((d, size, size))
+        flown[i, flank] = side
+    second = np.zeros((1 + states, size, size))
     start_term = apply(flight.propagator, flight.initial)
     for k in range(states):
         at = section_index(k, d)
         drift[at, 0] += flight.explicit[k]
         bend[at] += flight.explicit[k]
-        add_outer(second[at], 1.0, drift[at], late)
-        add_outer(second[at], 1.0, late, drift[at])
-        add_outer(second[at], bend[at], late, late)
-        second[at, 0, 0] += drift[at, 0] - start_term[k]
+        curve = second[1 + k]
+        add_outer(curve, 1.0, drift[at], late)
+        add_outer(curve, 1.0, late, drift[at])
+        add_outer(curve, bend[at], late, late)
+        curve[0, 0] += drift[at, 0] - start_term[k]
         if states > 4:
-            second[at, 0, d - 1] += flight.turned[k]
-            second[at, d - 1, 0] += flight.turned[k]
+            curve[0, d - 1] += flight.turned[k]
+            curve[d - 1, 0] += flight.turned[k]
     for m in range(size):
         put_scaled(second[0, m], second[i, m], -rate[i])
         for k in range(states):
-            at = section_index(k, d)
             for n in range(size):
-                second[at, m, n] += rate[at] * second[0, m, n]
+                second[1 + k, m, n] += flight.rate[k] * second[0, m, n]
         for n in range(size):
             second[i, m, n] = 0.0
-    return first, second
+    return flown, second

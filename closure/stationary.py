@@ -64,7 +64,7 @@ def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floa
     map of each one."""
     c = scene.constants
     size = 1 + 2 * scene.stages
-    first, _ = section_derivatives(c, Impacts.of(a), PLAIN)
+    first, _, _ = section_derivatives(c, Impacts.of(a), PLAIN)
     flights = zip(a.tau[:-1], np.diff(a.tau), strict=True)
     noise = transform(
         first[:, :size, PLAIN:], np.array([noise_covariance(c, tau, t) for tau, t in flights])

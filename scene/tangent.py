@@ -13,8 +13,8 @@ import numpy as np
 
 from rattle.scene.compiled import internal, jit, shared
 from rattle.scene.flight import field, jacobian
-from rattle.scene.impact import contact_matrix, struck
-from rattle.scene.linear_algebra import add_outer, apply, dot, norm, put_row, put_scaled, times
+from rattle.scene.impact import struck
+from rattle.scene.linear_algebra import add_outer, dot, norm, put, put_scaled, times_transposed
 from rattle.scene.types import Constants, Floats, Ints
 
 SLOWEST = 1e-150
@@ -47,22 +47,21 @@ class Stretch(NamedTuple):
 
 
 @shared
-def land(rate: Floats, i: int, flown: Floats) -> tuple[Floats, Floats]:
-    """Derivatives of the delay until displacement `i` is on its wall, and of the state there.
+def land(rate: Floats, i: int, flown: Floats) -> Floats:
+    """Derivative of the delay until displacement `i` is on its wall, ``-flown_i / rate_i``.
 
-    From the derivatives `flown` of the state at the orbit's own impact time, at which the state has
-    the drift `rate`: ``late = -flown_i / rate_i`` and ``flown + rate late``.
+    `flown` is the derivative of the state at the orbit's own impact time, at which the state has
+    the drift `rate`; it becomes that of the state on the wall, ``flown + rate late``.
 
-    Shapes: `rate` (n,); `flown` (n, m); `late` (m,); `landed` (n, m).
+    Shapes: `rate` (n,); `flown` (n, m); `late` (m,).
     """
     speed = rate[i] if abs(rate[i]) > SLOWEST else np.copysign(SLOWEST, rate[i])
     late = np.empty(flown.shape[1])
-    landed = flown.copy()
     for m in range(late.size):
         late[m] = -flown[i, m] / speed
         for k in range(rate.size):
-            landed[k, m] += rate[k] * late[m]
-    return late, landed
+            flown[k, m] += rate[k] * late[m]
+    return late
 
 
 @jit
@@ -72,20 +71,13 @@ def saltation_matrix(c: Constants, mesh: int, tau: float, y1: float, y2: float) 
     Shapes: result (4, 4).
     """
     z1, z2 = struck(c, mesh, y1, y2)
-    late, landed = land(field(c, tau, y1, y2), 2 * (mesh - 1), np.eye(4))
-    xi = times(contact_matrix(c, mesh), landed)  # R (1 - F- g' / (g' F-)) + F+ g' / (g' F-)
+    # R (1 - F- g' / (g' F-)) + F+ g' / (g' F-)
+    xi = np.eye(4)
+    late = land(field(c, tau, y1, y2), 2 * (mesh - 1), xi)
+    for m in range(4):
+        xi[1, m], xi[3, m] = struck(c, mesh, xi[1, m], xi[3, m])
     add_outer(xi, -1.0, field(c, tau, z1, z2), late)
     return xi
-
-
-@internal
-def _map_frame(linear: Floats, frame: Floats, size: int) -> None:
-    """Apply a linear map to the first vectors of a tangent frame, in place.
-
-    Shapes: `linear` (4, 4); `frame` (4, 4), a vector in each row.
-    """
-    for k in range(size):
-        put_row(frame[k, :size], apply(linear, frame[k]))
 
 
 @internal
@@ -153,7 +145,7 @@ def grow(c: Constants, frame: Floats, s: Stretch) -> None:
     for k in range(s.flight.size):
         mesh = abs(s.code[k])
         xi = saltation_matrix(c, mesh, s.phase[k], s.before[k, 1], s.before[k, 3])
-        _map_frame(jacobian(c, s.flight[k]), frame, size)
+        put(frame, times_transposed(frame, jacobian(c, s.flight[k])))
         _orthonormalise(frame, size, s.growth[k])
-        _map_frame(xi, frame, size)
+        put(frame, times_transposed(frame, xi))
         _orthonormalise(frame, size, s.growth[k])

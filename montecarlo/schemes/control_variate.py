@@ -89,7 +89,8 @@ def orbit_impacts(scene: Scene, impacts: int) -> list[LinearImpact]:
         _, y1, _, y2 = orbit.before[k]
         if abs((y1, y2)[mesh - 1]) < slowest:
             break
-        late, landed = land(field(c, tau, y1, y2), 2 * (mesh - 1), np.eye(4))
+        landed = np.eye(4)
+        late = land(field(c, tau, y1, y2), 2 * (mesh - 1), landed)
         read = np.zeros((len(SECTION), 5))
         read[:2, :4] = late
         read[1, 4] = -1.0
