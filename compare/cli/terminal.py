@@ -164,7 +164,7 @@ def _extent(table: Table, column: int) -> tuple[int, int]:
     least = (
         longest
         if table.columns[column].kind == NUMBER
-        else max(min(longest, NARROWEST_COLUMN), min(word, NARROW))
+        else max(min(longest, NARROWEST_COLUMN), min(word, NARROWEST_COLUMN))
     )
     return least, max(longest, min(len(head), 2 * longest))
 
