@@ -3,7 +3,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from reference_dynamics import drift_matrix, fly, modulation
+from oracle import two_stages
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
@@ -32,12 +32,15 @@ def constants(beta1, beta2, **changes):
 def test_flow_solves_the_equations_of_motion(beta1, beta2):
     c = constants(beta1, beta2)
     # the solver's own error at rtol 1e-12 over this flight stays below 1e-11
-    assert flow(c, 0.7, *STATE, 2.5) == pytest.approx(fly(c, 0.7, STATE, 2.5), rel=0, abs=3e-11)
+    exact = two_stages(c).fly(0.7, STATE, 2.5)
+    assert flow(c, 0.7, *STATE, 2.5) == pytest.approx(exact, rel=0, abs=3e-11)
 
 
 def test_the_misprinted_damping_of_stage_2_is_distinguished():
     c = constants(0.08, 0.13)
-    wrong = fly(c._replace(beta2=c.beta1), 0.7, STATE, 2.5)  # -beta_1 y_2, as Eqs. 3 and 5 have it
+    misprinted = two_stages(c)
+    misprinted.damping[1, 1] = c.beta1  # -beta_1 y_2, as Eqs. 3 and 5 have it
+    wrong = misprinted.fly(0.7, STATE, 2.5)
     assert abs(np.array(flow(c, 0.7, *STATE, 2.5)) - wrong).max() > 1e-3
 
 
@@ -64,20 +67,22 @@ def test_phi_functions_are_accurate_to_rounding(beta, t):
 @pytest.mark.parametrize(("beta1", "beta2"), PAIRS)
 def test_jacobian_is_the_exponential_of_the_drift(beta1, beta2):
     c = constants(beta1, beta2)
-    assert jacobian(c, 1.7) == pytest.approx(expm(1.7 * drift_matrix(c)), rel=0, abs=1e-13)
+    exact = expm(1.7 * two_stages(c).drift_matrix())
+    assert jacobian(c, 1.7) == pytest.approx(exact, rel=0, abs=1e-13)
 
 
 def test_noise_rate_is_eq_5():
     c = constants(0.08, 0.13)
-    assert noise_rate(c, 0.7) == pytest.approx(modulation(c, 0.7)[[1, 3]], rel=1e-15)
+    assert noise_rate(c, 0.7) == pytest.approx(two_stages(c).modulation(0.7), rel=1e-15)
 
 
 def integral(c, tau, t):
     """sigma^2 int exp(A (t - s)) m m' exp(A' (t - s)) ds, by adaptive quadrature."""
-    a = drift_matrix(c)
+    box = two_stages(c)
+    a = box.drift_matrix()
 
     def integrand(lag):
-        g = expm(a * lag) @ modulation(c, tau + t - lag)
+        g = expm(a * lag) @ box.noise_direction(tau + t - lag)
         return c.sigma**2 * np.outer(g, g)
 
     fast = 1.0 / max(c.beta1, c.beta2, 1.0)
@@ -107,7 +112,7 @@ def test_noise_covariance_is_its_integral(beta1, beta2):
 
 def test_noise_covariance_without_modulation_is_distinguished():
     c = constants(0.08, 0.13)
-    a = drift_matrix(c)
+    a = two_stages(c).drift_matrix()
     flat, _ = quad_vec(
         lambda r: c.sigma**2 * np.outer(*[expm(a * r) @ [0.0, 1.0, 0.0, 1.0]] * 2), 0.0, 2.0
     )

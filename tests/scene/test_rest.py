@@ -7,7 +7,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pytest
-from reference_dynamics import rates
+from oracle import two_stages
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -59,11 +59,13 @@ def compliant(c, tau, state, until, stiffness):
         beyond = x - math.copysign(wall, x)
         return -(stiffness * beyond + damping * y) if beyond * x > 0.0 else 0.0
 
+    box = two_stages(c)
+
     def rate(time, s):
-        x1, y1, x2, y2 = rates(c, time, s)
-        first = push(s[0], s[1], c.wall1)
-        second = push(s[2], s[3], c.wall2) if c.stages == 2 else 0.0
-        return x1, y1 + first + c.mu * second, x2, y2 + first + second
+        out = box.rates(time, s)
+        pushes = [push(s[2 * i], s[2 * i + 1], gap) for i, gap in enumerate(box.gaps)]
+        out[1::2] += box.effect @ pushes
+        return out
 
     return solve_ivp(
         rate,
@@ -118,17 +120,6 @@ def test_a_mesh_closed_too_long_is_noticed():
     assert hard > 0.9 * soft
 
 
-def contact_forces(c, tau, state, sides):
-    """Contact accelerations that keep meshes closed: a linear system from Eq. 5 and the impulses'
-    proportions."""
-    f = np.array(rates(c, tau, state))[[1, 3]]
-    effect = np.array([[1.0, c.mu], [1.0, 1.0]])
-    sticking = [i for i in (0, 1) if sides[i]]
-    force = np.zeros(2)
-    force[sticking] = np.linalg.solve(effect[np.ix_(sticking, sticking)], -f[sticking])
-    return force, f + effect @ force
-
-
 @pytest.mark.parametrize(
     "sides", [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)]
 )
@@ -157,10 +148,12 @@ def test_the_opening_is_the_first_root_of_the_contact_force(sides):
             0.0 if sides[1] else rng.uniform(-1.0, 1.0),
         )
 
-        def least(t, c=c, tau=tau, state=state):
+        box = two_stages(c)
+
+        def least(t, c=c, box=box, tau=tau, state=state):
             """Contact forces of the sticking meshes, at a time t later."""
             s = orbit_state(c, tau, state, sides, t)
-            force, _ = contact_forces(c, tau + t, s, sides)
+            force, _ = box.contact_forces(tau + t, s, sides)
             return min(-sides[i] * force[i] for i in (0, 1) if sides[i])
 
         if least(0.0) < 1e-3:
@@ -210,9 +203,10 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
         at = rng.choice([-1, 1], 2)
         state = at[0] * c.wall1, 0.0, at[1] * c.wall2, 0.0
         able = []
+        box = two_stages(c)
         for first, second in counts:
             sides = (at[0] * first, at[1] * second)
-            force, left = contact_forces(c, tau, state, sides)
+            force, left = box.contact_forces(tau, state, sides)
             pushes = all(-at[i] * force[i] > 0.0 for i in (0, 1) if sides[i])
             drawn = all(at[i] * left[i] <= 0.0 for i in (0, 1) if not sides[i])
             if pushes and drawn:
