@@ -234,20 +234,6 @@ def test_sticking_keeps_what_the_contact_does_not_act_on():
     )
 
 
-@pytest.mark.parametrize("epsilon", [0.0, 0.1, 0.5, 0.9, 0.99])
-@pytest.mark.parametrize("drag", [1e-3, 1.0, 50.0])
-def test_the_sum_of_all_bounces(epsilon, drag):
-    """A ball falls freely from rest: its bounces end after (1 + eps) / (1 - eps) times its first
-    fall."""
-    scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, stages=1, start=Start())
-    orbit = follow(scene, 10_000)
-    assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
-    assert (len(orbit.sticking), orbit.sticking[0].opened) == (1, math.inf)
-    assert orbit.sticking[0].closed == pytest.approx(
-        math.sqrt(1.0 / drag) * (1 + epsilon) / (1 - epsilon), rel=1e-11
-    )
-
-
 def test_two_meshes_that_throw_each_other_back_stick_though_never_on_their_walls_at_one_instant():
     """Impacts at mesh 1 and mesh 2 in turn, down to flights in which doubles no longer resolve a
     displacement."""
