@@ -76,7 +76,7 @@ def test_command_gives_json():
     assert found["holds"]
     result = found["results"][0]
     assert result["allowed"] == pytest.approx(limit(22))
-    assert len(result["checks"]) == 32
+    assert len(result["checks"]) == 22
     assert all(p["rejected"] for p in result["controls"])
     assert result["z"] == max(c["z"] for c in result["checks"])
 
