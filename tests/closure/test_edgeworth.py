@@ -5,13 +5,8 @@ import pytest
 from reference_moments import window_shift as shift_of_the_paper
 from scipy.stats import norm
 
-from rattle.closure.edgeworth import (
-    Edgeworth,
-    coefficients,
-    mixture_density,
-    normal_mass,
-    window_shift,
-)
+from rattle import Edgeworth
+from rattle.closure.edgeworth import coefficients, mixture_density, normal_mass, window_shift
 
 
 def mixture_moments(order):

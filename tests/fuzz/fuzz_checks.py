@@ -9,14 +9,12 @@ import numpy as np
 from fuzz_files import simulate_file, study_file, validate_file
 from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, refused, semidefinite
 
-from rattle import validate
+from rattle import RattleError, validate
 from rattle.closure import CLOSURES, MeanMap, follow, mean_map
 from rattle.closure.long_orbit import LongOrbit
 from rattle.montecarlo import SCHEMES
-from rattle.scene import Scene
-from rattle.scene.errors import RattleError
+from rattle.scene import STATE, Scene
 from rattle.scene.flight import field
-from rattle.scene.types import STATE
 
 APART = 1e6
 MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})

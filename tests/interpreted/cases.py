@@ -13,10 +13,10 @@ from unittest import mock
 
 import numpy as np
 
+from rattle import Sampling, follow
 from rattle.closure import mean_map
 from rattle.closure.branching.advance import Level
 from rattle.closure.long_orbit import LongOrbit, velocities
-from rattle.closure.orbit import follow
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.bench import _normals, _scalar_normals, _skill_loop, _steps
 from rattle.montecarlo.branches.search import BranchSearch
@@ -27,7 +27,7 @@ from rattle.montecarlo.long_run.sums import new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.euler import step_forcing
-from rattle.montecarlo.settings import Sampling, plan_of
+from rattle.montecarlo.settings import plan_of
 from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Order, Scene, Start, Tolerance
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix

@@ -9,12 +9,12 @@ import pytest
 from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, limit, open_space, orbit_of
 from scipy.integrate import quad_vec
 
+from rattle import Sampling
 from rattle.montecarlo import SCHEMES, Record, largest_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.diagnostics import diagnose_short_step
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.montecarlo.schemes.exact_flight import flight_forcing
 from rattle.montecarlo.schemes.step_size import neglected_noise
-from rattle.montecarlo.settings import Sampling
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 

@@ -4,10 +4,10 @@ in accuracy."""
 import numpy as np
 import pytest
 
+from rattle import Sampling
 from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.long_run.run import AtRest, long_run
-from rattle.montecarlo.settings import Sampling
 from rattle.scene import Scene, Start
 
 SCENES = {

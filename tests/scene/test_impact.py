@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import two_stages
 
-from rattle.closure.orbit import follow
+from rattle import follow
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.flight import flow, jacobian
 from rattle.scene.impact import NONE, REST, next_impact

@@ -10,7 +10,7 @@ import pytest
 from commands import rattle
 from matplotlib.path import Path as Polygon
 
-from rattle.closure.orbit import follow
+from rattle import InputError, OutputError, follow
 from rattle.compare.animation.page import (
     GENERATOR,
     LARGEST,
@@ -24,7 +24,6 @@ from rattle.compare.animation.page import (
 from rattle.compare.animation.record import FEWEST, MOST_IMPACTS, SCHEME, record
 from rattle.montecarlo import Record, default_step, simulate
 from rattle.scene import DAT21, Scene, Start, Tolerance
-from rattle.scene.errors import InputError, OutputError
 
 ROOT = Path(__file__).resolve().parents[3]
 GEARS = Scene.from_gears(DAT21, sigma=0.1)

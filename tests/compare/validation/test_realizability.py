@@ -6,8 +6,9 @@ from math import comb
 import numpy as np
 import pytest
 
+from rattle import Edgeworth
 from rattle.closure import mean_map
-from rattle.closure.edgeworth import Edgeworth, coefficients, section_density
+from rattle.closure.edgeworth import coefficients, section_density
 from rattle.compare.validation.realizability import (
     CHECKS,
     POINTS,
