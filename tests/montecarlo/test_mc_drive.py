@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oracle import two_stages
+from scenes import ORDERS, THREE
 
 from rattle import DAT21, SCHEMES, Order, Record, Sampling, Scene, Start, mean_map, simulate
 from rattle.montecarlo.long_run.run import long_run
 from rattle.scene import STATE
 
-ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
-THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)
 IMPACTS = 4
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oracle import two_stages
+from scenes import ORDERS, THREE
 
 import rattle.scene
 from rattle import DAT21, InputError, Order, Scene, follow, refusals
@@ -13,8 +14,6 @@ from rattle.closure.saltation import noise_slope
 from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.sticking import opening
 
-ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
-THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)
 STATE = (0.1, -1.3, 0.2, 0.7)
 # the second is too far from the first for a recurrence
 SPARSE = (

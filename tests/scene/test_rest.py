@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pytest
 from oracle import two_stages
+from scenes import STICKING
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -22,20 +23,7 @@ COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off"
 )
 
-SINGLE = Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1)
-FIRST = Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5)
-SECOND = Scene(  # both wheels slow down together, until wheel 2 falls behind
-    alpha=0.0,
-    epsilon=0.4,
-    beta1=0.5,
-    beta2=0.1,
-    gamma1=0.0,
-    gamma2=1.0,
-    mu=0.6,
-    gap1=50.0,
-    start=Start(0.0, 0.0, -5.0, 0.4, 0.1),
-)
-BOTH = Scene(alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6)
+SINGLE, FIRST, SECOND, BOTH = STICKING.values()
 
 
 def sticking_of(scene, mesh, impacts, least=0.02):
