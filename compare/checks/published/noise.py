@@ -26,7 +26,7 @@ from scipy.integrate import quad
 from scipy.special import betainc, gamma, hyp2f1
 from scipy.stats import truncnorm
 
-from rattle.compare.checks.check import Check, Found, self_test
+from rattle.compare.checks.check import Check, Found, bare, self_test
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
 from rattle.montecarlo.kernel.block import CROSS
@@ -66,16 +66,7 @@ def particle(share: float, half: float, sigma: float, drag: float = 0.0) -> Scen
     """Build ``x'' = sigma eta`` from rest at a fraction of a gap, at the phase where the modulation
     is stationary."""
     start = Start(-0.5 * math.pi, half * (2.0 * share - 1.0), 0.0)
-    return Scene(
-        alpha=0.0,
-        epsilon=0.5,
-        beta1=0.0,
-        gamma1=drag,
-        gap1=half,
-        sigma=sigma,
-        start=start,
-        stages=1,
-    )
+    return bare(gamma1=drag, gap1=half, sigma=sigma, start=start)
 
 
 def mean_exit_time(start: float, gap: float, sigma: float) -> float:
@@ -152,9 +143,7 @@ def exit_side(seed: int = 0, workers: int = 2) -> Found:
 def random_gap(seed: int = 0, workers: int = 2) -> Found:
     """Check mean and sd of the wall that coasting paths strike first, for both distributions of the
     gap."""
-    coasting = Scene(
-        alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, stages=1, start=Start(0.0, 0.0, 1.0)
-    )
+    coasting = bare(start=Start(0.0, 0.0, 1.0))
     found = {}
     for name in SPREADS:
         scene = replace(coasting, tolerance=Tolerance(WIDTH, distribution=name))
@@ -233,16 +222,7 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     Shapes: result (paths, bounces).
     """
     start = Start(0.0, 0.0, -1.0)
-    scene = Scene(
-        alpha=0.0,
-        epsilon=epsilon,
-        beta1=0.0,
-        gamma1=0.0,
-        gap1=HALF,
-        sigma=1.0,
-        start=start,
-        stages=1,
-    )
+    scene = bare(epsilon=epsilon, gap1=HALF, sigma=1.0, start=start)
     # of the single step, at the phase 3 pi / 2
     whole = flight_forcing(scene.constants, ROW * STEP_TIME, STEP_TIME)
     clock = clockwork_of([whole] * (ROW + 1), STEP_TIME, DEEPEST)
@@ -462,16 +442,7 @@ def speed_variance(tau: float, beta: float, sigma: float) -> float:
 def elastic_box(seed: int = 0, workers: int = 2) -> Found:
     """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at
     three fixed times."""
-    scene = Scene(
-        alpha=0.0,
-        epsilon=1.0,
-        beta1=BETA,
-        gamma1=0.0,
-        gap1=BOX,
-        sigma=SIGMA,
-        start=Start(),
-        stages=1,
-    )
+    scene = bare(epsilon=1.0, beta1=BETA, gap1=BOX, sigma=SIGMA, start=Start())
     run, lossy = (
         _follow(replace(scene, epsilon=e), TIMES, IMPACTS, [seed, 5], workers) for e in (1.0, LOSSY)
     )
