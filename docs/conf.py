@@ -11,7 +11,7 @@ from sphinx.application import Sphinx
 from sphinx_gallery.directives import imgsgnode
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "tests" / "helpers")]
+sys.path[:0] = [str(HERE), str(HERE / "results"), str(HERE.parent / "tests" / "helpers")]
 
 
 project = "rattle"
@@ -29,7 +29,14 @@ extensions = [
     "mathml",
     "tables",
 ]
-exclude_patterns = ["_build", "gallery", "templates", "auto_gallery/*.py", "auto_gallery/*.ipynb"]
+exclude_patterns = [
+    "**/*.table.md",
+    "_build",
+    "gallery",
+    "templates",
+    "auto_gallery/*.py",
+    "auto_gallery/*.ipynb",
+]
 templates_path = ["templates"]
 default_role = "py:obj"
 

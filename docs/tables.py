@@ -3,7 +3,8 @@ figures.
 
 .. code-block:: none
 
-    ```{reported} speed        a table, by the name of one of the functions in `TABLES`
+    ```{reported} speed        a table, by the name of one of the functions in `TABLES`, or of the
+                               CSV of a measuring script, whose Markdown is beside it
     ```{answer} chaos          the sentences that open a report
     ```{reported-figure} chaos/sweep.svg
     :alt: what it shows
@@ -23,7 +24,7 @@ import pandas as pd
 import source_tree
 from docutils import nodes
 from docutils.parsers.rst import directives
-from scipy.stats import binomtest
+from kept_tables import Table, columns, place_of, read, short
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -31,7 +32,7 @@ from rattle.compare.validation.verdict import widest
 
 __all__ = ["TABLES", "setup"]
 
-Table = tuple[list[str], list[list[str]]]
+HERE = Path(__file__).parent
 TABLES: dict[str, Callable[[Path], Table]] = {}
 CLOSURES = ("published", "corrected", "saltation", "branching")
 MOMENTS = {
@@ -51,19 +52,6 @@ def table(make: Callable[[Path], Table]) -> Callable[[Path], Table]:
     """Register a table by the name of the function that makes it from the folder of reports."""
     TABLES[make.__name__.replace("_", "-")] = make
     return make
-
-
-def short(value: Any, digits: int = 3) -> str:
-    """A number with few digits; a dash for none."""
-    if isinstance(value, str):
-        return value
-    if pd.isna(value):
-        return "–"
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
-    if float(value).is_integer() and abs(value) < 1e9:
-        return f"{int(value):,}"
-    return f"{float(value):.{digits}g}"
 
 
 def seconds(value: float) -> str:
@@ -141,139 +129,40 @@ def itinerary(reports: Path) -> Table:
 @table
 def leaving(reports: Path) -> Table:
     """How paths leave the itinerary of DAT21's orbit."""
-    found = pd.read_csv(reports / "dat21" / "leaving.csv")
-    rows = [
-        [
-            f"{r['sigma']:.4g}",
-            f"{r['impact']}",
-            f"mesh {r['mesh']}, side {r['side']:+d}",
-            f"{r['probability']:.3g} ({r['low']:.3g} to {r['high']:.3g})",
-            "paths drawn near it" if r["near"] else "the report's paths",
-        ]
-        for r in found.to_dict("records")
-    ]
-    return ["σ", "impact", "struck instead", "probability", "known from"], rows
+    return columns(
+        pd.read_csv(reports / "dat21" / "leaving.csv"),
+        {
+            "σ": lambda r: f"{r['sigma']:.4g}",
+            "impact": "impact",
+            "struck instead": lambda r: f"mesh {r['mesh']}, side {r['side']:+d}",
+            "probability": lambda r: f"{r['probability']:.3g} ({r['low']:.3g} to {r['high']:.3g})",
+            "known from": lambda r: "paths drawn near it" if r["near"] else "the report's paths",
+        },
+    )
 
 
 @table
-def leaving_coverage(reports: Path) -> Table:
-    """How often intervals of the probability of leaving hold it, kept beside the page."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "leaving_coverage.csv")
-    rows = [
-        [
-            f"{r['set']}, {'unseen' if r['unseen'] else 'looked at'}",
-            f"{r['impact']}: mesh {r['mesh']}, side {r['side']:+d}",
-            f"{short(r['truth'], 3)} ± {short(r['se_truth'], 1)}",
-            short(r["plain"], 2),
-            f"{r['mean']:.3f} ± {math.hypot(r['se_mean'], r['se_truth'] / r['truth']):.3f}",
-            f"{r['scatter']:.0%}",
-            f"{r['coverage']:.1%}",
-            f"{r['coverage_of_mean']:.1%}",
-        ]
-        for r in found.to_dict("records")
-    ]
-    for name, some in (("looked at", found[~found["unseen"]]), ("unseen", found[found["unseen"]])):
-        every = [
-            np.average(some[c], weights=some["seeds"]) for c in ("coverage", "coverage_of_mean")
-        ]
-        scatter = f"{some['scatter'].median():.0%} (median)"
-        rows.append([f"all {name}", "", "", "", "", scatter, *(f"{share:.1%}" for share in every)])
-    head = ["gear set", "exit", "truth", "plain paths", "mean", "scatter"]
-    return [*head, "95 % intervals that hold the truth", "the mean"], rows
-
-
-@table
-def coverage(reports: Path) -> Table:
-    """How often the intervals of the long run hold the truth, and how often naive ones would."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "coverage.csv")
-    rate = found[found["quantity"] == "rate"].set_index(["paths", "periods"])["value"]
-
-    def impacts_of(r: pd.Series) -> float:
-        duration = r["periods"] * 2.0 * math.pi
-        return rate[r["paths"], r["periods"]] * r["paths"] * duration
-
-    rows = [
-        [
-            f"{r['paths']} × {r['periods']}",
-            short(float(f"{impacts_of(r):.2g}")),
-            f"{r['seeds']}",
-            r["quantity"],
-            short(r["value"], 4),
-            f"{r['coverage']:.1%} ± {r['se_coverage']:.1%}",
-            f"{r['naive_coverage']:.1%}",
-            short(r["autocorrelation"]),
-            short(r["stated_se"] / r["sd_of_estimates"]),
-        ]
-        for r in found.sort_values(["paths", "periods"], kind="stable").to_dict("records")
-    ]
-    head = [
-        "paths × periods",
-        "impacts",
-        "runs",
-        "quantity",
-        "mean of all runs",
-        "intervals that hold it",
-        "naive ones",
-    ]
-    return [*head, "autocorrelation (impacts)", "stated error / spread of the runs"], rows
-
-
-@table
-def drive_noise(reports: Path) -> Table:
-    """How often the interval of a measured drive holds the noise that was put into made
-    measurements."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "drive_noise.csv")
-    rows = [
-        [
-            r["quantity"],
-            f"{r['noise']:.1%}",
-            short(r["sigma"]),
-            short(r["median_sigma"]),
-            _share(r["hold"], r["seeds"]),
-            "" if r["sigma"] == 0.0 else f"{r['hold_planted']} of {r['seeds']}",
-            f"{r['at_most']} of {r['seeds']}",
-            short(r["median_floor"], 2),
-        ]
-        for r in found.to_dict("records")
-    ]
-    heads = [
-        "file",
-        "noise of the measurement",
-        "σ/α",
-        "median found",
-        "intervals that hold it (95 % interval)",
-    ]
-    return [*heads, "that hold 1.5 times as much", "said as “at most”", "floor"], rows
-
-
-@table
-def energy_law(reports: Path) -> Table:
+def energy_law(_: Path) -> Table:
     """What ``rattle check published --result energy-law --all --json`` has printed, kept beside the
     page."""
-    found = json.loads((Path(__file__).parent / "results" / "energy_law.json").read_text())[
-        "results"
-    ][0]
-    heads = [
-        "long run",
-        "energy lost per unit of time",
-        "by the law",
-        "relative standard error",
-        "off by [se]",
-    ]
-    return [*heads, "allowed"], [
-        [
-            c["quantity"]
-            .removeprefix("loss per time, ")
-            .replace("eps", "ε")
-            .replace("sigma", "σ ="),
-            short(c["found"], 4),
-            short(c["truth"], 4),
-            f"{c['se'] / c['truth']:.2%}",
-            short(c["z"], 2),
-            short(found["allowed"], 2),
-        ]
-        for c in found["checks"]
-    ]
+    printed = json.loads((HERE / "results" / "energy_law.json").read_text())
+    (result,) = printed["results"]
+    return columns(
+        pd.DataFrame(result["checks"]),
+        {
+            "long run": lambda c: (
+                c["quantity"]
+                .removeprefix("loss per time, ")
+                .replace("eps", "ε")
+                .replace("sigma", "σ =")
+            ),
+            "energy lost per unit of time": lambda c: short(c["found"], 4),
+            "by the law": lambda c: short(c["truth"], 4),
+            "relative standard error": lambda c: f"{c['se'] / c['truth']:.2%}",
+            "off by [se]": lambda c: short(c["z"], 2),
+            "allowed": lambda c: short(result["allowed"], 2),
+        },
+    )
 
 
 @table
@@ -288,244 +177,6 @@ def long_restitution(reports: Path) -> Table:
         rows.append([short(epsilon), *main, short(by["autocorrelation"]["slow_share"])])
     heads = ["ε", "impacts per unit of time", "energy lost per period", "share of slow impacts"]
     return [*heads, "their autocorrelation (impacts)"], rows
-
-
-@table
-def random_gears(reports: Path) -> Table:
-    """How far each closure is accurate on gear sets drawn at random, kept beside the page."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "random_gears.csv")
-    rows = []
-    for (_, ratio), of in found.groupby(["set", "ratio"], sort=False):
-        first = of.iloc[0]
-        by = of.set_index("closure")
-        gears = [short(first[name]) for name in ("set", "stages", "alpha", "epsilon", "gap2")]
-        reach = [
-            f"{by['accurate'][c]:.0f} ({by['not_inaccurate'][c]:.0f})" if c in by.index else "–"
-            for c in CLOSURES
-        ]
-        rows.append([*gears, f"{ratio:g}", *reach])
-    return ["set", "stages", "α", "ε", "gap 2", "σ/√α", *CLOSURES], rows
-
-
-@table
-def rare_branches(reports: Path) -> Table:
-    """What sampling rare branches gains, and whether its intervals hold, kept beside the page."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "rare_branches.csv")
-    rows = []
-    for r in found.to_dict("records"):
-        scene = f"{r['scene']}, {r['impacts']} impacts"
-        if not r["parts"] > 0.0:
-            rows.append([scene, "none is worth it", *["–"] * 8])
-            continue
-        rows.append(
-            [
-                scene,
-                r["branch"],
-                short(r["first_order"], 2),
-                f"{short(r['near'], 3)} ± {short(r['se_near'], 1)}",
-                short(r["plain"], 3),
-                f"{r['worst_row']} ({r['kurtosis']:,.0f})",
-                f"{r['gain']:,.0f}",
-                short(r["median_gain"], 2),
-                f"{r['largest_z']:.1f}",
-                f"{r['coverage']:.1%} ({r['least_coverage']:.1%})",
-            ]
-        )
-    heads = [
-        "scene",
-        "branch (impact: struck instead)",
-        "first order",
-        "near",
-        "plain",
-        "worst row (kurtosis)",
-    ]
-    return [
-        *heads,
-        "its variance falls",
-        "median row",
-        "largest z",
-        "intervals that hold (worst row)",
-    ], rows
-
-
-@table
-def boundary_seeds(reports: Path) -> Table:
-    """Whether searches with seeds of their own hold the true boundary, and at what cost, kept
-    beside the page."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "boundary_seeds.csv")
-    truth = found["truth"]
-    share = found["path_steps"] / found["study_path_steps"]
-    of = found["seed"].nunique()
-    se = widest(1) * found["se_truth"].iloc[0]
-    held = (found["accurate"] <= truth) & (found["wrong"] >= truth)
-    cheap = share <= 0.2
-    width = (found["wrong"] - found["accurate"]) / (found["wrong"] + found["accurate"])
-    spread = (f"{part.median():.1%} ({part.max():.1%})" for part in (width, share))
-    row = [
-        f"{truth.iloc[0]:.4f} ± {se:.4f}",
-        f"{held.sum()} of {of}",
-        *spread,
-        f"{cheap.sum()} of {of}",
-    ]
-    heads = [
-        "true value of σ",
-        "searches that hold it",
-        "half width: median (most)",
-        "share of the study's path-steps",
-    ]
-    return [*heads, "at most a fifth"], [row]
-
-
-@table
-def accuracy_cells(reports: Path) -> Table:
-    """What an accuracy takes on random gear sets, and its true error, kept beside the page."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "accuracy_cells.csv")
-    random = found["cell"].str.match(r"\d")
-    ratio = found["cell"].str.split(", ").str[1]
-    groups = [(f"random, σ/√α = {name}", of) for name, of in found[random].groupby(ratio)]
-    groups += [
-        ("random, all", found[random]),
-        *((r["cell"], found.loc[[i]]) for i, r in found[~random].iterrows()),
-    ]
-    rows = []
-    for name, of in groups:
-        reached = of[of["reached"]]
-        rows.append(
-            [
-                name,
-                f"{of['accuracy'].iloc[0]:g}",
-                str(len(of)),
-                f"{short(of['counted'].median(), 2)} ({short(of['counted'].max(), 2)})",
-                f"{(of['counted'] <= 20.0).sum()} and {(of['counted'] <= 300.0).sum()}",
-                str(len(reached)),
-                f"{reached['kept'].sum()} of {len(reached)}" if len(reached) else "–",
-                short(reached["error"].max(), 2) if len(reached) else "–",
-            ]
-        )
-    head = [
-        "cells",
-        "accuracy",
-        "number",
-        "core-seconds: median (most)",
-        "within 20 s and 5 min",
-        "reached in 20 s",
-    ]
-    return [*head, "true error within it", "largest difference from the reference"], rows
-
-
-@table
-def unseen(reports: Path) -> Table:
-    """How often an exactly right closure is called inaccurate, with and without the bound of unseen
-    branches."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "unseen.csv")
-    rows = [
-        [
-            r["scene"],
-            short(r["kurtosis"]),
-            f"{r['paths']:,}",
-            f"{r['inaccurate']} of {r['seeds']}",
-            f"{r['inaccurate_without']} of {r['seeds']}",
-            _share(r["wrong_again"], r["seeds"]),
-            f"{r['decided']:.1%}",
-            f"{r['decided_without']:.1%}",
-            f"{r['decided_again']:.1%}" if r["decided_again"] > 0.0 else "",
-            f"{r['held']:.0f} of {r['reached']:.0f}" if r["reached"] > 0.0 else "",
-        ]
-        for r in found.to_dict("records")
-    ]
-    head = [
-        "scene",
-        "largest kurtosis",
-        "paths",
-        "called inaccurate",
-        "without",
-        "any row, judged again",
-    ]
-    return [
-        *head,
-        "rows decided",
-        "decided without",
-        "decided, judged again",
-        "0.03 sd reached, and true",
-    ], rows
-
-
-def _share(hits: float, of: int) -> str:
-    """A count with the 95 % interval of its share (Clopper and Pearson 1934); nothing where none
-    was measured."""
-    if not hits >= 0.0:
-        return ""
-    low, high = binomtest(int(hits), of).proportion_ci()
-    return f"{hits:.0f} of {of} ({low:.2%} to {high:.2%})"
-
-
-BEFORE = ("before: beyond the bound", "before: wrong", "before: wrong, unmarked")
-
-
-@table
-def branching(reports: Path) -> Table:
-    """Errors of `branching` on random gear sets, its own bounds of them, and the time beside exact
-    flights."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "branching.csv")
-    rows = []
-    every = found.assign(noise="all")
-    for (seen, noise), of in [*found.groupby(["seen", "noise"]), *every.groupby(["seen", "noise"])]:
-        total = of["rows"].sum()
-        before = of["rows_before"].sum()
-        used = of[of["advice"] == "branching"]
-        faster = (
-            f"{short(used['ratio'].min(), 2)} / {short(used['ratio'].median(), 2)}"
-            if len(used)
-            else "–"
-        )
-        rows.append(
-            [
-                "for tuning" if seen else "unseen",
-                noise if noise == "all" else short(noise),
-                *(
-                    f"{short(of[c].median(), 2)} / {short(of[c].max(), 2)}"
-                    for c in ("error_mean", "error_sd")
-                ),
-                *(
-                    f"{of[c].sum() / total:.1%}"
-                    for c in ("exceeded", "factor", "wrong", "unmarked")
-                ),
-                *(
-                    f"{of[f'{c}_before'].sum() / before:.1%}"
-                    for c in ("exceeded", "wrong", "unmarked")
-                ),
-                f"{len(used)} of {len(of)}",
-                faster,
-            ]
-        )
-    head = [
-        "gear sets",
-        "σ/√α",
-        "worst mean: median / largest",
-        "worst sd",
-        "beyond the bound",
-        "within a factor of 2",
-    ]
-    return [*head, "wrong", "wrong, unmarked", *BEFORE, "advised", "speed-up: least / median"], rows
-
-
-@table
-def fixed_times(reports: Path) -> Table:
-    """Errors of `branching` and `saltation` at fixed times."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "fixed_times.csv")
-    rows = []
-    for (seen, noise), of in found.groupby(["seen", "noise"]):
-        row = ["looked at" if seen else "unseen", short(noise)]
-        for closure in ("branching", "saltation"):
-            for moment in ("mean", "sd"):
-                median = of[f"{closure}_{moment}_median"]
-                largest = of[f"{closure}_{moment}_largest"]
-                row.append(f"{short(median.median(), 2)} / {short(largest.max(), 2)}")
-        rows.append(row)
-    heads = [
-        f"`{closure}`: {of}" for closure in ("branching", "saltation") for of in ("mean", "sd")
-    ]
-    return ["gear sets", "σ/√α", *heads], rows
 
 
 @table
@@ -619,11 +270,16 @@ def memory(reports: Path) -> Table:
 @table
 def claims(reports: Path) -> Table:
     """The claims of the paper, each with its verdict."""
-    found = pd.read_csv(reports / "claims" / "claims.csv")
-    return ["", "claim", "test", "evidence", "verdict"], [
-        [str(r["claim"]), f"{r['name']}: “{r['says']}”", r["test"], r["evidence"], r["verdict"]]
-        for _, r in found.iterrows()
-    ]
+    return columns(
+        pd.read_csv(reports / "claims" / "claims.csv"),
+        {
+            "": "claim",
+            "claim": lambda r: f"{r['name']}: “{r['says']}”",
+            "test": "test",
+            "evidence": "evidence",
+            "verdict": "verdict",
+        },
+    )
 
 
 @table
@@ -640,55 +296,60 @@ def exponents(reports: Path) -> Table:
 @table
 def finite_size(reports: Path) -> Table:
     """The finite-size exponent of two paths on one noise."""
-    found = pd.read_csv(reports / "chaos" / "fsle.csv")
-    return ["distance δ", "finite-size exponent", "events"], [
-        [f"{r['delta']:.1e}", interval(r, "exponent", 2), short(r["events"])]
-        for _, r in found.iterrows()
-    ]
+    return columns(
+        pd.read_csv(reports / "chaos" / "fsle.csv"),
+        {
+            "distance δ": lambda r: f"{r['delta']:.1e}",
+            "finite-size exponent": lambda r: interval(r, "exponent", 2),
+            "events": "events",
+        },
+    )
 
 
 @table
 def mean_maps(reports: Path) -> Table:
     """The closures as iterated maps."""
-    found = pd.read_csv(reports / "chaos" / "mean_maps.csv")
-    heads = [
-        "closure",
-        "map",
-        "exponents of its means",
-        "growth of its moments",
-        "first impact that is not realizable",
-    ]
-    return heads, [
-        [r["closure"], r["map"], r["exponents"], r["moments"], short(r["not_realizable"])]
-        for _, r in found.iterrows()
-    ]
+    return columns(
+        pd.read_csv(reports / "chaos" / "mean_maps.csv"),
+        {
+            "closure": "closure",
+            "map": "map",
+            "exponents of its means": "exponents",
+            "growth of its moments": "moments",
+            "first impact that is not realizable": "not_realizable",
+        },
+    )
 
 
 @table
 def crossings(reports: Path) -> Table:
     """Where the largest exponent changes its sign over the excitation."""
-    found = pd.read_csv(reports / "chaos" / "crossings.csv")
-    return ["of", "α between", "becomes"], [
-        [r["of"], f"{r['low']:.3f} and {r['high']:.3f}", "positive" if r["to"] > 0 else "negative"]
-        for _, r in found.iterrows()
-    ]
+    return columns(
+        pd.read_csv(reports / "chaos" / "crossings.csv"),
+        {
+            "of": "of",
+            "α between": lambda r: f"{r['low']:.3f} and {r['high']:.3f}",
+            "becomes": lambda r: "positive" if r["to"] > 0 else "negative",
+        },
+    )
 
 
 @table
 def tradeoff(reports: Path) -> Table:
     """What an accuracy costs with each scheme and each closure."""
-    found = pd.read_csv(reports / "tradeoff" / "tradeoff.csv")
-    return ["method", "error [sd]", "step", "paths", "core time", "measured"], [
-        [
-            r["method"] + (" (means alone)" if r["kind"] == "multilevel" else ""),
-            short(r["error"]),
-            short(r["dt"]),
-            short(r["paths"] or math.nan),
-            seconds(r["core_seconds"]),
-            "yes" if r["measured"] else "extrapolated",
-        ]
-        for _, r in found.iterrows()
-    ]
+    return columns(
+        pd.read_csv(reports / "tradeoff" / "tradeoff.csv"),
+        {
+            "method": lambda r: (
+                r["method"] + (" (means alone)" if r["kind"] == "multilevel" else "")
+            ),
+            "error [sd]": "error",
+            "step": "dt",
+            "paths": lambda r: short(r["paths"] or math.nan),
+            "core time": lambda r: seconds(r["core_seconds"]),
+            "measured": lambda r: "yes" if r["measured"] else "extrapolated",
+        },
+    )
 
 
 @table
@@ -696,65 +357,57 @@ def orders(reports: Path) -> Table:
     """Measured slopes of the step bias of the Euler-Maruyama schemes, and the orders on which they
     have settled."""
     found = pd.read_csv(reports / "tradeoff" / "orders.csv", keep_default_na=False, na_values=[""])
-    rows = [
-        [
-            r["scheme"],
-            short(r["sigma"]),
-            " ".join(str(r[n]) for n in ("moment", "quantity") if not pd.isna(r[n])),
-            f"{r['coarsest']:g} to {r['finest']:g}",
-            interval(r, "slope", 2),
-            (
-                "not settled"
-                if pd.isna(r["order"])
-                else f"{r['order']:.2f} ± {0.5 * (r['order_high'] - r['order_low']):.2f}"
+
+    def order(r: dict[str, Any]) -> str:
+        half = 0.5 * (r["order_high"] - r["order_low"])
+        return "not settled" if pd.isna(r["order"]) else f"{r['order']:.2f} ± {half:.2f}"
+
+    return columns(
+        found[found["slope"].notna()],
+        {
+            "scheme": "scheme",
+            "σ": "sigma",
+            "moment": lambda r: " ".join(
+                str(r[n]) for n in ("moment", "quantity") if not pd.isna(r[n])
             ),
-            short(r["limit_z"], 2),
-            short(r["limit_allowed"], 2),
-        ]
-        for _, r in found[found["slope"].notna()].iterrows()
-    ]
-    return [
-        "scheme",
-        "σ",
-        "moment",
-        "steps",
-        "slope",
-        "order",
-        "limit off by [se]",
-        "allowed",
-    ], rows
+            "steps": lambda r: f"{r['coarsest']:g} to {r['finest']:g}",
+            "slope": lambda r: interval(r, "slope", 2),
+            "order": order,
+            "limit off by [se]": lambda r: short(r["limit_z"], 2),
+            "allowed": lambda r: short(r["limit_allowed"], 2),
+        },
+    )
 
 
 @table
 def control(reports: Path) -> Table:
     """By what factor the control variate and antithetic pairs divide the variance."""
-    found = pd.read_csv(reports / "tradeoff" / "control.csv")
-    heads = [
-        "σ",
-        "control: means",
-        "control: sds",
-        "antithetic: means",
-        "antithetic: sds",
-        "time of the control",
-    ]
-    names = [
-        "sigma",
-        "means_median",
-        "sds_median",
-        "antithetic_means",
-        "antithetic_sds",
-        "time_ratio",
-    ]
-    return heads, [[short(r[name]) for name in names] for _, r in found.iterrows()]
+    return columns(
+        pd.read_csv(reports / "tradeoff" / "control.csv"),
+        {
+            "σ": "sigma",
+            "control: means": "means_median",
+            "control: sds": "sds_median",
+            "antithetic: means": "antithetic_means",
+            "antithetic: sds": "antithetic_sds",
+            "time of the control": "time_ratio",
+        },
+    )
 
 
 @table
 def levels(reports: Path) -> Table:
     """Multilevel Monte Carlo over the step."""
-    found = pd.read_csv(reports / "tradeoff" / "levels.csv")
-    heads = ["scheme", "level", "step", "variance of the difference (median)", "kurtosis (largest)"]
-    names = ["scheme", "level", "dt", "variance_median", "kurtosis"]
-    return heads, [[short(r[name]) for name in names] for _, r in found.iterrows()]
+    return columns(
+        pd.read_csv(reports / "tradeoff" / "levels.csv"),
+        {
+            "scheme": "scheme",
+            "level": "level",
+            "step": "dt",
+            "variance of the difference (median)": "variance_median",
+            "kurtosis (largest)": "kurtosis",
+        },
+    )
 
 
 @table
@@ -774,19 +427,18 @@ def stability(reports: Path) -> Table:
 @table
 def extremes(reports: Path) -> Table:
     """Extreme values: what was tried, against which truth, with what worst error."""
-    found = pd.read_csv(reports / "stability" / "extremes.csv")
-    return ["what", "tried", "truth", "worst error", "allowed", "in units of", "holds"], [
-        [
-            r["name"],
-            r["tried"],
-            r["truth"],
-            short(r["worst"]),
-            short(r["allowed"]),
-            r["unit"],
-            short(r["holds"]),
-        ]
-        for _, r in found.iterrows()
-    ]
+    return columns(
+        pd.read_csv(reports / "stability" / "extremes.csv"),
+        {
+            "what": "name",
+            "tried": "tried",
+            "truth": "truth",
+            "worst error": "worst",
+            "allowed": "allowed",
+            "in units of": "unit",
+            "holds": "holds",
+        },
+    )
 
 
 def _outcomes(folder: Path) -> Table:
@@ -810,51 +462,28 @@ def fuzz_wide(reports: Path) -> Table:
 
 
 @table
-def benchmarks(reports: Path) -> Table:
+def benchmarks(_: Path) -> Table:
     """Times on one machine, kept beside this file: they are measured by hand and hold for the
     version beside them."""
-    found = pd.read_csv(Path(__file__).parent / "benchmarks.csv")
-    return list(found.columns), found.fillna("").astype(str).to_numpy().tolist()
+    found = pd.read_csv(HERE / "benchmarks.csv", dtype=str, keep_default_na=False)
+    return columns(found, {head: head for head in found})
 
 
 @table
-def first_answer(reports: Path) -> Table:
-    """What the first answer takes in an older version and in this one, with nothing kept and with
-    machine code kept."""
-    found = pd.read_csv(Path(__file__).parent / "results" / "first_answer.csv")
-    wide = found.pivot_table(
-        index=["what", "state"],
-        columns="version",
-        values=["cpu_seconds", "wall_seconds"],
-        sort=False,
-    )
-    heads = [f"{version}: {of} s" for of in ("processor", "wall") for version in ("before", "now")]
-    order = [
-        (of, version) for of in ("cpu_seconds", "wall_seconds") for version in ("before", "now")
-    ]
-    rows = [
-        [*names, *(short(values[column], 3) for column in order)]
-        for names, values in wide.iterrows()
-    ]
-    return ["", "machine code", *heads], rows
-
-
-@table
-def path_steps(reports: Path) -> Table:
+def path_steps(_: Path) -> Table:
     """What ``rattle check speed --json`` has printed on the machine that the page names, kept
     beside this file."""
-    found = json.loads((Path(__file__).parent / "path_steps.json").read_text(encoding="utf-8"))
-    columns = {
-        "what": "",
-        "ns": "ns",
-        "times_floor": "times the floor",
-        "gain": "times as fast",
-        "us": "µs per path",
-    }
-    rows = [
-        [short(math.nan if row[name] is None else row[name]) for name in columns] for row in found
-    ]
-    return list(columns.values()), rows
+    found = json.loads((HERE / "path_steps.json").read_text(encoding="utf-8"))
+    return columns(
+        pd.DataFrame(found),
+        {
+            "": "what",
+            "ns": "ns",
+            "times the floor": "times_floor",
+            "times as fast": "gain",
+            "µs per path": "us",
+        },
+    )
 
 
 def cell(text: str) -> nodes.entry:
@@ -883,15 +512,16 @@ class FromReports(SphinxDirective):
 
 
 class Reported(FromReports):
-    """A table of `TABLES`."""
+    """A table of `TABLES`, or of a measuring script."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
         """Make it."""
         name = self.arguments[0]
+        measured = place_of(HERE / "results" / f"{name.replace('-', '_')}.csv")
         try:
-            heads, rows = TABLES[name](self.reports)
+            heads, rows = TABLES[name](self.reports) if name in TABLES else read(measured)
         except (OSError, KeyError) as error:
             raise self.error(
                 f"the table {name} cannot be made of {self.reports}: {error!r}"

@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from rattle import validate
+from rattle import Study, stationary, validate
 from rattle.closure import CLOSURES, follow, mean_map
-from rattle.compare.stationary.measure import stationary
-from rattle.compare.study.design import Study
 from rattle.montecarlo import simulate
 from rattle.scene import DAT21, Scene
 

@@ -12,8 +12,8 @@ import pytest
 from commands import commands, rattle
 from programs import python
 
+from rattle import Study
 from rattle.closure import follow
-from rattle.compare.study.design import Study
 from rattle.scene import DAT21, Scene
 
 ROOT = Path(__file__).resolve().parent.parent

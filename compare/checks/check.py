@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from rattle.compare.report.texts import read_texts
-from rattle.scene import choice, count
+from rattle.scene import Scene, choice, count
 from rattle.scene.progress import ProgressBar
 
 FALSE_ALARM = 1e-3
@@ -212,6 +212,12 @@ def self_test(compute: Callable[[int, int], Found]) -> Subject:
         return Result(**PUBLISHED[compute.__name__], checks=list(checks), controls=own)
 
     return check
+
+
+def bare(**fields: Any) -> Scene:
+    """Build a single stage without drive, damping, drag and noise, but for these fields."""
+    plain = {"alpha": 0.0, "epsilon": 0.5, "beta1": 0.0, "gamma1": 0.0, "stages": 1}
+    return Scene(**(plain | fields))
 
 
 def farthest(found: ArrayLike, truth: ArrayLike, unit: ArrayLike = 1.0) -> float:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, keep, median_and_most, short
 
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.accuracy.cost import cost_of, cost_to
@@ -25,6 +26,16 @@ sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
 
 ROOT = Path(__file__).parents[2]
+HEADS = [
+    "cells",
+    "accuracy",
+    "number",
+    "core-seconds: median (most)",
+    "within 20 s and 5 min",
+    "reached in 20 s",
+    "true error within it",
+    "largest difference from the reference",
+]
 TABLE = Path(__file__).parent / "accuracy_cells.csv"
 SEED = 29
 SETS = 8
@@ -99,6 +110,25 @@ def measure(name, scene, accuracy):
     }
 
 
+def table(found: pd.DataFrame) -> Table:
+    """What an accuracy takes, and its true error: of each noise of the random sets, and of the
+    others by name."""
+    random = found["cell"].str.match(r"\d")
+    ratio = found["cell"].str.split(", ").str[1]
+    groups = [(f"random, σ/√α = {name}", of) for name, of in found[random].groupby(ratio)]
+    groups += [("random, all", found[random])]
+    groups += [(r["cell"], found.loc[[i]]) for i, r in found[~random].iterrows()]
+    rows = []
+    for name, of in groups:
+        reached = of[of["reached"]]
+        row = [name, f"{of['accuracy'].iloc[0]:g}", str(len(of))]
+        row += [median_and_most(of["counted"], " (", ")")]
+        row += [f"{(of['counted'] <= 20.0).sum()} and {(of['counted'] <= 300.0).sum()}"]
+        true = f"{reached['kept'].sum()} of {len(reached)}" if len(reached) else "–"
+        rows.append([*row, str(len(reached)), true, short(reached["error"].max(), 2)])
+    return HEADS, rows
+
+
 if __name__ == "__main__":
     warnings.simplefilter("ignore", AccuracyWarning)
     every = cells()
@@ -107,5 +137,4 @@ if __name__ == "__main__":
         print(found, flush=True)
         known = pd.read_csv(TABLE).to_dict("records") if TABLE.exists() else []
         rows = {row["cell"]: row for row in known} | {name: found}
-        table = pd.DataFrame([rows[cell] for cell in every if cell in rows])
-        table.to_csv(TABLE, index=False, float_format="%.4g")
+        keep(pd.DataFrame([rows[cell] for cell in every if cell in rows]), TABLE, table)

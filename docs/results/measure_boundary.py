@@ -13,12 +13,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
+from kept_tables import Table, keep
 
 from rattle import DAT21, Scene, Study, Tolerances, boundary, mean_map
 from rattle.compare.engine.store import Store
 from rattle.compare.study.cells import Sample
 from rattle.compare.validation.errors import section_errors
-from rattle.compare.validation.verdict import JUDGED
+from rattle.compare.validation.verdict import JUDGED, widest
 
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).parent / "boundary_seeds.csv"
@@ -52,6 +53,24 @@ def true_boundary(store):
     return truth, truth * errors[row] / other[row] / slope
 
 
+def table(found: pd.DataFrame) -> Table:
+    """Whether the searches hold the true boundary, and at what cost."""
+    truth = found["truth"]
+    ratio = found["path_steps"] / found["study_path_steps"]
+    width = (found["wrong"] - found["accurate"]) / (found["wrong"] + found["accurate"])
+    half = widest(1) * found["se_truth"].iloc[0]
+    of = found["seed"].nunique()
+    held = (found["accurate"] <= truth) & (found["wrong"] >= truth)
+    row = {
+        "true value of σ": f"{truth.iloc[0]:.4f} ± {half:.4f}",
+        "searches that hold it": f"{held.sum()} of {of}",
+        "half width: median (most)": f"{width.median():.1%} ({width.max():.1%})",
+        "share of the study's path-steps": f"{ratio.median():.1%} ({ratio.max():.1%})",
+        "at most a fifth": f"{(ratio <= 0.2).sum()} of {of}",
+    }
+    return list(row), [list(row.values())]
+
+
 def main():
     """Write the table."""
     store = Store(CELLS)
@@ -72,8 +91,8 @@ def main():
             )
             print(rows[-1], flush=True)
     truth, error = true_boundary(store)
-    table = pd.DataFrame(rows).assign(truth=truth, se_truth=error, study_path_steps=study)
-    table.to_csv(TABLE, index=False, float_format="%.6g")
+    found = pd.DataFrame(rows).assign(truth=truth, se_truth=error, study_path_steps=study)
+    keep(found, TABLE, table, "%.6g")
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, keep, median_and_most, short
 
 from rattle.closure import mean_map
 from rattle.compare.validation.verdict import widest
@@ -29,6 +30,7 @@ from rattle.scene import Scene
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
 
+TABLE = Path(__file__).parent / "branching.csv"
 # random gear sets; the factors of the bounds were found on the first ones
 SETS = 30
 TUNED = 15
@@ -132,7 +134,41 @@ def compared(scene: Scene, truth: pd.DataFrame) -> dict[str, float]:
     return found | {"advice": "simulate" if m.advice.endswith("simulate") else "branching"}
 
 
-def table(folder: Path, before: Path) -> None:
+def table(found: pd.DataFrame) -> Table:
+    """Errors of `branching`, its own bounds of them, and the time beside exact flights."""
+    noises = found.groupby(["seen", "noise"])
+    both = found.assign(noise="all").groupby(["seen", "noise"])
+    rows = [row(seen, noise, of) for (seen, noise), of in [*noises, *both]]
+    return list(rows[0]), [list(cells.values()) for cells in rows]
+
+
+def row(seen: bool, noise: float | str, of: pd.DataFrame) -> dict[str, str]:
+    """What the page shows of some gear sets at one noise, or at all."""
+    used = of[of["advice"] == "branching"]["ratio"]
+
+    def part(column: str, suffix: str = "") -> str:
+        return f"{of[column + suffix].sum() / of['rows' + suffix].sum():.1%}"
+
+    return {
+        "gear sets": "for tuning" if seen else "unseen",
+        "σ/√α": short(noise),
+        "worst mean: median / largest": median_and_most(of["error_mean"]),
+        "worst sd": median_and_most(of["error_sd"]),
+        "beyond the bound": part("exceeded"),
+        "within a factor of 2": part("factor"),
+        "wrong": part("wrong"),
+        "wrong, unmarked": part("unmarked"),
+        "before: beyond the bound": part("exceeded", "_before"),
+        "before: wrong": part("wrong", "_before"),
+        "before: wrong, unmarked": part("unmarked", "_before"),
+        "advised": f"{len(used)} of {len(of)}",
+        "speed-up: least / median": (
+            f"{short(used.min(), 2)} / {short(used.median(), 2)}" if len(used) else "–"
+        ),
+    }
+
+
+def put_together(folder: Path, before: Path) -> None:
     """Write docs/results/branching.csv."""
     found, old = (
         pd.concat([pd.read_csv(f / f"errors_{i}.csv") for i in range(SETS)], ignore_index=True)
@@ -141,7 +177,7 @@ def table(folder: Path, before: Path) -> None:
     for column in ("rows", "exceeded", "wrong", "unmarked"):
         found[f"{column}_before"] = old[column]
     found["reference"] = PATHS
-    found.to_csv(Path(__file__).parent / "branching.csv", index=False)
+    keep(found, TABLE, table, None)
 
 
 def main(what: str, folder: Path, first: int, last: int) -> None:
@@ -167,6 +203,6 @@ def main(what: str, folder: Path, first: int, last: int) -> None:
 
 if __name__ == "__main__":
     if sys.argv[1] == "table":
-        table(Path(sys.argv[2]), Path(sys.argv[3]))
+        put_together(Path(sys.argv[2]), Path(sys.argv[3]))
     else:
         main(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4]))

@@ -12,11 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, columns, keep, short
 
 from rattle.montecarlo.long_run import long_run
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import DAT21, Scene
 
+TABLE = Path(__file__).parent / "coverage.csv"
 SEEDS = 400
 SIGMA = 0.01
 RUNS = ((256, 64), (64, 64), (256, 512))
@@ -72,11 +74,36 @@ def coverage(paths: int, periods: int, seeds: int = SEEDS) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def table(found: pd.DataFrame) -> Table:
+    """How often the intervals hold the truth, and how often naive ones would."""
+    rate = found[found["quantity"] == "rate"].set_index(["paths", "periods"])["value"]
+
+    def impacts_of(r: dict[str, float]) -> str:
+        duration = r["periods"] * 2.0 * math.pi
+        return short(float(f"{rate[r['paths'], r['periods']] * r['paths'] * duration:.2g}"))
+
+    return columns(
+        found.sort_values(["paths", "periods"], kind="stable"),
+        {
+            "paths × periods": lambda r: f"{r['paths']} × {r['periods']}",
+            "impacts": impacts_of,
+            "runs": lambda r: f"{r['seeds']}",
+            "quantity": "quantity",
+            "mean of all runs": lambda r: short(r["value"], 4),
+            "intervals that hold it": lambda r: f"{r['coverage']:.1%} ± {r['se_coverage']:.1%}",
+            "naive ones": lambda r: f"{r['naive_coverage']:.1%}",
+            "autocorrelation (impacts)": "autocorrelation",
+            "stated error / spread of the runs": lambda r: short(
+                r["stated_se"] / r["sd_of_estimates"]
+            ),
+        },
+    )
+
+
 if __name__ == "__main__":
     wanted = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
-    place = Path(__file__).parent / "coverage.csv"
-    table = pd.DataFrame()
+    found = pd.DataFrame()
     for size in RUNS:
-        table = pd.concat([table, coverage(*size, wanted)], ignore_index=True)
-        table.to_csv(place, index=False, float_format="%.6g")
-        print(table.to_string(index=False), flush=True)
+        found = pd.concat([found, coverage(*size, wanted)], ignore_index=True)
+        keep(found, TABLE, table, "%.6g")
+        print(found.to_string(index=False), flush=True)

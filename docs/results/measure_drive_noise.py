@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, columns, keep, share, short
 
 from rattle.scene.measured_drive import measure_drive
 
@@ -54,6 +55,25 @@ def run(samples: int, noise: float, quantity: str, ratio: float) -> dict[str, ob
     }
 
 
+def table(found: pd.DataFrame) -> Table:
+    """How often the interval holds the noise that was put into made measurements."""
+    return columns(
+        found,
+        {
+            "file": "quantity",
+            "noise of the measurement": lambda r: f"{r['noise']:.1%}",
+            "σ/α": "sigma",
+            "median found": "median_sigma",
+            "intervals that hold it (95 % interval)": lambda r: share(r["hold"], r["seeds"]),
+            "that hold 1.5 times as much": lambda r: (
+                "" if r["sigma"] == 0.0 else f"{r['hold_planted']} of {r['seeds']}"
+            ),
+            "said as “at most”": lambda r: f"{r['at_most']} of {r['seeds']}",
+            "floor": lambda r: short(r["median_floor"], 2),
+        },
+    )
+
+
 if __name__ == "__main__":
     rows = []
     for samples, noise, ratios in SETTINGS:
@@ -61,6 +81,4 @@ if __name__ == "__main__":
             for ratio in ratios:
                 rows.append(run(samples, noise, quantity, ratio))
                 print(rows[-1], flush=True)
-                pd.DataFrame(rows).to_csv(
-                    TABLE, index=False, float_format="%.4g", lineterminator="\n"
-                )
+                keep(pd.DataFrame(rows), TABLE, table)

@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import pandas as pd
+from kept_tables import Table, keep, short
 
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).parent / "first_answer.csv"
@@ -62,6 +63,19 @@ def processor() -> str:
     return names[0] if names else platform.processor()
 
 
+def table(found: pd.DataFrame) -> Table:
+    """What the first answer takes in an older version and in this one."""
+    times = {"cpu_seconds": "processor", "wall_seconds": "wall"}
+    wide = found.pivot_table(
+        index=["what", "state"], columns="version", values=list(times), sort=False
+    )
+    order = [(of, version) for of in times for version in ("before", "now")]
+    heads = ["", "machine code", *(f"{version}: {times[of]} s" for of, version in order)]
+    return heads, [
+        [*names, *(short(values[column]) for column in order)] for names, values in wide.iterrows()
+    ]
+
+
 def main() -> None:
     """Measure, and write the table."""
     older = {"before": Path(sys.argv[1]).resolve()} if len(sys.argv) > 1 else {}
@@ -90,7 +104,7 @@ def main() -> None:
     if "before" not in trees and TABLE.exists():
         known = pd.read_csv(TABLE)
         found = pd.concat([known[known["version"] == "before"], found])
-    found.to_csv(TABLE, index=False)
+    keep(found, TABLE, table, None)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, keep, short
 
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
@@ -89,5 +90,19 @@ def measure() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def table(found: pd.DataFrame) -> Table:
+    """Errors of `branching` and `saltation` at fixed times."""
+    sides = [(closure, of) for closure in ("branching", "saltation") for of in ("mean", "sd")]
+    rows = []
+    for (seen, noise), of in found.groupby(["seen", "noise"]):
+        row = ["looked at" if seen else "unseen", short(noise)]
+        for closure, moment in sides:
+            median = of[f"{closure}_{moment}_median"].median()
+            largest = of[f"{closure}_{moment}_largest"].max()
+            row.append(f"{short(median, 2)} / {short(largest, 2)}")
+        rows.append(row)
+    return ["gear sets", "σ/√α", *(f"`{closure}`: {of}" for closure, of in sides)], rows
+
+
 if __name__ == "__main__":
-    measure().to_csv(TABLE, index=False, float_format="%.4g", lineterminator="\n")
+    keep(measure(), TABLE, table)

@@ -16,6 +16,7 @@ from unittest import mock
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, columns, keep, short
 
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble import aim
@@ -136,6 +137,37 @@ def measure(number, gear_set):
         }
 
 
+def table(found: pd.DataFrame) -> Table:
+    """How often intervals of the probability of leaving hold it."""
+    heads, rows = columns(
+        found,
+        {
+            "gear set": lambda r: f"{r['set']}, {'unseen' if r['unseen'] else 'looked at'}",
+            "exit": lambda r: f"{r['impact']}: mesh {r['mesh']}, side {r['side']:+d}",
+            "truth": lambda r: f"{short(r['truth'])} ± {short(r['se_truth'], 1)}",
+            "plain paths": lambda r: short(r["plain"], 2),
+            "mean": mean_with_error,
+            "scatter": lambda r: f"{r['scatter']:.0%}",
+            "95 % intervals that hold the truth": lambda r: f"{r['coverage']:.1%}",
+            "the mean": lambda r: f"{r['coverage_of_mean']:.1%}",
+        },
+    )
+    for name, some in (("looked at", found[~found["unseen"]]), ("unseen", found[found["unseen"]])):
+        scatter = f"{some['scatter'].median():.0%} (median)"
+        every = [
+            f"{np.average(some[column], weights=some['seeds']):.1%}"
+            for column in ("coverage", "coverage_of_mean")
+        ]
+        rows.append([f"all {name}", "", "", "", "", scatter, *every])
+    return heads, rows
+
+
+def mean_with_error(row: dict[str, float]) -> str:
+    """The mean estimate over the truth, with the errors of both."""
+    error = math.hypot(row["se_mean"], row["se_truth"] / row["truth"])
+    return f"{row['mean']:.3f} ± {error:.3f}"
+
+
 if __name__ == "__main__":
     for number, gear_set in enumerate(gears()):
         if len(sys.argv) > 1 and str(number + 1) not in sys.argv[1:]:
@@ -143,7 +175,5 @@ if __name__ == "__main__":
         kept = pd.read_csv(TABLE) if TABLE.exists() else pd.DataFrame({"set": []})
         rows = pd.DataFrame(measure(number, gear_set))
         print(rows.to_string(), flush=True)
-        table = pd.concat([one for one in (kept[kept["set"] != number + 1], rows) if len(one)])
-        table.sort_values(["set", "impact", "mesh", "side"]).to_csv(
-            TABLE, index=False, float_format="%.4g"
-        )
+        every = pd.concat([one for one in (kept[kept["set"] != number + 1], rows) if len(one)])
+        keep(every.sort_values(["set", "impact", "mesh", "side"]), TABLE, table)

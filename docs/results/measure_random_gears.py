@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, keep, short
 
 from rattle import validate
 from rattle.compare.validation.comparison import find_validities
 from rattle.scene import Scene, Start
 
 TABLE = Path(__file__).parent / "random_gears.csv"
+CLOSURES = ("published", "corrected", "saltation", "branching")
 SEED = 1722
 SETS = 6
 PATHS = 2**15
@@ -78,5 +80,20 @@ def measure():
     return pd.concat(rows)[columns]
 
 
+def table(found: pd.DataFrame) -> Table:
+    """How far each closure is accurate."""
+    rows = []
+    for (_, ratio), of in found.groupby(["set", "ratio"], sort=False):
+        first = of.iloc[0]
+        by = of.set_index("closure")
+        gears = [short(first[name]) for name in ("set", "stages", "alpha", "epsilon", "gap2")]
+        reach = [
+            f"{by['accurate'][c]:.0f} ({by['not_inaccurate'][c]:.0f})" if c in by.index else "–"
+            for c in CLOSURES
+        ]
+        rows.append([*gears, f"{ratio:g}", *reach])
+    return ["set", "stages", "α", "ε", "gap 2", "σ/√α", *CLOSURES], rows
+
+
 if __name__ == "__main__":
-    measure().to_csv(TABLE, index=False)
+    keep(measure(), TABLE, table, None)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, columns, keep, short
 
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches.choose import choose_mixture, steps_of
@@ -133,12 +134,40 @@ def measure(name):
     }
 
 
+def table(found: pd.DataFrame) -> Table:
+    """What sampling rare branches gains, and whether its intervals hold."""
+    heads, rows = columns(
+        found,
+        {
+            "scene": name_with_impacts,
+            "branch (impact: struck instead)": "branch",
+            "first order": lambda r: short(r["first_order"], 2),
+            "near": lambda r: f"{short(r['near'])} ± {short(r['se_near'], 1)}",
+            "plain": "plain",
+            "worst row (kurtosis)": lambda r: f"{r['worst_row']} ({r['kurtosis']:,.0f})",
+            "its variance falls": lambda r: f"{r['gain']:,.0f}",
+            "median row": lambda r: short(r["median_gain"], 2),
+            "largest z": lambda r: f"{r['largest_z']:.1f}",
+            "intervals that hold (worst row)": lambda r: (
+                f"{r['coverage']:.1%} ({r['least_coverage']:.1%})"
+            ),
+        },
+    )
+    for row, sampled in zip(rows, found["parts"] > 0.0, strict=True):
+        if not sampled:
+            row[1:] = ["none is worth it", *["–"] * 8]
+    return heads, rows
+
+
+def name_with_impacts(row: dict[str, object]) -> str:
+    """The name of a scene, and its impacts."""
+    return f"{row['scene']}, {row['impacts']} impacts"
+
+
 if __name__ == "__main__":
     for name in sys.argv[1:] or SCENES:
         rows = {row["scene"]: row for row in pd.read_csv(TABLE).to_dict("records")} | {
             name: measure(name)
         }
         print(rows[name], flush=True)
-        pd.DataFrame([rows[one] for one in SCENES if one in rows]).to_csv(
-            TABLE, index=False, float_format="%.4g"
-        )
+        keep(pd.DataFrame([rows[one] for one in SCENES if one in rows]), TABLE, table)

@@ -16,6 +16,8 @@ from unittest import mock
 
 import numpy as np
 import pandas as pd
+from kept_tables import Table, columns, keep
+from kept_tables import share as share_with_interval
 
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import AGAIN, judge_again, section_errors
@@ -146,6 +148,30 @@ def measure(name: str, scene: Scene) -> Iterator[dict[str, object]]:
         yield found
 
 
+def table(found: pd.DataFrame) -> Table:
+    """How often an exactly right closure is called inaccurate, with and without the bound of unseen
+    branches."""
+    return columns(
+        found,
+        {
+            "scene": "scene",
+            "largest kurtosis": "kurtosis",
+            "paths": "paths",
+            "called inaccurate": lambda r: f"{r['inaccurate']} of {r['seeds']}",
+            "without": lambda r: f"{r['inaccurate_without']} of {r['seeds']}",
+            "any row, judged again": lambda r: share_with_interval(r["wrong_again"], r["seeds"]),
+            "rows decided": lambda r: f"{r['decided']:.1%}",
+            "decided without": lambda r: f"{r['decided_without']:.1%}",
+            "decided, judged again": lambda r: (
+                f"{r['decided_again']:.1%}" if r["decided_again"] > 0.0 else ""
+            ),
+            "0.03 sd reached, and true": lambda r: (
+                f"{r['held']:.0f} of {r['reached']:.0f}" if r["reached"] > 0.0 else ""
+            ),
+        },
+    )
+
+
 if __name__ == "__main__":
     every = scenes()
     for name in sys.argv[1:] or every:
@@ -155,7 +181,5 @@ if __name__ == "__main__":
                 (row["scene"], row["paths"]): row for row in pd.read_csv(TABLE).to_dict("records")
             }
             known[name, found["paths"]] = found
-            table = pd.DataFrame(
-                [known[one, paths] for one in every for paths in PATHS if (one, paths) in known]
-            )
-            table.to_csv(TABLE, index=False, float_format="%.6g", lineterminator="\n")
+            order = [(one, paths) for one in every for paths in PATHS if (one, paths) in known]
+            keep(pd.DataFrame([known[cell] for cell in order]), TABLE, table, "%.6g")

@@ -11,8 +11,7 @@ from rattle.closure import follow, mean_map
 from rattle.closure.branching import RESOLUTIONS
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.montecarlo import Record, simulate
-from rattle.scene import DAT21, InputError, Scene, Tolerance
-from rattle.scene.types import STATE
+from rattle.scene import DAT21, STATE, InputError, Scene, Tolerance
 
 IMPACTS = 6
 LEEWAY = 4.5  # standard errors: the largest of 500 rows is that far off once in 300 tables

@@ -8,13 +8,12 @@ import pandas as pd
 import pytest
 from random_gears import gear_sets, noisy
 
+from rattle import InputError
 from rattle.closure import mean_map
 from rattle.closure.branching import RESOLUTIONS, _trace
 from rattle.closure.moments import advice, bounds
 from rattle.montecarlo import simulate
-from rattle.scene import DAT21, Scene, Start
-from rattle.scene.errors import InputError
-from rattle.scene.types import SECTION
+from rattle.scene import DAT21, SECTION, Scene, Start
 
 # 0.85 % of the paths leave the itinerary at impact 7, and carry all of the sds at impact 8
 RARE = noisy(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference_dynamics import contact, covariance_flight, modulation
+from oracle import two_stages
 from reference_moments import stage_moments_after_flight
 
 from rattle.closure import follow, mean_map
@@ -14,20 +14,17 @@ from rattle.scene.moments import realizability
 PHI0 = 1 / math.sqrt(2 * math.pi)
 
 
-def restitution_map(c, mesh):
-    """The restitution map as a matrix, column by column from docs/model.md section 3."""
-    return np.array([contact(c, mesh, column) for column in np.eye(4)]).T
-
-
-def covariances(scene, orbit, restitution=restitution_map):
+def covariances(scene, orbit, wrong=lambda r: r):
     """Covariance just before each impact of an orbit: its own differential equation, impacts by
     section 3."""
-    c = scene.constants
+    box = two_stages(scene.constants)
+    impacts = wrong([box.restitution(mesh) for mesh in range(3)])
     cov = np.zeros((4, 4))
     found = [np.zeros((4, 4))]
     for k in range(1, orbit.found + 1):
-        r = restitution(c, orbit.mesh[k - 1])
-        cov = covariance_flight(c, orbit.tau[k - 1], r @ cov @ r.T, orbit.tau[k] - orbit.tau[k - 1])
+        r = impacts[orbit.mesh[k - 1]]
+        flight = orbit.tau[k] - orbit.tau[k - 1]
+        cov = box.covariance(orbit.tau[k - 1], r @ cov @ r.T, flight)
         found.append(cov)
     return np.array(found)
 
@@ -63,15 +60,13 @@ def test_covariance_is_that_of_its_own_equation(name):
         assert found[k] == pytest.approx(exact[k], rel=0, abs=1e-9 * abs(exact[k]).max())
 
 
-def mesh_2_with_wrong_sign(c, mesh):
-    r = restitution_map(c, mesh)
-    if mesh == 2:
-        r[1, 3] *= -1
-    return r
+def mesh_2_with_wrong_sign(impacts):
+    impacts[2][1, 3] *= -1
+    return impacts
 
 
-def mesh_1_everywhere(c, _):
-    return restitution_map(c, 1)
+def mesh_1_everywhere(impacts):
+    return [impacts[1]] * 3
 
 
 @pytest.mark.parametrize("wrong", [mesh_2_with_wrong_sign, mesh_1_everywhere])
@@ -90,6 +85,7 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
     and not (-eps)^p."""
     scene = Scene.from_gears(DAT21, sigma=0.3, stages=1)
     c = scene.constants
+    box = two_stages(c)
     m = mean_map(scene, impacts=3, closure="corrected", order=order)
     p = np.arange(order + 1)
     right, wrong = np.zeros((2, order + 1, order + 1))
@@ -99,7 +95,7 @@ def test_raw_moments_of_a_stage_are_those_of_their_hierarchy(order):
         t = m.trace.tau[k] - m.trace.tau[k - 1]
         right, wrong = (
             stage_moments_after_flight(
-                raw * factor, c.beta1, begin, t, lambda s: (c.sigma * modulation(c, s)[1]) ** 2
+                raw * factor, c.beta1, begin, t, lambda s: (c.sigma * box.modulation(s)[0]) ** 2
             )
             for raw, factor in (
                 (right, (-c.epsilon) ** p),

@@ -3,17 +3,10 @@ from math import sqrt
 import numpy as np
 import pytest
 from reference_moments import window_shift as shift_of_the_paper
-from scipy.integrate import dblquad
 from scipy.stats import norm
 
-from rattle.closure.edgeworth import (
-    Edgeworth,
-    coefficients,
-    mixture_density,
-    normal_mass,
-    window_means,
-    window_shift,
-)
+from rattle.closure import Edgeworth
+from rattle.closure.edgeworth import coefficients, mixture_density, normal_mass, window_shift
 
 
 def mixture_moments(order):
@@ -96,23 +89,6 @@ def test_coefficients_have_their_published_low_orders():
 
 
 WINDOWS = [(-0.9, 0.0), (-0.4, 1.5), (0.1, 0.35), (-30.0, 30.0), (-1.3, -0.2)]
-
-
-@pytest.mark.parametrize("window", WINDOWS)
-def test_window_means_are_integrals_over_the_window(window):
-    series = scaled(mixture_moments(6))
-    low, high = np.clip(window, -10 * series.sd_x, 10 * series.sd_x)
-    reach = 10 * series.sd_y
-    exact = [
-        dblquad(
-            lambda y, x, f=f: f(x, y) * series.density(x, y), low, high, -reach, reach, epsabs=1e-10
-        )[0]
-        for f in (lambda x, y: x, lambda x, y: y)
-    ]
-    # the tails beyond 10 sd hold 1e-20
-    assert window_means(series.a, series.sd_x, series.sd_y, *window) == pytest.approx(
-        exact, rel=0, abs=1e-9
-    )
 
 
 @pytest.mark.parametrize("window", WINDOWS)

@@ -8,7 +8,7 @@ from common_scenes import SCENES
 
 from rattle.closure import follow, mean_map
 from rattle.montecarlo import Record, simulate
-from rattle.scene.types import STATE
+from rattle.scene import STATE
 
 LIMIT = 4.0  # standard errors; of at most 72 moments of a scene, Bonferroni at 0.5 %
 SIGMA = 0.002

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from common_scenes import SCENES
 
+from rattle import Tolerances
 from rattle.closure import follow, mean_map
 from rattle.closure.section_map import derivatives, linearise_flight
 from rattle.compare.validation.errors import ABSOLUTE, section_errors
-from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import Record, simulate
-from rattle.scene import DAT21, Scene, Start, Tolerance
+from rattle.scene import DAT21, SECTION, Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix, next_impact, struck
 from rattle.scene.tangent import saltation_matrix
-from rattle.scene.types import SECTION
 
 TOLERANCES = {
     "path, uniform": Tolerance(1e-3, 1e-3),

@@ -8,12 +8,12 @@ import threading
 import pytest
 from commands import rattle, study
 
+from rattle import Study, load_study
 from rattle.compare.engine.run import CELLS_FOLDER, LOG_FILE, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.report.manifest import read_settings
-from rattle.compare.study.design import Study
 from rattle.compare.study.figures import STUDY_FIGURES
-from rattle.compare.study.folder import is_current, load_study
+from rattle.compare.study.folder import is_current
 from rattle.scene import FileError, OutputError, Scene
 from rattle.scene import files as module
 

@@ -8,12 +8,12 @@ import pytest
 from commands import rattle, study
 from small_disks import disk
 
+from rattle import Study, load_study
 from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
 from rattle.compare.engine.store import Store
 from rattle.compare.report.save import MANIFEST
-from rattle.compare.study.design import Study
 from rattle.compare.study.figures import STUDY_FIGURES
-from rattle.compare.study.folder import is_current, load_study
+from rattle.compare.study.folder import is_current
 from rattle.scene import FileError, OutputError
 
 TEXT = study("noise", impacts=2, paths=1024, sigma=(0.01, 0.02))

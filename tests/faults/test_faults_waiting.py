@@ -10,9 +10,9 @@ from contextlib import contextmanager
 import pytest
 from commands import study
 
+from rattle import Study
 from rattle.compare.engine.run import Runner, run
 from rattle.compare.engine.store import Store
-from rattle.compare.study.design import Study
 
 CELLS = Study.from_toml(study(paths=1024)).cells
 HOLD = """

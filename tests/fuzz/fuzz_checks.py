@@ -12,11 +12,9 @@ from fuzz_must import FAINTEST, SLACK, Ended, finite, has_verdicts, must, own, r
 from rattle import validate
 from rattle.closure import CLOSURES, MeanMap, follow, mean_map
 from rattle.montecarlo import SCHEMES
-from rattle.scene import Scene
-from rattle.scene.errors import RattleError
+from rattle.scene import STATE, RattleError, Scene
 from rattle.scene.flight import field
 from rattle.scene.long_orbit import LongOrbit
-from rattle.scene.types import STATE
 
 APART = 1e6
 MAY_REFUSE = frozenset({"dt", "record.times", "start.mesh"})

@@ -12,12 +12,11 @@ from click.testing import CliRunner, Result
 from commands import strict
 from fuzz_must import Ended, has_verdicts, must, refused
 
+from rattle import load_study
 from rattle.compare.cli.main import main
 from rattle.compare.cli.terminal import read_page
-from rattle.compare.study.folder import load_study
 from rattle.montecarlo import simulate
-from rattle.scene import Scene
-from rattle.scene.errors import FileError
+from rattle.scene import FileError, Scene
 
 
 def ran(words: list[str], folder: Path) -> Result:

@@ -4,11 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from rattle import Scene
 from rattle.compare.validation.errors import TOO_FEW
 from rattle.compare.validation.verdict import VERDICTS
-from rattle.scene.errors import RattleError
-from rattle.scene.scene import Scene
-from rattle.scene.types import SECTION, STATE
+from rattle.scene import SECTION, STATE, RattleError
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
 SLACK = 1e-9  # relative rounding error of a correlation and of an eigenvalue

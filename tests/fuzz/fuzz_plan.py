@@ -8,8 +8,7 @@ from fuzz_space import LEAST, Numbers, any_scene
 
 from rattle.montecarlo import SCHEMES, default_step, largest_step
 from rattle.montecarlo.settings import HORIZON_PER_IMPACT, STEPS, is_random
-from rattle.scene import Scene
-from rattle.scene.errors import RattleError
+from rattle.scene import RattleError, Scene
 
 WORK = 1e6  # steps of all paths
 ALONE = 2  # paths that may take the default horizon, of up to ten million steps

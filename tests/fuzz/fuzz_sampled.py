@@ -17,10 +17,9 @@ from settings import recorded
 
 from rattle.montecarlo import Ensemble, simulate, simulate_to
 from rattle.montecarlo.settings import is_random
-from rattle.scene import Scene
+from rattle.scene import SECTION, Constants, Scene
 from rattle.scene.flight import flow, wheel_speeds
 from rattle.scene.impact import struck
-from rattle.scene.types import SECTION, Constants
 
 OVERSHOOTS = ("euler-maruyama",)
 """Schemes that detect walls at the end of a step only, so that a stage may be left beyond its wall

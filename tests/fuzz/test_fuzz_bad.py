@@ -21,17 +21,14 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from settings import recorded
 
-from rattle import validate
+from rattle import Study, load_study, validate
 from rattle.closure import mean_map
 from rattle.compare.cli.terminal import read_page
 from rattle.compare.engine import store
 from rattle.compare.report import manifest
-from rattle.compare.study.design import Study
-from rattle.compare.study.folder import load_study
 from rattle.compare.thresholds.fixture import read_baseline
 from rattle.montecarlo import simulate, simulate_to
-from rattle.scene import DAT21, InputError, Scene
-from rattle.scene.errors import RattleError
+from rattle.scene import DAT21, InputError, RattleError, Scene
 
 DAT = Scene.from_gears(DAT21, sigma=0.1)
 

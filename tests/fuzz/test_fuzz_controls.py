@@ -19,10 +19,9 @@ from fuzz_plan import PLAN, job
 from fuzz_space import LEAST, Numbers, any_scene
 from fuzz_watched import Watched, ends_as_named
 
-from rattle.montecarlo import Record, simulate
-from rattle.montecarlo.diagnostics.reach import Candidate, Reach
-from rattle.montecarlo.ensemble.result import Ensemble
-from rattle.montecarlo.settings import Sampling
+from rattle import Sampling
+from rattle.montecarlo import Ensemble, Reach, Record, simulate
+from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.statistics.records import Histograms
 from rattle.scene import DAT21, InputError, Scene
 

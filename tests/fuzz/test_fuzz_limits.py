@@ -4,11 +4,10 @@ them."""
 import numpy as np
 import pytest
 
-from rattle import validate
+from rattle import Sampling, validate
 from rattle.closure import follow, mean_map
 from rattle.compare.study.design import read_axes
 from rattle.montecarlo import simulate
-from rattle.montecarlo.settings import Sampling
 from rattle.scene import DAT21, FileError, InputError, Scene, Start, Tolerance
 from rattle.scene.files import read_text, read_toml
 from rattle.scene.impact import safe_time

@@ -4,6 +4,7 @@
 import math
 
 import numpy as np
+from scipy.signal import lfilter
 
 RADIUS = 30.0  # mm
 UNITS = {  # of each unit in one of mm, mm/s or mm/s^2
@@ -27,17 +28,21 @@ def motion(tau, power, orders):
     return np.sum(waves, axis=0)
 
 
-def wander(rng, ratio, tau, power, orders, finer=8):
+def wander(rng, ratio, tau, power, orders, finer=8, memory=0.0):
     """What white noise of intensity `ratio` alpha adds to a derivative by tau of the motion, at
     rising times.
 
-    An acceleration is the mean over the step that follows its sample.
+    An acceleration is the mean over the step that follows its sample. `memory`: Correlation time of
+    the noise.
     """
     edges = np.append(tau, 2.0 * tau[-1] - tau[-2])
     share = np.arange(finer) / finer
     fine = np.append((edges[:-1, None] + np.diff(edges)[:, None] * share).ravel(), edges[-1])
     step = np.diff(fine)
     kicks = ratio * np.sqrt(step) * rng.normal(size=len(step))
+    if memory:
+        keep = math.exp(-step[0] / memory)
+        kicks = lfilter([1.0 - keep], [1.0, -keep], kicks)
     push = motion(0.5 * (fine[1:] + fine[:-1]), 2, orders)
     speed = np.concatenate([[0.0], np.cumsum(push * kicks)])
     if power == 1:
@@ -66,6 +71,7 @@ def measure(
     seed=0,
     extra=0.0,
     noise=0.0,
+    memory=0.0,
 ):
     """A file of a drive of constant frequency over times in s.
 
@@ -78,6 +84,6 @@ def measure(
     tau = omega * np.asarray(at)
     values = motion(tau, power, orders)
     if ratio:
-        values = values + wander(rng, ratio, tau, power, orders)
+        values = values + wander(rng, ratio, tau, power, orders, memory=memory)
     values = values * omega**power * UNITS[unit] + extra + noise * rng.normal(size=len(tau))
     return write(at, values, f"time [s],{quantity} [{unit}]")

@@ -13,6 +13,7 @@ from unittest import mock
 
 import numpy as np
 
+from rattle import Sampling
 from rattle.closure import mean_map
 from rattle.closure.branching.advance import Level
 from rattle.montecarlo import SCHEMES, Record, simulate
@@ -25,7 +26,7 @@ from rattle.montecarlo.long_run.sums import new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.euler import step_forcing
-from rattle.montecarlo.settings import Sampling, plan_of
+from rattle.montecarlo.settings import plan_of
 from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Order, Scene, Start, Tolerance
 from rattle.scene.flight import field, field_rate, flow, jacobian, noise_covariance, system_matrix
@@ -61,13 +62,11 @@ MEMORY = replace(PAIR, drive=(Order(1), Order(3, 0.2, 0.4)), correlation_time=0.
 FAR = replace(PAIR, gap1=1e6, gap2=1e6, start=Start(0.0, 0.0, 1.0, 0.0, 1.0))
 SCENES = {
     "two stages": PAIR,
-    "one stage": LONE,
     "without noise": replace(PAIR, sigma=0.0),
     "undamped": UNDAMPED,
     "sticking": STICKING,
     "driven": DRIVEN,
     "in flight": replace(PAIR, start=Start(0.2, 0.1, 1.0, 0.2, -1.0)),
-    "opposite": replace(PAIR, start=Start(0.0, -0.5, -2.0, -0.5, -2.0, mesh=2)),
 }
 
 
@@ -193,68 +192,74 @@ def sums():
 
 
 STEP = {"euler-maruyama": 5e-3, "euler-maruyama-located": 5e-3, "exact-flight": math.pi / 64.0}
-WALLS = [
-    Tolerance(0.04, 0.02, distribution=distribution, draw=draw)
-    for distribution, draw in (("uniform", "path"), ("normal", "contact"))
-]
-CASES: dict[str, Callable] = {"flights": flights, "sums": sums, "rare branches": rare_branches}
-CASES |= {
-    f"orbit, {name}": lambda s=scene: orbits(s) for name, scene in {**SCENES, "far": FAR}.items()
+UNIFORM = replace(LONE, tolerance=Tolerance(0.04, 0.0))
+NORMAL = replace(PAIR, tolerance=Tolerance(0.04, 0.02, distribution="normal", draw="contact"))
+ORDERS = replace(MEMORY, correlation_time=0.0)
+SAMPLED = {
+    "exact-flight": ("without noise", "sticking", "driven"),
+    "euler-maruyama-located": ("in flight",),
+    "euler-maruyama": ("two stages", "driven"),
 }
-CASES |= {
-    f"{closure}, {name}": lambda s=scene, r=closure: predicted(s, r, 6)
-    for name, scene in (
-        SCENES | {"tolerances": replace(PAIR, tolerance=Tolerance(0.01, 0.02))}
-    ).items()
-    for closure in ("published", "corrected", "saltation")
-    if not (closure == "published" and scene.start.mesh != 1)
-}
-CASES |= {
+"""Scenes by the scheme that samples them."""
+
+CASES: dict[str, Callable] = {
+    "flights": flights,
+    "sums": sums,
+    "rare branches": rare_branches,
+    "orbit, far": lambda: orbits(FAR),
+    "published, undamped": lambda: predicted(UNDAMPED, "published", 6),
+    "published, driven": lambda: predicted(DRIVEN, "published", 6),
+    "corrected, one stage": lambda: predicted(LONE, "corrected", 6),
+    "corrected, driven": lambda: predicted(DRIVEN, "corrected", 6),
+    "corrected, sticking": lambda: predicted(STICKING, "corrected", 6),
+    "saltation, tolerances": lambda: predicted(
+        replace(PAIR, tolerance=Tolerance(0.01, 0.02)), "saltation", 6
+    ),
     "saltation, order 2": lambda: predicted(PAIR, "saltation", 3, 2),
-    "corrected, order 6": lambda: predicted(PAIR, "corrected", 3, 6),
-    "branching, two stages": lambda: in_few_components(replace(PAIR, sigma=0.5)),
+    "saltation, orders": lambda: predicted(ORDERS, "saltation", 4),
+    "saltation, orders and memory": lambda: predicted(MEMORY, "saltation", 4),
     "branching, one stage": lambda: in_few_components(LONE),
     "branching, flanks drawn anew": lambda: in_few_components(
         replace(PAIR, tolerance=Tolerance(0.04, 0.02, draw="contact"))
     ),
+    "exact-flight, uniform walls": lambda: simulated(
+        UNIFORM, "exact-flight", dt=STEP["exact-flight"]
+    ),
+    "exact-flight, normal walls": lambda: simulated(
+        NORMAL, "exact-flight", dt=STEP["exact-flight"]
+    ),
+    "exact-flight, control": lambda: simulated(
+        replace(PAIR, sigma=0.02), "exact-flight", sampling=Sampling(control=True)
+    ),
+    "euler-maruyama, two-point": lambda: simulated(
+        PAIR, "euler-maruyama", dt=5e-3, sampling=Sampling(increments="two-point")
+    ),
+    "long run, two stages": lambda: long_run_sums(PAIR),
+    "long run, one stage": lambda: long_run_sums(LONE),
+    "long path, one stage": lambda: on_shared_noise(LONE),
+    "long path, without noise": lambda: on_shared_noise(SCENES["without noise"]),
 }
-for scheme, dt in STEP.items():
-    biased = SCHEMES[scheme].has_step_bias
-    settings = {"dt": dt, "times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": biased}
-    CASES |= {
-        f"{scheme}, {n}": lambda s=s, k=scheme, o=settings: simulated(s, k, **o)
-        for n, s in SCENES.items()
-    }
-    for tolerance in WALLS:
-        for name, scene in (("two stages", PAIR), ("one stage", LONE)):
-            walls = None if name == "one stage" else tolerance.c2_max
-            tolerant = replace(scene, tolerance=replace(tolerance, c2_max=walls or 0.0))
-            CASES[f"{scheme}, {name}, {tolerance.distribution} walls"] = (
-                lambda s=tolerant, k=scheme, d=dt: simulated(s, k, dt=d)
-            )
-    CASES[f"{scheme}, sticking paths"] = lambda k=scheme, d=dt: simulated(
-        STICKING, k, 1, 200, dt=d, sampling=Sampling(horizon=20.0)
+"""The fewest that reach every line that all scenes with all closures and schemes reach."""
+CASES |= {
+    f"orbit, {name}": lambda name=name: orbits(SCENES[name])
+    for name in ("driven", "sticking", "undamped", "in flight")
+}
+
+
+def sampled(scheme, name):
+    """A few paths, their states at fixed times and the bias of the step."""
+    dt = STEP[scheme]
+    settings = {"times": [0.3 + 16 * dt, 0.3 + 64 * dt], "step_bias": SCHEMES[scheme].has_step_bias}
+    return simulated(SCENES[name], scheme, dt=dt, **settings)
+
+
+for scheme, names in SAMPLED.items():
+    CASES |= {f"{scheme}, {name}": lambda k=scheme, n=name: sampled(k, n) for name in names}
+for scheme in ("exact-flight", "euler-maruyama-located"):
+    CASES[f"{scheme}, sticking paths"] = lambda k=scheme: simulated(
+        STICKING, k, 1, 200, dt=STEP[k], sampling=Sampling(horizon=20.0)
     )
-    if biased:
-        CASES[f"{scheme}, two-point"] = lambda k=scheme, d=dt: simulated(
-            PAIR, k, dt=d, sampling=Sampling(increments="two-point")
-        )
-    CASES[f"{scheme}, orders and memory"] = lambda k=scheme, d=dt: simulated(MEMORY, k, dt=0.5 * d)
-CASES |= {
-    "orbit, orders": lambda: orbits(replace(MEMORY, correlation_time=0.0)),
-    "saltation, orders": lambda: predicted(replace(MEMORY, correlation_time=0.0), "saltation", 4),
-    "saltation, orders and memory": lambda: predicted(MEMORY, "saltation", 4),
-}
-CASES["exact-flight, control"] = lambda: simulated(
-    replace(PAIR, sigma=0.02), "exact-flight", sampling=Sampling(control=True)
-)
-CASES |= {
-    f"long run, {n}": lambda s=SCENES[n]: long_run_sums(s) for n in ("two stages", "one stage")
-}
-CASES |= {
-    f"long path, {n}": lambda s=SCENES[n]: on_shared_noise(s)
-    for n in ("two stages", "one stage", "without noise")
-}
+    CASES[f"{scheme}, orders and memory"] = lambda k=scheme: simulated(MEMORY, k, dt=0.5 * STEP[k])
 
 
 def parts(case: str) -> list[list[float]]:

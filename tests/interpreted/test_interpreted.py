@@ -48,7 +48,7 @@ def test_the_interpreter_gives_what_the_compiler_gives(case, other):
 
 
 def test_another_last_bit_is_seen(other):
-    row = [x for x in other["exact-flight, two stages"][0] if x > 1.0]
+    row = [x for x in other["exact-flight, driven"][0] if x > 1.0]
     assert same(row, row, exact=True)
     assert not same(row, [math.nextafter(row[0], 9.0), *row[1:]], exact=True)
     assert same(row, [math.nextafter(row[0], 9.0), *row[1:]])

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from rattle.closure import follow
 from rattle.montecarlo import Ensemble, Record, simulate
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Key, normals
 from rattle.montecarlo.schemes.euler import euler_step, step_forcing
 from rattle.montecarlo.statistics.central_sums import CentralSums, columns_of
 from rattle.scene import DAT21, Scene, Start, Tolerance
 from rattle.scene.compiled import jit
-from rattle.scene.impact import next_impact, struck
 
 FALSE_ALARM = 1e-3
 """Chance that a whole family of z-scores of a correct program fails, before its seed was fixed."""
@@ -85,22 +85,11 @@ def bridge_normal(key: Key, path: int, step: int, call: int, level: int = 0) -> 
 
 
 def orbit_of(scene: Scene, impacts: int) -> np.ndarray:
-    """Noise-free impacts from flight and restitution map alone: rows tau, x1, y1, x2, y2, mesh *
-    side."""
-    c = scene.constants
-    s = scene.start
-    tau = s.tau
-    x1, y1, x2, y2 = scene.start_state
-    if s.mesh:
-        y1, y2 = struck(c, s.mesh, y1, y2)
-    rows = []
-    for _ in range(impacts):
-        t, mesh, side, x1, y1, x2, y2 = next_impact(c, tau, x1, y1, x2, y2, 100.0)
-        assert mesh > 0
-        tau += t
-        rows.append((tau, x1, y1, x2, y2, mesh * side))
-        y1, y2 = struck(c, mesh, y1, y2)
-    return np.array(rows)
+    """Noise-free impacts: rows tau, x1, y1, x2, y2, mesh * side."""
+    orbit = follow(scene, impacts)
+    assert orbit.found == impacts
+    code = orbit.mesh * orbit.side
+    return np.column_stack([orbit.tau, orbit.before, code])[1:]
 
 
 UNEQUAL_GAPS = Scene(
@@ -182,16 +171,16 @@ def affine_step(scene, tau, h):
     shift = np.array(step(c, f, h, 0.0, 0.0, 0.0, 0.0, 0.0))
     matrix = np.array([step(c, f, h, *e, 0.0) for e in np.eye(4)]).T - shift[:, None]
     kick = np.array(step(c, f, h, 0.0, 0.0, 0.0, 0.0, 1.0)) - shift
-    return matrix, shift, kick
+    return matrix, shift, kick[None]
 
 
-def by_steps(scene, t, h):
+def by_steps(scene, t, h, one_step=affine_step):
     """Mean and covariance at time t after the start: exact moments of the scheme, no sampling."""
     s = scene.start
     mean = np.array([s.x1, s.y1, s.x2, s.y2])
     cov = np.zeros((4, 4))
     for n in range(round(t / h)):
-        matrix, shift, kick = affine_step(scene, s.tau + n * h, h)
+        matrix, shift, kicks = one_step(scene, s.tau + n * h, h)
         mean = matrix @ mean + shift
-        cov = matrix @ cov @ matrix.T + np.outer(kick, kick)
+        cov = matrix @ cov @ matrix.T + kicks.T @ kicks
     return mean, cov

@@ -1,5 +1,5 @@
-"""A slow plain-Python oracle of both Euler-Maruyama schemes, written from docs/model.md sections 3
-and 4 alone.
+"""A slow plain-Python oracle of both Euler-Maruyama schemes, for the dynamics of `oracle` and the
+scenes of docs/model.md section 4.
 
 It takes its normals from the caller: one per step, and one per *event call*.  In a step whose
 straight line ends beyond a wall, the located scheme asks for one bridge normal before each leg (to
@@ -12,30 +12,8 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-FAULTS = (
-    "mesh-1 leaves stage 2",
-    "mesh-2 sign",
-    "mesh-2 leaves stage 1",
-    "mu swapped",
-    "noise not shared",
-    "sqrt dt forgotten",
-    "noise without its cosine",
-    "one wall only",
-    "mesh 1 only",
-    "coupling forgotten",
-    "drag sign",
-    "phase at step end",
-)
-"""Errors that either scheme can have."""
-
-LOCATED_FAULTS = (
-    "bridge without spread",
-    "bridge without mean",
-    "increment not split",
-    "one impact per step",
-    "later wall first",
-)
-"""Errors that only a scheme with located impacts can have."""
+import numpy as np
+from oracle import Gearbox, two_stages
 
 # impacts and turns within one step; one more, and the mesh stays closed to the end of the step
 MOST = 64
@@ -49,6 +27,7 @@ class Path:
     scene: object
     dt: float
     located: bool
+    box: Gearbox
     walls: dict[int, float]
     state: list[float]
     tau0: float
@@ -62,64 +41,47 @@ class Path:
     spare: random.Random = field(default_factory=lambda: random.Random(5))
 
     @classmethod
-    def start(
-        cls, scene, dt: float, located: bool, fault: str | None = None, tau0: float | None = None
-    ) -> "Path":
+    def start(cls, scene, dt: float, located: bool, fault: str | None = None) -> "Path":
         """A path at the scene's start, the impact of the start done."""
         s = scene.start
-        walls = {1: scene.gap1, -1: scene.gap1, 2: scene.gap2, -2: scene.gap2}
-        path = cls(
-            scene,
-            dt,
-            located,
-            walls,
-            [s.x1, s.y1, s.x2, s.y2],
-            s.tau if tau0 is None else tau0,
-            fault,
-        )
+        box = two_stages(scene.constants)
+        walls = {side * (i + 1): gap for i, gap in enumerate(box.gaps) for side in (1, -1)}
+        path = cls(scene, dt, located, box, walls, [s.x1, s.y1, s.x2, s.y2], s.tau, fault)
+        FAULTS.get(fault, lambda path: None)(path)
         if s.mesh:
             path._collide(s.mesh)
         return path
 
     def _collide(self, mesh: int) -> None:
-        e = self.scene.epsilon
-        mu = self.scene.mu
-        _, y1, _, y2 = self.state
-        if self.fault == "mu swapped":
-            mu = 1.0 - mu
-        if mesh == 1:
-            self.state[1] = -e * y1
-            if self.fault != "mesh-1 leaves stage 2":
-                self.state[3] = y2 - (1.0 + e) * y1
-        else:
-            sign = {"mesh-2 sign": -1.0, "mesh-2 leaves stage 1": 0.0}.get(self.fault, 1.0)
-            self.state[1] = y1 - sign * (1.0 + e) * mu * y2
-            self.state[3] = -e * y2
+        speed = self.state[2 * mesh - 1]
+        for i, effect in enumerate(self.box.effect[:, mesh - 1].tolist()):
+            self.state[2 * i + 1] -= (1.0 + self.scene.epsilon) * effect * speed
 
-    def _slope(self, tau: float, dw: float, h: float) -> tuple[float, float]:
-        """Change of (y1, y2) over a time h that brings the Brownian increment dw (Eq. 5)."""
-        s = self.scene
-        _, y1, _, y2 = self.state
+    def _change(self, tau: float, dw: float, h: float) -> list[float]:
+        """Change of the rates over a time h that brings the Brownian increment dw (Eq. 5)."""
         if self.fault == "phase at step end":
             tau += h
-        sine = math.sin(tau)
-        cosine = math.cos(tau)
-        m1 = -sine + s.beta1 * cosine
-        m2 = (s.beta1 - s.beta2) * cosine
-        n1 = -sine if self.fault == "noise without its cosine" else m1
-        dw2 = self.spare.gauss(0.0, math.sqrt(h)) if self.fault == "noise not shared" else dw
-        coupling = 0.0 if self.fault == "coupling forgotten" else s.beta2 - s.beta1
-        drag = -1.0 if self.fault == "drag sign" else 1.0
-        return (
-            h * (-s.beta1 * y1 + drag * s.gamma1 + s.alpha * m1) + s.sigma * n1 * dw,
-            h * (-s.beta2 * y2 + coupling * y1 + s.gamma1 - s.gamma2 + s.alpha * m2)
-            + s.sigma * m2 * dw2,
-        )
+        box = self.box
+        first = math.cos(tau)
+        second = -math.sin(tau)
+        y = self.state[1::2]
+        change = []
+        for i, damping in enumerate(box.damping.tolist()):
+            m = box.by_second[i] * second + box.by_first[i] * first
+            noise = m
+            if self.fault == "noise without its cosine" and i == 0:
+                noise = second
+            if self.fault == "noise not shared" and i == 1:
+                dw = self.spare.gauss(0.0, math.sqrt(h))
+            drift = box.drag[i] - sum(d * v for d, v in zip(damping, y, strict=True))
+            change.append(float(h * (drift + box.alpha * m) + self.scene.sigma * noise * dw))
+        return change
 
     def _drift(self, tau: float, dw: float, h: float) -> None:
-        change1, change2 = self._slope(tau, dw, h)
-        x1, y1, x2, y2 = self.state
-        self.state = [x1 + h * y1, y1 + change1, x2 + h * y2, y2 + change2]
+        change = self._change(tau, dw, h)
+        for i, gained in enumerate(change):
+            self.state[2 * i] += h * self.state[2 * i + 1]
+            self.state[2 * i + 1] += gained
 
     def _record(self, tau: float, code: int) -> None:
         self.impacts.append((tau, *self.state, code))
@@ -129,12 +91,6 @@ class Path:
             self.walls[flank] = self.fresh[abs(code)][len(self.impacts) - 1]
         self._collide(abs(code))
 
-    def _meshes(self) -> tuple[int, ...]:
-        return (1,) if self.scene.stages == 1 or self.fault == "mesh 1 only" else (1, 2)
-
-    def _sides(self) -> tuple[int, ...]:
-        return (1,) if self.fault == "one wall only" else (1, -1)
-
     def step(self, z: float, bridge: Callable[[int], float]) -> None:
         """One step of dt with the standard normal `z`; bridge normals as the located scheme needs
         them."""
@@ -142,75 +98,70 @@ class Path:
         begin = self.tau0 + self.n * self.dt
         self.n += 1
         dw = z * (self.dt if self.fault == "sqrt dt forgotten" else math.sqrt(self.dt))
-        ends = {m: self.state[2 * m - 2] + self.dt * self.state[2 * m - 1] for m in self._meshes()}
-        leaves = any(s * x > self.walls[s * m] for m, x in ends.items() for s in self._sides())
-        if not leaves:
-            self._drift(begin, dw, self.dt)
-        elif self.located:
+        ends = [x + self.dt * y for x, y in zip(self.state[::2], self.state[1::2], strict=True)]
+        leaves = any(
+            math.copysign(1, code) * ends[abs(code) - 1] > wall for code, wall in self.walls.items()
+        )
+        if leaves and self.located:
             self._step_located(begin, dw, bridge)
-        else:
-            self._drift(begin, dw, self.dt)
-            for m in self._meshes():
-                for s in self._sides():
-                    if (
-                        s * self.state[2 * m - 2] > self.walls[s * m]
-                        and s * self.state[2 * m - 1] > 0.0
-                    ):
-                        self.state[2 * m - 2] = s * self.walls[s * m]
-                        self._record(begin + self.dt, s * m)
-                        break
+            return
+        self._drift(begin, dw, self.dt)
+        if not leaves:
+            return
+        for code, wall in self.walls.items():
+            place = 2 * abs(code) - 2
+            side = math.copysign(1, code)
+            if side * self.state[place] > wall and side * self.state[place + 1] > 0.0:
+                self.state[place] = side * wall
+                self._record(begin + self.dt, code)
 
     def _rest(self, tau: float, dw: float, left: float, m: int) -> None:
-        """Mesh m stays closed for the rest of the step: its contact gives both stages what keeps
-        its speed at zero."""
-        # (y1, y2) per unit of contact, docs/model.md section 3
-        per_impulse = (
-            1.0 if m == 1 else self.scene.mu,
-            1.0,
-        )
+        """Mesh m stays closed for the rest of the step: its contact gives all rates what keeps its
+        own at zero (docs/model.md section 3)."""
         parts = 50
-        i = 2 * m - 1
-        j = 2 * (3 - m) - 1
-        self.state[j] -= per_impulse[2 - m] / per_impulse[m - 1] * self.state[i]
-        self.state[i] = 0.0
-        before = self.state[j]
+        h = left / parts
+        effect = self.box.effect[:, m - 1].tolist()
+
+        def hold(rates: list[float]) -> list[float]:
+            return [rate - e * rates[m - 1] for rate, e in zip(rates, effect, strict=True)]
+
+        self.state[1::2] = hold(self.state[1::2])
+        before = self.state[1::2]
         for k in range(parts):
-            h = left / parts
             start = list(self.state)
-            at = tau + k * h
-            for share in (0.5, 1.0):  # the midpoint rule
-                change = self._slope(
-                    at if share == 0.5 else at + 0.5 * h, dw / parts * share, h * share
-                )
-                speed = self.state[j]
-                self.state[j] = (
-                    start[j]
-                    + change[2 - m]
-                    - per_impulse[2 - m] / per_impulse[m - 1] * change[m - 1]
-                )
-                self.state[j - 1] = start[j - 1] + h * share * speed
-        for s in self._sides():
-            wall = self.walls[s * (3 - m)]
-            beyond = s * self.state[j - 1] - wall
-            if beyond > 0.0:  # the speed that it had at the wall, by a constant acceleration
-                gained = 2.0 * beyond * s * (self.state[j] - before) / left
-                self.state[j - 1], self.state[j] = (
-                    s * wall,
-                    s * math.sqrt(max(self.state[j] ** 2 - gained, 0.0)),
-                )
+            for share, at in ((0.5, tau + k * h), (1.0, tau + (k + 0.5) * h)):  # midpoint rule
+                change = hold(self._change(at, dw / parts * share, h * share))
+                for i, gained in enumerate(change):
+                    self.state[2 * i] = start[2 * i] + h * share * self.state[2 * i + 1]
+                    self.state[2 * i + 1] = start[2 * i + 1] + gained
+        for code, wall in self.walls.items():
+            i = abs(code) - 1
+            side = math.copysign(1, code)
+            beyond = side * self.state[2 * i] - wall
+            if i != m - 1 and beyond > 0.0:  # its speed at the wall, by a constant acceleration
+                gained = 2.0 * beyond * side * (self.state[2 * i + 1] - before[i]) / left
+                speed = math.sqrt(max(self.state[2 * i + 1] ** 2 - gained, 0.0))
+                self.state[2 * i] = side * wall
+                self.state[2 * i + 1] = side * speed
+
+    def _meetings(self, left: float) -> list[tuple[float, int, int]]:
+        """Times to the walls that the straight lines meet within the rest of a step, with mesh and
+        side."""
+        meetings = []
+        for code, wall in self.walls.items():
+            side = 1 if code > 0 else -1
+            x, y = self.state[2 * abs(code) - 2 : 2 * abs(code)]
+            if side * y > 0.0:
+                t = max(wall - side * x, 0.0) / (side * y)
+                if t < left:
+                    meetings.append((t, abs(code), side))
+        return meetings
 
     def _step_located(self, tau: float, dw: float, bridge: Callable[[int], float]) -> None:
         left = self.dt
         for leg in range(MOST + 1):
             normal = bridge(leg)
-            meetings = []
-            for m in self._meshes():
-                x = self.state[2 * m - 2]
-                y = self.state[2 * m - 1]
-                for s in self._sides():
-                    if s * y > 0.0:
-                        meetings.append((max(self.walls[s * m] - s * x, 0.0) / (s * y), m, s))
-            meetings = [meeting for meeting in meetings if meeting[0] < left]
+            meetings = self._meetings(left)
             if self.fault == "one impact per step" and self.per_step[-1]:
                 meetings = []
             if not meetings:
@@ -234,3 +185,47 @@ class Path:
                     self._rest(tau, dw, left, m)
                     return
                 self._record(tau, s * m)
+
+
+def _without_walls(*codes: int) -> Callable[[Path], None]:
+    return lambda path: path.walls.update(dict.fromkeys(codes, math.inf))
+
+
+def _with(name: str, place: tuple[int, ...], change: Callable[[float], float]):
+    """Alters one number of the dynamics."""
+
+    def alter(path: Path) -> None:
+        numbers = getattr(path.box, name)
+        numbers[place] = change(numbers[place])
+
+    return alter
+
+
+def _in_steps(path: Path) -> None:
+    """The steps themselves look at the name of these."""
+
+
+FAULTS = {
+    "mesh-1 leaves stage 2": _with("effect", (1, 0), lambda effect: 0.0),
+    "mesh-2 sign": _with("effect", (0, 1), lambda effect: -effect),
+    "mesh-2 leaves stage 1": _with("effect", (0, 1), lambda effect: 0.0),
+    "mu swapped": _with("effect", (0, 1), lambda mu: 1.0 - mu),
+    "coupling forgotten": _with("damping", (1, 0), lambda coupling: 0.0),
+    "drag sign": _with("drag", (0,), np.negative),
+    "one wall only": _without_walls(-1, -2),
+    "mesh 1 only": _without_walls(2, -2),
+    "noise not shared": _in_steps,
+    "sqrt dt forgotten": _in_steps,
+    "noise without its cosine": _in_steps,
+    "phase at step end": _in_steps,
+}
+"""Errors that either scheme can have."""
+
+LOCATED_FAULTS = (
+    "bridge without spread",
+    "bridge without mean",
+    "increment not split",
+    "one impact per step",
+    "later wall first",
+)
+"""Errors that only a scheme with located impacts can have."""

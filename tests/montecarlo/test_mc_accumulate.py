@@ -83,20 +83,6 @@ def test_comparison_of_sums_sees_a_lost_row():
     assert not close(merged(a[1:], b[1:], PAIR, [300]), by_numpy(a, b, PAIR), a, PAIR)
 
 
-def test_single_statistics_equal_scipy():
-    a, _ = sample(3, 500, gone=0.0)
-    found = single_statistics(central_sums(a, a, SINGLE))
-    truth = {
-        "mean": a.mean(axis=0),
-        "sd": a.std(axis=0),
-        "skew": stats.skew(a),
-        "kurt": stats.kurtosis(a),
-    }
-    truth["se_mean"] = a.std(axis=0) / math.sqrt(500)
-    for name, value in truth.items():
-        np.testing.assert_allclose(found[name], value, rtol=1e-9, err_msg=name)
-
-
 REPLICAS = 1500
 SIZE = 4000
 

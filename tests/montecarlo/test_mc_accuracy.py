@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 from mc_checks import dat21
 
+from rattle import Sampling
 from rattle.montecarlo import SCHEMES, Record, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import sampling_error, units
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.settings import Sampling
-from rattle.scene import InputError, Scene, Tolerance
-from rattle.scene.types import SECTION
+from rattle.scene import SECTION, InputError, Scene, Tolerance
 
 TRUTH = {
     "paths": 200_000,

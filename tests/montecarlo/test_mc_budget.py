@@ -10,10 +10,10 @@ import logging
 import pytest
 from mc_checks import dat21
 
+from rattle import Sampling
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.settings import Sampling
 from rattle.scene import InputError, Scene, Start
 
 

@@ -6,13 +6,13 @@ import pytest
 from mc_checks import agrees, central_sums, dat21
 from scipy import stats
 
+from rattle import Sampling
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
-from rattle.montecarlo.settings import Sampling, plan_of
+from rattle.montecarlo.settings import plan_of
 from rattle.montecarlo.statistics.central_sums import PAIR
-from rattle.scene import Scene, Start
-from rattle.scene.types import SECTION
+from rattle.scene import SECTION, Scene, Start
 
 STEP = np.pi / 64.0
 UNEQUAL = Scene(

@@ -8,13 +8,13 @@ import pytest
 from mc_checks import dat21, stepped
 
 import rattle
+from rattle import Sampling
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.diagnostics import accuracy, diagnostics
 from rattle.montecarlo.diagnostics.diagnostics import motion_units, orbit_shift
 from rattle.montecarlo.kernel import block
 from rattle.montecarlo.schemes.step_size import trusted_step
-from rattle.montecarlo.settings import Sampling
 
 LOCATED = "euler-maruyama-located"
 PLAIN = "euler-maruyama"

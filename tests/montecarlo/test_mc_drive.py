@@ -6,89 +6,82 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_dynamics import drift_matrix, modulation
-from scipy.integrate import solve_ivp
+from oracle import two_stages
+from scenes import ORDERS, THREE
 
 from rattle import DAT21, Order, Record, Sampling, Scene, Start, mean_map, simulate
 from rattle.montecarlo import SCHEMES
-from rattle.montecarlo.kernel.block import sample
 from rattle.montecarlo.long_run.run import long_run
-from rattle.montecarlo.settings import plan_of
+from rattle.scene import STATE
 
-ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
-THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)
 IMPACTS = 4
 
 
 def reference(scene, paths, impacts, rng, h=5e-4):
     """Section states ``tau, x1, y1, x2, y2`` by steps with a constant rate of the noise, and
     parabolas to the walls."""
-    s = scene
+    box = two_stages(scene.constants, scene.drive)
     theta = scene.correlation_time
-    x = np.repeat([[s.start.x1], [s.start.x2]], paths, axis=1)
-    y = np.repeat(
-        [[-s.epsilon * s.start.y1], [s.start.y2 - (1.0 + s.epsilon) * s.start.y1]], paths, axis=1
-    )
+    start = scene.start
+    first = box.restitution(1) @ (start.x1, start.y1, start.x2, start.y2)
+    x = np.tile(first[::2, None], paths)
+    y = np.tile(first[1::2, None], paths)
     eta = rng.normal(size=paths) / math.sqrt(2.0 * theta) if theta else np.zeros(paths)
-    found = np.full((impacts, 5, paths), np.nan)
+    section = np.full((impacts, 5, paths), np.nan)
     seen = np.zeros(paths, int)
     tau = 0.0
-
-    def accelerate(t, y, push):
-        first = sum(o.amplitude * o.order * np.cos(o.order * t + o.phase) for o in s.drive)
-        second = -sum(o.amplitude * o.order**2 * np.sin(o.order * t + o.phase) for o in s.drive)
-        a1 = s.gamma1 - s.beta1 * y[0] + (s.alpha + push) * (second + s.beta1 * first)
-        a2 = s.gamma1 - s.gamma2 - s.beta2 * y[1] + (s.beta2 - s.beta1) * y[0]
-        return np.array([a1, a2 + (s.beta1 - s.beta2) * (s.alpha + push) * first])
-
     while seen.min() < impacts and tau < 30.0:
         if theta:
             last = eta
             e = math.exp(-h / theta)
             eta = e * eta + math.sqrt((1.0 - e * e) / (2.0 * theta)) * rng.normal(size=paths)
-            push = 0.5 * s.sigma * (last + eta)
+            push = 0.5 * scene.sigma * (last + eta)
         else:
-            push = s.sigma * rng.normal(size=paths) / math.sqrt(h)
+            push = scene.sigma * rng.normal(size=paths) / math.sqrt(h)
         left = np.full(paths, h)
         for _ in range(8):
             now = tau + h - left
-            a = accelerate(now + 0.5 * left, y + 0.5 * left * accelerate(now, y, push), push)
-            ends = x + left * y + 0.5 * left**2 * a
-            share = left.copy()
-            mesh = np.full(paths, -1)
-            for i, gap in enumerate((s.gap1, s.gap2)):
-                for side in (1.0, -1.0):
-                    away = gap - side * x[i]
-                    speed = side * y[i]
-                    pull = side * a[i]
-                    hit = (side * ends[i] > gap) & (away > -1e-9)
-                    root = speed + np.sqrt(np.maximum(speed**2 + 2.0 * pull * away, 0.0))
-                    t = np.where(
-                        hit & (root > 0.0),
-                        2.0 * np.maximum(away, 0.0) / np.where(root > 0.0, root, 1.0),
-                        np.inf,
-                    )
-                    mesh = np.where(t < share, i, mesh)
-                    share = np.minimum(share, t)
-            x = x + share * y + 0.5 * share**2 * a
+            excitation = scene.alpha + push
+            half = 0.5 * left
+            middle = y + half * box.acceleration(now, y, excitation)
+            a = box.acceleration(now + half, middle, excitation)
+            share, mesh = first_wall(box, x, y, a, left)
+            x = x + share * (y + 0.5 * share * a)
             y = y + share * a
-            for i, gap in enumerate((s.gap1, s.gap2)):
-                p = np.flatnonzero(mesh == i)
-                x[i, p] = np.sign(x[i, p]) * gap
-                k = np.minimum(seen[p], impacts - 1)
-                new = p[seen[p] < impacts]
-                found[k[seen[p] < impacts], :, new] = np.array(
-                    [(now + share)[new], x[0, new], y[0, new], x[1, new], y[1, new]]
-                ).T
-                seen[p] += 1
-                factor = (1.0 + s.epsilon) * (s.mu if i else 1.0)
-                y[1 - i, p] -= factor * y[i, p]
-                y[i, p] *= -s.epsilon
+            for i, gap in enumerate(box.gaps):
+                struck = np.flatnonzero(mesh == i)
+                x[i, struck] = np.sign(x[i, struck]) * gap
+                new = struck[seen[struck] < impacts]
+                row = [(now + share)[new], x[0, new], y[0, new], x[1, new], y[1, new]]
+                section[seen[new], :, new] = np.array(row).T
+                seen[struck] += 1
+                jump = (1.0 + scene.epsilon) * y[i, struck]
+                y[:, struck] -= np.multiply.outer(box.effect[:, i], jump)
             left = left - share
             if not (mesh >= 0).any():
                 break
         tau += h
-    return found
+    return section
+
+
+def first_wall(box, x, y, a, left):
+    """Time until the parabola of each path meets a wall, at most what is left, and the mesh met or
+    -1."""
+    share = left.copy()
+    mesh = np.full(len(left), -1)
+    ends = x + left * (y + 0.5 * left * a)
+    for i, gap in enumerate(box.gaps):
+        for side in (1.0, -1.0):
+            away = gap - side * x[i]
+            speed = side * y[i]
+            discriminant = speed**2 + 2.0 * side * a[i] * away
+            root = speed + np.sqrt(np.maximum(discriminant, 0.0))
+            hit = (side * ends[i] > gap) & (away > -1e-9) & (root > 0.0)
+            positive = np.where(root > 0.0, root, 1.0)
+            t = np.where(hit, 2.0 * np.maximum(away, 0.0) / positive, np.inf)
+            mesh = np.where(t < share, i, mesh)
+            share = np.minimum(share, t)
+    return share, mesh
 
 
 def farthest(scene, sampled, exact_paths=40_000):
@@ -159,37 +152,21 @@ def test_without_walls_the_covariance_is_that_of_the_linear_system(scheme, theta
     paths = 20_480
     until = 1.0
     settings = {"record": Record(times=[until]), "sampling": Sampling(horizon=1.1), "rng": 5}
-    plan = plan_of(scene, paths=paths, impacts=1, dt=dt, scheme=scheme, **settings)
-    states = np.concatenate([sample(plan, block).fixed[0, :, 0] for block in range(plan.blocks)])
+    run = simulate(scene, paths=paths, impacts=1, dt=dt, scheme=scheme, **settings)
+    names = [f"cov_{a}_{b}" for i, a in enumerate(STATE) for b in STATE[i:]]
+    upper = np.triu_indices(4)
+    found = run.at_times()[names].to_numpy()[0]
     exact = _covariance(scene, until)
-    se = np.sqrt((np.outer(np.diag(exact), np.diag(exact)) + exact**2) / paths)
-    bias = 0.0 if scheme == "exact-flight" else 0.02 * np.abs(exact)  # of the Euler step
-    off = np.abs(np.cov(states.T) - exact) - bias
-    assert (off < 5.0 * se).all()
+    se = np.sqrt((np.outer(np.diag(exact), np.diag(exact)) + exact**2) / paths)[upper]
+    bias = 0.0 if scheme == "exact-flight" else 0.02 * np.abs(exact)[upper]  # of the Euler step
+    assert (np.abs(found - exact[upper]) - bias < 5.0 * se).all()
     longer = _covariance(replace(scene, correlation_time=3.0 * theta), until)
-    assert (np.abs(np.cov(states.T) - longer) > 5.0 * se).any()
+    assert (np.abs(found - longer[upper]) > 5.0 * se).any()
 
 
 def _covariance(scene, t):
-    c = scene.constants
-    theta = scene.correlation_time
-
-    def rates(tau, p):
-        a = np.zeros((5, 5))
-        noise = np.zeros((5, 5))
-        a[:4, :4], a[:4, 4] = drift_matrix(c), c.sigma * modulation(c, tau, ORDERS)
-        a[4, 4] = -1.0 / theta
-        noise[4, 4] = 1.0 / theta**2
-        grown = a @ p.reshape(5, 5)
-        return (grown + grown.T + noise).ravel()
-
-    first = np.zeros((5, 5))
-    first[4, 4] = 0.5 / theta
-    return (
-        solve_ivp(rates, (0.0, t), first.ravel(), rtol=1e-10, atol=1e-14)
-        .y[:, -1]
-        .reshape(5, 5)[:4, :4]
-    )
+    box = two_stages(scene.constants, scene.drive)
+    return box.covariance(0.0, np.zeros((4, 4)), t, scene.correlation_time)
 
 
 @pytest.mark.parametrize("drive", [(Order(1),), ORDERS])

@@ -3,18 +3,29 @@ other schemes."""
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from mc_checks import DAMPED, TOLERANT, UNEQUAL_GAPS, agrees, dat21, limit, open_space, orbit_of
+from mc_checks import (
+    DAMPED,
+    TOLERANT,
+    UNEQUAL_GAPS,
+    agrees,
+    by_steps,
+    dat21,
+    limit,
+    open_space,
+    orbit_of,
+)
 from scipy.integrate import quad_vec
 
+from rattle import Sampling
 from rattle.montecarlo import SCHEMES, Record, largest_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.diagnostics import diagnose_short_step
 from rattle.montecarlo.schemes.crossing import CLOSE
 from rattle.montecarlo.schemes.exact_flight import flight_forcing
 from rattle.montecarlo.schemes.step_size import neglected_noise
-from rattle.montecarlo.settings import Sampling
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_covariance, noise_rate
 
@@ -23,21 +34,12 @@ LOCATED = "euler-maruyama-located"
 QUANTITIES = ("tau", "flight", "x1", "y1", "x2", "y2")
 
 
-def by_steps(scene, t, steps, across=1.0):
-    """Mean and covariance after a time t by the linear map of each step; `across` plants a wrong
-    share of the area."""
-    s = scene.start
-    h = t / steps
-    mean = np.array([s.x1, s.y1, s.x2, s.y2])
-    cov = np.zeros((4, 4))
-    for n in range(steps):
-        f = flight_forcing(scene.constants, s.tau + n * h, h)
-        matrix = np.diag([1.0, 0.0, 1.0, 0.0])
-        matrix[[0, 1, 2, 2, 3, 3], [1, 1, 1, 3, 1, 3]] = f.carry
-        kicks = np.array([f.along, across * np.array(f.across)])
-        mean = matrix @ mean + f.drift
-        cov = matrix @ cov @ matrix.T + kicks.T @ kicks
-    return mean, cov
+def exact_step(scene, tau, h, across=1.0):
+    """Matrix, shift and kicks of one step; `across` plants a wrong share of the area."""
+    f = flight_forcing(scene.constants, tau, h)
+    matrix = np.diag([1.0, 0.0, 1.0, 0.0])
+    matrix[[0, 1, 2, 2, 3, 3], [1, 1, 1, 3, 1, 3]] = f.carry
+    return matrix, f.drift, np.array([f.along, across * np.array(f.across)])
 
 
 OPEN = {
@@ -75,8 +77,9 @@ def missing(scene, across=1.0):
     what theory says."""
     exact = noise_covariance(scene.constants, scene.start.tau, FLIGHT)
     scale = np.abs(left_out(scene)).max()
+    step = partial(exact_step, across=across)
     return [
-        (exact - by_steps(scene, FLIGHT, n, across)[1]) / ((FLIGHT / n) ** 4 * scale)
+        (exact - by_steps(scene, FLIGHT, FLIGHT / n, step)[1]) / ((FLIGHT / n) ** 4 * scale)
         for n in (8, 16, 32)
     ]
 
@@ -103,7 +106,7 @@ def test_mean_of_a_flight_is_the_flow(case):
     s = OPEN[case].start
     exact = flow(scene.constants, s.tau, s.x1, s.y1, s.x2, s.y2, FLIGHT)
     for steps in (1, 7, 50):
-        assert np.abs(by_steps(scene, FLIGHT, steps)[0] - exact).max() < 1e-13
+        assert np.abs(by_steps(scene, FLIGHT, FLIGHT / steps, exact_step)[0] - exact).max() < 1e-13
 
 
 ORBITS = {
@@ -194,7 +197,9 @@ def test_what_is_left_out_shows_where_the_noise_begins_from_nothing():
     scene = open_space(0.5, beta1=0.08, start=Start(0.0, 0.1, -0.4, -0.2, 0.5))
     t = 0.2
     exact = noise_covariance(scene.constants, 0.0, t)[0, 0]
-    lacking = 1.0 - np.sqrt([by_steps(scene, t, n)[1][0, 0] / exact for n in (1, 2, 4, 8)])
+    lacking = 1.0 - np.sqrt(
+        [by_steps(scene, t, t / n, exact_step)[1][0, 0] / exact for n in (1, 2, 4, 8)]
+    )
     assert 0.14 < lacking[0] < 0.16
     assert 0.008 < lacking[1] < 0.01
     assert lacking[1:-1] / lacking[2:] == pytest.approx(16.0, rel=0.1)

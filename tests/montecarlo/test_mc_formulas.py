@@ -1,7 +1,5 @@
 """Steps, scales and intervals of the sampler at values known beforehand."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy.stats import chi2, t
@@ -9,14 +7,11 @@ from scipy.stats import chi2, t
 from rattle.montecarlo.diagnostics.accuracy import share_of_look
 from rattle.montecarlo.ensemble.leaving import interval
 from rattle.montecarlo.long_run.estimates import corrections
-from rattle.montecarlo.long_run.run import long_run
 from rattle.montecarlo.long_run.walk import steps_per_period
-from rattle.montecarlo.noise.memory import memory_of
 from rattle.montecarlo.schemes.step_size import accurate_flight, time_scales
 from rattle.montecarlo.settings import count_followed
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import DAT21, Scene
-from rattle.scene.memory import covariance
 
 QUIET = Scene.from_gears(DAT21)
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
@@ -42,30 +37,8 @@ def test_steps_follow_the_scales_of_the_scene():
     assert [count_followed(scene, 1000) for scene in (QUIET, NOISY)] == [1, 1000]
 
 
-def test_noise_with_a_memory_keeps_its_variance():
-    kept, fresh = memory_of(0.5, 0.01)[:2]
-    assert kept == pytest.approx(math.exp(-0.02))
-    assert fresh == pytest.approx(math.sqrt((1.0 - kept**2) / (2.0 * 0.5)))
-    stationary = covariance(
-        Scene.from_gears(DAT21, sigma=0.1, correlation_time=0.5).constants, 0.0, 50.0
-    )[0]
-    assert stationary[4, 4] == pytest.approx(1.0 / (2.0 * 0.5))
-
-
 def test_a_control_variate_is_taken_off_with_its_slope():
     chance = np.random.default_rng(1).normal(size=(64, 1))
     assert corrections(5.0 + 3.0 * chance, chance) == pytest.approx(
         np.full((64, 1, 1), 3.0), rel=0.02
     )
-
-
-def test_what_the_noise_supplies_is_lost_at_impacts():
-    """Without drive, damping and torque the noise supplies sigma^2 / 4 per unit of time on
-    average."""
-    scene = Scene(alpha=0.0, epsilon=0.5, beta1=0.0, gamma1=0.0, sigma=1.0, stages=1)
-    lost, supplied = long_run(scene, periods=64, paths=64).energy_balance()
-    assert supplied[0] == pytest.approx(0.25)
-    se = lost.std(ddof=1) / math.sqrt(lost.size)
-    assert (
-        abs(lost.mean() - 0.25) < 4.0 * se < abs(lost.mean() - 1.1 * 0.25)
-    )  # a tenth more would be seen

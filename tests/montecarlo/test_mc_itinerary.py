@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from rattle import InputError
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.ensemble import leaving
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.settings import NOISE_FREE
-from rattle.scene import DAT21, Scene, Start
-from rattle.scene.errors import InputError
-from rattle.scene.types import SECTION
+from rattle.scene import DAT21, SECTION, Scene, Start
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
 IMPACTS = 4

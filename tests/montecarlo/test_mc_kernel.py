@@ -9,9 +9,8 @@ from mc_checks import DAMPED, PRESSED, bridge_normal, dat21, open_space, step_no
 from naive import FAULTS, LOCATED_FAULTS, Path
 from scipy.integrate import quad_vec
 
-from rattle.montecarlo import Record, largest_step, simulate
-from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
-from rattle.montecarlo.noise.brownian import Noise, join
+from rattle.montecarlo import Record, Sampling, largest_step, simulate
+from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.noise.philox import CONTACT, key_of, normals, uniforms
 from rattle.scene import Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_rate
@@ -147,42 +146,28 @@ def test_a_fault_of_location_is_seen(fault):
 
 
 def coarse_levels_differ(scheme, faulty=lambda path: path, shift=0):
-    """Largest difference at 2^l dt between the levels of a run with step bias and the oracle on
-    summed increments."""
-    scene = dat21(0.3)
+    """Largest difference between the step bias of single paths and that of the oracle on summed
+    increments: the changes from dt to 2 dt, and from there to 4 dt as far as `rest` shows them."""
     dt = 5e-3
     impacts = 4
-    paths = 4
     worst = 0.0
-    plan = Plan(
-        scene,
-        paths,
-        impacts,
-        dt,
-        scheme,
-        np.random.SeedSequence(3),
-        4000,
-        np.empty(0, np.int64),
-        {},
-        3,
-    )
-    rows = sample(plan, 0).rows
-    key = key_of(plan.seed)
-    for level in range(3):
-        for p in range(paths):
-            path = faulty(Path.start(scene, 2**level * dt, SCHEMES[scheme]))
-            follow_oracle(
-                path,
-                key,
-                p,
-                lambda path: len(path.impacts) >= impacts,
-                level,
-                4096 // 2**level,
-                shift,
-            )
-            worst = max(
-                worst, np.abs(np.array(path.impacts[:impacts]) - rows[level, p][:, KEPT]).max()
-            )
+    for seed in range(3, 7):
+        settings = {"paths": 1, "impacts": impacts, "dt": dt, "scheme": scheme, "rng": seed}
+        run = simulate(dat21(0.3), record=Record(step_bias=True), **settings)
+        means = run.step_bias.query("moment == 'mean' and quantity != 'flight'")
+        table = means.pivot(index="impact", columns="quantity", values=["bias", "rest"])
+        levels = []
+        for level in range(3):
+            path = faulty(Path.start(dat21(0.3), 2**level * dt, SCHEMES[scheme]))
+            key = key_of(np.random.SeedSequence(seed))
+            steps = 4096 // 2**level
+            follow_oracle(path, key, 0, lambda p: len(p.impacts) >= impacts, level, steps, shift)
+            levels.append(np.array(path.impacts[:impacts])[:, :5])
+        first, second, third = levels
+        rest = np.abs(2.0 * (second - first) - (third - second)) / 3.0
+        for name, expected in (("bias", second - first), ("rest", rest)):
+            stated = table[name][["tau", "x1", "y1", "x2", "y2"]].to_numpy()
+            worst = max(worst, np.abs(stated - expected).max())
     return worst
 
 
@@ -276,48 +261,44 @@ def test_truncated_normal_draws_do_get_rejected():
     assert sum(abs(z) > 2.0 for z in firsts) > 3
 
 
+def state_of_a_path(scene, at, seed, **settings):
+    """The state of the first path of a run at fixed times, shape (times, 4)."""
+    record = Record(times=at)
+    run = simulate(scene, paths=1, impacts=1, rng=seed, record=record, **settings)
+    return run.at_times(at)[["x1", "y1", "x2", "y2"]].to_numpy()
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_state_at_a_fixed_time_is_the_state_after_that_many_steps(scheme):
     scene = dat21(0.5)
     dt = 5e-3
-    at = np.array([4, 100, 300])
-    plan = Plan(scene, 5, 2, dt, scheme, np.random.SeedSequence(3), 1000, at, {}, 1)
-    raw = sample(plan, 0)
-    key = key_of(plan.seed)
-    for p in range(5):
+    steps = np.array([4, 100, 300])
+    for seed in range(3, 8):
+        found = state_of_a_path(scene, dt * steps, seed, dt=dt, scheme=scheme)
+        key = key_of(np.random.SeedSequence(seed))
         states = []
-        for n in at:
+        for n in steps:
             path = Path.start(scene, dt, SCHEMES[scheme])
-            states.append(follow_oracle(path, key, p, lambda path, n=n: path.n >= n).state)
-        assert np.abs(raw.fixed[0, p] - np.array(states)).max() < 1e-10
+            states.append(follow_oracle(path, key, 0, lambda path, n=n: path.n >= n).state)
+        assert np.abs(found - np.array(states)).max() < 1e-10
 
 
 def test_a_path_sticks_where_that_of_the_oracle_does():
     steps = 8
-    key = key_of(np.random.SeedSequence(3))
-    plan = Plan(
-        PRESSED,
-        3,
-        1000,
-        5e-3,
-        "euler-maruyama-located",
-        np.random.SeedSequence(3),
-        steps,
-        np.array([steps]),
-        {},
-        1,
-    )
-    raw = sample(plan, 0)
-    every = [
-        follow_oracle(Path.start(PRESSED, 5e-3, True), key, p, lambda path: path.n >= steps)
-        for p in range(3)
-    ]
-    assert raw.sticking_steps == sum(path.sticking_steps for path in every) > 0
-    for p, path in enumerate(every):
+    dt = 5e-3
+    record = Record(raw=True, times=[steps * dt], step_bias=False)
+    for seed in range(3):
+        settings = {"paths": 1, "impacts": 1000, "dt": dt, "scheme": "euler-maruyama-located"}
+        sampling = Sampling(horizon=steps * dt)
+        run = simulate(PRESSED, rng=seed, record=record, sampling=sampling, **settings)
+        key = key_of(np.random.SeedSequence(seed))
+        path = follow_oracle(Path.start(PRESSED, dt, True), key, 0, lambda path: path.n >= steps)
         count = len(path.impacts)
-        assert np.abs(raw.rows[0, p, :count][:, KEPT] - np.array(path.impacts)).max() < 1e-12
-        assert np.isnan(raw.rows[0, p, count:]).all()
-        assert np.abs(raw.fixed[0, p, 0] - path.state).max() < 1e-12
+        assert run.sticking_steps == path.sticking_steps > 0
+        assert np.abs(run.raw[0, :count][:, KEPT] - np.array(path.impacts)).max() < 1e-12
+        assert np.isnan(run.raw[0, count:]).all()
+        state = run.at_times()[["x1", "y1", "x2", "y2"]].to_numpy()[0]
+        assert np.abs(state - path.state).max() < 1e-12
 
 
 def displaced(scene, tau, h, increment, area):
@@ -332,42 +313,31 @@ def displaced(scene, tau, h, increment, area):
     return quad_vec(integrand, 0.0, h, epsabs=1e-14)[0]
 
 
-def flights_differ(levels=1, swap=False):
+def flights_differ(swap=False):
     """Largest difference between states at fixed times and a recursion by `flow` and quadrature on
     the path's noise."""
     scene = open_space(0.4, beta2=0.9)
     dt = 0.05
-    steps = 12
-    paths = 3
-    at = np.array([4, steps])
-    plan = Plan(
-        scene, paths, 1, dt, "exact-flight", np.random.SeedSequence(3), steps, at, {}, levels
-    )
-    raw = sample(plan, 0)
-    key = key_of(plan.seed)
+    begin = scene.start.tau
+    at = begin + dt * np.array([4, 12])
     worst = 0.0
-    for p in range(paths):
-        z = step_normals(key, p, 2 * steps).reshape(-1, 2)[:, :: -1 if swap else 1]
-        noise = [Noise(w * np.sqrt(dt), a * np.sqrt(dt / 12.0)) for w, a in z]
-        for level in range(levels):
-            h = dt * 2**level
-            s = scene.start
-            state = np.array([s.x1, s.y1, s.x2, s.y2])
-            for n, (w, a) in enumerate(noise):
-                begin = s.tau + n * h
-                state = np.array(flow(scene.constants, begin, *state, h)) + displaced(
-                    scene, begin, h, w, a
-                )
-                if (n + 1) * 2**level in at:
-                    fixed = raw.fixed[level, p, np.flatnonzero(at == (n + 1) * 2**level)[0]]
-                    worst = max(worst, np.abs(fixed - state).max())
-            noise = [join(*pair, 0.5) for pair in zip(noise[0:-1:2], noise[1::2], strict=True)]
+    for seed in range(3):
+        sampling = Sampling(horizon=1.0)
+        found = state_of_a_path(scene, at, seed, dt=dt, scheme="exact-flight", sampling=sampling)
+        key = key_of(np.random.SeedSequence(seed))
+        z = step_normals(key, 0, 24).reshape(-1, 2)[:, :: -1 if swap else 1]
+        state = scene.start_state
+        states = []
+        for n, (increment, area) in enumerate(z[:12] * np.sqrt([dt, dt / 12.0])):
+            tau = begin + n * dt
+            moved = displaced(scene, tau, dt, increment, area)
+            state = np.array(flow(scene.constants, tau, *state, dt)) + moved
+            states.append(state)
+        worst = max(worst, np.abs(found - [states[3], states[11]]).max())
     return worst
 
 
-@pytest.mark.parametrize("levels", [1, 3])
-def test_exact_flights_take_increment_and_area_of_their_step(levels):
-    """What Gauss-Legendre to the fifth degree leaves: on steps of 0.05 less than 3e-9, of 0.2 less
-    than 2e-8."""
-    assert flights_differ(levels) < (3e-9 if levels == 1 else 2e-8)
-    assert flights_differ(levels, swap=True) > 1e-4
+def test_exact_flights_take_increment_and_area_of_their_step():
+    """What Gauss-Legendre to the fifth degree leaves: on steps of 0.05 less than 3e-9."""
+    assert flights_differ() < 3e-9
+    assert flights_differ(swap=True) > 1e-4

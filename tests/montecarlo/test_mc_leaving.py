@@ -11,11 +11,10 @@ import pytest
 from scipy.stats import binomtest
 
 from rattle.compare.validation.comparison import Comparison
-from rattle.montecarlo import Record, simulate
+from rattle.montecarlo import Record, default_step, simulate
 from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.ensemble import leaving
 from rattle.montecarlo.ensemble.aim import Exit, aim
-from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.settings import EXACT, NOISE_FREE
 from rattle.scene import DAT21, Scene, Start
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import rattle as rt
+from rattle import InputError
 from rattle.montecarlo.long_run import BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import all_names, control, estimates
 from rattle.montecarlo.long_run.run import apart, drift
 from rattle.montecarlo.long_run.sums import CONTACT, ENERGY, MAIN, NOISE, NUMBER, SLOW
 from rattle.montecarlo.long_run.walk import Walk
 from rattle.scene import DAT21, Scene, Start, Tolerance
-from rattle.scene.errors import InputError
 
 SCENE = Scene.from_gears(DAT21, sigma=0.5)
 

@@ -11,6 +11,7 @@ from mc_checks import agrees, dat21, for_python, limit
 from mc_checks import stepped as simulate
 from scipy import stats
 
+from rattle import Sampling
 from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
 from rattle.montecarlo.noise import philox as module
 from rattle.montecarlo.noise.philox import (
@@ -24,7 +25,6 @@ from rattle.montecarlo.noise.philox import (
 )
 from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.montecarlo.settings import Sampling
 from rattle.scene.compiled import jit
 
 U = np.uint64

@@ -21,7 +21,7 @@ def run_with(scheme="euler-maruyama-located", scene=None, **changes):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("workers", [2, 3, 16])
+@pytest.mark.parametrize("workers", [2, 16])
 def test_result_is_the_same_bit_for_bit_for_any_number_of_workers(scheme, workers):
     settings = {"scheme": scheme, "times": [0.6, 1.0], "histogram": True}
     alone = run_with(**settings)
@@ -59,9 +59,6 @@ def test_paths_are_the_same_bit_for_bit_for_any_size_of_a_block(scheme, scene, m
 
 
 CHANGES = {
-    "step bias": {"step_bias": True},
-    "fixed times": {"times": [0.6, 5.0]},
-    "histogram": {"histogram": True},
     "more paths": {"paths": 2 * PATHS},
     "fewer paths": {"paths": 7},
     "itineraries": {"itineraries": {"mine": [1, -1, 1, -1]}},
@@ -69,7 +66,7 @@ CHANGES = {
     "sequence": {"rng": np.random.SeedSequence(3)},
     "more impacts": {"impacts": 9},
     "batches and energy": {"batches": True, "energy": True},
-    "all": {"step_bias": True, "times": [0.6, 5.0], "histogram": True, "workers": 3},
+    "what is recorded": {"step_bias": True, "times": [0.6, 5.0], "histogram": True, "workers": 3},
 }
 
 

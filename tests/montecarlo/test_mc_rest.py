@@ -3,32 +3,15 @@ in accuracy."""
 
 import numpy as np
 import pytest
+from scenes import STICKING
 
+from rattle import Sampling
 from rattle.closure import follow
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.long_run.run import AtRest, long_run
-from rattle.montecarlo.settings import Sampling
-from rattle.scene import Scene, Start
+from rattle.scene import Scene
 
-SCENES = {
-    "one stage": Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1),
-    "mesh 1": Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5),
-    "mesh 2": Scene(
-        alpha=0.0,
-        epsilon=0.4,
-        beta1=0.5,
-        beta2=0.1,
-        gamma1=0.0,
-        gamma2=1.0,
-        mu=0.6,
-        gap1=50.0,
-        start=Start(0.0, 0.0, -5.0, 0.4, 0.1),
-    ),
-    "both meshes": Scene(
-        alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6
-    ),
-    "plastic": Scene(alpha=1.0, epsilon=0.0, beta1=0.1, gamma1=0.3, stages=1),
-}
+SCENES = STICKING | {"plastic": Scene(alpha=1.0, epsilon=0.0, beta1=0.1, gamma1=0.3, stages=1)}
 
 
 def distances(scene, scheme, dt):

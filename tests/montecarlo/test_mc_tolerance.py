@@ -5,12 +5,11 @@ What holds for every scheme is in the contract.
 
 import numpy as np
 import pytest
-from mc_checks import FALSE_ALARM, dat21
+from mc_checks import FALSE_ALARM
 from mc_checks import stepped as simulate
 from scipy import stats
 from settings import recorded
 
-from rattle.montecarlo import Record
 from rattle.scene import Scene, Start, Tolerance
 
 GAP = 0.5
@@ -22,16 +21,6 @@ DISTRIBUTIONS = {
     "normal": lambda c: stats.truncnorm(-2.0, 2.0, scale=0.5 * c),
 }
 REJECTED = {"uniform": "normal", "normal": "uniform"}
-
-
-@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
-def test_per_path_a_mesh_has_one_half_gap_on_both_flanks(distribution):
-    scene = dat21(0.5, tolerance=Tolerance(C1, C2, distribution=distribution, draw="path"))
-    raw = simulate(scene, paths=500, impacts=40, dt=5e-3, rng=2, record=Record(raw=True)).raw
-    for mesh in (1, 2):
-        x = np.where(np.abs(raw[:, :, 6]) == mesh, np.abs(raw[:, :, 2 * mesh]), np.nan)
-        x = x[np.isfinite(x).any(axis=1)]
-        assert (np.nanmax(x, axis=1) == np.nanmin(x, axis=1)).all()
 
 
 def free(distribution, draw, mesh=1, impacts=4, paths=PATHS, start=None, **settings):
@@ -98,32 +87,6 @@ def test_a_start_on_a_flank_is_on_the_paths_own_wall(distribution, draw):
 
 def uncorrelated(a, b):
     return abs(np.corrcoef(a, b)[0, 1]) * np.sqrt(a.size) < stats.norm.isf(0.5 * FALSE_ALARM)
-
-
-@pytest.mark.parametrize("draw", ["path", "contact"])
-def test_meshes_have_independent_tolerances(draw):
-    """Stage 1 meets its flank - first, is thrown back and drives stage 2 to its flank +: the same
-    for every path."""
-    scene = Scene(
-        alpha=0.0,
-        epsilon=1.0,
-        beta1=0.0,
-        gamma1=0.0,
-        mu=0.5,
-        start=Start(0.0, 0.0, -1.0, 0.0, 0.3),
-        tolerance=Tolerance(C1, C2, draw=draw),
-    )
-    raw = simulate(scene, paths=PATHS, impacts=2, dt=0.01, rng=2, record=Record(raw=True)).raw
-    assert (raw[:, :, 6] == [-1, 2]).all()
-    assert uncorrelated(raw[:, 0, 2], raw[:, 1, 4])
-
-
-def test_contacts_have_independent_tolerances():
-    walls = np.abs(free("uniform", "contact").raw[:, :, 2])
-    for k in range(3):
-        assert uncorrelated(walls[:, k], walls[:, k + 1])
-    same = np.abs(free("uniform", "path").raw[:, :, 2])
-    assert not uncorrelated(same[:, 0], same[:, 1])  # negative control: one draw for all
 
 
 def spread_after_twenty_crossings(impacts):

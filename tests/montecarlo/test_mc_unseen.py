@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from random_gears import PAIR_B
 
+from rattle import Tolerances
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import section_errors
-from rattle.compare.validation.verdict import Tolerances, widest
+from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch, rare_events

@@ -11,9 +11,9 @@ import pytest
 import source_tree
 from programs import python
 
+from rattle import Scene
 from rattle.scene.compiled import jit
 from rattle.scene.flight import flow
-from rattle.scene.scene import Scene
 
 COMPILED = pytest.mark.skipif(
     bool(getattr(numba.config, "DISABLE_JIT", False)), reason="the compiler is off"

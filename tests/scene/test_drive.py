@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_dynamics import drift_matrix, modulation
-from scipy.integrate import solve_ivp
+from oracle import two_stages
+from scenes import ORDERS, THREE
 
 import rattle.scene
 from rattle import DAT21, InputError, Order, Scene, follow
@@ -15,8 +15,6 @@ from rattle.closure.saltation import noise_slope
 from rattle.scene.flight import flow, noise_covariance
 from rattle.scene.sticking import opening
 
-ORDERS = (Order(1, 1.0, 0.2), Order(2, 0.4, 0.3), Order(5, 0.1, -1.0))
-THREE = Scene.from_gears(DAT21, sigma=0.1, drive=ORDERS)
 STATE = (0.1, -1.3, 0.2, 0.7)
 # the second is too far from the first for a recurrence
 SPARSE = (
@@ -29,15 +27,8 @@ SPARSE = (
 @pytest.mark.parametrize("t", [1e-3, 0.05, 0.7, 9.0])
 def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
     c = replace(THREE, drive=orders).constants
-    drag = np.array([0.0, c.gamma1, 0.0, c.gamma1 - c.gamma2])
-
-    def rates(tau, s):
-        return drift_matrix(c) @ s + drag + c.alpha * modulation(c, tau, orders)
-
-    exact = solve_ivp(rates, (0.4, 0.4 + t), STATE, method="DOP853", rtol=1e-13, atol=1e-14).y[
-        :, -1
-    ]
-    assert flow(c, 0.4, *STATE, t) == pytest.approx(exact, abs=1e-12)
+    exact = two_stages(c, orders).fly(0.4, STATE, t)
+    assert flow(c, 0.4, *STATE, t) == pytest.approx(exact, rel=1e-12, abs=1e-12)
     shifted = replace(
         THREE, drive=(Order(1, 1.0, 0.2 + 1e-9), *orders[1:])
     ).constants  # negative control
@@ -47,17 +38,9 @@ def test_a_noise_free_flight_is_that_of_an_ode_solver(orders, t):
 @pytest.mark.parametrize("t", [0.02, 0.7, 20.0])
 def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
     c = THREE.constants
-
-    def rates(tau, p):
-        m = modulation(c, tau, ORDERS)
-        grown = drift_matrix(c) @ p.reshape(4, 4)
-        return (grown + grown.T + c.sigma**2 * np.outer(m, m)).ravel()
-
-    exact = solve_ivp(
-        rates, (0.4, 0.4 + t), np.zeros(16), method="DOP853", rtol=1e-12, atol=1e-18
-    ).y[:, -1]
+    exact = two_stages(c, ORDERS).covariance(0.4, np.zeros((4, 4)), t)
     found = noise_covariance(c, 0.4, t)
-    assert found == pytest.approx(exact.reshape(4, 4), rel=1e-9, abs=1e-11 * np.abs(found).max())
+    assert found == pytest.approx(exact, rel=1e-9, abs=1e-11 * np.abs(found).max())
     h = 1e-5
     slope = (noise_covariance(c, 0.4 + h, t) - noise_covariance(c, 0.4 - h, t)) / (2.0 * h)
     assert noise_slope(c, 0.4, t) == pytest.approx(slope, rel=1e-7, abs=1e-9)
@@ -68,7 +51,7 @@ def test_the_noise_of_a_flight_has_the_covariance_of_the_linear_system(t):
 def test_a_mesh_opens_where_its_contact_force_first_falls_to_zero(side, gamma):
     scene = Scene(alpha=0.5, epsilon=0.3, beta1=0.1, gamma1=gamma, stages=1, drive=ORDERS)
     tau = np.linspace(0.3, 0.3 + 2.0 * math.pi, 200_001)
-    push = np.array([modulation(scene.constants, t, ORDERS)[1] for t in tau[::100]])
+    push = two_stages(scene.constants, ORDERS).modulation(tau[::100])[0]
     force = side * (gamma + 0.5 * push)
     found = opening(scene.constants, 0.3, 0.0, 0.0, (side, 0))[0]
     below = np.flatnonzero(force <= 0.0)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from rattle import Study
 from rattle.compare.cli.terminal import read_page
 from rattle.compare.report.manifest import read_settings
-from rattle.compare.study.design import Study
 from rattle.compare.thresholds.fixture import read_baseline
 from rattle.scene import FileError, InputError, Scene
 from rattle.scene.files import MOST_BITS, MOST_DEPTH, MOST_TOML, parse_json, read_toml

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from rattle import DAT21, Gears, InputError, Order, Scene
-from rattle.scene.errors import nearest
+from rattle.scene import nearest
 
 OTHERS = {name: value for name, value in DAT21.values.items() if name != "alpha"}
 MOVED = Gears.driven(amplitude=0.3, **OTHERS)

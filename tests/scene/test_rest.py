@@ -7,7 +7,8 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pytest
-from reference_dynamics import rates
+from oracle import two_stages
+from scenes import STICKING
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -22,20 +23,7 @@ COMPILED = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="takes minutes with the compiler off"
 )
 
-SINGLE = Scene(alpha=1.0, epsilon=0.3, beta1=0.05, gamma1=0.8, stages=1)
-FIRST = Scene(alpha=0.3, epsilon=0.3, beta1=0.1, beta2=0.3, gamma1=0.3, gamma2=0.1, mu=0.5)
-SECOND = Scene(  # both wheels slow down together, until wheel 2 falls behind
-    alpha=0.0,
-    epsilon=0.4,
-    beta1=0.5,
-    beta2=0.1,
-    gamma1=0.0,
-    gamma2=1.0,
-    mu=0.6,
-    gap1=50.0,
-    start=Start(0.0, 0.0, -5.0, 0.4, 0.1),
-)
-BOTH = Scene(alpha=1.5, epsilon=0.2, beta1=0.01, beta2=0.5, gamma1=0.02, gamma2=0.4, mu=0.6)
+SINGLE, FIRST, SECOND, BOTH = STICKING.values()
 
 
 def sticking_of(scene, mesh, impacts, least=0.02):
@@ -59,11 +47,13 @@ def compliant(c, tau, state, until, stiffness):
         beyond = x - math.copysign(wall, x)
         return -(stiffness * beyond + damping * y) if beyond * x > 0.0 else 0.0
 
+    box = two_stages(c)
+
     def rate(time, s):
-        x1, y1, x2, y2 = rates(c, time, s)
-        first = push(s[0], s[1], c.wall1)
-        second = push(s[2], s[3], c.wall2) if c.stages == 2 else 0.0
-        return x1, y1 + first + c.mu * second, x2, y2 + first + second
+        out = box.rates(time, s)
+        pushes = [push(s[2 * i], s[2 * i + 1], gap) for i, gap in enumerate(box.gaps)]
+        out[1::2] += box.effect @ pushes
+        return out
 
     return solve_ivp(
         rate,
@@ -118,17 +108,6 @@ def test_a_mesh_closed_too_long_is_noticed():
     assert hard > 0.9 * soft
 
 
-def contact_forces(c, tau, state, sides):
-    """Contact accelerations that keep meshes closed: a linear system from Eq. 5 and the impulses'
-    proportions."""
-    f = np.array(rates(c, tau, state))[[1, 3]]
-    effect = np.array([[1.0, c.mu], [1.0, 1.0]])
-    sticking = [i for i in (0, 1) if sides[i]]
-    force = np.zeros(2)
-    force[sticking] = np.linalg.solve(effect[np.ix_(sticking, sticking)], -f[sticking])
-    return force, f + effect @ force
-
-
 @pytest.mark.parametrize(
     "sides", [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)]
 )
@@ -157,10 +136,12 @@ def test_the_opening_is_the_first_root_of_the_contact_force(sides):
             0.0 if sides[1] else rng.uniform(-1.0, 1.0),
         )
 
-        def least(t, c=c, tau=tau, state=state):
+        box = two_stages(c)
+
+        def least(t, c=c, box=box, tau=tau, state=state):
             """Contact forces of the sticking meshes, at a time t later."""
             s = orbit_state(c, tau, state, sides, t)
-            force, _ = contact_forces(c, tau + t, s, sides)
+            force, _ = box.contact_forces(tau + t, s, sides)
             return min(-sides[i] * force[i] for i in (0, 1) if sides[i])
 
         if least(0.0) < 1e-3:
@@ -210,9 +191,10 @@ def test_which_meshes_stay_closed_is_the_only_combination_that_can():
         at = rng.choice([-1, 1], 2)
         state = at[0] * c.wall1, 0.0, at[1] * c.wall2, 0.0
         able = []
+        box = two_stages(c)
         for first, second in counts:
             sides = (at[0] * first, at[1] * second)
-            force, left = contact_forces(c, tau, state, sides)
+            force, left = box.contact_forces(tau, state, sides)
             pushes = all(-at[i] * force[i] > 0.0 for i in (0, 1) if sides[i])
             drawn = all(at[i] * left[i] <= 0.0 for i in (0, 1) if not sides[i])
             if pushes and drawn:
@@ -237,20 +219,6 @@ def test_sticking_keeps_what_the_contact_does_not_act_on():
     assert (x2, y2) == (-c.wall2, 0.0)
     assert (x1 - c.mu * x2, y1 - c.mu * y2) == pytest.approx(
         (state[0] - c.mu * state[2], state[1] - c.mu * state[3]), abs=1e-15
-    )
-
-
-@pytest.mark.parametrize("epsilon", [0.0, 0.1, 0.5, 0.9, 0.99])
-@pytest.mark.parametrize("drag", [1e-3, 1.0, 50.0])
-def test_the_sum_of_all_bounces(epsilon, drag):
-    """A ball falls freely from rest: its bounces end after (1 + eps) / (1 - eps) times its first
-    fall."""
-    scene = Scene(alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, stages=1, start=Start())
-    orbit = follow(scene, 10_000)
-    assert orbit.stopped == f"{MISSES[REST]} after impact {orbit.found}"
-    assert (len(orbit.sticking), orbit.sticking[0].opened) == (1, math.inf)
-    assert orbit.sticking[0].closed == pytest.approx(
-        math.sqrt(1.0 / drag) * (1 + epsilon) / (1 - epsilon), rel=1e-11
     )
 
 

@@ -9,8 +9,8 @@ import pytest
 from commands import rattle as command
 from commands import study
 
-from rattle.scene.errors import FileError, InputError, OutputError, RattleError
-from rattle.scene.text import harmless, line
+from rattle import InputError
+from rattle.scene import FileError, OutputError, RattleError, harmless, line
 
 STEERING = (
     "\x1b]0;pwned\x07\x9b31m\x08\x7f\x85"

@@ -11,7 +11,7 @@ import numpy as np
 from rattle import montecarlo
 from rattle.closure import edgeworth
 from rattle.closure import saltation as linear
-from rattle.compare.checks.check import extreme, farthest, spread
+from rattle.compare.checks.check import bare, extreme, farthest, spread
 from rattle.compare.checks.extremes import truth
 from rattle.montecarlo.schemes import short_flight as short
 from rattle.scene import (
@@ -313,16 +313,7 @@ def simultaneous() -> Iterator[float]:
     by it."""
     for gap in (2.0**-27, 0.5, 2.0**13):
         start = Start(0.0, 0.0, 2.0 * gap, 0.0, -3.0 * gap)
-        scene = Scene(
-            alpha=0.0,
-            epsilon=0.5,
-            beta1=0.0,
-            gamma1=0.0,
-            mu=0.25,
-            gap1=gap,
-            gap2=1.5 * gap,
-            start=start,
-        )
+        scene = bare(mu=0.25, gap1=gap, gap2=1.5 * gap, start=start, stages=2)
         # at tau = 1/2: mesh 1 at +gap1 and mesh 2 at -gap2; the impact at mesh 1 leaves y = (-gap,
         # -6 gap)
         exact: dict[str, list[float]] = {
@@ -364,15 +355,7 @@ def chatter_time() -> Iterator[float]:
     for gap, pull, epsilon in product(
         (2.0**-26, 0.5, 2.0**13), PULLS, (0.0, 1e-12, 0.1, 0.5, 0.9, 0.99)
     ):
-        scene = Scene(
-            alpha=0.0,
-            epsilon=epsilon,
-            beta1=0.0,
-            gamma1=pull * gap,
-            gap1=gap,
-            stages=1,
-            start=Start(),
-        )
+        scene = bare(epsilon=epsilon, gamma1=pull * gap, gap1=gap, start=Start())
         phases = orbit.follow(scene, 5000).sticking
         closed = phases[0].closed if len(phases) == 1 and math.isinf(phases[0].opened) else math.nan
         exact = math.sqrt(2.0 / pull) * (1.0 + epsilon) / (1.0 - epsilon)

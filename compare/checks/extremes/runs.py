@@ -14,7 +14,7 @@ import pandas as pd
 
 from rattle import closure, montecarlo
 from rattle.closure import CLOSURES
-from rattle.compare.checks.check import Check, extreme, farthest
+from rattle.compare.checks.check import Check, bare, extreme, farthest
 from rattle.compare.checks.extremes import truth
 from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
@@ -151,10 +151,7 @@ def energy() -> Iterator[float]:
     speed2 = -0.7
     mu = 0.6
     start = Start(0.0, 0.1, speed1, -0.2, speed2)
-    scene = Scene(
-        alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, mu=mu, gap1=0.5, gap2=0.7, start=start
-    )
-    orbit = long_orbit.LongOrbit(scene)
+    orbit = long_orbit.LongOrbit(bare(epsilon=1.0, mu=mu, gap2=0.7, start=start, stages=2))
     heavy = mu / (1.0 - mu)  # mass of wheel 2 over that of wheel 1
     most = 0.5 * (speed1**2 + heavy * (speed2 - speed1) ** 2)
     for _ in range(LONG // STRETCH):
@@ -172,9 +169,7 @@ def elastic_flights() -> Iterator[float]:
     speed = 1.7
     gap = 0.5
     start = Start(0.0, gap, speed, mesh=1)
-    orbit = long_orbit.LongOrbit(
-        Scene(alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=gap, start=start, stages=1)
-    )
+    orbit = long_orbit.LongOrbit(bare(epsilon=1.0, gap1=gap, start=start))
     flight = 2.0 * gap / speed
     for k in range(LONG // STRETCH):
         s = orbit.stretch(STRETCH, tangent=False)
@@ -199,9 +194,7 @@ def periodic_motion() -> Iterator[float]:
     y0 = -2.0 * math.pi * gamma * epsilon / (1.0 + epsilon)
     phase = math.acos((y0 + math.pi * gamma) / alpha)
     start = Start(phase, gap, -y0 / epsilon, mesh=1)
-    scene = Scene(
-        alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=gamma, gap1=gap, start=start, stages=1
-    )
+    scene = bare(alpha=alpha, epsilon=epsilon, gamma1=gamma, gap1=gap, start=start)
     orbit = long_orbit.LongOrbit(scene)
     for _ in range(PERIODS // STRETCH):
         s = orbit.stretch(STRETCH, tangent=False)
@@ -302,9 +295,7 @@ def sticking_paths() -> Iterator[float]:
             fall = math.sqrt(4.0 / pull)  # time to fall through the whole gap from zero velocity
             closed = fall * (1.0 + 2.0 * epsilon / (1.0 - epsilon))
             start = Start(0.0, -gap, math.ulp(0.0) + 1e-12 * gap / fall)
-            scene = Scene(
-                alpha=0.0, epsilon=epsilon, beta1=0.0, gamma1=drag, gap1=gap, start=start, stages=1
-            )
+            scene = bare(epsilon=epsilon, gamma1=drag, gap1=gap, start=start)
             for scheme in SCHEMES:
                 dt = min(fall / 256.0, 0.05)
                 record = Record(times=[2.0 * closed])

@@ -22,7 +22,7 @@ import numpy as np
 
 from rattle.closure.stationary import linear_law
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov
-from rattle.compare.checks.check import Check, Found, self_test
+from rattle.compare.checks.check import Check, Found, bare, self_test
 from rattle.compare.report.texts import read_file
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.long_run import LongRun, long_run
@@ -50,14 +50,12 @@ HALF = 0.5
 BOUNCES = 12  # impacts of its simulated path
 WITHIN = 1e-15 + 4e-16 * HALF  # distance within which the orbit locates a wall
 
-UNDRIVEN: dict[str, Any] = {"alpha": 0.0, "beta1": 0.0, "gamma1": 0.0, "sigma": 1.0}
-
 SCENES = {
-    "one stage, eps 0.3": (Scene(epsilon=0.3, gap1=1.0, stages=1, **UNDRIVEN), 64),
-    "one stage, eps 0.5": (Scene(epsilon=0.5, stages=1, **UNDRIVEN), 64),
-    "one stage, eps 0.9": (Scene(epsilon=0.9, stages=1, **UNDRIVEN), 64),
-    "two stages, eps 0.5": (Scene(epsilon=0.5, mu=0.6, **UNDRIVEN), 64),
-    "two stages, eps 0.8": (Scene(epsilon=0.8, mu=0.3, gap2=0.8, **UNDRIVEN), 64),
+    "one stage, eps 0.3": (bare(epsilon=0.3, gap1=1.0, sigma=1.0), 64),
+    "one stage, eps 0.5": (bare(epsilon=0.5, sigma=1.0), 64),
+    "one stage, eps 0.9": (bare(epsilon=0.9, sigma=1.0), 64),
+    "two stages, eps 0.5": (bare(epsilon=0.5, mu=0.6, sigma=1.0, stages=2), 64),
+    "two stages, eps 0.8": (bare(epsilon=0.8, mu=0.3, gap2=0.8, sigma=1.0, stages=2), 64),
     "driven, damped, dragged": (
         Scene(alpha=1.0, epsilon=0.7, beta1=0.3, gamma1=0.1, sigma=1.0, stages=1),
         128,
@@ -191,9 +189,7 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
     ``t1 / (1 - epsilon)``.
     """
     start = Start(0.0, HALF, SPEED, mesh=1)
-    scene = Scene(
-        alpha=0.0, epsilon=EPSILON, beta1=0.0, gamma1=GAMMA, gap1=HALF, start=start, stages=1
-    )
+    scene = bare(epsilon=EPSILON, gamma1=GAMMA, gap1=HALF, start=start)
     orbit = follow(scene, 40)
     run = simulate(scene, paths=1, impacts=BOUNCES, scheme="exact-flight", record=Record(raw=True))
     assert run.raw is not None
@@ -292,9 +288,7 @@ def symmetric_orbit(alpha: float, epsilon: float, gap: float) -> tuple[float, fl
 
 
 def _pair(alpha: float, epsilon: float, sigma: float = 0.0) -> Scene:
-    return Scene(
-        alpha=alpha, epsilon=epsilon, beta1=0.0, gamma1=0.0, gap1=HALF, sigma=sigma, stages=1
-    )
+    return bare(alpha=alpha, epsilon=epsilon, gap1=HALF, sigma=sigma)
 
 
 @self_test

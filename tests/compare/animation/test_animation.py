@@ -10,6 +10,8 @@ import pytest
 from commands import rattle
 from matplotlib.path import Path as Polygon
 
+from rattle import InputError
+from rattle.closure import follow
 from rattle.compare.animation.page import (
     GENERATOR,
     MOST_PAGE_BYTES,
@@ -27,9 +29,7 @@ from rattle.compare.animation.record import (
     record,
 )
 from rattle.montecarlo import Record, default_step, simulate
-from rattle.scene import DAT21, Scene, Start, Tolerance
-from rattle.scene.errors import InputError, OutputError
-from rattle.scene.orbit import follow
+from rattle.scene import DAT21, OutputError, Scene, Start, Tolerance
 
 ROOT = Path(__file__).resolve().parents[3]
 GEARS = Scene.from_gears(DAT21, sigma=0.1)

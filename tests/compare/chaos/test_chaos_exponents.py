@@ -27,9 +27,6 @@ from rattle.compare.chaos.spectrum import (
 )
 from rattle.compare.chaos.sweep import bifurcation, paper_noise, sweep, vary
 from rattle.scene import DAT21, Gears, InputError, Scene, Start, Tolerance
-from rattle.scene.flight import jacobian
-from rattle.scene.impact import contact_matrix
-from rattle.scene.long_orbit import LongOrbit
 
 DAT = Scene.from_gears(DAT21, sigma=1.5**0.5)
 
@@ -49,22 +46,6 @@ def test_exponents_add_up_exactly_of_orbit_and_noisy_path(alpha, stages):
             assert (np.diff(found.value) <= 0.0).all()
         else:
             assert not found.regime.has_record
-
-
-def test_the_exact_sum_catches_restitution_without_saltation_and_a_rate_of_one_mesh():
-    s = LongOrbit(DAT).stretch(2000)
-    c = DAT.constants
-    frame = np.eye(4)
-    total = 0.0
-    for t, code in zip(s.flight, s.code, strict=True):
-        frame, r = np.linalg.qr(contact_matrix(c, abs(code)) @ jacobian(c, t) @ frame)
-        total += np.log(np.abs(np.diag(r))).sum()
-    time = s.flight.sum()
-    impacts = np.array([s.code.size, (np.abs(s.code) == 1).sum()])
-    exact, one_mesh = -(c.beta1 + c.beta2) * time + 2.0 * np.log(c.epsilon) * impacts
-    assert s.growth.sum() == pytest.approx(exact, abs=1e-9)
-    assert abs(total - exact) / time > 0.1
-    assert abs(s.growth.sum() - one_mesh) / time > 0.1
 
 
 def test_an_interval_from_batches_covers_correlated_records_and_a_naive_one_does_not():

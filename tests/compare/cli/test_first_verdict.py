@@ -10,10 +10,11 @@ import pandas as pd
 import pytest
 from commands import rattle as command
 
+from rattle import validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED
 from rattle.compare.validation import validate as module
 from rattle.compare.validation.answer import UNFINISHED
-from rattle.compare.validation.validate import STRIDES, count_work, sweep, validate
+from rattle.compare.validation.validate import STRIDES, count_work, sweep
 from rattle.scene import DAT21, Scene
 
 SWEPT = [

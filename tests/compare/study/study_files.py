@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from commands import study
 
+from rattle import InputError
 from rattle.compare.study.cells import Prediction
 from rattle.compare.study.design import combine, read_results
-from rattle.scene.errors import InputError
 
 
 def study_text(sigmas=(0.01, 0.02, 0.05), paths=4096, impacts=2, common="true", more=""):

@@ -19,12 +19,11 @@ from commands import rattle
 from programs import python
 from study_files import Deadly, Refused, study_text, tables_of
 
+from rattle import InputError, Study
 from rattle.compare.engine import cluster as module
 from rattle.compare.engine.cluster import BLOCKS_OF_A_TASK, Cluster, Lost
 from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
 from rattle.compare.engine.store import Store
-from rattle.compare.study.design import Study
-from rattle.scene.errors import InputError
 
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 dask = pytest.importorskip("dask")

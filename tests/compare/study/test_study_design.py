@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from study_files import study_text
 
+from rattle import InputError, Study
 from rattle.compare.study.cells import Prediction, Sample
-from rattle.compare.study.design import AXIS_EXAMPLE, Study
+from rattle.compare.study.design import AXIS_EXAMPLE
 from rattle.scene import DAT21, Order
-from rattle.scene.errors import InputError
 
 
 def read(**settings):

@@ -15,16 +15,14 @@ from commands import rattle as command
 from commands import study
 from study_files import study_text, tables_of
 
+from rattle import InputError, Study, Tolerances, load_study
 from rattle.closure import mean_map
 from rattle.compare.engine.run import CELLS_FOLDER, Runner, run
 from rattle.compare.engine.store import Store
-from rattle.compare.study.design import Study
 from rattle.compare.study.figures import validity
-from rattle.compare.study.folder import load_study
 from rattle.compare.study.impacts_page import answer
-from rattle.compare.validation.verdict import JUDGED, Tolerances
+from rattle.compare.validation.verdict import JUDGED
 from rattle.scene import DAT21, Scene
-from rattle.scene.errors import InputError
 
 rattle = partial(command, "study")
 SLOW = {"sigmas": (0.01, 0.02, 0.03, 0.04, 0.05, 0.06), "paths": 40_000}

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 from commands import rattle as command
 
+from rattle import Sampling
 from rattle.compare.tradeoff.measure import (
     CostModel,
     CostPoint,
@@ -35,7 +36,6 @@ from rattle.montecarlo import Record, simulate, simulate_rare
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.kernel.block import sample
-from rattle.montecarlo.settings import Sampling
 from rattle.scene import DAT21, Scene
 
 SCENE = Scene.from_gears(DAT21, sigma=0.3)

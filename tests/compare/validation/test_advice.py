@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from rattle import validate
-from rattle.closure import mean_map
-from rattle.closure.mean_map import CLOSURES, closure_seconds
+from rattle.closure import CLOSURES, mean_map
+from rattle.closure.mean_map import closure_seconds
 from rattle.compare.validation.answer import advice, answer, cost_sentence
 from rattle.compare.validation.comparison import WANTED, measure_speed, paths_for, simulation_costs
 from rattle.compare.validation.validate import sweep

@@ -6,8 +6,8 @@ from math import comb
 import numpy as np
 import pytest
 
-from rattle.closure import mean_map
-from rattle.closure.edgeworth import Edgeworth, coefficients, section_density
+from rattle.closure import Edgeworth, mean_map
+from rattle.closure.edgeworth import coefficients, section_density
 from rattle.compare.validation.realizability import (
     CHECKS,
     POINTS,

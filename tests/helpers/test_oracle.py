@@ -1,0 +1,53 @@
+"""The oracle itself for three wheels, which the package does not have: Newton's laws at an impact
+and in contact."""
+
+import numpy as np
+import pytest
+from oracle import Gearbox, Wheel
+
+MASSES = np.array([1.3, 0.4, 0.8])
+RATIOS = (1.0, 0.7, 1.6)
+TREES = {"chain": (0, 1, 2), "two wheels on one": (0, 1, 1), "two on the driver": (0, 0, 2)}
+
+
+def gearbox(parents, epsilon=0.6):
+    wheels = [
+        Wheel(0.1 * (i + 1), 0.3 - 0.1 * i, 1.0 / MASSES[i], parent=parent, ratio=ratio, sign=sign)
+        for i, (parent, ratio, sign) in enumerate(zip(parents, RATIOS, (1, -1, 1), strict=True))
+    ]
+    return Gearbox(wheels, alpha=1.2, epsilon=epsilon, sigma=0.3)
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_an_impact_obeys_newton_and_conserves_energy_where_it_is_elastic(name):
+    parents = TREES[name]
+    speeds = np.array([0.7, -1.1, 0.4])  # of the wheels, each at its own mesh
+    for epsilon in (0.6, 1.0):
+        box = gearbox(parents, epsilon)
+        before = box.to_gaps @ speeds
+        for mesh in (1, 2, 3):
+            after = (box.restitution(mesh) @ np.kron(before, [0.0, 1.0]))[1::2]
+            assert after[mesh - 1] == pytest.approx(-epsilon * before[mesh - 1])
+            change = np.linalg.solve(box.to_gaps, after - before)
+            impulse = MASSES[mesh - 1] * change[mesh - 1]
+            expected = np.zeros(3)
+            expected[mesh - 1] = impulse / MASSES[mesh - 1]
+            if parent := parents[mesh - 1]:
+                expected[parent - 1] = -RATIOS[mesh - 1] * impulse / MASSES[parent - 1]
+            assert change == pytest.approx(expected)
+            energy = 0.5 * MASSES @ ((speeds + change) ** 2 - speeds**2)
+            assert energy == pytest.approx(0.0) if epsilon == 1.0 else energy < 0.0
+
+
+def test_wheels_locked_together_move_as_one():
+    """Its mass, damping and drag are the sums over its wheels, by the ratios between them."""
+    box = gearbox(TREES["chain"])
+    ratio = np.cumprod([1.0, *RATIOS[1:]])
+    speed = 0.9
+    state = np.kron(box.to_gaps @ (ratio * speed), [0.0, 1.0])
+    _, rates = box.contact_forces(0.4, state, [False, True, True])
+    mass = (ratio**2 * MASSES).sum()
+    damping = (ratio**2 * MASSES * [0.1, 0.2, 0.3]).sum() / mass
+    drag = (ratio * MASSES * [0.3, 0.2, 0.1]).sum() / mass
+    drive = 1.2 * (-np.sin(0.4) + damping * np.cos(0.4))
+    assert rates == pytest.approx([drag - damping * speed + drive, 0.0, 0.0])

@@ -1,0 +1,24 @@
+"""What the pages show of the measurements is what the kept measurements say."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+RESULTS = Path(__file__).parents[1] / "docs" / "results"
+CODE = f"""
+import sys
+sys.path.insert(0, {str(RESULTS)!r})
+from kept_tables import kept
+for file, text in kept().items():
+    if file.read_text(encoding="utf-8") != text:
+        print(file.name)
+    print(file.name + " read")
+"""
+
+
+def test_the_markdown_of_every_measurement_is_that_of_its_csv():
+    """In a process of its own, for the scripts are no modules of the tests."""
+    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
+    files = sorted(file.name for file in RESULTS.glob("*.table.md"))
+    assert len(files) == 11
+    assert done.stdout.splitlines() == [f"{name} read" for name in files]
