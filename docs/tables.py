@@ -912,9 +912,9 @@ class Answer(FromReports):
 
     def run(self) -> list[nodes.Node]:
         """Make them."""
-        file = self.noted(self.reports / self.arguments[0] / "page.json")
+        file = self.noted(self.reports / self.arguments[0] / "manifest.json")
         items = nodes.bullet_list(classes=["answer"])
-        for sentence in json.loads(file.read_text())["page"]["answer"]:
+        for sentence in json.loads(file.read_text())["answer"]:
             items += nodes.list_item("", *cell(sentence).children)
         return [items]
 

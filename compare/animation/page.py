@@ -19,7 +19,7 @@ from markupsafe import Markup
 from rattle.compare.animation.record import SCHEME, Motion, Recording
 from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
 from rattle.compare.report.json_text import json_text
-from rattle.compare.report.render import render_html
+from rattle.compare.report.render import render_animation
 from rattle.scene import OutputError, line
 from rattle.scene.drive import driver_motion
 
@@ -72,10 +72,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         "ms": ms,
         "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
     }
-    return render_html(
-        "rattle.compare.animation",
-        "animation",
-        {},
+    return render_animation(
         generator=Markup(GENERATOR),
         data=Markup(json_text(data, indent=None)),
         name=line(name),

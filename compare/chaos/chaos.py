@@ -7,10 +7,11 @@ from pathlib import Path
 import pandas as pd
 
 from rattle.compare.chaos.measure import ChaosStudy, Effort, study
-from rattle.compare.chaos.page import answer, chaos_tables, write_chaos
+from rattle.compare.chaos.page import answer, chaos_tables, make_report
 from rattle.compare.chaos.sweep import vary
 from rattle.compare.report.folder import name_of
 from rattle.compare.report.provenance import provenance
+from rattle.compare.report.save import save
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import Scene, as_html, check_scene, compile_ahead, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -90,9 +91,8 @@ class Chaos(ChaosStudy):
         here = "chaos(...).report(...), in Python"
         made = {"name": name_of(out), "scene": self.scene.to_dict(), "field": self.field}
         time = {"wall_seconds": None, "cpu_seconds": None}
-        write_chaos(
-            out, self, made | provenance() | time | {"command": here, "repeat": here}, overwrite
-        )
+        record = made | provenance() | time | {"command": here, "repeat": here}
+        save(out, make_report(self, record), overwrite)
         return out / "chaos.html"
 
 

@@ -1,6 +1,5 @@
 """The page and the folder of a study of chaos, with its answer in a few sentences."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,15 +10,13 @@ from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.spectrum import TIME, spectra_tables
-from rattle.compare.report import Figure, Text
-from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.report import Report
 from rattle.compare.report.texts import (
     CHAOS_TERMS,
     CLOSURE_TERMS,
     SECTION_TERMS,
     glossary,
     read_texts,
-    table_of,
 )
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words
@@ -29,13 +26,8 @@ FIGURES: dict[str, str] = TEXTS["figures"]
 """Captions of the figures, by name."""
 SAID: dict[str, str] = TEXTS["answer"]
 """Sentences of the answer."""
-SHOWN = ("exponents", "mean_maps", "lines", "spectra_summary", "fsle", "crossings")
-"""Tables that ``page.md`` lays out."""
 LARGE = ("sections", "spectra", "bifurcation")
-CONTENTS = contents(
-    "chaos", figures=tuple(FIGURES), tables=(*SHOWN, "sqrt_law", "sweep"), large=LARGE
-)
-"""Files of such a folder; a folder with any other file is not overwritten."""
+"""Tables that are written as Parquet."""
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
 ROUNDING = 1e-12  # a smaller error of the exponents' sum is rounding
@@ -73,35 +65,20 @@ def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
     return found
 
 
-def write_chaos(out: Path, found: ChaosStudy, record: dict[str, Any], overwrite: bool) -> list[str]:
-    """Write the folder of a study of chaos."""
-    figures = draw(found)
+def make_report(found: ChaosStudy, record: dict[str, Any]) -> Report:
+    """The report on a study of chaos."""
     tables = chaos_tables(found)
-    shown: dict[str, Any] = {"words": glossary(*WORDS, gears=found.scene.gears)}
-    shown |= {
-        name: Figure(f"{name}.svg", FIGURES[name], FIGURES[name])
-        for name in FIGURES
-        if name in figures
-    }
-    shown["key"] = shown.pop("section" if found.sweep is None else "sweep", ())
-    left_out = {what: Text(f"Left out: {what} ({why}).") for what, why in found.missing.items()}
-    for part in ("bifurcation", "Poincaré", "spectra", "square-root", "finite-size"):
-        shown[f"no_{part}"] = [text for what, text in left_out.items() if part in what]
-    shown |= {name: tables[name] for name in SHOWN if name in tables}
-    if found.sweep is not None:
-        shown["sweep"] = table_of(
-            found.sweep, ("of", "regime", "reason"), f"All values of {found.field}"
-        )
-    files: dict[str, Any] = {
-        "figures": figures,
-        "tables": tables,
-        "digits": "%.10g",
-        "values": {"field": found.field},
-    }
-    title = f"Chaos of {record['name']}"
-    said = answer(found, tables)
-    return save_report(
-        out, "chaos", title, said, record, shown, allowed=CONTENTS, overwrite=overwrite, **files
+    return Report(
+        "chaos",
+        f"Chaos of {record['name']}",
+        answer(found, tables),
+        record,
+        {"captions": FIGURES, "missing": found.missing, "field": found.field, **tables},
+        glossary(*WORDS, gears=found.scene.gears),
+        figures=draw(found),
+        tables={name: table for name, table in tables.items() if name not in LARGE},
+        large={name: table for name, table in tables.items() if name in LARGE},
+        digits="%.10g",
     )
 
 

@@ -118,13 +118,13 @@ def stability(
         ("workers", 1, None),
     ):
         count(name, settings[name], least=least, most=most)
-    results = Results("", out, "", "checks.stability.page:write_stability", overwrite)
+    results = Results("", out, "stability", "checks.stability.page", overwrite)
     found = chart(schemes=chosen, axes=along, **settings, folder=results.cells)
     do("covariances of each scheme")
     covariances = covariance_table(**settings)
     tried = run_checks(ROWS, progress="extreme values") if extreme else ()
     asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
-    results.say(results.write(found, covariances, tried, **asked), "stability.html")
+    results.say(results.write(found, covariances, tried, **asked))
     if len(found.without_diagnostic) or not all(row.holds for row in tried):
         sys.exit(EXIT_BROKEN)
 
@@ -195,7 +195,7 @@ def claims(
     shared.check_counts(
         settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1
     )
-    results = Results("DAT21", out, "", "checks.claims.page:write_claims", overwrite)
+    results = Results("DAT21", out, "claims", "checks.claims.page", overwrite)
     minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
     effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])
@@ -220,7 +220,7 @@ def claims(
         f"{number:2d}. {claim.name}: {claim.verdict}"
         for number, claim in enumerate(judged, start=1)
     ]
-    results.say([*answer, *verdicts], "claims.html")
+    results.say([*answer, *verdicts])
 
 
 @click.command("warm-up")

@@ -43,7 +43,7 @@ JUDGED = "In place of quantities: judge what it predicts."
 @shared.real("width", "Every edge is known to ± this share.", 0.1)
 @shared.real("budget", "Processor seconds after which no further value is judged.")
 @shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-boundary", "parameters.page:write_report", shared.JSON_ALONE)
+@shared.report("reports/NAME-boundary", "parameters.page", shared.JSON_ALONE)
 def boundary(
     base: Scene,
     begin: Begin,
@@ -99,7 +99,7 @@ def boundary(
             settings |= {"along": along, "reach": reach, "values": asked["values"]}
             found = rt.boundary_map(base, **settings, **common, scheduler=scheduler, progress=True)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
-    results.say(found.answer, "boundary.html", found.to_dict)
+    results.say(found.answer, found.to_dict)
 
 
 @click.command()
@@ -118,7 +118,7 @@ def boundary(
 @shared.real("slow", "Speed below which an impact is slow.", 0.1)
 @shared.real("budget", "Processor seconds after which no more runs are begun.")
 @shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-sensitivity", "parameters.page:write_report", shared.JSON_ALONE)
+@shared.report("reports/NAME-sensitivity", "parameters.page", shared.JSON_ALONE)
 def sensitivity(
     base: Scene,
     begin: Begin,
@@ -153,6 +153,6 @@ def sensitivity(
             }
             found = rt.closure_sensitivity(base, **settings, **common)
     results.write(found, scene=base.to_dict(), **settings, seed=seed)
-    results.say(found.answer, "sensitivity.html", found.to_dict)
+    results.say(found.answer, found.to_dict)
     if closure is None and not found.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)

@@ -8,15 +8,18 @@ from decimal import Decimal, InvalidOperation
 from functools import partial, reduce, wraps
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from rattle.compare.report.folder import check_free, default_place, name_of
+from rattle.compare.report.folder import check_free, default_place, name_of, report_files
 from rattle.compare.report.interrupt import stored
 from rattle.compare.report.json_text import json_text
 from rattle.scene import DAT21, Scene, choice, compile_ahead, count, harmless
 from rattle.scene.progress import ESTIMATES, apart_from_bars, do, print_on_stderr
+
+if TYPE_CHECKING:
+    from rattle.compare.report.report import Report
 
 PATH = click.Path(path_type=Path)
 Option = Callable[[Any], Any]
@@ -196,12 +199,12 @@ JSON_ALONE = click.option(
 )
 
 
-def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGMA) -> Option:
+def report(default: str, module: str, *more: Option, otherwise: float = PAPER_SIGMA) -> Option:
     """The options of the folder of a command on a scene, which gets the loaded scene, and a
     function for its `Results`.
 
-    `page`: Module within `rattle.compare` whose ``CONTENTS`` are the files of such a folder, and
-    its function that writes it. `otherwise`: Noise intensity of DAT21, if no scene is given.
+    `default`: Ends in the name of the page. `module`: Module within `rattle.compare` with its
+    function ``make_report``. `otherwise`: Noise intensity of DAT21, if no scene is given.
     """
 
     def decorate(command: Callable[..., None]) -> Any:
@@ -211,9 +214,8 @@ def report(default: str, page: str, *more: Option, otherwise: float = PAPER_SIGM
                 name: asked.pop(name) for name in ("out", "overwrite", "as_json") if name in asked
             }
             name = name_of(scene) if scene else "DAT21"
-            begin = partial(
-                Results, name, suffix=default.removeprefix("reports/NAME"), page=page, **written
-            )
+            page = default.removeprefix("reports/NAME-")
+            begin = partial(Results, name, page=page, module=module, **written)
             command(load_scene(scene, sigma, otherwise), begin, **asked)
 
         return folder_options(default, *more)(run)
@@ -242,8 +244,8 @@ class Results:
         self,
         name: str,
         out: Path | None,
-        suffix: str,
         page: str,
+        module: str,
         overwrite: bool,
         as_json: bool = False,
     ) -> None:
@@ -254,12 +256,11 @@ class Results:
         self.overwrite = overwrite
         self.as_json = as_json
         self.writes = out is not None or not as_json
-        self.out = out or default_place(name, suffix)
+        self.page = page
+        self.out = out or default_place(name, f"-{page}")
         if self.writes:
-            module, _, writer = page.partition(":")
-            pages = import_module(f"rattle.compare.{module}")
-            self.writer = getattr(pages, writer)
-            check_free(self.out, pages.CONTENTS, overwrite)
+            self.make_report = import_module(f"rattle.compare.{module}").make_report
+            check_free(self.out, report_files(page), overwrite)
             if self.cells:
                 check_cells(self.cells)
             stored.append(self._describe_stored)
@@ -270,16 +271,18 @@ class Results:
         """Where the command keeps its cells: beside the folder, which is replaced as a whole."""
         return self.out.with_name(f"{self.out.name}-cells") if self.writes else None
 
-    def write(self, *found: Any, **settings: Any) -> Any:
-        """Write the folder, with the settings in its manifest."""
+    def write(self, *found: Any, **settings: Any) -> Sequence[str]:
+        """Write the folder, with the settings in its manifest; the answer of its page."""
         from rattle.compare.report.provenance import provenance
+        from rattle.compare.report.save import save
 
         if not self.writes:
             return ()
         record = ({"name": self.name} if self.name else {}) | settings | provenance(self.watch)
-        answer = self.writer(self.out, *found, record, self.overwrite)
+        report: Report = self.make_report(*found, record)
+        save(self.out, report, self.overwrite)
         stored.append(lambda: f"the page is written: {self.out}")
-        return answer
+        return report.answer
 
     def _describe_stored(self) -> str:
         """What an interrupt leaves."""
@@ -289,14 +292,12 @@ class Results:
             return "nothing was written"
         return f"{number} results stored in {cells}; run the same command again to continue"
 
-    def say(
-        self, sentences: Iterable[str], page: str, data: Callable[[], dict[str, Any]] = dict
-    ) -> None:
+    def say(self, sentences: Iterable[str], data: Callable[[], dict[str, Any]] = dict) -> None:
         """Print the answer and the place of the page, or the data as JSON."""
         if self.as_json:
             say_json(data() | {"report": self.out if self.writes else None})
         else:
-            say_lines((*sentences, f"Page: {self.out / page}"))
+            say_lines((*sentences, f"Page: {self.out / self.page}.html"))
 
 
 def say(text: str, *, err: bool = False, keep: str = "") -> None:

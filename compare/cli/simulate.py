@@ -211,7 +211,7 @@ def section_table(run: "rt.Ensemble", units: str) -> str:
 @shared.grid("over", None, "Draw a bifurcation diagram over these values of a field.")
 @shared.SEED_AND_WORKERS
 @shared.name_option("units", UNITS, JSON_UNITS)
-@shared.report("reports/NAME-stationary", "stationary.page:write_stationary", shared.JSON_ALONE)
+@shared.report("reports/NAME-stationary", "stationary.page", shared.JSON_ALONE)
 def stationary(
     base: Scene,
     begin: Begin,
@@ -259,7 +259,7 @@ def stationary(
         found = rt.stationary(base, **settings, rng=seed, workers=workers, progress="stationary")
     more = {"scene": base.to_dict(), **settings, "seed": seed, "field": field, "over": list(at)}
     said = results.write(found, view, **more)
-    results.say(said, "stationary.html", lambda: found.to_dict(units or "dimensionless"))
+    results.say(said, lambda: found.to_dict(units or "dimensionless"))
     if found.run and found.run.reach and not found.run.reach.reached:
         raise click.exceptions.Exit(EXIT_NOT_MET)
 
@@ -285,7 +285,7 @@ def stationary(
 @shared.whole("impacts", 200_000, "Impacts of the spectra.")
 @shared.whole("events", 4000, "Pairs of paths behind each figure.")
 @shared.SEED_AND_WORKERS
-@shared.report("reports/NAME-chaos", "chaos.page:write_chaos")
+@shared.report("reports/NAME-chaos", "chaos.page")
 def chaos(
     base: Scene, begin: Begin, over: str, keep_sigma: bool, no_sweep: bool, **settings: Any
 ) -> None:
@@ -311,4 +311,4 @@ def chaos(
     found = study(base, scenes, field, effort, say_part, results.cells)
     said = "the scene's" if noise is None else "sqrt(alpha)"
     answer = results.write(found, scene=base.to_dict(), **settings, over=list(at), noise=said)
-    results.say(answer, "chaos.html")
+    results.say(answer)

@@ -18,7 +18,7 @@ from rattle.compare.cli.shared import (
     say_json,
     say_lines,
 )
-from rattle.compare.report.folder import check_free, default_place, name_of
+from rattle.compare.report.folder import check_free, default_place, name_of, report_files
 from rattle.compare.report.interrupt import stored
 from rattle.scene import Scene, choice, count, positive
 
@@ -97,7 +97,7 @@ def validate(
     from rattle.compare.report import manifest
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
     from rattle.compare.validation.answer import SECTION, UNFINISHED, answer, describe_left_out
-    from rattle.compare.validation.page import CONTENTS, all_rows, draw_sections, write_report
+    from rattle.compare.validation.page import all_rows, draw_sections, write_report
     from rattle.compare.validation.transient import describe_transient
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
     from rattle.montecarlo import check_settings
@@ -128,7 +128,7 @@ def validate(
         )
         out = out or default_place(name)
     own = [method for method in find_closures("closures", settings.closures) if method.own]
-    check_free(out, CONTENTS, overwrite)
+    check_free(out, report_files("report"), overwrite)
     first = settings.scenes[0]
     biased = rt.SCHEMES[choice("scheme", settings.scheme, rt.SCHEMES)].has_step_bias
     for s in settings.scenes:
@@ -238,7 +238,7 @@ def validate(
     help="Measure the schemes' weak orders as well.",
 )
 @shared.whole("workers", 2, "Threads.")
-@shared.report("reports/NAME-tradeoff", "tradeoff.page:write_tradeoff", otherwise=0.1)
+@shared.report("reports/NAME-tradeoff", "tradeoff.page", otherwise=0.1)
 def tradeoff(
     base: Scene, begin: Begin, accuracies: tuple[float, ...], orders: bool, **settings: Any
 ) -> None:
@@ -262,7 +262,7 @@ def tradeoff(
     results = begin()
     asked_for = {"accuracies": asked, "orders": orders, **settings}
     found = measure(base, **asked_for)
-    results.say(results.write(found, scene=base.to_dict(), **asked_for), "tradeoff.html")
+    results.say(results.write(found, scene=base.to_dict(), **asked_for))
 
 
 @click.command()

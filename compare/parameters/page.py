@@ -1,7 +1,6 @@
-"""The pages of boundaries, maps, crossings and sensitivities, each laid out in a Markdown file
-beside this module."""
+"""The pages of boundaries, maps, crossings and sensitivities, each with a template beside this
+module."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,16 +13,11 @@ from rattle.compare.parameters.figures import tornado
 from rattle.compare.parameters.finding import TEXTS, Finding, with_unit
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.sensitivity import Sensitivity
-from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.report import Report
 from rattle.compare.study.parameters import PERCENT, STEPS
 from rattle.compare.validation.verdict import JUDGED
 from rattle.scene.text import percent
 
-CONTENTS = contents("boundary", figures=("boundary",), tables=("boundary", "points"))
-CONTENTS |= contents(
-    "sensitivity", figures=("sensitivity", "by_mesh"), tables=("sensitivity", "values")
-)
-"""Names of all files in such a folder; a folder with any other file is not overwritten."""
 MARKS = {
     search.ACCURATE: "good",
     search.WRONG: "bad",
@@ -46,60 +40,53 @@ def _steps(near: float, far: float) -> dict[str, str]:
 
 
 KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {
-    Boundary: ("boundary", "boundary.md", SEARCH),
-    BoundaryMap: ("boundary", "map.md", SEARCH),
-    crossing.Crossing: ("boundary", "crossing.md", LONG_RUNS),
-    Sensitivity: ("sensitivity", "sensitivity.md", _steps(*STEPS)),
-    of_closure.ClosureSensitivity: ("sensitivity", "of_closure.md", _steps(*of_closure.STEPS)),
+    Boundary: ("boundary", "boundary", SEARCH),
+    BoundaryMap: ("boundary", "map", SEARCH),
+    crossing.Crossing: ("boundary", "crossing", LONG_RUNS),
+    Sensitivity: ("sensitivity", "sensitivity", _steps(*STEPS)),
+    of_closure.ClosureSensitivity: ("sensitivity", "of_closure", _steps(*of_closure.STEPS)),
 }
-"""Name of the files, layout, and what stands between braces in it besides attributes, by the kind
-of result."""
+"""Name of the page, its template, and texts in it, by the kind of result."""
 
 
-def write_report(out: Path, found: Any, record: dict[str, Any], overwrite: bool) -> None:
-    """Write the folder of a result."""
-    name, layout, values = KINDS[type(found)]
-    table = shown = getattr(found, found.shown)
-    tables = {name: table}
-    parts = {}
+def make_report(found: Any, record: dict[str, Any]) -> Report:
+    """The report on a result."""
+    name, template, texts = KINDS[type(found)]
+    rows = getattr(found, found.shown)
+    tables = {name: rows}
+    content = {"found": found, **texts}
     figures = {}
     if isinstance(found, Sensitivity):
-        tables["values"] = parts["values"] = found.values.reset_index()
-        shown = _in_percent(table)
+        tables["values"] = content["values"] = found.values.reset_index()
+        rows = _in_percent(rows)
         figures = _tornados(found)
     elif isinstance(found, of_closure.ClosureSensitivity):
-        shown = table[table["verdict"].isin(JUDGED)]
-        shown = shown.loc[
-            (shown["error"].abs() / shown["tolerance"])
-            .sort_values(ascending=False, kind="stable")
-            .index
-        ]
+        rows = rows[rows["verdict"].isin(JUDGED)]
+        worst_first = (rows["error"].abs() / rows["tolerance"]).sort_values(
+            ascending=False, kind="stable"
+        )
+        rows = rows.loc[worst_first.index]
     else:
         figures[name] = found.plot()
     if isinstance(found, BoundaryMap):
         tables["points"] = found.points
     elif isinstance(found, crossing.Crossing):
-        values = values | {"quantity": with_unit(found.quantity, found.quantity_unit)}
-    if "verdict" in shown:
-        shown = shown.assign(mark=shown["verdict"].map(MARKS).fillna(""))
+        content["quantity"] = with_unit(found.quantity, found.quantity_unit)
+    if "verdict" in rows:
+        rows = rows.assign(mark=rows["verdict"].map(MARKS).fillna(""))
     facts = {
         key: value for key, value in found.to_dict().items() if key not in (*IN_TABLES, "answer")
     }
-    save_report(
-        out,
+    return Report(
         name,
         TEXTS["titles"][type(found).__name__].format(name=record["name"], **vars(found)),
         found.answer,
         record | facts,
-        parts | {found.shown: shown},
-        package="parameters",
-        layout=layout,
-        values=vars(found) | values,
-        allowed=CONTENTS,
+        content | {"rows": rows},
         figures=figures,
         tables=tables,
         digits="%.6g",
-        overwrite=overwrite,
+        template=f"parameters/{template}.j2",
     )
 
 

@@ -6,25 +6,30 @@ import platform
 import re
 import secrets
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
 
-from rattle.compare.report.json_text import NAME
 from rattle.scene import OutputError, harmless, line
 from rattle.scene.files import parse_json, read_regular
 from rattle.scene.progress import do
 
 MANIFEST = "manifest.json"
 FIGURES = "figures"  # folder of the figures of some reports
+EARLIER = "page.json"  # a file that earlier versions wrote
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
 # suffixes of scratch names: a folder or file being written, a folder being replaced
 PART = ".part"
 OLD = ".old"
 ANY_TEXT = "rattle"  # name in the scratch names of single files
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def page_files(name: str) -> tuple[str, str]:
+    """Names of the files of a page, as Markdown and as HTML."""
+    return f"{name}.md", f"{name}.html"
 
 
 def default_place(name: str, suffix: str = "") -> Path:
@@ -74,7 +79,10 @@ def check_place(out: Path) -> Path:
 
 def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
     """Check before a run that its output folder can be written, and holds nothing but files of such
-    a report."""
+    a report.
+
+    `ours`: Names of such files; the files to which one of them links are ours too.
+    """
     with refusals(out):
         if out.is_symlink() or (out.exists() and not out.is_dir()):
             raise OutputError(
@@ -83,10 +91,10 @@ def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
         if (free := shutil.disk_usage(check_place(out)).free) < ROOM:
             room = f"{free / 1e6:.1f} MB are free there; make room for {ROOM / 1e6:.0f} MB"
             raise OutputError(f"out = {str(out)!r}: {room}")
-        inside = {p.name for p in out.iterdir()} if out.exists() else set()
-        refuse_foreign(out, inside - ours)
-        if inside and MANIFEST in ours:
-            refuse_foreign(out, inside if read_own_manifest(out) is None else foreign_figures(out))
+        inside = list_files(out) if out.exists() else set()
+        refuse_foreign(out, inside - ours - linked_files(out, ours))
+        if inside and MANIFEST in ours and read_own_manifest(out) is None:
+            refuse_foreign(out, inside)
     if inside and not overwrite:
         raise OutputError(
             f"out = {str(out)!r}: holds an earlier report; choose another folder, or overwrite it"
@@ -112,13 +120,28 @@ def read_own_manifest(folder: Path) -> dict[str, Any] | None:
         return None
 
 
-def foreign_figures(out: Path) -> set[str]:
-    """What lies in the folder of a report's figures besides those of its page."""
-    page = b""
-    with suppress(OSError):
-        page = read_regular(out / NAME)
-    inside = [f"{FIGURES}/{path.name}" for path in out.glob(f"{FIGURES}/*")]
-    return {figure for figure in inside if f'"{figure}"'.encode() not in page}
+def report_files(name: str) -> frozenset[str]:
+    """Names of the files of a report besides those to which its page links."""
+    return frozenset({MANIFEST, *page_files(name), EARLIER})
+
+
+def list_files(out: Path) -> set[str]:
+    """What lies in a folder, and in that of its figures."""
+    inside = {path.name for path in out.iterdir()}
+    if (out / FIGURES).is_dir():
+        inside.remove(FIGURES)
+        inside.update(f"{FIGURES}/{path.name}" for path in (out / FIGURES).iterdir())
+    return inside
+
+
+def linked_files(out: Path, ours: Iterable[str]) -> set[str]:
+    """The files in a folder to which its pages in Markdown link."""
+    linked = set[str]()
+    for page in ours:
+        with suppress(OSError):
+            text = read_regular(out / page) if page.endswith(".md") else b""
+            linked.update(re.findall(r"\]\(([^()]+)\)", text.decode(errors="replace")))
+    return linked
 
 
 def check_own(path: Path, mark: bytes, what: str) -> None:

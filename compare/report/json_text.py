@@ -1,19 +1,14 @@
-"""JSON files: strict, without terminal control characters; and ``page.json``, which is read back
-with validation."""
+"""JSON files: strict, without terminal control characters."""
 
-import dataclasses
 import hashlib
 import json
 import math
 import os
-import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rattle.compare.report import BLOCKS, Block, Page
 from rattle.scene import FileError, harmless
-from rattle.scene.files import read_json
 
 
 def plain(data: Any) -> Any:
@@ -45,19 +40,6 @@ def json_digest(data: Any) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
-NAME = "page.json"
-FORMAT = "rattle page"
-VERSION = 2
-KINDS = {kind: name for name, kind in BLOCKS.items()}
-
-
-def page_text(page: Page) -> str:
-    """A page as JSON, without fields that have their default."""
-    plain = _plain(page)
-    data = {"format": FORMAT, "version": VERSION, "sha256": json_digest(plain), "page": plain}
-    return json_text(data, indent=None) + "\n"
-
-
 def check_not_newer(what: str, version: Any, newest: int, path: Path) -> None:
     """Check that a file was not written by a newer version of this program."""
     if type(version) is int and version > newest:
@@ -66,43 +48,3 @@ def check_not_newer(what: str, version: Any, newest: int, path: Path) -> None:
             " update rattle"
         )
         raise FileError(what, str(path), why)
-
-
-def read_page(path: Path) -> Page:
-    """Read a page from its file."""
-    try:
-        data = read_json("page", path, "a page.json")
-        if data["format"] != FORMAT:
-            raise ValueError(f"its format is not {FORMAT!r}")
-        check_not_newer("page", data["version"], VERSION, path)
-        if data["sha256"] != json_digest(data["page"]):
-            raise ValueError("it was changed after it was written")
-        page: Page = _read(Page, data["page"])
-    except FileError:
-        raise
-    except (ValueError, LookupError, TypeError) as error:
-        raise FileError("page", str(path), f"is no page of a report ({error})") from None
-    return page
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    if not dataclasses.is_dataclass(value):
-        return value
-    named = {"kind": KINDS[type(value)]} if type(value) in KINDS else {}
-    fields = ((f.name, f.default, getattr(value, f.name)) for f in dataclasses.fields(value))
-    return named | {name: _plain(found) for name, default, found in fields if found != default}
-
-
-def _read(kind: Any, data: Any) -> Any:
-    """Plain data as a tuple, a block, or another dataclass of these; others as they are."""
-    if typing.get_origin(kind) is tuple:
-        return tuple(_read(typing.get_args(kind)[0], item) for item in data)
-    if kind is Block:
-        kind = BLOCKS[data["kind"]]
-        data = {name: value for name, value in data.items() if name != "kind"}
-    if not hasattr(kind, "__dataclass_fields__"):
-        return data
-    hints = typing.get_type_hints(kind)
-    return kind(**{name: _read(hints[name], value) for name, value in data.items()})

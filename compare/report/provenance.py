@@ -8,7 +8,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,7 @@ from typing import Any
 import numba
 from llvmlite import binding
 
-from rattle.compare.report import Block, Code, Source, Text
-from rattle.scene import OutputError, Scene
+from rattle.scene import OutputError
 from rattle.scene.sources import PACKAGES, describe_difference, sources_in
 
 COMPILER: Any = numba.config  # numba has no type annotations
@@ -49,35 +48,6 @@ def provenance(watch: Stopwatch | None = None) -> dict[str, Any]:
         raise OutputError(f"{change}, so nothing is written; start it again")
     origin = {"command": command_line(sys.argv[1:]), "commit": commit(), "versions": versions()}
     return origin if watch is None else origin | watch.seconds
-
-
-def source_of(
-    record: Mapping[str, Any],
-    blocks: tuple[Block, ...] | None = None,
-    more: Mapping[str, str] | None = None,
-) -> Source:
-    """The section of a page that says where it comes from: from its manifest, with its scene if no
-    blocks are given."""
-    facts = {"command": f"`{record['command']}`"} if "repeat" in record else {}
-    facts["commit"] = record["commit"]
-    if "numerical_version" in record:
-        facts["numerical version"] = record["numerical_version"]
-    if (seed := record.get("settings", record).get("seed")) is not None:
-        facts["seed"] = str(seed)
-    times = {
-        "wall": record["wall_seconds"],
-        "CPU": record.get("cpu_seconds"),
-        "of cells": record.get("cell_seconds"),
-    }
-    facts["time"] = ", ".join(f"{seconds} s {kind}" for kind, seconds in times.items() if seconds)
-    facts["versions"] = ", ".join(
-        f"{name} {version}" for name, version in record["versions"].items()
-    )
-    if blocks is None:
-        blocks = (Text("The scene:"), Code(Scene.from_dict(record["scene"]).to_toml(), "toml"))
-    return Source(
-        record.get("repeat", record["command"]), (*facts.items(), *(more or {}).items()), blocks
-    )
 
 
 def command_line(words: Sequence[str]) -> str:

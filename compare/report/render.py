@@ -1,10 +1,15 @@
-"""A page in its views: as one self-contained HTML file, as Markdown, and as data; every text in it
-is escaped."""
+"""A page in its two formats: as one self-contained HTML file, and as Markdown.
+
+The template of a page says what stands on it, in plain text, and is rendered once with the macros
+of each format.  Whatever is put out is escaped for the format unless a macro or a filter made it:
+between two backticks stands code, everything else is shown literally.
+"""
 
 import base64
 import hashlib
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -13,11 +18,25 @@ from typing import Any, TypeAlias
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from rattle.compare.report import MARKS, NUMBER, Block, Glossary, Page, parts
-from rattle.compare.report.json_text import KINDS, NAME, page_text
+from rattle.compare.report.folder import page_files
+from rattle.compare.report.report import Report
+from rattle.compare.report.table import Table, of_numbers, of_text
 from rattle.scene import harmless, line
 
 Words: TypeAlias = Callable[[str, bool], Markup]
+CODE = re.compile(r"`([^`\n]+)`")
+BLOCK_MARKS = (
+    (r"^([#>+=-])", r"\\\1"),
+    (r"^(\d+)([.)])", r"\1\\\2"),
+    (r" (#+)$", r" \\\1"),
+)
+"""What would make a line of Markdown a heading or a list, or end a heading, and its escapes."""
+
+
+def split_code(text: str) -> list[tuple[str, bool]]:
+    """Split a text at its backticks; whether each piece is code."""
+    pieces = CODE.split(line(text))
+    return [(piece, bool(i % 2)) for i, piece in enumerate(pieces) if piece]
 
 
 def as_html(
@@ -36,40 +55,38 @@ def as_html(
             return Markup('<a href="{0}"><code>{0}</code></a>').format(piece)
         return Markup("<code>{}</code>").format(words(piece, True))
 
-    return Markup("").join(render(piece, code) for piece, code in parts(line(text)))
+    return Markup("").join(render(piece, code) for piece, code in split_code(text))
 
 
-def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> str:
+def as_markdown(text: str, cell: bool = False, files: Collection[str] = ()) -> Markup:
     r"""A text as Markdown that shows it literally."""
     written = "".join(
         (f"[`{piece}`]({piece})" if piece in files else f"`{piece}`") if code else _escape(piece)
-        for piece, code in parts(line(text))
+        for piece, code in split_code(text)
     )
     if cell:
-        return written.replace("|", r"\|")
-    # no heading, no list
-    return re.sub(r"^(\d+)([.)])", r"\1\\\2", re.sub(r"^([#>+=-])", r"\\\1", written))
+        return Markup(written.replace("|", r"\|"))
+    for pattern, escaped in BLOCK_MARKS:
+        written = re.sub(pattern, escaped, written)
+    return Markup(written)
 
 
 def _escape(text: str) -> str:
     text = re.sub(r"([\\`*\[\]<&~$])", r"\\\1", text)
-    return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", text)  # within a word it is no emphasis
+    return re.sub(r"(?<![^\W_])_|_(?![^\W_])", r"\\_", text)  # within a word it is no emphasis
 
 
-def as_code(text: str) -> str:
-    """A text as inline code in Markdown, with as many backticks around it as its own require."""
-    text, ticks = line(text), "`" * (1 + _longest_run(text))
-    return f"{ticks} {text} {ticks}" if "`" in text else f"`{text}`"
+def as_block(text: str, language: str) -> Markup:
+    """A text as a block of code in Markdown, in a fence of one backtick more than the longest run
+    in it, at least three."""
+    longest = max((len(run) for run in re.findall("`+", text)), default=0)
+    fence = "`" * max(3, 1 + longest)
+    return Markup(f"{fence}{line(language)}\n{harmless(text).rstrip()}\n{fence}")
 
 
-def _longest_run(text: str) -> int:
-    return max((len(run) for run in re.findall("`+", text)), default=0)
-
-
-def fence(text: str) -> str:
-    """The fence around a block of code in Markdown: one backtick more than the longest run in it,
-    at least three."""
-    return "`" * max(3, 1 + _longest_run(text))
+def as_address(path: str) -> Markup:
+    """A path as the address of a link in Markdown."""
+    return Markup(line(path).replace(" ", "%20").replace("(", "%28").replace(")", "%29"))
 
 
 WORD = Markup('<abbr title="{}" tabindex="{}">{}</abbr>')
@@ -77,18 +94,18 @@ HINT = Markup('<abbr title="{}">{}</abbr>')
 
 
 class Terms:
-    """Marks the terms of a page's glossaries in its texts; only the first mark of each is in the
+    """Marks the terms of a page's glossary in its texts; only the first mark of each is in the
     order of the Tab key.
 
     A term "x1, x2" explains both words, and one between backticks is a term in code, heads and
     cells alone.
     """
 
-    def __init__(self, glossaries: Iterable[Glossary]) -> None:
+    def __init__(self, glossary: Iterable[tuple[str, str]]) -> None:
         self._meanings: dict[str, str] = {}
         self._code: dict[str, str] = {}
         self._reached: set[str] = set()
-        for term, meaning in (entry for glossary in glossaries for entry in glossary.terms):
+        for term, meaning in glossary:
             kind = self._code if term.startswith("`") else self._meanings
             bare = term.strip("`")
             kind.update(dict.fromkeys(bare.split(", "), f"{bare}: {meaning}"))
@@ -128,46 +145,91 @@ class Terms:
         return shown if said is None else WORD.format(said, -1, shown)
 
 
-def make_environment(package: str, escaped: bool) -> Environment:
-    """Jinja's environment for the templates of a package; all texts in it are without control
-    characters."""
+@dataclass
+class Section:
+    """A section of a page."""
+
+    title: str
+    level: int
+    anchor: str
+    inner: list["Section"] = field(default_factory=list)
+
+
+class Contents:
+    """The sections of a page in their order."""
+
+    def __init__(self) -> None:
+        self.sections: list[Section] = []
+        self._begun = [self.sections]
+        self._taken = {"source": 1}
+
+    def begin(self, title: str) -> Section:
+        """Begin a section; its anchor are the words of its title, numbered where they repeat."""
+        words = re.sub(r"\W+", "-", title.lower()).strip("-") or "section"
+        number = self._taken.get(words, 0) + 1
+        self._taken[words] = number
+        anchor = words if number == 1 else f"{words}--{number}"
+        section = Section(title, 1 + len(self._begun), anchor)
+        self._begun[-1].append(section)
+        self._begun.append(section.inner)
+        return section
+
+    def end(self, content: str) -> bool:
+        """End the section that was begun last; without content it is left out."""
+        self._begun.pop()
+        if not content:
+            self._begun[-1].pop()
+        return bool(content)
+
+
+LOADER = PackageLoader("rattle.compare", ".")
+"""Finds templates by their path within `rattle.compare`."""
+
+
+def make_environment(finalize: Callable[[Any], Any]) -> Environment:
+    """Jinja's environment, in which each value that is put out passes a function."""
     return Environment(
-        loader=PackageLoader(package),
-        autoescape=escaped,
+        loader=LOADER,
+        autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
-        finalize=lambda value: harmless(value) if type(value) is str else value,
+        finalize=finalize,
     )
 
 
-def render_html(package: str, name: str, filters: Mapping[str, Any], /, **values: Any) -> str:
-    """Render a package's template ``NAME.html.j2`` with ``NAME.css`` and ``NAME.js``, and no other
-    style or script."""
+def _unless_made(change: Callable[[str], Any]) -> Callable[[Any], Any]:
+    """A function that changes every value, unless a macro or a filter has made it."""
+    return lambda value: value if hasattr(value, "__html__") else change(str(value))
+
+
+def embed_files(package: str, name: str) -> dict[str, Any]:
+    """The files ``NAME.css`` and ``NAME.js`` of a package's templates, and the policy that allows
+    no other style or script."""
     templates = files(package).joinpath("templates")
-    style, script = (
-        templates.joinpath(f"{name}.{kind}").read_text(encoding="utf-8") for kind in ("css", "js")
-    )
-    allowed = (
-        f"'sha256-{_base64(hashlib.sha256(text.encode()).digest())}'" for text in (style, script)
-    )
+    style = templates.joinpath(f"{name}.css").read_text(encoding="utf-8")
+    script = templates.joinpath(f"{name}.js").read_text(encoding="utf-8")
+    style_hash = _base64(hashlib.sha256(style.encode()).digest())
+    script_hash = _base64(hashlib.sha256(script.encode()).digest())
     policy = (
-        "default-src 'none'; img-src data:; style-src {}; script-src {}; base-uri 'none';"
-        " form-action 'none'"
+        f"default-src 'none'; img-src data:; style-src 'sha256-{style_hash}';"
+        f" script-src 'sha256-{script_hash}'; base-uri 'none'; form-action 'none'"
     )
-    environment = make_environment(package, True)
-    environment.filters |= filters
-    template = environment.get_template(f"{name}.html.j2")
-    return template.render(
-        policy=policy.format(*allowed), style=Markup(style), script=Markup(script), **values
-    )
+    return {"policy": policy, "style": Markup(style), "script": Markup(script)}
+
+
+def render_animation(**values: Any) -> str:
+    """Render an animation as one HTML file; all texts in it are without control characters."""
+    package = "rattle.compare.animation"
+    environment = make_environment(_unless_made(harmless))
+    template = environment.get_template("animation/templates/animation.html.j2")
+    return template.render(values | embed_files(package, "animation"))
 
 
 def _base64(data: bytes) -> str:
     return base64.b64encode(data).decode()
 
 
-PACKAGE = "rattle.compare.report"  # of the templates
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
 DATA = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.(csv|parquet|toml)")
 """Names of the files beside a page to which it links."""
@@ -176,16 +238,10 @@ LONG = 40
 them."""
 
 
-def pages(name: str) -> tuple[str, str, str]:
-    """Names of the files that `write_page` writes."""
-    return NAME, f"{name}.md", f"{name}.html"
-
-
-def write_page(page: Page, folder: Path, name: str) -> None:
-    """Write a page into a folder: ``page.json``, ``name.md`` and ``name.html``."""
-    texts = (page_text(page), markdown(page, data_files(folder)), html(page, folder))
-    for file, text in zip(pages(name), texts, strict=True):
-        (folder / file).write_text(text, encoding="utf-8")
+def write_page(report: Report, folder: Path) -> None:
+    """Write the page of a report into its folder, in which the figures and tables are already."""
+    for file, render in zip(page_files(report.name), (markdown, html), strict=True):
+        (folder / file).write_text(render(report, folder), encoding="utf-8")
 
 
 def data_files(folder: Path) -> list[str]:
@@ -195,62 +251,59 @@ def data_files(folder: Path) -> list[str]:
     )
 
 
-def markdown(page: Page, files: Collection[str] = ()) -> str:
+def markdown(report: Report, folder: Path) -> str:
     """A page as Markdown; the figures are linked, and the files beside it."""
-    environment = make_environment(PACKAGE, False)
-    environment.filters |= {
-        "md": partial(as_markdown, files=files),
-        "code": as_code,
-        "fence": fence,
+    linked = data_files(folder)
+    filters = {
+        "cell": partial(as_markdown, files=linked, cell=True),
         "line": line,
+        "block": as_block,
+        "address": as_address,
     }
-    text = environment.get_template("page.md.j2").render(
-        page=page, kind=_kind, NUMBER=NUMBER, files=files
-    )
+    text = _render(report, folder, "md", partial(as_markdown, files=linked), filters)
     return re.sub(r"\n{3,}", "\n\n", text).rstrip() + "\n"
 
 
-def html(page: Page, folder: Path) -> str:
+def html(report: Report, folder: Path) -> str:
     """A page as one HTML file that needs no other; figures are embedded, and table files in the
     folder are linked."""
-    blocks = [*page.blocks, *(block for section in page.all_sections() for block in section.blocks)]
-    anchors = _anchors(page)
-    files = data_files(folder)
-    terms = Terms(b for b in blocks if isinstance(b, Glossary))
-    plain = partial(as_html, files=files)
+    terms = Terms(report.words)
+    plain = partial(as_html, files=data_files(folder))
     filters = {
-        "inline": plain,
-        "explained": partial(as_html, files=files, words=terms.text),
-        "head": lambda text: terms.head(text, plain(text)),
+        "explained": partial(plain, words=terms.text),
+        "head": lambda head: terms.head(head, plain(head)),
         "cell": lambda cell: terms.cell(cell.text, plain(cell.display)),
-        "line": line,
-        "anchor": lambda section: anchors[id(section)],
-        "embed": lambda figure: _data_address(folder / figure.path),
+        "literal": lambda value: escape(line(value)),
+        "block": lambda value: escape(harmless(value).rstrip()),
+        "embed": lambda path: _data_address(folder / path),
     }
-    shown: dict[str, Any] = {
-        "page": page,
-        "kind": _kind,
-        "NUMBER": NUMBER,
-        "MARKS": MARKS,
-        "files": files,
-    }
-    return render_html(PACKAGE, "page", filters, **shown, LONG=LONG)
+    values = embed_files("rattle.compare.report", "page") | {"LONG": LONG}
+    return _render(report, folder, "html", plain, filters, **values)
 
 
-def _kind(block: Block) -> str:
-    return KINDS[type(block)]
+def _render(
+    report: Report,
+    folder: Path,
+    kind: str,
+    write: Callable[[str], Markup],
+    filters: Mapping[str, Any],
+    **values: Any,
+) -> str:
+    """Render the template of a page with the macros of a format.
+
+    `kind`: The format, ``md`` or ``html``. `write`: Makes a text one of the format.
+    """
+    environment = make_environment(_unless_made(write))
+    environment.filters |= {**filters, "columns": Table.of_frame, "table_of": Table.whole}
+    environment.tests["drawn"] = lambda path: (folder / path).is_file()
+    shared = {"words": report.words, "contents": Contents(), "number": of_numbers, "text": of_text}
+    environment.globals |= {**shared, **values}
+    macros = environment.get_template(f"report/templates/macros.{kind}.j2").module
+    environment.globals |= {name: of for name, of in vars(macros).items() if name[0] != "_"}
+    template = environment.get_template(report.template or f"{report.name}/page.j2")
+    layout = f"report/templates/layout.{kind}.j2"
+    return template.render(report.content, report=report, layout=layout, files=data_files(folder))
 
 
 def _data_address(path: Path) -> str:
     return f"data:{TYPES[path.suffix]};base64,{_base64(path.read_bytes())}"
-
-
-def _anchors(page: Page) -> dict[int, str]:
-    """Anchor of each section by its `id`: the words of its title, numbered where they repeat."""
-    anchors: dict[int, str] = {}
-    taken = {"source": 1}
-    for section in page.all_sections():
-        words = re.sub(r"\W+", "-", section.title.lower()).strip("-") or "section"
-        taken[words] = taken.get(words, 0) + 1
-        anchors[id(section)] = words if taken[words] == 1 else f"{words}--{taken[words]}"
-    return anchors

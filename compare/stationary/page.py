@@ -1,16 +1,15 @@
 """The page and the folder of a long run, with its answer in a few sentences."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from rattle.compare.chaos.sweep import Bifurcation
-from rattle.compare.report import Table
-from rattle.compare.report.save import contents, save_report
-from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary, table_of
+from rattle.compare.report.report import Report
+from rattle.compare.report.table import Table
+from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
@@ -21,14 +20,6 @@ from rattle.scene import Scene
 from rattle.scene.gear_values import UNITS
 from rattle.scene.text import percent
 from rattle.scene.threshold import rattle_threshold
-
-FIGURES = ("distribution", "section", "memory", "closures", "bifurcation")
-CONTENTS = contents(
-    "stationary",
-    figures=FIGURES,
-    tables=("stationary", "physical", "verdicts", "sections", "bifurcation"),
-)
-"""Files of such a folder; a folder with any other file is not overwritten."""
 
 WORDS: tuple[str, ...] = (
     *CLOSURE_TERMS,
@@ -74,40 +65,28 @@ def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(mark=rows["verdict"].map(MARK).fillna(""))
 
 
-def write_stationary(
-    out: Path, found: Stationary, view: Bifurcation | None, record: dict[str, Any], overwrite: bool
-) -> list[str]:
-    """Write the folder of a long run."""
+def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, Any]) -> Report:
+    """The report on a long run."""
     units = _units(found)
     gears = found.scene.gears
     figures = found.figures()
     tables = {"stationary": found.table.reset_index()}
-    own = found.table_in(units)
-    stages = found.scene.stages
-    rows = [
-        [
-            words.format("second" if gears else "unit of time"),
-            *(_by_mesh(own, n, m + 1, stages) for m in range(stages)),
-        ]
-        for n, words in BY_MESH.items()
-    ]
-    parts: dict[str, Any] = {"by_mesh": Table.of(["", "mesh 1", "mesh 2"][: stages + 1], rows)}
-    parts["quantities"] = table_of(own.reset_index(), ("quantity", "unit"))
-    parts["words"] = glossary(*WORDS, gears=gears)
-    values = {
+    shown = found.table_in(units)
+    quantities = shown.reset_index()
+    content = {
+        "by_mesh": _tabulate_meshes(found, shown),
+        "quantities": quantities,
         "slow": speed_text(found.slow, gears, units),
         "mass": "" if gears else MASS,
         "field": record["field"],
+        "tolerances": TOLERANCES,
     }
-    values |= {"tolerances": TOLERANCES, "every": ""}
     if gears:
-        tables["physical"] = own.reset_index()
-        plain = found.table_in("dimensionless").reset_index()
-        parts["dimensionless"] = table_of(plain, ("quantity", "unit"), "All quantities")
+        tables["physical"] = quantities
+        content["dimensionless"] = found.table_in("dimensionless").reset_index()
     if len(found.verdicts):
         tables["verdicts"] = found.verdicts_in(units)
-        parts["verdicts"] = _verdicts(tables["verdicts"])
-        values["every"] = "Every quantity" if len(parts["verdicts"]) > 12 else ""
+        content["verdicts"] = _verdicts(tables["verdicts"])
     if found.densities:
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
@@ -115,18 +94,29 @@ def write_stationary(
             view, *speed_unit(None if view.field in UNITS else gears)
         )
         tables["bifurcation"] = view.table
-    title = f"The long run of {record['name']}"
-    said = answer(found)
-    files: dict[str, Any] = {
-        "allowed": CONTENTS,
-        "figures": figures,
-        "tables": tables,
-        "overwrite": overwrite,
-    }
-    record = record | found.to_dict()
-    return save_report(
-        out, "stationary", title, said, record, parts, values=values, digits="%.8g", **files
+    return Report(
+        "stationary",
+        f"The long run of {record['name']}",
+        answer(found),
+        record | found.to_dict(),
+        content,
+        glossary(*WORDS, gears=gears),
+        figures=figures,
+        tables=tables,
+        digits="%.8g",
     )
+
+
+def _tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
+    """What is said of each mesh."""
+    time = "second" if found.scene.gears else "unit of time"
+    stages = found.scene.stages
+    meshes = range(1, stages + 1)
+    rows = [
+        [words.format(time), *(_by_mesh(table, name, mesh, stages) for mesh in meshes)]
+        for name, words in BY_MESH.items()
+    ]
+    return Table.of(["", *(f"mesh {mesh}" for mesh in meshes)], rows)
 
 
 def answer(found: Stationary) -> list[str]:

@@ -10,15 +10,16 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rattle.compare.engine.store import Cell, Content
-from rattle.compare.report import Block, Column, PageSection, Table, Text, numbers
 from rattle.compare.report.style import STYLE, new_figure
-from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
+from rattle.compare.report.table import Column, Table, of_numbers
+from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS
 from rattle.compare.stationary.measure import COLUMNS, stationary
 from rattle.compare.stationary.result import plain_unit
 from rattle.compare.stationary.verdicts import (
     CLOSURES_JUDGED,
     PREDICTED,
     TEXTS,
+    TOLERANCES,
     judge_predictions,
     predictions,
 )
@@ -43,6 +44,8 @@ SMALL = ("cost", "reasons")  # those of them that are written as CSV too
 KEYS = ("closures", *SETTINGS, "seed")
 TITLE = "study of the long run"
 PAGE = "rattle.compare.stationary.study"
+TEMPLATE = "stationary/study.j2"
+WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
 SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
@@ -364,23 +367,20 @@ def draw(r: LongTables) -> list[Drawing]:
     return drawn
 
 
-def blocks(
-    r: Any, record: Mapping[str, Any], seconds: Mapping[str, float]
-) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
-    """The main quantities at every point and the words above the sections of the page."""
-    words = glossary(
-        *CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit", gears=r.study.shown_gears
-    )
-    return (_main(r), Text(TEXTS["tolerances"], note=True), words), ()
+def content(r: LongTables, seconds: Mapping[str, float]) -> dict[str, Any]:
+    """What the template of the page shows: the main quantities at every point."""
+    return {"main": _main(r), "tolerances": TOLERANCES}
 
 
 def _main(r: LongTables) -> Table:
     """The main quantities at every point, with half widths of their intervals."""
     names = r.study.names
     shown = ("rate", "speed", "energy_per_period", "slow_share")
-    heads = [Column(n) for n in names] + list(
-        numbers(*(x for n in shown for x in (n, "±")), "burn-in", "periods")
-    )
+    numbers = [head for name in shown for head in (name, "±")]
+    heads: list[Column | str] = [
+        *names,
+        *map(of_numbers, [*numbers, "burn-in", "periods"]),
+    ]
     rows = []
     for _, point in r.cost.iterrows():
         own = r.quantities[(r.quantities[names] == point[names]).all(axis="columns")].set_index(
@@ -396,4 +396,4 @@ def _main(r: LongTables) -> Table:
                 float(point["periods"]),
             ]
         )
-    return Table.of(heads or ["the only point"], rows, "Every point" if len(rows) > 12 else "")
+    return Table.of(heads, rows)

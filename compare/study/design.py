@@ -171,8 +171,8 @@ KINDS = {"impacts": "rattle.compare.study.impacts", "stationary": "rattle.compar
 the predictions and the reasons of a `Point` from its scene and settings.  ``combine`` makes a
 ``RESULT`` of the results by key: an object with ``study, record, empty`` and ``TABLES``, each a
 Parquet file, those of ``SMALL`` written as CSV too.  ``PAGE`` is the module that shows it:
-``answer`` (sentences), ``draw`` (figures), ``blocks`` (what stands above the sections of the page,
-and its last).
+``answer`` (sentences), ``draw`` (figures), ``content`` (what its ``TEMPLATE`` shows besides), and
+the ``WORDS`` that it explains.
 """
 
 

@@ -14,28 +14,22 @@ from matplotlib.figure import Figure as Drawn
 
 from rattle.compare.engine.run import check_cells, has_cells
 from rattle.compare.engine.store import numerical_version
-from rattle.compare.report import (
-    Code,
-    Figure,
-    Page,
-    PageSection,
-    Row,
-    Table,
-    Text,
-    manifest,
-    numbers,
-)
+from rattle.compare.report import manifest
 from rattle.compare.report.folder import (
     FIGURES,
     MANIFEST,
+    page_files,
     read_own_manifest,
     refuse_foreign,
+    report_files,
     scratch_folder,
 )
 from rattle.compare.report.json_text import check_not_newer
-from rattle.compare.report.provenance import provenance, source_of
-from rattle.compare.report.render import pages
-from rattle.compare.report.save import contents, file_digest, write_files
+from rattle.compare.report.provenance import provenance
+from rattle.compare.report.report import Report
+from rattle.compare.report.save import file_digest, write_files
+from rattle.compare.report.table import Table, of_numbers
+from rattle.compare.report.texts import glossary
 from rattle.compare.study.design import KINDS, Point, Study, kind_of, page_of
 from rattle.scene import FileError, OutputError, RattleError
 from rattle.scene.files import parse_json, read_regular, read_text
@@ -62,9 +56,10 @@ def check_folder(study: Study, folder: Path, overwrite: bool) -> None:
     if not folder.is_dir():
         raise OutputError(f"out = {str(folder)!r}: exists and is not a folder; choose another name")
     check_cells(folder)
-    files = {FILE, FIGURES}.union(
-        *(contents("study", tables=k.SMALL, large=k.TABLES) for k in map(kind_of, KINDS))
-    )
+    kinds = [kind_of(name) for name in KINDS]
+    small = {f"{name}.csv" for kind in kinds for name in kind.SMALL}
+    large = {f"{name}.parquet" for kind in kinds for name in kind.TABLES}
+    files = {FILE, FIGURES, *report_files("study"), *small, *large}
     inside = {path for path in folder.iterdir() if path.name in files}
     record = read_own_manifest(folder)
     if record["kind"] == "study" if record and "kind" in record else has_cells(folder):
@@ -171,7 +166,7 @@ def _check_files(folder: Path, record: dict[str, Any], files: Iterable[str]) -> 
 
 def files_of(study: Study) -> tuple[str, ...]:
     """Files whose digests the manifest of a finished study holds."""
-    return (*(f"{name}.parquet" for name in kind_of(study.kind).TABLES), *pages("study"))
+    return (*(f"{name}.parquet" for name in kind_of(study.kind).TABLES), *page_files("study"))
 
 
 def is_current(study: Study, folder: Path) -> dict[str, Any] | None:
@@ -284,17 +279,17 @@ def _write(
 ) -> dict[str, Any]:
     study: Study = tables.study
     kind = kind_of(study.kind)
-    shown = page_of(study)
+    page = page_of(study)
     # another process may have replaced the file meanwhile
     (folder / FILE).write_text(study.text, encoding="utf-8")
-    drawn: list[Drawing] = shown.draw(tables)
-    figures = [Figure(f"{name}.svg", caption, caption) for name, _, caption in drawn]
+    drawn: list[Drawing] = page.draw(tables)
+    answer = page.answer(tables)
     record = {
         "version": manifest.VERSION,
         "kind": "study",
         "tables": list(kind.TABLES),
         "title": study.title,
-        "answer": shown.answer(tables),
+        "answer": answer,
         "complete": len(seconds) == len(study.cells),
         "points": len(study.points),
         "cells": len(study.cells),
@@ -305,32 +300,22 @@ def _write(
         **provenance(),
         **facts,
     }
-    opening, closing = shown.blocks(tables, record, seconds)
-    sections = [PageSection("Figures", tuple(figures[1:]))] if figures[1:] else []
-    if failures := group_failures(study.points, record.get("failed", {})):
-        rows: list[Row] = [
-            [failure.what, failure.points, failure.where, failure.why] for failure in failures
-        ]
-        every = Text("All points: `reasons.csv`.", note=True)
-        lost = Table.of(["what", *numbers("points"), "the first", "why"], rows)
-        sections.append(PageSection("What could not be computed", (every, lost)))
-    text = (Text("The study, `study.toml`:"), Code(study.text, "toml"))
-    source = source_of(record, text, {"rows": "`rattle.load_study(FOLDER)` loads every one"})
-    page = Page(
-        study.title,
-        tuple(record["answer"]),
-        source,
-        (*figures[:1], *opening),
-        (*sections, *closing),
-    )
-    return write_files(
-        folder,
+    failures = group_failures(study.points, record.get("failed", {}))
+    heads = ("what", of_numbers("points"), "the first", "why")
+    rows = ((failure.what, failure.points, failure.where, failure.why) for failure in failures)
+    content = {"study": study, "drawn": drawn, "failures": Table.of(heads, rows)}
+    report = Report(
         "study",
-        page,
+        study.title,
+        answer,
         record,
-        allowed=contents("study", tables=kind.SMALL, large=kind.TABLES),
-        figures={name: figure for name, figure, _ in drawn},
-        tables={name: getattr(tables, name) for name in kind.TABLES},
+        content | page.content(tables, seconds),
+        glossary(*page.WORDS, gears=study.shown_gears),
+        figures={drawing.name: drawing.figure for drawing in drawn},
+        tables={name: getattr(tables, name) for name in kind.SMALL},
+        large={name: getattr(tables, name) for name in kind.TABLES},
         digits="%.9g",
-        digests=files_of(study),
+        template=page.TEMPLATE,
+        more={"rows": "`rattle.load_study(FOLDER)` loads every one"},
     )
+    return write_files(folder, report, digests=files_of(study))

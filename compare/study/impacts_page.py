@@ -1,4 +1,4 @@
-"""What a study of impacts says: its answer in a few sentences, its figures and the blocks of its
+"""What a study of impacts says: its answer in a few sentences, its figures and the content of its
 page."""
 
 from collections.abc import Mapping
@@ -6,14 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from rattle.compare.report import Block, PageSection
-from rattle.compare.report.texts import (
-    CLOSURE_TERMS,
-    SECTION_TERMS,
-    VERDICT_TERMS,
-    glossary,
-    lay_out,
-)
+from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS
 from rattle.compare.study.estimate import scaling
 from rattle.compare.study.figures import FIGURES, panels
 from rattle.compare.study.folder import Drawing
@@ -29,6 +22,7 @@ from rattle.compare.validation.verdict import (
     want,
 )
 
+TEMPLATE = "study/impacts.j2"
 SYMBOLS = ("exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement")
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *SYMBOLS)
 # up to so many different ranges of validity of a closure are listed one by one in the answer
@@ -152,25 +146,17 @@ def draw(r: Tables) -> list[Drawing]:
     return drawn
 
 
-def blocks(
-    r: Tables, record: Mapping[str, Any], seconds: Mapping[str, float]
-) -> tuple[tuple[Block, ...], tuple[PageSection, ...]]:
-    """Counts of verdicts and the words above the sections of the page; the cost as its last
-    section."""
+def content(r: Tables, seconds: Mapping[str, float]) -> dict[str, Any]:
+    """What the template of the page shows: counts of verdicts, and the cost."""
     groups = r.of_all_paths.groupby(["closure", "moment"], sort=False)["verdict"]
     counts = [
         {"closure": c, "moments": f"{m}s"} | {v: int((said == v).sum()) for v in VERDICTS}
         for (c, m), said in groups
     ]
-    parts = {
+    cost = r.cost.groupby("what", sort=False)["seconds"].agg(["count", "median", "sum"])
+    return {
         "counts": pd.DataFrame(counts),
-        "words": glossary(*WORDS, gears=r.study.shown_gears),
-        "cost": (
-            r.cost.groupby("what", sort=False)["seconds"]
-            .agg(["count", "median", "sum"])
-            .reset_index()
-        ),
+        "cost": cost.reset_index(),
         "scaling": scaling(r.study.cells, seconds),
+        "rule": RULE,
     }
-    values = {"points": record["points"], "z": record["z"], "rule": RULE, "within": r.study.within}
-    return lay_out("study", parts, **values)

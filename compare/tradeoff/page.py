@@ -2,14 +2,13 @@
 figures."""
 
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Row, Table, TableCell, Text, numbers
-from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.report import Report
+from rattle.compare.report.table import Table, TableCell, of_numbers
 from rattle.compare.report.texts import (
     CLOSURE_TERMS,
     SCHEME_TERMS,
@@ -118,13 +117,6 @@ def verdict(m: Tradeoff) -> str:
     )
 
 
-CONTENTS = contents(
-    "tradeoff",
-    figures=["tradeoff", "orders"],
-    tables=["tradeoff", "levels", "control", "orders", "changes"],
-)
-"""Names of all files in a trade-off folder; a folder with any other file is not overwritten."""
-
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
@@ -141,7 +133,7 @@ def _parts(m: Tradeoff) -> dict[str, Any]:
         below=np.where(p["resolved"], "", "below "),
         most=p["rows"].max(),
     )
-    means: list[Row] = []
+    means: list[tuple[str, ...]] = []
     for a in m.accuracies:
         cells = [
             f"{e.seconds:.2g} ({e.typical:.2g})" for e in (x.estimate(a) for x in m.levels.values())
@@ -158,7 +150,6 @@ def _parts(m: Tradeoff) -> dict[str, Any]:
     rates = ("alpha", "beta", "typical_beta", "gamma")
     parts: dict[str, Any] = {
         "cheapest": pd.DataFrame([cheapest(p, a) | {"asked": a} for a in m.accuracies]),
-        "words": glossary(*WORDS, gears=m.reference.scene.gears),
         "points": p[p["kind"] == "scheme"],
         "slopes": pd.DataFrame(
             {
@@ -175,18 +166,13 @@ def _parts(m: Tradeoff) -> dict[str, Any]:
             | {rate: _rate(getattr(x, rate), 1 if rate == "gamma" else -1) for rate in rates}
             for name, x in m.levels.items()
         ),
-        "means": Table.of(numbers(*heads), means),
+        "means": Table.of(map(of_numbers, heads), means),
     }
     if m.orders:
         table = m.orders.table
-        parts |= {
-            "orders_said": [Text(said) for said in orders_said(table)],
-            "orders": format_orders(table),
-        }
+        parts |= {"orders_said": orders_said(table), "orders": format_orders(table)}
     if m.control.empty:
-        return parts | {
-            "no_control": Text("Left out: the control variate is for white noise only.")
-        }
+        return parts
     gains = {
         f"{of}_per_second": m.control[f"{of}_median"] / m.control["time_ratio"]
         for of in ("means", "sds")
@@ -259,9 +245,9 @@ def _groups(rows: pd.DataFrame, value: str) -> str:
     return join_words(found)
 
 
-def write_tradeoff(out: Path, m: Tradeoff, record: dict[str, Any], overwrite: bool) -> list[str]:
-    """Write the folder of a trade-off, whole or not at all."""
-    sentences = answer(m)
+def make_report(m: Tradeoff, record: dict[str, Any]) -> Report:
+    """The report on a trade-off."""
+    *sentences, multilevel = answer(m)
     scene = m.reference.scene
     impacts = m.reference.impacts
     exact = m.models[EXACT]
@@ -280,18 +266,21 @@ def write_tradeoff(out: Path, m: Tradeoff, record: dict[str, Any], overwrite: bo
     if m.orders:
         figures["orders"] = order_figure(m.orders.changes)
         tables |= {"orders": m.orders.table, "changes": m.orders.changes}
-    said = {
-        "verdict": sentences[-1],
+    content = {
+        "verdict": multilevel,
         "budget": record["budget"],
         "reference": f"{m.reference.paths:,}",
+        "alarm": f"{KURTOSIS_ALARM:g}",
+        "impacts": IMPACTS,
     }
-    said |= {"alarm": f"{KURTOSIS_ALARM:g}", "impacts": IMPACTS}
-    title = f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts"
-    files: dict[str, Any] = {
-        "figures": figures,
-        "tables": tables,
-        "more": {"all points": "`tradeoff.csv`"},
-    }
-    files |= {"values": said, "allowed": CONTENTS, "overwrite": overwrite}
-    save_report(out, "tradeoff", title, sentences[:-1], record, _parts(m), **files)
-    return sentences
+    return Report(
+        "tradeoff",
+        f"What accuracy costs: {record['name']}, σ = {scene.sigma:.4g}, {impacts} impacts",
+        sentences,
+        record,
+        content | _parts(m),
+        glossary(*WORDS, gears=scene.gears),
+        figures=figures,
+        tables=tables,
+        more={"all points": "`tradeoff.csv`"},
+    )

@@ -6,20 +6,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
-from matplotlib.figure import Figure as Drawing
+from matplotlib.figure import Figure
 
-from rattle.compare.report import MARKS as SIGNS
-from rattle.compare.report import Block, Code, Figure, Page, PageSection, Text, manifest
+from rattle.compare.report import manifest
 from rattle.compare.report.folder import name_of
-from rattle.compare.report.provenance import command_line, provenance, source_of
-from rattle.compare.report.save import contents, csv_text, save
+from rattle.compare.report.provenance import command_line, provenance
+from rattle.compare.report.report import Report
+from rattle.compare.report.save import csv_text, save
 from rattle.compare.report.style import caption_of, render
+from rattle.compare.report.table import MARKS as SIGNS
 from rattle.compare.report.texts import (
     CLOSURE_TERMS,
     SECTION_TERMS,
     VERDICT_TERMS,
     glossary,
-    lay_out,
     read_texts,
 )
 from rattle.compare.validation import tables
@@ -31,41 +31,22 @@ from rattle.compare.validation.figures import (
     drive_figure,
     validity_figure,
 )
-from rattle.compare.validation.tables import motion_blocks
 from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
 from rattle.scene.parts import SINE_ALONE
 
-CONTENTS = contents(
-    "report",
-    tables=("table", "correlation", "leaving", "validity", "speed", "simulation", "schemes"),
-    large=("table", "validity"),
-) | {"figures"}
-"""Names of all files in a report folder; a folder with any other file is not overwritten."""
-
 TABLES = {"table": "table", "correlation": "correlation", "leaving": "run.leaving"}
 """Tables of a validation by the name of their file."""
+LARGE = ("table", "validity")
+"""Tables that are written as Parquet too."""
 WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
 CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
 """Of each figure the parts of its caption, with a word of the legend that each needs."""
-UNRESOLVED = " “≤”: the sample cannot tell the error from zero, so the speed-up is a lower bound."
-TIMED = (
-    " The time of a closure of one's own is measured on this machine; it is not compared with"
-    " counted work."
-)
-
-
-def _add(
-    drawings: dict[str, Drawing], drawing: Drawing, name: str, parts: Mapping[str, str]
-) -> Figure:
-    """Add a drawing to those that are to be written; the block that shows it."""
-    drawings[f"figures/{name}"], caption = drawing, caption_of(drawing, parts.items())
-    return Figure(f"figures/{name}.svg", caption, caption)
 
 
 class DrawnSection(NamedTuple):
     """One noise intensity of the page, and its figures as SVG by their names."""
 
-    section: PageSection
+    content: dict[str, Any]
     figures: dict[str, bytes]
 
 
@@ -76,143 +57,96 @@ def draw_sections(validations: Sequence[Comparison]) -> list[DrawnSection]:
 
 
 def _draw_section(v: Comparison, number: int) -> DrawnSection:
-    drawings: dict[str, Drawing] = {}
     sigma = sigma_text(v)
-    errors = list[Block]()
-    for closure, prediction in v.predictions.items():
-        errors.append(
-            tables.impact_table(
-                v, closure, f"Errors of the {closure} closure per impact, σ = {sigma}"
-            )
-        )
-        if prediction.stopped:
-            errors.append(
-                Text(f"The {closure} closure cannot be continued: {prediction.stopped}.", note=True)
-            )
-    left = tables.list_leaving(v)
-    failures = tables.find_failures(v)
-    parts = {
+    figures: dict[str, bytes] = {}
+    captions: dict[str, str] = {}
+    for kind, draw in FIGURES.items():
+        if figure := draw(v):
+            name = f"figures/{kind}-{number}-sigma-{sigma}"
+            figures[name] = render(figure)
+            captions[name] = caption_of(figure, CAPTIONS[kind].items())
+    content: dict[str, Any] = {
+        "sigma": sigma,
+        "simulation": tables.simulation_text(v),
         "reach": tables.find_reach(v),
         "counts": tables.count_verdicts(v),
-        "motion": motion_blocks(v),
-        "figures": [
-            _add(drawings, figure, f"{kind}-{number}-sigma-{sigma}", CAPTIONS[kind])
-            for kind, draw in FIGURES.items()
-            if (figure := draw(v))
-        ],
-        **({"leaving": left} if len(left) else {"no_leaving": True}),
-        **({"failures": failures} if len(failures) else {"no_failures": True}),
+        "captions": captions,
+        "leaving": tables.list_leaving(v),
+        "failures": tables.find_failures(v),
         "distances": tables.find_distances(v),
-        "errors": errors,
+        "errors": {closure: tables.impact_table(v, closure) for closure in v.predictions},
+        "stopped": {closure: found.stopped for closure, found in v.predictions.items()},
     }
-    values = {"sigma": sigma, "simulation": tables.simulation_text(v)}
-    section = PageSection(
-        f"σ = {sigma}", *lay_out("validation", parts, layout="sigma.md", **values)
-    )
-    return DrawnSection(section, {name: render(drawing) for name, drawing in drawings.items()})
+    if v.scene.gears is not None:
+        content["units"] = v.scene.gears.units
+        content["motion"] = tables.motion_table(v)
+        if len(v.run.at_times()):
+            content["times"] = tables.time_table(v)
+    return DrawnSection(content, figures)
 
 
-def _own_closures(v: Comparison) -> list[Block]:
+def _describe_own_closures(v: Comparison) -> list[str]:
     """What each closure of one's own is, where there is one."""
-    found: list[Block] = []
+    found = []
     for name, method in ((name, m.method) for name, m in v.predictions.items() if m.method.own):
         meaning = (
             (getattr(method.function, "__doc__", None) or "no description").strip().split("\n")[0]
         )
         where = f" (`{method.reference}`)" if method.reference else ""
         digest = method.digest[:12]
-        found.append(
-            Text(
-                f"`{name}`{where} is a closure of one's own, source {digest}: {meaning}", note=True
-            )
-        )
+        found.append(f"`{name}`{where} is a closure of one's own, source {digest}: {meaning}")
     return found
 
 
-def _page(
-    settings: manifest.ReportSettings,
-    validations: Sequence[Comparison],
-    swept: Sweep | None,
-    record: dict[str, Any],
-    drawn: Sequence[DrawnSection],
-    drawings: dict[str, Drawing],
-    schemes: pd.DataFrame | None,
-) -> Page:
-    """The page of the report; its figures are added to the drawings."""
-    first = validations[0]
-    captions = {
+def _draw(first: Comparison, validations: Sequence[Comparison], swept: Sweep | None) -> Any:
+    """The figures of all noise intensities together, with the texts of their captions."""
+    agreement = {
         text: ""
         for text, word in CAPTIONS["agreement"].items()
         if not word or word in first.predictions
     }
-    agreement = _add(drawings, agreement_figure(validations), "agreement", captions)
-    words = glossary(
-        *CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=first.scene.gears
-    )
-    explained = [*_own_closures(first), words]
-    parts = dict[str, Any]()
-    marks = ", ".join(
-        f"{SIGNS[m] or '–'} {verdict}"
-        for verdict, m in tables.MARKS.items()
-        if verdict != NOT_JUDGED
-    )
-    values: dict[str, Any] = {
-        "rule": RULE,
-        "marks": marks,
-        "unresolved": "",
-        "timed": "",
-        "none": "",
-    }
-    values |= {
-        "validity_paths": settings.validity_paths,
-        "beside": 0 if schemes is None else schemes["paths"].max(),
+    drawn: dict[str, tuple[Figure, Mapping[str, str]]] = {
+        "agreement": (agreement_figure(validations), agreement)
     }
     if swept:
-        figure = _add(
-            drawings,
-            validity_figure(swept.validity, settings.impacts),
-            "validity",
-            CAPTIONS["validity"],
-        )
-        parts |= {"validity_figure": figure, "validity": tables.merge_sigmas(swept.validity)}
-        parts |= {
-            "agreement": agreement,
-            "own_and_words": explained,
-            "speed": tables.speed_rows(swept.speed),
-        }
-        values |= {} if swept.speed["resolved"].all() else {"unresolved": UNRESOLVED}
-        values |= {"timed": TIMED} if swept.speed["speed_up"].isna().any() else {}
-        if swept.speed.empty:
-            values["none"] = (
-                "some are" if (swept.validity["not_inaccurate"] > 0).any() else "none is"
-            )
-            parts |= {"speed": (), "no_speed": True}
-    else:
-        parts |= {"agreement_alone": agreement, "words_alone": explained}
-    if schemes is not None:
-        at = (
-            (Text(f"At σ = {sigma_text(v)}:"), tables.scheme_table(schemes, v.scene.sigma))
-            for v in validations
-        )
-        parts["schemes"] = [block for pair in at for block in pair]
-    if claim := correlation_claim(validations):
-        parts["claim"] = Text(claim)
-    opening, sections = lay_out("validation", parts, **values)
-    sections += tuple(one.section for one in drawn)
+        impacts = first.run.impacts
+        drawn["validity"] = (validity_figure(swept.validity, impacts), CAPTIONS["validity"])
     if first.scene.drive != SINE_ALONE:
-        shown = _add(drawings, drive_figure(first.scene), "drive", CAPTIONS["drive"])
-        sections += (PageSection("The drive", (shown,)),)
-    scene = Code(first.scene.to_toml(), "toml")
-    files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
-    digests = {f"`{name}.csv`": f"sha256 {digest}" for name, digest in files.items() if digest}
-    source = source_of(record, (Text("The scene at its first noise intensity:"), scene), digests)
-    return Page(
-        f"Can the closure be believed? {settings.name}",
-        tuple(record["answer"]),
-        source,
-        opening,
-        sections,
-    )
+        drawn["drive"] = (drive_figure(first.scene), CAPTIONS["drive"])
+    return drawn
+
+
+def _fill(
+    settings: manifest.ReportSettings,
+    validations: Sequence[Comparison],
+    swept: Sweep | None,
+    schemes: pd.DataFrame | None,
+) -> dict[str, Any]:
+    """What the template of the page shows besides the figures and the noise intensities."""
+    first = validations[0]
+    marks = [
+        f"{SIGNS[mark] or '–'} {verdict}"
+        for verdict, mark in tables.MARKS.items()
+        if verdict != NOT_JUDGED
+    ]
+    content: dict[str, Any] = {
+        "swept": swept is not None,
+        "own_closures": _describe_own_closures(first),
+        "marks": ", ".join(marks),
+        "rule": RULE,
+        "claim": correlation_claim(validations),
+        "scene": first.scene.to_toml(),
+    }
+    if swept:
+        content["validity"] = tables.merge_sigmas(swept.validity)
+        content["validity_paths"] = settings.validity_paths
+        content["speed"] = tables.speed_rows(swept.speed)
+    if schemes is not None:
+        content["beside"] = schemes["paths"].max()
+        content["schemes"] = [
+            (sigma_text(v), tables.scheme_table(schemes, v.scene.sigma)) for v in validations
+        ]
+    return content
 
 
 def all_rows(validations: Sequence[Comparison]) -> pd.DataFrame:
@@ -252,23 +186,32 @@ def write_report(
         for name in ("table", "validity")
     }
     record = {"version": manifest.VERSION, "settings": settings.to_dict(), **digests, **origin}
-    record["answer"] = list(said)
-    drawings: dict[str, Drawing] = {}
-    page = _page(settings, validations, swept, record, drawn, drawings, schemes)
-    figures: dict[str, Drawing | bytes] = {**drawings}
+    first = validations[0]
+    files = {"table": record["table_sha256"], "validity": record["validity_sha256"]}
+    drawings = _draw(first, validations, swept)
+    figures: dict[str, Figure | bytes] = {}
+    captions: dict[str, str] = {}
+    for name, (figure, parts) in drawings.items():
+        figures[f"figures/{name}"] = figure
+        captions[f"figures/{name}"] = caption_of(figure, parts.items())
     for one in drawn:
         figures |= one.figures
-    save(
-        out,
+    content = _fill(settings, validations, swept, schemes)
+    report = Report(
         "report",
-        page,
+        f"Can the closure be believed? {settings.name}",
+        said,
         record,
-        allowed=CONTENTS,
+        content | {"captions": captions, "validations": [one.content for one in drawn]},
+        glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=first.scene.gears),
         figures=figures,
         tables=frames,
-        overwrite=overwrite,
+        large={name: frames[name] for name in LARGE if name in frames},
+        template="validation/page.j2",
+        more={f"`{name}.csv`": f"sha256 {sha256}" for name, sha256 in files.items() if sha256},
     )
-    return record
+    save(out, report, overwrite)
+    return record | {"answer": list(said)}
 
 
 def write_one(v: Comparison, out: Path, overwrite: bool) -> Path:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from rattle.compare.report import Block, Row, Table, TableCell, Text, numbers
+from rattle.compare.report.table import Table, TableCell, of_numbers
 from rattle.compare.validation.comparison import CAUSES, Comparison, find_validities
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.realizability import (
@@ -26,7 +26,7 @@ MARKS = {
     "not predicted": "",
     "not judged": "",
 }
-"""Mark of a table cell for each verdict, see `rattle.compare.report.MARKS`."""
+"""Mark of a table cell for each verdict, see `rattle.compare.report.table.MARKS`."""
 
 DESCRIBES = {"itinerary": "paths on its itinerary", "all paths": "all paths", None: "not stated"}
 """What the page says of `rattle.closure.Closure.describes`."""
@@ -58,7 +58,7 @@ def _cell(row: pd.Series) -> TableCell:
     return TableCell(text, MARKS[row["verdict"]], float(error))
 
 
-def impact_table(v: Comparison, closure: str, summary: str) -> Table:
+def impact_table(v: Comparison, closure: str) -> Table:
     """Errors of a closure at each impact, in sds, with the half width of their intervals."""
     section = v.predictions[closure].section
     cells = {
@@ -77,10 +77,9 @@ def impact_table(v: Comparison, closure: str, summary: str) -> Table:
         columns[f"ρ{stage}"] = [
             "–" if pd.isna(rho) else f"{rho:.3f}" for rho in section[f"rho{stage}"]
         ]
-    realizable = ["yes" if possible else "no" for possible in section["realizable"]]
-    return Table.of(
-        [*numbers(*columns), "realizable"], zip(*columns.values(), realizable, strict=True), summary
-    )
+    columns["realizable"] = ["yes" if possible else "no" for possible in section["realizable"]]
+    heads = [name if name == "realizable" else of_numbers(name) for name in columns]
+    return Table.of(heads, zip(*columns.values(), strict=True))
 
 
 def find_failures(v: Comparison) -> pd.DataFrame:
@@ -190,25 +189,6 @@ def simulation_text(v: Comparison) -> str:
     return " ".join((text, *([] if v.scene.correlation_time else [rare]), *run.diagnostics))
 
 
-NOTE = (
-    "The simulated motion, mean ± sd over the paths: each path just before its own k-th impact. For"
-    " these gears 1 of τ is {time:.4g} ms, of x {length:.4g} mm, of y {speed:.4g} mm/s. The energy"
-    " is the mean loss at the impact."
-)
-FIXED = "The simulated motion between the impacts: mean ± sd of all paths at one time"
-
-
-def motion_blocks(v: Comparison) -> list[Block]:
-    """The motion of a validation's gears in both systems of units, as blocks of a page."""
-    if v.scene.gears is None:
-        return []
-    blocks: list[Block] = [
-        Text(NOTE.format(**v.scene.gears.units._asdict()), note=True),
-        motion_table(v),
-    ]
-    return [*blocks, time_table(v)] if len(v.run.at_times()) else blocks
-
-
 def motion_table(v: Comparison) -> Table:
     """The simulated section means and sds in both systems of units."""
     plain = v.run.section
@@ -220,7 +200,7 @@ def motion_table(v: Comparison) -> Table:
     columns |= {f"{name} [mm/s]": _spreads(physical, f"{name}_mm_per_s") for name in speeds}
     if "energy_mJ" in physical:
         columns["energy [mJ]"] = [f"{energy:.3g}" for energy in physical["energy_mJ"]]
-    return Table.of(numbers(*columns), zip(*columns.values(), strict=True))
+    return Table.of(map(of_numbers, columns), zip(*columns.values(), strict=True))
 
 
 def time_table(v: Comparison) -> Table:
@@ -238,7 +218,7 @@ def time_table(v: Comparison) -> Table:
         columns[f"{name} [{unit.replace('_per_', '/')}]"] = _spreads(
             physical, f"{name}_{unit}", variance
         )
-    return Table.of(numbers(*columns), zip(*columns.values(), strict=True), FIXED)
+    return Table.of(map(of_numbers, columns), zip(*columns.values(), strict=True))
 
 
 def duration_words(v: Comparison) -> str:
@@ -300,7 +280,7 @@ FORMS = {"dt": ".4g", "paths": ",.0f", **dict.fromkeys(NUMBERS, ".3g")}
 def scheme_table(found: pd.DataFrame, sigma: float) -> Table:
     """The rows of one noise intensity."""
     own = found[found["sigma"] == sigma].replace({"paths": {0: np.nan}})
-    rows: list[Row] = [
+    rows = [
         [
             r["method"],
             *("–" if pd.isna(r[name]) else format(r[name], form) for name, form in FORMS.items()),
@@ -316,4 +296,4 @@ def scheme_table(found: pd.DataFrame, sigma: float) -> Table:
         "off by, sd",
         "processor time in s",
     )
-    return Table.of(["scheme or closure", *numbers(*heads)], rows)
+    return Table.of(["scheme or closure", *map(of_numbers, heads)], rows)

@@ -109,14 +109,14 @@ def test_such_a_log_is_refused_before_any_work(kind, wanted, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("kind", ENDLESS)
-@pytest.mark.parametrize("name", ["manifest.json", "errors.parquet", "page.json"])
+@pytest.mark.parametrize("name", ["manifest.json", "errors.parquet", "study.md"])
 def test_such_a_file_of_a_finished_study_is_damaged(kind, name, once, tmp_path, monkeypatch):
     shutil.copytree(once, folder := tmp_path / "s")
     monkeypatch.chdir(folder)
     (folder / name).unlink()
     ENDLESS[kind]((folder / name).relative_to(folder) if kind == "socket" else folder / name)
     assert is_current(Study.from_toml(study()), folder) is None
-    if name != "page.json":
+    if name != "study.md":
         with pytest.raises(FileError, match=r"holds no finished study|is damaged"):
             load_study(folder)
 

@@ -86,7 +86,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
-@pytest.mark.parametrize("name", ["errors.parquet", "study.html", "page.json", "manifest.json"])
+@pytest.mark.parametrize("name", ["errors.parquet", "study.html", "study.md", "manifest.json"])
 def test_a_damaged_page_is_seen(file, finished, name, damage):
     wanted = Study.load(file)
     assert is_current(wanted, finished)

@@ -13,7 +13,7 @@ from commands import strict
 from fuzz_must import Ended, has_verdicts, must, refused
 
 from rattle.compare.cli.main import main
-from rattle.compare.report.json_text import read_page
+from rattle.compare.cli.show import read_page
 from rattle.compare.study.folder import load_study
 from rattle.montecarlo import simulate
 from rattle.scene import Scene
@@ -100,7 +100,7 @@ def validate_file(scene: Scene, settings: dict[str, Any]) -> Ended:
         if done.exit_code == 2:
             return "refused", "validate"
         must(strict(done.stdout)["answer"], "no answer")
-        read_page(place / "r" / "page.json")
+        read_page(place / "r")
         must(ran(["show", "r"], place).exit_code == 0, "show")
     return "complete", ""
 

@@ -23,9 +23,9 @@ from settings import recorded
 
 from rattle import validate
 from rattle.closure import mean_map
+from rattle.compare.cli.show import read_page
 from rattle.compare.engine import store
 from rattle.compare.report import manifest
-from rattle.compare.report.json_text import read_page
 from rattle.compare.study.design import Study
 from rattle.compare.study.folder import load_study
 from rattle.compare.thresholds.fixture import read_baseline
@@ -245,7 +245,7 @@ READERS = {
     "scene.toml": lambda path: Scene.from_toml(path.read_text(encoding="utf-8")).to_toml(),
     "study.toml": read_study_text,
     "report/manifest.json": manifest.read_settings,
-    "report/page.json": read_page,
+    "report/report.md": read_page,
     "baseline.toml": read_baseline,
 }
 TOKENS = (

@@ -1,19 +1,18 @@
 """Pages that the tests show."""
 
 import base64
+from pathlib import Path
 
-from rattle.compare.report import (
-    Code,
-    Figure,
-    Glossary,
-    Page,
-    PageSection,
-    Source,
-    Table,
-    TableCell,
-    Text,
-    numbers,
-)
+from jinja2 import ChoiceLoader, FileSystemLoader
+
+from rattle.compare.report import render
+from rattle.compare.report.report import Report
+from rattle.compare.report.table import Table, TableCell, of_numbers
+
+render.LOADER = ChoiceLoader([render.LOADER, FileSystemLoader(Path(__file__).parent)])
+
+RECORD = {"commit": "abc", "command": "rattle", "wall_seconds": 1.0, "versions": {}}
+
 
 NASTY = (
     "</style><script>alert(1)</script> `x` | *y* _z_ [a](b) ![c](d) &lt; $e$\n# f\r\n| g |\x1b[2J"
@@ -31,8 +30,8 @@ PNG = (  # a white pixel
 
 
 def sample(text="a plain text"):
-    """A page with one block of every kind, and the text wherever a scene or file name can put
-    one."""
+    """A page with everything that a template can show, and the text wherever a scene or file name
+    can put one."""
     speeds = {
         "saltation": "≥ 480",
         "published": "9",
@@ -41,36 +40,23 @@ def sample(text="a plain text"):
         "other": -2,
     }
     rows = [*speeds.items(), (text, "-1.5e2"), *((f"row {i}", 9) for i in range(6))]
-    table = Table.of(["closure", *numbers("speed-up")], rows)
     cells = [TableCell(f"{i / 7:+.3f} ± 0.012", ("good", "bad", "open")[i % 3]) for i in range(14)]
-    heads = numbers(*(f"E y{i}" for i in range(14)))
+    heads = [of_numbers(f"E y{i}") for i in range(14)]
     impacts = [[str(k), *cells, "why it ends, at some length: " + text] for k in (1, 2)]
-    wide = Table.of(["impact", *heads, text], impacts)
-    section = PageSection(
-        f"First {text}",
-        (
-            Text(f"Before {text}", note=True),
-            table,
-            Figure("figures/a.svg", f"Under {text}", f"Shows {text}"),
-        ),
-        (
-            PageSection("Inner", (Table.of(wide.columns, wide.rows, f"Folded {text}"),)),
-            PageSection(f"First {text}"),
-        ),
-    )
-    source = Source(
-        f"rattle validate {text}",
-        (("commit", "abc"), ("file", text)),
-        (Code(f"x = '{text}'\n", "toml"),),
-    )
-    words = Glossary(f"Words of {text}", (("σ", "noise intensity"), ("other", f"means {text}")))
-    opening = (Figure("b.png", "A point.", "One point"), Code("```\na\n```"), words)
-    return Page(
+    content = {
+        "text": text,
+        "speeds": Table.of(["closure", of_numbers("speed-up")], rows),
+        "wide": Table.of(["impact", *heads, text], impacts),
+    }
+    return Report(
+        "report",
         f"Is {text} right?",
         (f"Yes: {text}.", "It holds up to σ = 0.1."),
-        source,
-        opening,
-        (section,),
+        RECORD | {"repeat": f"rattle validate {text}"},
+        content,
+        (("σ", "noise intensity"), ("other", f"means {text}")),
+        template="sample.j2",
+        more={"file": text},
     )
 
 

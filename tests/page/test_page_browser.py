@@ -7,11 +7,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from commands import rattle
-from sample_page import NASTY, figures, sample
+from sample_page import NASTY, RECORD, figures, sample
 
-from rattle.compare.report import Page, Source, Table
 from rattle.compare.report.render import write_page
+from rattle.compare.report.report import Report
 from rattle.compare.report.style import STYLE
+from rattle.compare.report.table import Table
 
 COLUMN = (
     "[...document.querySelectorAll('section table')[0].rows].slice(1).map(row =>"
@@ -32,14 +33,14 @@ NAMES = [
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     folder = figures(tmp_path_factory.mktemp("page") / "plain")
-    write_page(sample(), folder, "report")
+    write_page(sample(), folder)
     return folder / "report.html"
 
 
 @pytest.fixture(scope="module")
 def nasty(tmp_path_factory):
     folder = figures(tmp_path_factory.mktemp("page") / "nasty")
-    write_page(sample(NASTY + "long" * 60), folder, "report")
+    write_page(sample(NASTY + "long" * 60), folder)
     return folder / "report.html"
 
 
@@ -241,9 +242,9 @@ def test_first_screen_has_advice_and_key_figure(browser, report):
 
 
 def test_long_folded_tables_are_not_printed_and_say_so(browser, tmp_path):
-    table = Table.of(["a"], [[f"row {i}"] for i in range(60)], "All rows")
-    page = Page("t", ("a",), Source("rattle"), (table,))
-    write_page(page, tmp_path, "report")
+    table = Table.of(["a"], [[f"row {i}"] for i in range(60)])
+    report = Report("report", "t", ("a",), RECORD, {"rows": table}, template="long.j2")
+    write_page(report, tmp_path)
     browser.open(tmp_path / "report.html", 794, medium="print")
     assert not browser.run("document.querySelector('details table').checkVisibility()")
     said = "getComputedStyle(document.querySelector('summary'), '::after').content"

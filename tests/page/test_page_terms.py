@@ -5,26 +5,25 @@ import re
 
 import pytest
 from markupsafe import Markup, escape
+from sample_page import RECORD
 
-from rattle.compare.report import Figure, Glossary, Page, PageSection, Source, Table, Text, numbers
 from rattle.compare.report.render import Terms, as_html, write_page
+from rattle.compare.report.report import Report
+from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import CLOSURE_TERMS, SECTION_TERMS, VERDICT_TERMS, glossary
 
-GLOSSARY = Glossary(
-    "Words",
-    (
-        ("`published`", "as printed"),
-        ("x1, x2", "position <b>"),
-        ("σ", "noise"),
-        ("E, sd", "spread"),
-    ),
+GLOSSARY = (
+    ("`published`", "as printed"),
+    ("x1, x2", "position <b>"),
+    ("σ", "noise"),
+    ("E, sd", "spread"),
 )
 MARKED = re.compile(r'<abbr title="([^"]*)"(?: tabindex="(-?\d)")?>(.*?)</abbr>')
 
 
 def test_words_are_marked_once_in_a_text_and_names_only_in_code():
     text = "`published` results, published: sds of x1 and x1, not ax1 or x1-x2, at σ"
-    found = MARKED.findall(str(as_html(text, words=Terms([GLOSSARY]).text)))
+    found = MARKED.findall(str(as_html(text, words=Terms(GLOSSARY).text)))
     assert [(title.split(":")[0], word) for title, _, word in found] == [
         ("published", "published"),
         ("E, sd", "sds"),
@@ -34,7 +33,7 @@ def test_words_are_marked_once_in_a_text_and_names_only_in_code():
 
 
 def test_heads_say_all_their_terms_and_cells_that_are_one():
-    terms = Terms([GLOSSARY])
+    terms = Terms(GLOSSARY)
     assert "x1, x2: position &lt;b&gt;" in terms.head("sd x2", Markup("sd x2"))
     assert 'title="E, sd: spread; x1' in terms.head("sd x2", Markup("sd x2"))
     assert 'title="published: as printed"' in terms.cell("published", Markup("published"))
@@ -52,13 +51,13 @@ def shown(tmp_path_factory, browser):
         '<svg xmlns="http://www.w3.org/2000/svg" width="640" height="200"/>'
     )
     table = Table.of(
-        ["closure", *numbers("E τ", "sd y1")], [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]]
+        ["closure", of_numbers("E τ"), of_numbers("sd y1")],
+        [["saltation", 0.1, 0.2], ["published", 0.3, 0.4]],
     )
     words = glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, "σ")
-    opening = (Figure("a.svg", "Is it accurate?", "a"), table, words)
-    section = PageSection("s", (Text("The closures are accurate."),))
-    page = Page("t", ("Take `saltation` up to σ = 0.1.",), Source("rattle"), opening, (section,))
-    write_page(page, folder, "report")
+    answer = ("Take `saltation` up to σ = 0.1.",)
+    report = Report("report", "t", answer, RECORD, {"rows": table}, words, template="terms.j2")
+    write_page(report, folder)
     return browser, folder / "report.html"
 
 

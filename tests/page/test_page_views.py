@@ -10,9 +10,9 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, figures, sample
 
-from rattle.compare.cli.show import page_lines
-from rattle.compare.report import MARKS, Code, Figure, Glossary, Text
-from rattle.compare.report.render import data_files, html, markdown
+from rattle.compare.cli.show import read_sections
+from rattle.compare.report.render import html, markdown
+from rattle.compare.report.table import MARKS
 from rattle.scene.text import line
 
 
@@ -41,35 +41,27 @@ class Read(HTMLParser):
         self.text += "" if self._hidden else data
 
 
+def terminal(page, folder, width=100_000):
+    """The lines of a page on a terminal, without colours."""
+    sections = read_sections(markdown(page, folder))
+    return [click.unstyle(row) for one in sections for row in one.lines(width)]
+
+
 def squeezed(text):
     return re.sub(r"\s+", "", text)
 
 
-def said(page):
+def said(report):
     """Every text of a page, as a reader should see it."""
-
-    def of(blocks):
-        for block in blocks:
-            if isinstance(block, Text | Code):
-                yield block.text
-            elif isinstance(block, Figure):
-                yield block.caption
-            elif isinstance(block, Glossary):
-                yield block.title
-                for term in block.terms:
-                    yield from term
-            else:
-                yield block.summary
-                yield from (column.head for column in block.columns)
-                yield from (cell.text + MARKS[cell.mark] for row in block.rows for cell in row)
-
-    yield from (page.title, *page.answer, page.source.repeat)
-    for name, value in page.source.facts:
-        yield from (name, value)
-    yield from of((*page.blocks, *page.source.blocks))
-    for section in page.all_sections():
-        yield section.title
-        yield from of(section.blocks)
+    text = report.content["text"]
+    for table in (report.content["speeds"], report.content["wide"]):
+        yield from (column.head for column in table.columns)
+        yield from (cell.text + MARKS[cell.mark] for row in table.rows for cell in row)
+    for pair in (*report.facts.items(), *report.words):
+        yield from pair
+    yield from (report.title, *report.answer, report.repeat, "A point.", "```\na\n```", "Inner")
+    yield from (f"{word} {text}" for word in ("First", "Before", "Under", "Folded", "Again"))
+    yield f"x = '{text}'"
 
 
 def bare(markdown_text):
@@ -80,10 +72,11 @@ def bare(markdown_text):
 @pytest.mark.parametrize("text", ["a plain text", NASTY])
 def test_all_three_views_say_everything(text, tmp_path):
     page = sample(text)
+    folder = figures(tmp_path)
     views = {
-        "html": Read(html(page, figures(tmp_path))).text,
-        "markdown": bare(markdown(page)),
-        "terminal": click.unstyle("\n".join(page_lines(page, 100_000))),
+        "html": Read(html(page, folder)).text,
+        "markdown": bare(markdown(page, folder)),
+        "terminal": "\n".join(terminal(page, folder)),
     }
     for view, shown in views.items():
         seen = squeezed(shown).replace("`", "")
@@ -91,8 +84,8 @@ def test_all_three_views_say_everything(text, tmp_path):
             assert squeezed(line(words)).replace("`", "") in seen, (view, words)
 
 
-def test_what_is_left_out_would_be_noticed():
-    shown = squeezed(click.unstyle("\n".join(page_lines(sample(), 100_000))))
+def test_what_is_left_out_would_be_noticed(tmp_path):
+    shown = squeezed("\n".join(terminal(sample(), tmp_path)))
     assert not all(squeezed(words) in shown for words in said(sample("another text")))
 
 
@@ -136,7 +129,8 @@ def test_advice_key_figure_and_table_stand_before_the_other_sentences(tmp_path):
         "It holds up to",
         "First a plain text",
     )
-    for shown in (Read(html(sample(), figures(tmp_path))).text, bare(markdown(sample()))):
+    folder = figures(tmp_path)
+    for shown in (Read(html(sample(), folder)).text, bare(markdown(sample(), folder))):
         assert sorted(
             order, key=lambda words: shown.rindex(words) if "First" in words else shown.index(words)
         ) == list(order)
@@ -150,8 +144,9 @@ def test_tables_beside_a_page_are_links_and_nothing_else_is(tmp_path):
     linked = re.findall(r'href="([^"#]+)"', html(page, folder))
     assert set(linked) == {"rows.csv"}
     assert len(linked) > 5
-    assert "[`rows.csv`](rows.csv)" in markdown(page, data_files(folder))
-    assert "](" not in re.sub(r"!\[[^\n]*", "", markdown(page))
+    assert "[`rows.csv`](rows.csv)" in markdown(page, folder)
+    (folder / "rows.csv").unlink()
+    assert "](" not in re.sub(r"!\[[^\n]*", "", markdown(page, folder))
 
 
 def test_links_of_the_contents_lead_somewhere(tmp_path):
@@ -162,8 +157,8 @@ def test_links_of_the_contents_lead_somewhere(tmp_path):
     assert len(set(ids)) == len(ids) == 4
 
 
-def test_markdown_has_the_same_lines_whatever_the_texts():
-    plain, nasty = (markdown(sample(t)).splitlines() for t in ("a plain text", NASTY))
+def test_markdown_has_the_same_lines_whatever_the_texts(drawn):
+    plain, nasty = (markdown(sample(t), drawn).splitlines() for t in ("a plain text", NASTY))
     code = [i for i, row in enumerate(nasty) if row.startswith("x = '")]
     nasty[code[0] : code[0] + 3] = ["x = ..."]  # the text has two line ends, which code keeps
     assert len(plain) == len(nasty)
@@ -172,11 +167,11 @@ def test_markdown_has_the_same_lines_whatever_the_texts():
             re.findall(r"(?<!\\)\|", other)
         ) or not one.startswith("|")
         assert one[:2] == other[:2]
-        if not other.startswith("x = "):
+        if not other.startswith(("x = ", "rattle ")):
             assert not re.search(r"(?<!\\)<", re.sub(r"(?<!`)(`+)(?!`).*?(?<!`)\1(?!`)", "", other))
 
 
 @pytest.mark.parametrize("width", [20, 40, 80, 132])
-def test_nothing_is_wider_than_the_terminal(width):
-    rows = [click.unstyle(row) for row in page_lines(sample(), width)]
+def test_nothing_is_wider_than_the_terminal(width, drawn):
+    rows = terminal(sample(), drawn, width)
     assert max(len(row) for row in rows if not row.startswith("    ")) <= width

@@ -1,7 +1,6 @@
 """All claims in the order of the paper; the page and the folder of ``rattle claims``."""
 
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -19,9 +18,7 @@ from rattle.compare.checks.claims.judges import (
     UNDECIDED,
     PaperClaim,
 )
-from rattle.compare.report import Figure, Page, PageSection, Row, Table, TableCell, Text
-from rattle.compare.report.provenance import source_of
-from rattle.compare.report.save import contents, save
+from rattle.compare.report.report import Report
 from rattle.compare.report.style import new_figure
 from rattle.compare.report.texts import glossary
 from rattle.compare.validation.verdict import join_words
@@ -37,17 +34,6 @@ KINDS = {
 """Kinds of verdicts, from the worst to the best for the claim: in words, of one claim and of
 several; mark of the cell; marker and colour in the figure, from Okabe and Ito's palette (place and
 marker tell them without colour as well)."""
-PARTS = (
-    "The paper, {0.where}: “{0.says}”",
-    "Verdict: {0.verdict}.",
-    "Test: {0.test}",
-    "Evidence: {0.evidence}",
-)
-"""Paragraphs of the section on a claim."""
-KEY = "verdicts"
-CAPTION = "The verdict on each claim, in the order of the paper."
-CONTENTS = contents("claims", figures=(KEY, *filter(None, SHOWN)), tables=["claims"])
-"""Files of such a folder; a folder with any other file is not overwritten."""
 WORDS = (
     *CHAOS_WORDS,
     "ρ1, ρ2",
@@ -92,41 +78,23 @@ def verdict_figure(claims: list[PaperClaim]) -> Drawing:
     return figure
 
 
-def write_claims(
-    out: Path, claims: list[PaperClaim], chaos: ChaosStudy, record: dict[str, Any], overwrite: bool
-) -> list[str]:
-    """Write the folder of the claims atomically."""
-    said = answer(claims)
+def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: dict[str, Any]) -> Report:
+    """The report on the claims."""
     drawn = {name: figure for name, figure in draw(chaos).items() if name in SHOWN}
-    opening = Figure(f"{KEY}.svg", CAPTION, f"{CAPTION} {said[0]}")
-    rows: list[Row] = [
-        [str(i), c.says, TableCell(c.verdict, KINDS[c.kind][2]), c.where]
-        for i, c in enumerate(claims, start=1)
-    ]
-    overview = Table.of(["claim", "the paper says", "verdict", "where"], rows)
-    sections = []
-    for i, (shown, claim) in enumerate(zip(SHOWN, claims, strict=True), start=1):
-        pictures = (
-            [Figure(f"{shown}.svg", FIGURES[shown], FIGURES[shown])] if shown in drawn else []
-        )
-        paragraphs = [Text(part.format(claim)) for part in PARTS]
-        sections.append(PageSection(f"{i}. {claim.name}", (*paragraphs, *pictures)))
-    blocks = opening, overview, glossary(*WORDS, gears=chaos.scene.gears)
-    page = Page(
-        "The paper's claims, judged", tuple(said), source_of(record), blocks, tuple(sections)
-    )
-    tables = {
-        "claims": pd.DataFrame({"claim": range(1, len(claims) + 1)}).join(pd.DataFrame(claims))
-    }
-    drawn[KEY] = verdict_figure(claims)
-    save(
-        out,
+    numbered = pd.DataFrame({"claim": range(1, len(claims) + 1)}).join(pd.DataFrame(claims))
+    marks = [KINDS[claim.kind][2] for claim in claims]
+    return Report(
         "claims",
-        page,
+        "The paper's claims, judged",
+        answer(claims),
         record,
-        allowed=CONTENTS,
-        figures=drawn,
-        tables=tables,
-        overwrite=overwrite,
+        {
+            "rows": numbered.assign(mark=marks),
+            "claims": list(zip(claims, SHOWN, strict=True)),
+            "captions": FIGURES,
+        },
+        glossary(*WORDS, gears=chaos.scene.gears),
+        figures=drawn | {"verdicts": verdict_figure(claims)},
+        tables={"claims": numbered},
+        template="checks/claims/page.j2",
     )
-    return said

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from rattle.compare.checks.stability.chart import (
     UNSTABLE,
     Chart,
 )
-from rattle.compare.report.save import contents, save_report
+from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.report.texts import SCHEME_TERMS, glossary, read_texts
 from rattle.compare.validation.verdict import Tolerances, join_words
@@ -141,11 +140,6 @@ def _legend(verdicts: set[str]) -> list[Line2D]:
     ]
 
 
-CONTENTS = contents(
-    "stability", figures=["verdicts", "stability"], tables=["stability", "covariance", "extremes"]
-)
-"""Files of such a folder; a folder with any other file is not overwritten."""
-
 MAP_TERMS = (
     "admissible step",
     "default step",
@@ -201,15 +195,10 @@ def _advice(found: Chart) -> str:
     return SAID["advice"].format(best, good.iloc[0], of, wrong[best] or "none", beside)
 
 
-def write_stability(
-    out: Path,
-    found: Chart,
-    covariance: pd.DataFrame,
-    tried: Sequence[Result],
-    record: dict[str, Any],
-    overwrite: bool,
-) -> list[str]:
-    """Write the folder of the map atomically."""
+def make_report(
+    found: Chart, covariance: pd.DataFrame, tried: Sequence[Result], record: dict[str, Any]
+) -> Report:
+    """The report on the map."""
     said = answer(found)
     if tried:
         said.append(
@@ -217,49 +206,34 @@ def write_stability(
             " samplers hold."
         )
     cells = found.admissible[found.admissible["verdict"] != COLLAPSING]
-    moments = found.table["moments"]
     table = found.table.assign(
         mark=[MARK.get(verdict, "open") for verdict in found.table["verdict"]],
         said=np.where(found.table["diagnosed"], "yes", "no"),
     )
-    parts: dict[str, Any] = {
+    content: dict[str, Any] = {
+        "found": found,
+        "within": Tolerances(),
         "worst": table.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()],
-        "words": glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
         "defaults": table[table["default"]],
         "covariance": covariance.assign(mark=np.where(covariance["holds"], "good", "bad")),
     }
-    drawn = {"verdicts": summary(found.table), "stability": figure(found.table)}
     tables = {"stability": found.table, "covariance": covariance}
     if tried:
         extremes = tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
-        parts["extremes"] = extremes.assign(
+        content["extremes"] = extremes.assign(
             shown=[f"{row.worst.found:{'.2f' if row.unit == 'z' else '.1e'}}" for row in tried],
             mark=np.where(extremes["holds"], "good", "bad"),
             relative=extremes["unit"].replace("z", "standard errors"),
         )
-    values = {
-        "impacts": found.impacts,
-        "z": found.z,
-        "fewest": moments.min(),
-        "most": moments.max(),
-    }
-    content: dict[str, Any] = {
-        "figures": drawn,
-        "tables": tables,
-        "digits": "%.6g",
-        "package": "checks.stability",
-    }
-    content |= {
-        "allowed": CONTENTS,
-        "overwrite": overwrite,
-        "values": values | Tolerances()._asdict(),
-    }
-    return save_report(
-        out,
+    return Report(
         "stability",
         "Where is each scheme stable and unbiased?",
         said,
         record,
-        parts,
-        **content,
+        content,
+        glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
+        figures={"verdicts": summary(found.table), "stability": figure(found.table)},
+        tables=tables,
+        digits="%.6g",
+        template="checks/stability/page.j2",
     )

@@ -9,9 +9,9 @@ from rattle.compare.animation.record import check_recording
 from rattle.compare.checks.check import spread
 from rattle.compare.checks.stability.chart import FIRST, GROWTH, looks
 from rattle.compare.report.provenance import command_line
-from rattle.compare.report.render import as_code, as_markdown
+from rattle.compare.report.render import as_block, as_markdown
 from rattle.compare.report.style import caption_of, legend_above, new_figure, whole_impacts
-from rattle.compare.report.texts import table_of
+from rattle.compare.report.table import Table
 from rattle.compare.thresholds.claim import Settings
 from rattle.compare.thresholds.messages import row_table
 from rattle.compare.tradeoff.multilevel import fit
@@ -28,11 +28,10 @@ from rattle.scene.moments import gaussian_raw_moments
 
 def test_texts():
     assert as_markdown("# <b> *x* `a_b` a_b") == r"\# \<b> \*x\* `a_b` a_b"
-    assert [as_code("rattle validate"), as_code("a`b")] == ["`rattle validate`", "`` a`b ``"]
+    assert as_block("a ```` b\n", "sh") == "`````sh\na ```` b\n`````"
     assert command_line(["show", "my report"]) == "rattle show 'my report'"
-    cells = table_of(pd.DataFrame({"scheme": ["exact-flight"], "paths": [4000]}), ["scheme"]).rows[
-        0
-    ]
+    frame = pd.DataFrame({"scheme": ["exact-flight"], "paths": [4000]})
+    (cells,) = Table.whole(frame, ["scheme"]).rows
     assert [cell.text for cell in cells] == ["exact-flight", "4,000"]
     row = {
         "moment": "mean",

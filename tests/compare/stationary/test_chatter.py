@@ -9,7 +9,8 @@ import pytest
 
 import rattle as rt
 from rattle.closure.stationary import Law
-from rattle.compare.stationary.page import answer, write_stationary
+from rattle.compare.report.save import save
+from rattle.compare.stationary.page import answer, make_report
 from rattle.compare.stationary.verdicts import values_of
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.scene import Scene
@@ -75,9 +76,8 @@ def test_a_law_above_the_threshold_is_that_of_a_sample():
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_page_of_gears_is_physical_throughout(found, tmp_path):
-    write_stationary(
-        tmp_path / "out", found, None, RECORD | {"scene": found.scene.to_dict()}, False
-    )
+    report = make_report(found, None, RECORD | {"scene": found.scene.to_dict()})
+    save(tmp_path / "out", report, overwrite=False)
     text = (tmp_path / "out" / "stationary.md").read_text()
     assert "of impacts at 1.88 mm/s or faster" in text
     assert "slower than 1.88 mm/s" in text

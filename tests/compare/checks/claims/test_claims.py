@@ -23,8 +23,8 @@ from rattle.compare.checks.claims.judges import (
     failures,
     judge,
 )
-from rattle.compare.checks.claims.page import answer, write_claims
-from rattle.compare.report.json_text import read_page
+from rattle.compare.checks.claims.page import answer, make_report
+from rattle.compare.report.save import save
 from rattle.scene import DAT21, Scene
 
 REPOSITORY = Path(__file__).parents[4]
@@ -230,14 +230,14 @@ def test_the_page_holds_every_claim(evidence, claims, tmp_path):
         "versions": {},
         "wall_seconds": 1.0,
     }
-    said = write_claims(tmp_path / "o", list(claims.values()), evidence.chaos, record, False)
-    assert said[0].startswith("Of 12 testable claims")
-    page = read_page(tmp_path / "o" / "page.json")
-    figure, overview, words = page.blocks
-    assert figure.path == "verdicts.svg"
-    assert len(overview.rows) == 12
-    assert {"`saltation`", "Lyapunov exponent", "reproduced"} <= dict(words.terms).keys()
-    assert [s.title.split(". ", 1)[1] for s in page.sections] == [c.name for c in claims.values()]
+    report = make_report(list(claims.values()), evidence.chaos, record)
+    save(tmp_path / "o", report, overwrite=False)
+    assert report.answer[0].startswith("Of 12 testable claims")
+    assert {"`saltation`", "Lyapunov exponent", "reproduced"} <= dict(report.words).keys()
+    page = (tmp_path / "o" / "claims.md").read_text()
+    assert page.index("(verdicts.svg)") < page.index("| 12 |") < page.index("\n## ")
+    titles = re.findall(r"^## \d+\\. (.*)$", page, re.MULTILINE)
+    assert titles == [c.name for c in claims.values()]
     assert pd.read_csv(tmp_path / "o" / "claims.csv")["verdict"].tolist() == [
         c.verdict for c in claims.values()
     ]

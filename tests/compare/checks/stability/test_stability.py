@@ -3,6 +3,7 @@ rejected."""
 
 import csv
 import json
+import re
 from dataclasses import replace
 
 import pandas as pd
@@ -22,7 +23,6 @@ from rattle.compare.checks.stability.chart import (
     reference,
 )
 from rattle.compare.checks.stability.page import answer, summary
-from rattle.compare.report.json_text import read_page
 from rattle.montecarlo import SCHEMES, default_step, largest_step
 
 PATHS = 8192
@@ -128,13 +128,14 @@ def run(tmp_path, *arguments, code=0):
 def test_command_writes_map_tables_and_page(tmp_path):
     done = run(tmp_path, "--scheme", "euler-maruyama", "--scheme", "exact-flight")
     folder = tmp_path / "map"
-    page = read_page(folder / "page.json")
-    key, _, table, words = page.blocks
-    assert key.path == "verdicts.svg"
-    assert len(table.rows) == 2
-    assert "`exact-flight`" in dict(words.terms)
-    assert page.answer[0].startswith("Take `exact-flight`: at its default step ")
-    assert page.answer == tuple(done.output.splitlines()[:-1])
+    page = (folder / "stability.md").read_text(encoding="utf-8")
+    opening = page[: page.index("\n## ")]
+    assert "(verdicts.svg)" in opening
+    assert opening.count("\n| ") == 3  # heads, and the worst cell of each scheme
+    assert "- **`exact-flight`**: " in opening
+    answer = json.loads((folder / "manifest.json").read_text())["answer"]
+    assert answer[0].startswith("Take `exact-flight`: at its default step ")
+    assert answer == done.output.splitlines()[:-1]
     rows = list(csv.DictReader((folder / "stability.csv").read_text().splitlines()))
     assert len(rows) == 2 * 2 * 7
     assert {row["scheme"] for row in rows} == {"euler-maruyama", "exact-flight"}
@@ -144,7 +145,7 @@ def test_command_writes_map_tables_and_page(tmp_path):
         share = float(row["share"]) * largest_step(scene, scheme)[0]
         dt = default_step(scene, scheme) if row["default"] == "True" else share
         assert float(row["dt"]) == pytest.approx(dt, rel=1e-4)
-    assert "Ensemble.diagnostics" in (folder / "stability.md").read_text(encoding="utf-8")
+    assert "Ensemble.diagnostics" in page
     assert json.loads((folder / "manifest.json").read_text())["axes"] == ["sigma"]
     assert (folder / "stability.svg").stat().st_size > 10_000
 
@@ -172,8 +173,11 @@ def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_p
     monkeypatch.setattr(extremes, "ROWS", rows)
     done = run(tmp_path, "--scheme", "exact-flight", "--points", "1", "--extremes", code=1)
     assert "1 of 2 extremes of the formulas and samplers hold." in done.output
-    table = read_page(tmp_path / "map" / "page.json").sections[-1].blocks[-1]
-    assert [row[0].text for row in table.rows] == ["E", "u"]
+    page = (tmp_path / "map" / "stability.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| (.) \|.*[✓✗]", page[page.index("## Extreme") :], re.MULTILINE) == [
+        "E",
+        "u",
+    ]
     assert len((tmp_path / "map" / "extremes.csv").read_text().splitlines()) == 3
 
 

@@ -1,0 +1,69 @@
+"""What a report says, as data: its answer, the content of its page, its figures, tables and
+manifest."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from rattle.scene import Scene
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report: what `rattle.compare.report.save.save` writes into a folder.
+
+    Texts are plain: between two backticks stands code, everything else is shown literally in
+    every format.
+    """
+
+    name: str  # of the files of its page; of the folder of its template too, if none is given
+    title: str
+    # sentences that stand first; at least one.  The first is the advice, or what is most worth
+    # knowing
+    answer: Sequence[str]
+    record: Mapping[str, Any]  # the manifest, as far as it does not depend on the files
+    content: Mapping[str, Any]  # what the template of the page shows, by name
+    words: Sequence[tuple[str, str]] = ()  # its glossary: each term and its meaning
+    # by the name of their file without suffix; those that are drawn already are SVG
+    figures: Mapping[str, Figure | bytes] = field(default_factory=dict)
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)  # written as CSV
+    large: Mapping[str, pd.DataFrame] = field(default_factory=dict)  # written as Parquet
+    digits: str | None = None  # of numbers in CSV; all of them if not given
+    template: str = ""  # path within `rattle.compare`
+    more: Mapping[str, str] = field(default_factory=dict)  # further facts on where it comes from
+
+    @property
+    def repeat(self) -> str:
+        """The command that makes the report again."""
+        return str(self.record.get("repeat", self.record["command"]))
+
+    @property
+    def scene(self) -> str:
+        """The text of the scene file."""
+        return Scene.from_dict(self.record["scene"]).to_toml()
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Where it comes from, by name."""
+        record = self.record
+        facts = {"command": f"`{record['command']}`"} if "repeat" in record else {}
+        facts["commit"] = record["commit"]
+        if "numerical_version" in record:
+            facts["numerical version"] = record["numerical_version"]
+        if (seed := record.get("settings", record).get("seed")) is not None:
+            facts["seed"] = str(seed)
+        times = {
+            "wall": record["wall_seconds"],
+            "CPU": record.get("cpu_seconds"),
+            "of cells": record.get("cell_seconds"),
+        }
+        facts["time"] = ", ".join(
+            f"{seconds} s {kind}" for kind, seconds in times.items() if seconds
+        )
+        facts["versions"] = ", ".join(
+            f"{name} {version}" for name, version in record["versions"].items()
+        )
+        return {**facts, **self.more}

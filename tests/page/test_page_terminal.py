@@ -1,0 +1,100 @@
+"""A page on the terminal, read from its Markdown."""
+
+from functools import partial
+
+import pytest
+from commands import rattle
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from sample_page import NASTY, figures, sample
+
+from rattle.compare.cli.show import read_sections
+from rattle.compare.report.render import markdown, split_code, write_page
+from rattle.compare.report.table import Table, leading_number, of_numbers
+
+
+def bare(text):
+    """A text without white space and the backticks of code."""
+    return "".join("".join(piece for piece, _ in split_code(text)).split())
+
+
+@settings(max_examples=60, deadline=None)
+@example(NASTY)
+@example("1) - # > + = a|b\\|c \\ ** __ ~~ ![x](y) &amp; `` ` ```")
+@given(st.text(min_size=1) | st.text("\\`*_{}[]()<>#+-.!|~&;:=1a \n", min_size=1))
+def test_markdown_is_read_as_it_was_meant(tmp_path_factory, text):
+    page = sample(text)
+    sections = read_sections(markdown(page, tmp_path_factory.getbasetemp()))
+    titles = [page.title, f"First {text}", "Inner", f"First {text}", "Where this comes from"]
+    assert ["".join(one.title.split()) for one in sections] == [bare(title) for title in titles]
+    shown = "".join("".join(row.split()) for one in sections for row in one.lines(10_000))
+    for words in (f"Yes: {text}.", f"means {text}", f"Before {text}", f"Again {text}"):
+        assert bare(words) in shown
+
+
+def test_numbers_of_cells():
+    values = (0.25, float("nan"), float("inf"), 1200.0, 1e300)
+    table = Table.of(["a", of_numbers("b")], [[str(n), value] for n, value in enumerate(values, 1)])
+    assert [row[1].text for row in table.rows] == ["0.25", "–", "inf", "1,200", "1e+300"]
+    assert [row[1].value for row in table.rows] == [0.25, None, None, 1200.0, 1e300]
+    assert [row[0].value for row in table.rows] == [None] * 5
+    assert [leading_number(t) for t in ("below 0.5", "+3e-4 ✓", "0.001 – 2", "no")] == [
+        0.5,
+        3e-4,
+        0.001,
+        None,
+    ]
+
+
+show = partial(rattle, "show")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = figures(tmp_path_factory.mktemp("reports") / "r")
+    write_page(sample(), folder)
+    return folder
+
+
+def test_shows_the_answer_first_and_what_repeats_it_last(report):
+    shown = show(report).stdout
+    order = [
+        "Is a plain text right?",
+        "Yes: a plain text.",
+        "It holds up to",
+        "[b.png]\nA point.",
+        "First a plain",
+        "rattle validate",
+    ]
+    assert sorted(order, key=shown.index) == order
+    assert "\x1b" not in shown
+    assert show(report / "report.md").stdout == shown
+
+
+def test_colours_only_where_they_are_seen(report):
+    assert "\x1b[32m" in show(report, color=True).output
+    assert "\x1b" not in show(report, color=True, env={"NO_COLOR": "1"}).output
+
+
+def test_one_section(report):
+    shown = show(report, "--section", "inner", "--width", 400).stdout
+    assert shown.startswith("Inner")
+    assert "Yes:" not in shown
+    missing = show(report, "--section", "Iner", code=2)
+    assert "did you mean 'Inner'" in missing.stderr
+
+
+def test_width(report):
+    assert (
+        max(map(len, show(report, "--width", 60, "--section", "inner").stdout.splitlines())) <= 60
+    )
+    assert "width = 3: must be at least 20" in show(report, "--width", 3, code=2).stderr
+
+
+def test_what_is_no_report(tmp_path):
+    (tmp_path / "notes.md").write_text("mine")
+    assert "holds no page" in show(tmp_path, code=2).stderr
+    assert "cannot be read" in show(tmp_path / "nowhere", code=2).stderr
+    assert show(tmp_path / "notes.md").stdout.strip() == "mine"
+    (tmp_path / "empty.md").touch()
+    assert show(tmp_path / "empty.md").stdout.strip() == ""
