@@ -21,11 +21,8 @@ from rattle.compare.report.texts import (
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words
 
-TEXTS = read_texts("chaos")
-FIGURES: dict[str, str] = TEXTS["figures"]
+FIGURES: dict[str, str] = read_texts("chaos")["figures"]
 """Captions of the figures, by name."""
-SAID: dict[str, str] = TEXTS["answer"]
-"""Sentences of the answer."""
 LARGE = ("sections", "spectra", "bifurcation")
 """Tables that are written as Parquet."""
 WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
@@ -84,9 +81,16 @@ def make_report(found: ChaosStudy, record: dict[str, Any]) -> Report:
 
 def _exponents(e: Exponents, name: str) -> str:
     shown = ", ".join(f"{v:.4f} ± {h:.4f}" for v, h in zip(e.value, e.half, strict=True))
-    exact = SAID["exact" if abs(e.sum_error) < ROUNDING else "not exact"].format(abs(e.sum_error))
-    kind = "exponents" if np.isfinite(e.value[0]) else "no exponents"
-    return SAID[kind].format(name=name, shown=shown, e=e, exact=exact)
+    if not np.isfinite(e.value[0]):
+        return f"The {name} has no exponents: the path {e.regime.reason}."
+    error = abs(e.sum_error)
+    exact = "is the exact one, to rounding"
+    if error >= ROUNDING:
+        exact = f"differs from the exact one by {error:.0e}"
+    return (
+        f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,}"
+        f" impacts, {e.rate:.3f} a unit; their sum {exact}); it {e.regime.reason}."
+    )
 
 
 def _first(study: ChaosStudy) -> str:
@@ -96,14 +100,15 @@ def _first(study: ChaosStudy) -> str:
     found = f"largest Lyapunov exponent {value:.3g} ± {0.5 * (high - low):.1g}"
     if gears is not None:
         found += f" per unit of τ, {gears.omega * value:.3g} per second"
-    kinds = {
-        "silent": not np.isfinite(value),
-        "chaotic": low > 0.0,
-        "regular": high < 0.0,
-        "undecided": True,
-    }
-    kind = next(kind for kind, holds in kinds.items() if holds)
-    said = SAID[kind].format(found=found, reason=study.orbit.regime.reason)
+    if not np.isfinite(value):
+        why = study.orbit.regime.reason
+        said = f"Without noise this gear pair has no Lyapunov exponents: it {why}"
+    elif low > 0.0:
+        said = f"Without noise this gear pair rattles chaotically ({found})"
+    elif high < 0.0:
+        said = f"Without noise this gear pair rattles regularly, not chaotically ({found})"
+    else:
+        said = f"Whether this gear pair rattles chaotically without noise is undecided ({found})"
     if study.sweep is not None:
         rows = study.sweep[study.sweep["of"] == ORBIT]
         at = study.sweep[study.field]
@@ -142,20 +147,18 @@ def _maps(maps: pd.DataFrame) -> str:
 def _sweep(table: pd.DataFrame, field: str, of: str, who: str) -> str:
     rows = table[table["of"] == of]
     found = signs(rows)
-    decided = rows["low"].notna()
     counts = (
         (kind, (rows["regime"] == kind).sum())
         for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)
     )
     sticking = [f"{kind} at {n}" for kind, n in counts if n]
     marked = f"; {who} {join_words(sticking)}" if sticking else ""
-    counts_by_sign = [
-        (found > 0).sum(),
-        (found < 0).sum(),
-        ((found == 0) & decided).sum(),
-        len(rows),
-    ]
-    return SAID["sweep"].format(*counts_by_sign, of, field, marked, say_crossings(table, field, of))
+    undecided = ((found == 0) & rows["low"].notna()).sum()
+    return (
+        f"Largest exponent, {of}: positive at {(found > 0).sum()}, negative at {(found < 0).sum()}"
+        f" and undecided at {undecided} of {len(rows)} values of {field}{marked}. Changes of sign:"
+        f" {say_crossings(table, field, of)}."
+    )
 
 
 def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
@@ -167,18 +170,28 @@ def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
     if study.law is not None:
         ratio = study.law.table["ratio"]
         half = 0.5 * (study.law.high - study.law.low)
-        said.append(SAID["law"].format(study.law.exponent, half, ratio.min(), ratio.max()))
-    if study.finite_size is not None:
-        ends = (
-            study.finite_size.iloc[[0, -1]]
-            .assign(half=lambda t: 0.5 * (t["high"] - t["low"]))
-            .to_dict("records")
+        said.append(
+            "The distance of two paths on the same noise after an impact grows as their distance"
+            f" before it to the power {study.law.exponent:.4f} ± {half:.4f}; its mean square is"
+            f" {ratio.min():.3f} to {ratio.max():.3f} times that of the square-root law. So the"
+            " noisy system has no infinitesimal exponent."
         )
-        said.append(SAID["sizes"].format(" and ".join(map(SAID["size"].format_map, ends))))
+    if study.finite_size is not None:
+        ends = [
+            f"{row['exponent']:.3g} ± {0.5 * (row['high'] - row['low']):.2g} at {row['delta']:.0e}"
+            for _, row in study.finite_size.iloc[[0, -1]].iterrows()
+        ]
+        said.append(f"The finite-size exponent is {' and '.join(ends)}.")
     if study.spectra:
         rows = tables["spectra_summary"]
-        spectra = map(SAID["spectrum"].format_map, rows[rows["kind"] == TIME].to_dict("records"))
-        said.append(SAID["spectra"].format("; ".join(spectra)))
+        spectra = [
+            f"{row['side']} {row['velocity']}: {row['lines']} bands ({row['narrow']} as narrow as a"
+            f" single frequency) with {row['line_share']:.1%} of the power"
+            for row in rows[rows["kind"] == TIME].to_dict("records")
+        ]
+        said.append(
+            f"Spectra of the velocities, bands above the continuous floor: {'; '.join(spectra)}."
+        )
     if study.sweep is not None:
         for of, who in ((ORBIT, "the orbit"), (DRIFT, "the noisy path")):
             said.append(_sweep(study.sweep, study.field, of, who))

@@ -14,7 +14,6 @@ from rattle.compare.report.texts import (
     SCHEME_TERMS,
     SECTION_TERMS,
     glossary,
-    read_texts,
 )
 from rattle.compare.tradeoff.figures import order_figure, tradeoff_figure
 from rattle.compare.tradeoff.measure import (
@@ -32,8 +31,6 @@ from rattle.scene import duration_text
 
 EXACT = "exact-flight"
 PLAIN = "euler-maruyama"
-SAID: dict[str, str] = read_texts("tradeoff")
-"""Sentences of the answer."""
 
 
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
@@ -60,7 +57,11 @@ def advice(m: Tradeoff) -> str:
             "" if best["measured"] else ", extrapolated"
         )
         parts.append(f"`{method}` for errors down to {finest:g} of an sd ({cost})")
-    return SAID["advice"].format(m.reference, methods=join_words(parts))
+    return (
+        f"For all means and sds at {m.reference.impacts} impacts of this gear pair at σ ="
+        f" {m.reference.scene.sigma:.4g} take {join_words(parts)}; times are those of one core, and"
+        " what is cheapest is decided by counted work."
+    )
 
 
 def answer(m: Tradeoff) -> list[str]:
@@ -77,18 +78,30 @@ def answer(m: Tradeoff) -> list[str]:
             below = "" if row["resolved"] else "below "
             after = duration_text(row["core_seconds"], 2)
             times = float(format(simulated / row["work"], ".2g"))
-            wins.append(SAID["closure"].format(**row, below=below, after=after, times=times))
+            wins.append(
+                f"`{row['method']}`, whose worst error is {below}{row['error']:.2g} (median"
+                f" {row['median_error']:.2g}) after {after}: exact flights take {times:g} times the"
+                " work for the same error"
+            )
     ratios = [
         plain.path_alone(finest, ns) / exact.path_alone(finest) for ns in (None, HAND_TUNED_NS)
     ]
-    ns = (1e9 * plain.step_seconds, HAND_TUNED_NS)
     cost = duration_text(exact.at(finest).core_seconds, 2)
-    needs = SAID["plain"].format(
-        finest=finest, dt=plain.at(finest).dt, ns=ns, times=ratios, cost=cost
+    needs = (
+        f"To {finest:g}, plain Euler-Maruyama would need dt = {plain.at(finest).dt:.2g}: at"
+        f" {1e9 * plain.step_seconds:.2g} ns per path-step the same number of paths takes"
+        f" {ratios[0]:,.0f} times the processor time of exact flights ({cost}), and"
+        f" {ratios[1]:,.0f} times at the {HAND_TUNED_NS:g} ns of hand-tuned numba code."
     )
-    closures = SAID["closures" if wins else "no closure"].format(
-        "; ".join(wins), roughest=m.accuracies[0]
+    closures = (
+        f"No closure that predicts all of them within {m.accuracies[0]:g} of an sd is shown to take"
+        " less work than a simulation with the same worst error."
     )
+    if wins:
+        closures = (
+            "At the accuracy of its own worst error a closure takes less work than a simulation:"
+            f" {'; '.join(wins)}."
+        )
     missing = explain_missing(m.reference.scene, list(predictions["method"]))
     return [advice(m), closures, needs, *missing, verdict(m)]
 
@@ -110,10 +123,14 @@ def verdict(m: Tradeoff) -> str:
         for a, f in zip(m.accuracies, factors, strict=True)
         if f < 1.0
     ]
-    ends = {"accuracies": m.accuracies, "factors": factors, "typical": typical}
-    found = SAID["multilevel" if wins else "no multilevel"].format(", ".join(wins))
-    return SAID["verdict"].format(
-        found=found, **{name: (of[0], of[-1]) for name, of in ends.items()}
+    found = "is never cheaper than exact flights for all section means"
+    if wins:
+        found = f"is cheaper than exact flights for the section means at {', '.join(wins)}"
+    return (
+        f"Multilevel Monte Carlo over the step {found}: from {m.accuracies[0]:g} to"
+        f" {m.accuracies[-1]:g} the better of both Euler schemes takes {factors[0]:.2g} to"
+        f" {factors[-1]:.2g} times the counted work of exact flights. For a typical mean alone it"
+        f" takes {typical[0]:.2g} to {typical[-1]:.2g} times theirs."
     )
 
 

@@ -22,7 +22,7 @@ from rattle.compare.checks.stability.chart import (
 )
 from rattle.compare.report.report import Report
 from rattle.compare.report.style import legend_above, new_figure
-from rattle.compare.report.texts import SCHEME_TERMS, glossary, read_texts
+from rattle.compare.report.texts import SCHEME_TERMS, glossary
 from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
 
@@ -150,8 +150,6 @@ MAP_TERMS = (
     "no limit",
 )
 WORDS = (*SCHEME_TERMS, *MAP_TERMS, "standard error", "σ", "ε", "E, sd", "impact", "sticking")
-SAID: dict[str, str] = read_texts("checks.stability")
-"""Sentences of the answer."""
 MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
 
 
@@ -159,22 +157,27 @@ def answer(found: Chart) -> list[str]:
     """Summarise the map in sentences."""
     cells = found.admissible
     undiagnosed = found.without_diagnostic
-    counts = {
-        v: int((cells["verdict"] == v).sum()) for v in (UNBIASED, UNDECIDED, BIASED, UNSTABLE)
-    }
+    counts = {verdict: (cells["verdict"] == verdict).sum() for verdict in MARKS}
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
-    numbers = counts | {
-        "cells": len(cells),
-        "diagnosed": wrong["diagnosed"].sum(),
-        "wrong": len(wrong),
-    }
-    said = [_advice(found), SAID["cells"].format(**numbers)]
+    said = [
+        _advice(found),
+        f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased,"
+        f" {counts[UNDECIDED]} undecided, {counts[BIASED]} biased and {counts[UNSTABLE]} unstable;"
+        f" diagnostics report {wrong['diagnosed'].sum()} of these {len(wrong)} biased and unstable"
+        " cells.",
+    ]
     if len(undiagnosed):
-        said.append(SAID["undiagnosed"].format(len(undiagnosed)))
+        said.append(
+            f"{len(undiagnosed)} admissible cells are biased or unstable without a diagnostic: a"
+            " defect."
+        )
     for scheme, own in found.table[found.table["default"]].groupby("scheme", sort=False):
         good = own["verdict"] == UNBIASED
         diagnosed = own["diagnosed"].astype(bool)
-        said.append(SAID["scheme"].format(scheme, good.sum(), len(own), (~good & diagnosed).sum()))
+        said.append(
+            f"`{scheme}` at its default step: {good.sum()} of {len(own)} cells shown to be"
+            f" unbiased, {(~good & diagnosed).sum()} others with a diagnostic."
+        )
     return said
 
 
@@ -192,7 +195,10 @@ def _advice(found: Chart) -> str:
     of = len(own) // len(good)
     others = [f"{n} for `{scheme}`" for scheme, n in good.iloc[1:].items()]
     beside = f" (unbiased: {join_words(others)})" if others else ""
-    return SAID["advice"].format(best, good.iloc[0], of, wrong[best] or "none", beside)
+    return (
+        f"Take `{best}`: at its default step {good.iloc[0]} of {of} scenes, extreme ones among"
+        f" them, are shown to be unbiased and {wrong[best] or 'none'} to be biased{beside}."
+    )
 
 
 def make_report(
