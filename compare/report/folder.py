@@ -18,6 +18,7 @@ from rattle.scene.progress import do
 
 MANIFEST = "manifest.json"
 FIGURES = "figures"  # folder of the figures of some reports
+LINKS = ("href", "src")  # of a link, and of a figure
 EARLIER = "page.json"  # a file that earlier versions wrote
 ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
 # suffixes of scratch names: a folder or file being written, a folder being replaced
@@ -136,11 +137,15 @@ def list_files(out: Path) -> set[str]:
 
 def linked_files(out: Path, ours: Iterable[str]) -> set[str]:
     """The files in a folder to which its pages in Markdown link."""
+    from markdown_it import MarkdownIt  # --help need not wait for it
+
     linked = set[str]()
     for page in ours:
         with suppress(OSError):
             text = read_regular(out / page) if page.endswith(".md") else b""
-            linked.update(re.findall(r"\]\(([^()]+)\)", text.decode(errors="replace")))
+            for block in MarkdownIt("commonmark").parse(text.decode(errors="replace")):
+                for token in block.children or ():
+                    linked.update(str(token.attrs[name]) for name in LINKS if name in token.attrs)
     return linked
 
 

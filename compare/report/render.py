@@ -146,30 +146,30 @@ class Terms:
 
 
 @dataclass
-class Section:
-    """A section of a page."""
+class Heading:
+    """The heading of a section, with those below it."""
 
     title: str
     level: int
     anchor: str
-    inner: list["Section"] = field(default_factory=list)
+    inner: list["Heading"] = field(default_factory=list)
 
 
 class Contents:
     """The sections of a page in their order."""
 
     def __init__(self) -> None:
-        self.sections: list[Section] = []
+        self.sections: list[Heading] = []
         self._begun = [self.sections]
         self._taken = {"source": 1}
 
-    def begin(self, title: str) -> Section:
+    def begin(self, title: str) -> Heading:
         """Begin a section; its anchor are the words of its title, numbered where they repeat."""
         words = re.sub(r"\W+", "-", title.lower()).strip("-") or "section"
         number = self._taken.get(words, 0) + 1
         self._taken[words] = number
         anchor = words if number == 1 else f"{words}--{number}"
-        section = Section(title, 1 + len(self._begun), anchor)
+        section = Heading(title, 1 + len(self._begun), anchor)
         self._begun[-1].append(section)
         self._begun.append(section.inner)
         return section

@@ -4,9 +4,10 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
+if TYPE_CHECKING:
+    import pandas as pd
 
 TEXT = "text"
 NUMBER = "number"
@@ -105,14 +106,14 @@ class Table:
         return cls(heads, tuple(made))
 
     @classmethod
-    def of_frame(cls, frame: pd.DataFrame, *columns: Column | str) -> "Table":
+    def of_frame(cls, frame: "pd.DataFrame", *columns: Column | str) -> "Table":
         """Make a table of these columns of a frame."""
         heads = [c if isinstance(c, Column) else Column(c) for c in columns]
         records: Any = frame.to_dict("records")
         return cls.of(heads, ([column.show(row) for column in heads] for row in records))
 
     @classmethod
-    def whole(cls, frame: pd.DataFrame, texts: Sequence[str] = ()) -> "Table":
+    def whole(cls, frame: "pd.DataFrame", texts: Sequence[str] = ()) -> "Table":
         """Make a table of all columns of a frame as they are; those in `texts` are text."""
         names = map(str, frame.columns)
         return cls.of_frame(frame, *(name if name in texts else of_numbers(name) for name in names))

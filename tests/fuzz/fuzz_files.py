@@ -13,7 +13,7 @@ from commands import strict
 from fuzz_must import Ended, has_verdicts, must, refused
 
 from rattle.compare.cli.main import main
-from rattle.compare.cli.show import read_page
+from rattle.compare.cli.terminal import read_page
 from rattle.compare.study.folder import load_study
 from rattle.montecarlo import simulate
 from rattle.scene import Scene

@@ -23,7 +23,7 @@ from settings import recorded
 
 from rattle import validate
 from rattle.closure import mean_map
-from rattle.compare.cli.show import read_page
+from rattle.compare.cli.terminal import read_page
 from rattle.compare.engine import store
 from rattle.compare.report import manifest
 from rattle.compare.study.design import Study

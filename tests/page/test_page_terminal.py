@@ -8,7 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, figures, sample
 
-from rattle.compare.cli.show import read_sections
+from rattle.compare.cli.terminal import read_sections
+from rattle.compare.report.folder import linked_files, report_files
 from rattle.compare.report.render import markdown, split_code, write_page
 from rattle.compare.report.table import Table, leading_number, of_numbers
 
@@ -30,6 +31,13 @@ def test_markdown_is_read_as_it_was_meant(tmp_path_factory, text):
     shown = "".join("".join(row.split()) for one in sections for row in one.lines(10_000))
     for words in (f"Yes: {text}.", f"means {text}", f"Before {text}", f"Again {text}"):
         assert bare(words) in shown
+
+
+def test_a_text_that_looks_like_a_link_makes_no_file_ours(tmp_path):
+    folder = figures(tmp_path)
+    (folder / "rows.csv").touch()
+    write_page(sample("[a](mine.txt) `[a](mine.txt)` ![a](mine.svg)"), folder)
+    assert linked_files(folder, report_files("report")) == {"rows.csv", "b.png", "figures/a.svg"}
 
 
 def test_numbers_of_cells():

@@ -10,7 +10,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from sample_page import NASTY, figures, sample
 
-from rattle.compare.cli.show import read_sections
+from rattle.compare.cli.terminal import read_sections
 from rattle.compare.report.render import html, markdown
 from rattle.compare.report.table import MARKS
 from rattle.scene.text import line

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rattle.compare.cli.show import read_page
+from rattle.compare.cli.terminal import read_page
 from rattle.compare.report.manifest import read_settings
 from rattle.compare.study.design import Study
 from rattle.compare.thresholds.fixture import read_baseline

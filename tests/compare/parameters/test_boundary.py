@@ -12,7 +12,7 @@ import pytest
 
 from rattle import DAT21, Scene, Tolerances, boundary, mean_map
 from rattle.compare.parameters.boundary import _side
-from rattle.compare.parameters.page import write_report
+from rattle.compare.parameters.page import make_report
 from rattle.compare.parameters.search import (
     ACCURATE,
     LOOKS,
@@ -26,6 +26,7 @@ from rattle.compare.parameters.search import (
     find_changes,
     judge_value,
 )
+from rattle.compare.report.save import save
 from rattle.compare.validation.verdict import widest
 
 DRIVEN = Scene.from_gears(DAT21)
@@ -34,7 +35,8 @@ DRIVEN = Scene.from_gears(DAT21)
 def page_of(found, folder):
     """The page of a result as Markdown, from the folder that is written."""
     facts = {"name": "DAT21", "command": "", "commit": "", "versions": {}, "wall_seconds": 1.0}
-    write_report(folder / "report", found, facts | {"scene": found.scene.to_dict()}, False)
+    report = make_report(found, facts | {"scene": found.scene.to_dict()})
+    save(folder / "report", report, overwrite=False)
     return next((folder / "report").glob("*.md")).read_text(encoding="utf-8")
 
 
