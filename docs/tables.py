@@ -27,7 +27,7 @@ from scipy.stats import binomtest
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from rattle.compare.validation.verdict import widest
+from rattle.montecarlo.looks import widest
 
 __all__ = ["TABLES", "setup"]
 

@@ -1,7 +1,6 @@
 """Where a closure stops holding: the public entry and its result."""
 
 import math
-import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -23,6 +22,8 @@ from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work
 from rattle.compare.study.parameters import Parameter, find_parameter
 from rattle.compare.validation.verdict import Tolerances
+from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -217,7 +218,7 @@ def boundary(
     >>> found.points["verdict"].tolist(), found.edges
     (['wrong', 'wrong'], ())
     """
-    parameter, low, high, limit = check_search(scene, over, between, points, width, budget)
+    parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
     seed = read_whole_seed(rng)
     z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
     limits = Tolerances(*tolerances) if tolerances else Tolerances()
@@ -245,13 +246,13 @@ def boundary(
                 steps += run.facts["path_steps"]
                 return run
 
-            left = limit - time.process_time()
-            ended = Judgement(value, UNDECIDED, remark="the budget ended")
-            if left < 0.0:
+            seconds = time_left.remaining
+            ended = Judgement(value, UNDECIDED, remark=BUDGET_ENDED)
+            if seconds < 0.0:
                 return ended
             try:
                 changed = parameter.scene_at(value)
-                with stop_after(left if method.own else math.inf):
+                with stop_after(seconds if method.own else math.inf):
                     predicted = predict(changed, method, impacts, ORDER).phase_reduced
                 found = search.judge_value(value, changed, predicted, simulate, z, limits)
             except BudgetEnded:
@@ -312,16 +313,14 @@ def check_search(
     points: int,
     width: float,
     budget: float | None,
-) -> tuple[Parameter, float, float, float]:
-    """What every search is given: its parameter, its range, and the processor time of this process
-    at which it ends."""
+) -> tuple[Parameter, float, float, Budget]:
+    """What every search is given: its parameter, its range, and its budget, which begins."""
     check_scene(scene)
     count("points", points, least=2)
     if not positive("width", width) < 1.0:
         raise InputError("width", width, "must be below 1")
     parameter = find_parameter(scene, over)
-    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
-    return parameter, *find_range(parameter, between), limit
+    return parameter, *find_range(parameter, between), begin_budget(budget)
 
 
 def find_range(

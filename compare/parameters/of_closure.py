@@ -2,7 +2,6 @@
 with verdicts."""
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.montecarlo.kernel.blocks import clock
+from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import (
     SECTION,
@@ -31,7 +31,6 @@ from rattle.scene import (
     choice,
     count,
     duration_text,
-    positive,
 )
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar
@@ -193,7 +192,7 @@ def closure_sensitivity(
             "sigma", 0.0, "without noise there are no standard deviations; give one above 0"
         )
     count("impacts", impacts)
-    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
+    left = begin_budget(budget)
     each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
     method = find_closure("closure", closure)
     method.check(scene)
@@ -238,7 +237,7 @@ def closure_sensitivity(
     bar = ProgressBar(label=progress, total=GROUPS * len(every), unit="run")
     done: list[list[Floats]] = []
     with ThreadPoolExecutor(workers) as pool, bar:
-        while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):
+        while len(done) < FEWEST or (len(done) < GROUPS and left.remaining > 0.0):
             done.append([])
             for found in pool.map(run, [(one, len(done)) for one in every]):
                 done[-1].append(found)

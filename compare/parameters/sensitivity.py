@@ -2,7 +2,6 @@
 differences of long runs."""
 
 import math
-import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from rattle.compare.stationary.result import unit_of
 from rattle.compare.study.parameters import CHANGE, PERCENT, STEPS, Parameter, find_parameters
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.settings import is_random
 from rattle.scene import (
@@ -258,7 +258,7 @@ def sensitivity(
         for n in (known if parameters is None else parameters)
     }
     positive("accuracy", accuracy)
-    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
+    left = begin_budget(budget)
     remarks: dict[str, str] = {}
     jobs = [_Job("", 1.0, scene)]
     for name, parameter in chosen.items():
@@ -290,11 +290,7 @@ def sensitivity(
             table = _effects(chosen, asked, runs, remarks)
             half = 0.5 * (table["high"] - table["low"])
             reached = not bool((half > accuracy).any())
-            if (
-                reached
-                or time.process_time() > limit
-                or bool((table["se"].fillna(0.0) == 0.0).all())
-            ):
+            if reached or left.remaining < 0.0 or bool((table["se"].fillna(0.0) == 0.0).all()):
                 break
     said = (
         f"{len(runs)} groups of {len(jobs)} long runs, {PATHS} paths of {PERIODS} periods each;"

@@ -15,8 +15,9 @@ from scipy.special import ndtr
 from rattle.closure.long_orbit import Attractor, attractor
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
 from rattle.compare.report.texts import read_texts
-from rattle.compare.validation.verdict import judge, widest
+from rattle.compare.validation.verdict import judge
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import Floats, Scene
 

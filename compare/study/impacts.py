@@ -34,8 +34,8 @@ from rattle.compare.validation.verdict import (
     is_wrong,
     judge,
     unbroken,
-    widest,
 )
+from rattle.montecarlo.looks import widest
 from rattle.scene import (
     SECTION,
     STATE,

@@ -27,7 +27,6 @@ from rattle.compare.validation.verdict import (
     is_wrong,
     unbroken,
     want,
-    widest,
 )
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of
@@ -37,6 +36,7 @@ from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.leaving import KNOWN, expect_leaving, interval
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults

@@ -2,7 +2,7 @@
 verdicts."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
@@ -71,10 +71,7 @@ BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the
 
 
 NEAR_BRANCHES = "decided by other paths, a part of them near rare branches"
-"""Remark on rows of `judge_again`."""
-
-AGAIN = 0.25
-"""Share of the probability of a wrong verdict that `judge_again` may add."""
+"""Remark on rows of `decide_near_branches`."""
 
 SPARE = 2.0
 """How many times the paths that are expected to decide its rows `judge_again` takes: a branch
@@ -316,14 +313,16 @@ def judge_again(
 
     Returns: The table, and the run of these paths, None where there is none.
     """
-    waits = waits_for_branch(table)
-    plain = SCHEMES[run.scheme].has_step_bias or run.scene.correlation_time
-    if plain or not waits.any():
-        return table, None
-    rare = begin_rare(run, _count_again(table[waits], run.paths), in_threads(workers))
-    if rare is None:
-        return table, None
-    return take_decided(table, waits, section_errors(predictions, rare, z, tolerances)), rare
+    rare = None
+
+    def judge_near(waiting: pd.DataFrame) -> pd.DataFrame | None:
+        nonlocal rare
+        rare = begin_rare(run, _count_again(waiting, run.paths), in_threads(workers))
+        return None if rare is None else section_errors(predictions, rare, z, tolerances)
+
+    if not SCHEMES[run.scheme].has_step_bias:
+        table = decide_near_branches(table, run.scene, judge_near)
+    return table, rare
 
 
 def _count_again(rows: pd.DataFrame, paths: int) -> int:
@@ -334,9 +333,26 @@ def _count_again(rows: pd.DataFrame, paths: int) -> int:
     return max(math.ceil(most), LEAST)
 
 
-def take_decided(table: pd.DataFrame, rows: "pd.Series[bool]", again: pd.DataFrame) -> pd.DataFrame:
-    """The table, those of some rows that paths near a rare branch decide as of these."""
-    decided = rows & again["verdict"].isin(("accurate", "inaccurate"))
+def decide_near_branches(
+    table: pd.DataFrame,
+    scene: Scene,
+    judge_near: Callable[[pd.DataFrame], pd.DataFrame | None],
+    most: int = 0,
+) -> pd.DataFrame:
+    """A table, its rows that wait for a rare branch as other paths decide them, a part of which is
+    near it.
+
+    `judge_near`: The whole table from such paths, for the rows that wait; None where there are no
+    such paths. `most`: Number of plain paths that are still to come; what they show is left to
+    them.
+    """
+    waits = waits_for_branch(table) & ~(table["paths_needed"] <= most)
+    if scene.correlation_time or not waits.any():
+        return table
+    again = judge_near(table[waits])
+    if again is None:
+        return table
+    decided = waits & again["verdict"].isin(("accurate", "inaccurate"))
     return table.where(~decided, again.assign(remark=NEAR_BRANCHES))
 
 

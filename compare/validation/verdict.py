@@ -14,7 +14,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
-from scipy.special import ndtri
 
 from rattle.compare.report.texts import read_texts
 
@@ -49,12 +48,6 @@ class Tolerances(NamedTuple):
     mean: float = 0.05
     sd: float = 0.10
     rho: float = 0.05
-
-
-def widest(checks: int, family_error: float = 0.05) -> float:
-    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals
-    (Bonferroni)."""
-    return float(-ndtri(0.5 * family_error / max(checks, 1)))
 
 
 def at_wall(quantity: Any, mesh: Any) -> Any:

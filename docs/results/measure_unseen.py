@@ -18,11 +18,12 @@ import numpy as np
 import pandas as pd
 
 from rattle.compare.validation import errors
-from rattle.compare.validation.errors import AGAIN, judge_again, section_errors
-from rattle.compare.validation.verdict import Tolerances, widest
+from rattle.compare.validation.errors import judge_again, section_errors
+from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.diagnostics.unseen import Unseen
+from rattle.montecarlo.looks import AGAIN, widest
 from rattle.scene import Scene, Start
 from rattle.scene.types import SECTION
 

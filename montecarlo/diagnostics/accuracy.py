@@ -17,14 +17,11 @@ from scipy.special import ndtr
 
 from rattle.montecarlo.diagnostics.unseen import Unseen, unseen, unseen_text
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import SECTION, STATE, Floats, Scene
 
 if TYPE_CHECKING:
     import pandas as pd
-
-CONFIDENCE = 0.95
-"""Probability with which an accuracy that is said to be reached bounds all errors of section means
-and sds."""
 
 LEAST = (
     32 * BLOCK
@@ -99,12 +96,6 @@ class Bound(NamedTuple):
     where: str  # moment, quantity and impact that matter most
     remark: str  # the unseen branch that matters most, in words; empty if none does
     rare: str  # moment, quantity and impact that it could change most
-
-
-def share_of_look(look: int) -> float:
-    """Probability of a wrong statement that a look may spend; over all looks they add up to 1 -
-    `CONFIDENCE`."""
-    return (1.0 - CONFIDENCE) / (look * (look + 1.0))
 
 
 def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, z: float) -> Floats:

@@ -15,12 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
+from rattle.montecarlo.kernel.blocks import HOUR, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.paths import BATCHES, LEAST, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
+from rattle.montecarlo.looks import Growth, begin_budget
 from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
@@ -34,8 +35,7 @@ PILOT = 40_000  # impacts of the pilot run
 MOST_PILOT = 64  # periods of the pilot run
 PILOT_SHARE = 0.25  # of the budget that is left, for the pilot run
 FEWEST = 8  # periods of the stationary motion, where the budget ends before more
-GROWTH = 4  # most by which a run grows at once
-SPARE = 1.1  # more than what an accuracy is expected to take
+GROWTH = Growth(1.1, 4.0)  # a tenth more than an accuracy is expected to take, at most fourfold
 FIRST = 32
 MOST = 2**15
 """Periods after which a run is tested for the first time, and the longest burn-in that is tried."""
@@ -237,8 +237,8 @@ def _gather(
                 " as budget"
             )
             raise InputError("accuracy", goal, why)
-        paths.expect(SPARE * more)
-        paths.follow(int(min(SPARE * need + 1.0, GROWTH * before)))
+        paths.expect(GROWTH.spare * more)
+        paths.follow(GROWTH.next_size(before, need))
         if paths.periods == before:
             return LongReach(goal, worst, width, more * paths.pace)
     return None
@@ -359,7 +359,7 @@ def long_run(
     """
     check_long_run(scene, accuracy, periods, quantities, paths, burn_in, slow, rng, workers)
     goal = None if periods is not None else ACCURACY if accuracy is None else float(accuracy)
-    limit = Budget(math.inf if budget is None else float(positive("budget", budget)))
+    limit = begin_budget(budget)
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     began = time.perf_counter()
     with limit.pause():

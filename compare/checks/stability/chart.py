@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rattle.closure.long_orbit import LongOrbit
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
-from rattle.compare.validation.verdict import Tolerances, at_wall, widest
+from rattle.compare.validation.verdict import Tolerances, at_wall
 from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import (
     COLLAPSE,
@@ -30,6 +30,7 @@ from rattle.montecarlo.diagnostics.diagnostics import (
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance

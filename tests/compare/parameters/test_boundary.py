@@ -26,7 +26,7 @@ from rattle.compare.parameters.search import (
     find_changes,
     judge_value,
 )
-from rattle.compare.validation.verdict import widest
+from rattle.montecarlo.looks import widest
 
 DRIVEN = Scene.from_gears(DAT21)
 

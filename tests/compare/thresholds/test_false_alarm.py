@@ -20,10 +20,10 @@ from scipy.stats import binomtest
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import errors_of, judge_errors, merge_looks
 from rattle.compare.validation.errors import NamedSection
-from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.section_statistics import single_statistics

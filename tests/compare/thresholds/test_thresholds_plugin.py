@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from programs import python
 
-from rattle.compare.validation.verdict import widest
+from rattle.montecarlo.looks import widest
 
 HERE = Path(__file__).resolve().parent
 

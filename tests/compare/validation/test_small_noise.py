@@ -12,9 +12,10 @@ from rattle.compare.thresholds.decision import errors_of, judge_errors, predict
 from rattle.compare.validation.answer import answer
 from rattle.compare.validation.errors import ABSOLUTE, BY_SIZE, NamedSection, section_errors
 from rattle.compare.validation.validate import validate
-from rattle.compare.validation.verdict import JUDGED, Tolerances, widest
+from rattle.compare.validation.verdict import JUDGED, Tolerances
 from rattle.montecarlo import simulate
 from rattle.montecarlo.diagnostics.accuracy import error_bound, units
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import DAT21, InputError, Scene
 
