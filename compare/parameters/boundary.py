@@ -15,13 +15,13 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters import search
 from rattle.compare.parameters.finding import Finding, list_values
-from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge, Judgement
+from rattle.compare.parameters.search import Edge, Judgement
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work
 from rattle.compare.study.parameters import Parameter, find_parameter
-from rattle.compare.validation.verdict import Tolerances
+from rattle.compare.validation.verdict import Tolerances, Verdict
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
@@ -66,7 +66,7 @@ class Boundary(Finding):
     >>> found = boundary(
     ...     scene, closure="corrected", between=(0.001, 1.0), impacts=2, points=3, width=0.5
     ... )
-    >>> set(found.points["verdict"]) <= {"accurate", "wrong", "undecided"}
+    >>> set(found.points["verdict"]) <= {"accurate", "inaccurate", "undecided"}
     True
     """
 
@@ -98,25 +98,25 @@ class Boundary(Finding):
         if len(self.edges) > 1:
             said.append("Its range of validity is not one interval.")
         verdicts = set(table["verdict"])
-        if verdicts == {ACCURATE}:
+        if verdicts == {Verdict.ACCURATE}:
             said += [
                 f"{closure} is accurate {span}: no boundary in there.",
                 _side(over, unit, table, accurate=True),
             ]
-        elif verdicts == {WRONG}:
+        elif verdicts == {Verdict.INACCURATE}:
             said += [
                 f"{closure} is nowhere accurate {span}.",
                 _side(over, unit, table, accurate=False),
             ]
         elif not self.edges:
-            best = table[table["verdict"] != UNDECIDED]
+            best = table[table["verdict"] != Verdict.UNDECIDED]
             also = (
                 f"; it is {best['verdict'].iloc[0]} at {list_values(best['value'])}{unit}"
                 if len(best)
                 else ""
             )
             said.append(f"No boundary of {closure} was decided {span}{also}.")
-        doubt = table[table["verdict"] == UNDECIDED]
+        doubt = table[table["verdict"] == Verdict.UNDECIDED]
         if len(doubt):
             why = ", ".join(dict.fromkeys(doubt["remark"]))
             said.append(f"Undecided at {over} = {list_values(doubt['value'])}{unit}: {why}.")
@@ -216,7 +216,7 @@ def boundary(
     ...     Scene.from_gears(DAT21), closure="published", between=(0.01, 0.1), impacts=2, points=2
     ... )
     >>> found.points["verdict"].tolist(), found.edges
-    (['wrong', 'wrong'], ())
+    (['inaccurate', 'inaccurate'], ())
     """
     parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
     seed = read_whole_seed(rng)
@@ -247,7 +247,7 @@ def boundary(
                 return run
 
             seconds = time_left.remaining
-            ended = Judgement(value, UNDECIDED, remark=BUDGET_ENDED)
+            ended = Judgement(value, Verdict.UNDECIDED, remark=BUDGET_ENDED)
             if seconds < 0.0:
                 return ended
             try:
@@ -259,12 +259,12 @@ def boundary(
                 return ended
             # what this scene cannot have, or what cannot be simulated there
             except InputError as error:
-                found = Judgement(value, UNDECIDED, remark=str(error))
+                found = Judgement(value, Verdict.UNDECIDED, remark=str(error))
             bar.update()
             return found
 
         changes, table = search.find_changes(
-            judge, low, high, points, width, first=ACCURATE, near=near
+            judge, low, high, points, width, first=Verdict.ACCURATE, near=near
         )
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
     return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)

@@ -16,9 +16,10 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters.boundary import check_search, own_seed
 from rattle.compare.parameters.finding import Finding, list_values, with_unit
-from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes, state_effort
+from rattle.compare.parameters.search import MOST, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
+from rattle.compare.validation.verdict import Verdict
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
@@ -46,7 +47,7 @@ class SideOfLevel(NamedTuple):
     """A value of the parameter, and on which side of the level the quantity is there."""
 
     value: float
-    verdict: str  # `BELOW`, `ABOVE` or `UNDECIDED`
+    verdict: str  # `BELOW`, `ABOVE` or `Verdict.UNDECIDED`
     periods: int = 0
     estimate: float = math.nan  # of the quantity, with the bounds of its interval
     low: float = math.nan
@@ -125,7 +126,7 @@ class Crossing(Finding):
         if len(self.edges) > 1:
             said.append("It crosses the level more than once.")
         sides = set(table["verdict"])
-        if len(sides) == 1 and UNDECIDED not in sides:
+        if len(sides) == 1 and Verdict.UNDECIDED not in sides:
             said.append(
                 f"`{self.quantity}` is {sides.pop()} {level} {span}: it does not cross it there."
             )
@@ -137,7 +138,7 @@ class Crossing(Finding):
                 said.append(f"If it does, it is {end}{unit}.")
         elif not self.edges:
             said.append(f"No crossing of {level} by `{self.quantity}` was decided {span}.")
-        for why, rows in table[table["verdict"] == UNDECIDED].groupby("remark", sort=False):
+        for why, rows in table[table["verdict"] == Verdict.UNDECIDED].groupby("remark", sort=False):
             said.append(
                 f"Undecided at {over}{list_values(rows['value'])}{unit}: {str(why).rstrip('.')}."
             )
@@ -294,7 +295,7 @@ def judge_level(
 
     `run`: Makes a long run of so many periods.
     """
-    found = SideOfLevel(value, UNDECIDED)
+    found = SideOfLevel(value, Verdict.UNDECIDED)
     looks = Looks(LOOKS, budget=time_left)
     for periods in looks:
         try:
@@ -302,7 +303,7 @@ def judge_level(
         except InputError as error:  # no stationary motion is reached
             return found._replace(remark=str(error))
         estimate, low, high = find_interval(result, quantity)
-        found = SideOfLevel(value, UNDECIDED, periods, estimate, low, high)
+        found = SideOfLevel(value, Verdict.UNDECIDED, periods, estimate, low, high)
         if high < level:
             return found._replace(verdict=BELOW)
         if low > level:

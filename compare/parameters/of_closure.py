@@ -115,7 +115,7 @@ class ClosureSensitivity(Finding):
             ),
             said["worst"].format_map(worst | {"from": low, "to": high}),
             f"{self.paths:,} paths of each scene.",
-            *([f"{bent} more are not judged: not linear over ± {STEPS[1]:.0%}."] if bent else []),
+            *([f"{bent} more are excluded: not linear over ± {STEPS[1]:.0%}."] if bent else []),
         ]
 
 
@@ -139,7 +139,7 @@ def closure_sensitivity(
     random numbers at 0.5 and 1 % less and more, in independent groups, as in `sensitivity`; the
     start stays as it is in dimensionless numbers.  A change is accurate if the whole interval of
     its error is within 5 % (means) or 10 % (sds) of the change itself, or of 1 % of the standard
-    deviation where that is more.  Where both steps differ it is not linear and not judged, as where
+    deviation where that is more.  Where both steps differ it is not linear and excluded, as where
     another mesh is struck first.
 
     Parameters
@@ -287,7 +287,7 @@ def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
 def _change(
     predicted: float, values: Floats, unit: float, checks: int, tolerance: float
 ) -> dict[str, Any]:
-    """A change for 1 % more in units of an sd, predicted and simulated; not judged where that is
+    """A change for 1 % more in units of an sd, predicted and simulated; excluded where that is
     NaN, or it bends.
 
     Shapes: `values` (groups, down and up by step).

@@ -16,7 +16,7 @@ from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.save import contents, save_report
 from rattle.compare.study.parameters import PERCENT, STEPS
-from rattle.compare.validation.verdict import JUDGED
+from rattle.compare.validation import verdict
 from rattle.scene.text import percent
 
 CONTENTS = contents("boundary", figures=("boundary",), tables=("boundary", "points"))
@@ -24,13 +24,7 @@ CONTENTS |= contents(
     "sensitivity", figures=("sensitivity", "by_mesh"), tables=("sensitivity", "values")
 )
 """Names of all files in such a folder; a folder with any other file is not overwritten."""
-MARKS = {
-    search.ACCURATE: "good",
-    search.WRONG: "bad",
-    search.UNDECIDED: "open",
-    "inaccurate": "bad",
-}
-MARKS |= {crossing.BELOW: "good", crossing.ABOVE: "bad"}
+MARKS = verdict.MARKS | {crossing.BELOW: "good", crossing.ABOVE: "bad"}
 IN_TABLES = ("points", "curve", "table", "values")
 LOOKS = {"most": search.MOST, "looks": ", ".join(f"{n:,}" for n in search.LOOKS)}
 SEARCH = {"search": TEXTS["search"].format(**LOOKS)}
@@ -68,7 +62,7 @@ def write_report(out: Path, found: Any, record: dict[str, Any], overwrite: bool)
         shown = _in_percent(table)
         figures = _tornados(found)
     elif isinstance(found, of_closure.ClosureSensitivity):
-        shown = table[table["verdict"].isin(JUDGED)]
+        shown = table[table["verdict"].isin(verdict.JUDGED)]
         shown = shown.loc[
             (shown["error"].abs() / shown["tolerance"])
             .sort_values(ascending=False, kind="stable")

@@ -21,7 +21,7 @@ from rattle.compare.study.impacts import Tables, find_validity
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import (
     RULE,
-    VERDICTS,
+    Verdict,
     in_words,
     is_accurate,
     join_words,
@@ -159,7 +159,7 @@ def blocks(
     section."""
     groups = r.of_all_paths.groupby(["closure", "moment"], sort=False)["verdict"]
     counts = [
-        {"closure": c, "moments": f"{m}s"} | {v: int((said == v).sum()) for v in VERDICTS}
+        {"closure": c, "moments": f"{m}s"} | {v: int((said == v).sum()) for v in Verdict}
         for (c, m), said in groups
     ]
     parts = {

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.special import ndtr
 
 from rattle.closure import Closure, follow, mean_map
 from rattle.closure.closure import name_of
@@ -32,14 +31,13 @@ from rattle.compare.study.cells import Sample
 from rattle.compare.thresholds.claim import KINDS, Claim, Settings
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import ON_ITINERARY, TOO_FEW_FOLLOW, NamedSection
-from rattle.compare.validation.verdict import RULE, Tolerances, judge
+from rattle.compare.validation.verdict import DECIDED, RULE, Tolerances, Verdict
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.run import PATHS
 from rattle.montecarlo.looks import AGAIN, Looks, widest
 from rattle.montecarlo.settings import begins
-from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import SECTION, InputError, Scene, choice
 from rattle.scene.numpy_errors import call_users
 from rattle.scene.progress import print_on_stderr
@@ -141,13 +139,7 @@ def _past_capture(config: pytest.Config) -> Callable[[str], None]:
     return say
 
 
-OUTCOMES = {
-    "accurate": "pass",
-    "inaccurate": "fail",
-    "undecided": "undecided",
-    "not predicted": "undecided",
-}
-"""Outcome of a row by its verdict."""
+NOTHING = Tolerances(0.0, 0.0, 0.0)  # a claim has tolerances of its own
 
 
 class Decision(NamedTuple):
@@ -160,14 +152,14 @@ class Decision(NamedTuple):
 
 def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> pd.DataFrame:
     """The error of every row of a claim that is judged, ``noise`` of one standard error, as
-    `section_errors` has them.
+    `list_errors` has them.
 
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d -
     w sd`` is negative, and the standard error of this difference is at most ``se(d) + w se(sd)``.
     """
     if claim.kind == ON_ITINERARY:
         same = np.ones(claim.impacts[-1])
-        table = errors.judge_followers(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0), same, same)
+        table = errors.follower_errors(prediction, run, NOTHING, same, same)
         if (few := table["remark"] == TOO_FEW_FOLLOW).any():
             why = (
                 f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or"
@@ -175,7 +167,7 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
             )
             raise InputError("kind", claim.kind, why)
     else:
-        table = errors.section_errors([prediction], run, 1.0, Tolerances(0.0, 0.0, 0.0))
+        table = errors.list_errors([prediction], run, NOTHING)
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
     rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(
         drop=True
@@ -196,33 +188,18 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
     return rows
 
 
-def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
-    """Add the interval of each error, its verdict and its outcome (``pass``, ``fail`` or
-    ``undecided``)."""
-    rows = table.assign(noise=z * table["noise"])
-    student = half_width(rows["paths"], float(ndtr(-z))) * table["noise"]
-    half = student + rows["rest"]
-    lean = student * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
-    rows["low"] = rows["error"] - half - lean.clip(lower=0.0) - rows["unseen_low"]
-    rows["high"] = rows["error"] + half - lean.clip(upper=0.0) + rows["unseen_high"]
-    rows = judge(rows)
-    rows["remark"] = errors.remarks(rows)
-    rows["outcome"] = rows["verdict"].map(OUTCOMES)
-    return rows
-
-
 def count_needed(table: pd.DataFrame) -> float:
     """Paths that should decide every row that more paths can decide; NaN where there is none, or
     the test fails as it is."""
-    if (table["outcome"] == "fail").any():
+    if (table["verdict"] == Verdict.INACCURATE).any():
         return math.nan
-    return float(table.loc[table["outcome"] == "undecided", "paths_needed"].max())
+    return float(table.loc[table["verdict"] == Verdict.UNDECIDED, "paths_needed"].max())
 
 
 def merge_looks(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     """Combine the rows of two looks: decided rows are kept, undecided ones are taken from the later
     look."""
-    return before.where(before["outcome"] != "undecided", now)
+    return before.where(before["verdict"].isin(DECIDED), now)
 
 
 def look_until_decided(
@@ -276,10 +253,10 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
             nonlocal seconds
             near = session.simulate(replace(cell, near_branches=True))
             seconds += near.seconds
-            return judge_errors(errors_of(prediction, near.run, claim), z_again)
+            return errors.judge_errors(errors_of(prediction, near.run, claim), z_again)
 
         sampled = run.run.followers if apart else run.run
-        table = judge_errors(errors_of(prediction, sampled, claim), z)
+        table = errors.judge_errors(errors_of(prediction, sampled, claim), z)
         if not (given or apart or SCHEMES[claim.scheme].has_step_bias):
             table = errors.decide_near_branches(table, claim.scene, judge_near, sizes[-1])
         return table, run._replace(seconds=seconds)
@@ -371,7 +348,7 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
         )
         table.insert(1, "unit", table["quantity"].map(plain_unit))
         return (
-            table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths),
+            table.assign(periods=periods, paths=paths),
             run,
         )
 

@@ -32,7 +32,7 @@ from rattle.compare.validation.figures import (
     validity_figure,
 )
 from rattle.compare.validation.tables import motion_blocks
-from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
+from rattle.compare.validation.verdict import MARKS, RULE, Tolerances
 from rattle.scene.parts import SINE_ALONE
 
 CONTENTS = contents(
@@ -151,11 +151,7 @@ def _page(
     )
     explained = [*_own_closures(first), words]
     parts = dict[str, Any]()
-    marks = ", ".join(
-        f"{SIGNS[m] or '–'} {verdict}"
-        for verdict, m in tables.MARKS.items()
-        if verdict != NOT_JUDGED
-    )
+    marks = ", ".join(f"{SIGNS[m] or '–'} {verdict}" for verdict, m in MARKS.items())
     values: dict[str, Any] = {
         "rule": RULE,
         "marks": marks,

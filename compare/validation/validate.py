@@ -21,7 +21,7 @@ from rattle.compare.validation.comparison import (
     simulation_costs,
 )
 from rattle.compare.validation.result import Validation
-from rattle.compare.validation.verdict import Tolerances
+from rattle.compare.validation.verdict import Tolerances, Verdict
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.looks import AGAIN, FAMILY_ERROR, widest
@@ -370,7 +370,7 @@ def compare_schemes(
             )
         for closure, prediction in v.predictions.items():
             table = v.section_rows(closure)
-            own = table.assign(judged=table["verdict"] != "not judged")
+            own = table.assign(judged=table["verdict"] != Verdict.EXCLUDED)
             took = closure_seconds(prediction)
             rows.append(
                 (v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took)

@@ -71,7 +71,7 @@ def _nothing_unseen(impacts: int) -> Iterator[None]:
         mock.patch.object(
             errors, "unseen", return_value=Unseen(nil, nil, nil, nil, nil, nil, impacts)
         ),
-        mock.patch.object(errors, "widen_for_skewness", lambda _, steps, __: np.zeros(len(steps))),
+        mock.patch.object(errors, "find_lean", lambda _, steps: np.zeros(len(steps))),
     ):
         yield
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from rattle.compare.validation.errors import TOO_FEW
-from rattle.compare.validation.verdict import VERDICTS
+from rattle.compare.validation.verdict import Verdict
 from rattle.scene.errors import RattleError
 from rattle.scene.scene import Scene
 from rattle.scene.types import SECTION, STATE
@@ -63,7 +63,7 @@ def semidefinite(covariance: Any, scales: Any = None) -> None:
 def has_verdicts(table: Any) -> None:
     """Every row of a comparison has a verdict; where it says more than that there is nothing to
     say, numbers do too."""
-    must(table["verdict"].isin(VERDICTS), table["verdict"].unique())
+    must(table["verdict"].isin(list(Verdict)), table["verdict"].unique())
     judged = table[table["verdict"].isin(["accurate", "inaccurate", "undecided"])]
     numbers = ["predicted", "simulated", "error", "tolerance", "agreement"]
     interval = ["se", "low", "high"]

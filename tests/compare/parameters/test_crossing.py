@@ -19,8 +19,8 @@ from rattle.compare.parameters.crossing import (
     SideOfLevel,
     judge_level,
 )
-from rattle.compare.parameters.search import UNDECIDED
 from rattle.compare.stationary.study import LongResult
+from rattle.compare.validation.verdict import Verdict
 
 DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
 SETTINGS = {
@@ -41,7 +41,7 @@ def long_result(value, se, kind="simulated", periods=64):
 
 @pytest.mark.parametrize(
     ("true", "verdict"),
-    [(0.7, BELOW), (0.98, BELOW), (1.02, ABOVE), (3.0, ABOVE), (1.0, UNDECIDED)],
+    [(0.7, BELOW), (0.98, BELOW), (1.02, ABOVE), (3.0, ABOVE), (1.0, Verdict.UNDECIDED)],
 )
 def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
     seen = []
@@ -51,7 +51,7 @@ def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
         return long_result(true, 0.02 / math.sqrt(periods / LOOKS[0]))
 
     found = judge_level(1.0, "rate_above", 1.0, run)
-    assert (found.verdict, found.remark == "") == (verdict, verdict != UNDECIDED)
+    assert (found.verdict, found.remark == "") == (verdict, verdict != Verdict.UNDECIDED)
     assert seen == list(LOOKS[: len(seen)])
     assert (len(seen) == 1) == (
         abs(true - 1.0) > 0.1 or true == 1.0
@@ -68,7 +68,9 @@ def test_the_share_of_wrong_statements_is_the_stated_one():
         result.table["value"] = 1.0 + 0.01 * rng.standard_t(PATHS - 1)
         return result
 
-    wrong = sum(judge_level(1.0, "rate_above", 1.0, look).verdict != UNDECIDED for _ in range(4000))
+    wrong = sum(
+        judge_level(1.0, "rate_above", 1.0, look).verdict != Verdict.UNDECIDED for _ in range(4000)
+    )
     share = 0.05 / 40
     assert (
         0 < wrong <= 4000 * share + 4.0 * math.sqrt(4000 * share)
@@ -80,7 +82,7 @@ def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
     assert (found.verdict, found.estimate) == (BELOW, 0.0)
     assert 0.0 < found.high < 1e-2
     nearer = judge_level(1.0, "rate_above", 1e-9, lambda n: long_result(0.0, 0.0, periods=n))
-    assert nearer.verdict == UNDECIDED
+    assert nearer.verdict == Verdict.UNDECIDED
     assert (
         judge_level(
             1.0, "rate_above", 0.5, lambda _: long_result(0.5000001, 0.0, "periodic")

@@ -48,7 +48,7 @@ def test_texts():
         "tolerance": 0.005,
         "unit": 0.1,
         "agreement": 1.0,
-        "outcome": "fail",
+        "verdict": "inaccurate",
     }
     assert row_table(pd.DataFrame([row])).split("\n")[1].split() == [
         "E",
