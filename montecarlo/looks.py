@@ -1,14 +1,14 @@
 """When a growing sample is looked at, and what every look may get wrong: the one engine of all that
 adds paths, or periods, until something is decided.
 
-Sizes that are fixed beforehand are those of `Looks`, sizes that follow from what was seen those of
-`Growth`.  The probability of a wrong statement is shared by all looks and all rows (Bonferroni).
+Sizes that are fixed beforehand are those of `Looks`, a size that follows from what was seen that of
+`grow`.  The probability of a wrong statement is shared by all looks and all rows (Bonferroni).
 Therefore looks may be left out depending on earlier ones, and the first decision on a row is final.
 """
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from scipy.special import ndtri
 
@@ -26,9 +26,7 @@ wait for a rare branch by other paths, a part of them near it."""
 USUAL_LOOKS = 2
 """Looks after which a run to an accuracy ends as a rule."""
 
-LEAST_GROWTH = 1.1
-"""Least factor by which a sample grows that is too small: one that is expected to suffice as it is
-was misjudged."""
+LEAST_GROWTH = 1.1  # factor for a sample that was expected to suffice, and did not
 
 BUDGET_ENDED = "the budget ended"
 TOO_FEW = "too few paths to decide"
@@ -57,71 +55,54 @@ def begin_budget(seconds: float | None) -> Budget:
     return Budget(math.inf if seconds is None else float(positive("budget", seconds)))
 
 
+@dataclass
 class Looks:
     """Sizes, fixed beforehand, at which a sample is looked at, as long as another look may decide.
 
     Whoever iterates leaves the loop once all is decided; after its last pass something is undecided
     because of `why`.
-
-    `rough`: Size below which a sample says only roughly how many would decide, so that it does not
-    end the looks. `use_all`: Whether the last size is looked at although more are expected to be
-    needed, and sizes that are expected to be too small are left out. `budget`: Time after which
-    there is no further look.
     """
 
-    def __init__(
-        self,
-        sizes: Sequence[int],
-        *,
-        rough: int = 0,
-        use_all: bool = False,
-        budget: Budget | None = None,
-    ) -> None:
-        self.why = TOO_FEW
-        self._later = list(sizes)
-        self._size = 0
-        self._last = sizes[-1]
-        self._rough = rough
-        self._use_all = use_all
-        self._budget = budget
+    sizes: Sequence[int]
+    # size below which a sample says only roughly how many would decide, and does not end the looks
+    rough: int = 0
+    # whether the last size is looked at although more are expected to be needed, and sizes that are
+    # expected to be too small are left out
+    use_all: bool = False
+    budget: Budget | None = None  # time after which there is no further look
+    why: str = TOO_FEW
 
     def __iter__(self) -> Iterator[int]:
+        self._later = list(self.sizes)
         while self._later:
-            if self._budget is not None and self._budget.remaining < 0.0:
+            if self.budget is not None and self.budget.remaining < 0.0:
                 self.why = BUDGET_ENDED
                 return
             self._size = self._later.pop(0)
             yield self._size
 
     def expect(self, needed: float) -> None:
-        """Choose the next look by the size that is expected to decide; NaN or infinite where no
-        size does."""
-        if self._use_all:
-            enough = [size for size in self._later if size >= needed] or self._later[-1:]
-            self._later = enough if needed < math.inf else []
-        elif not needed <= self._last and self._size >= self._rough:
-            self._later = []
+        """Choose the next look by the size that is expected to decide; NaN where no size does."""
+        last = self.sizes[-1]
+        if self.use_all:
+            self._later = [size for size in self._later if size >= min(needed, last)]
+        elif not needed <= last and self._size >= self.rough:
+            self._later.clear()
 
     def repeat(self, least: int) -> None:
         """Look at another sample of this size, or of the first one that is not below `least`."""
         self._later = [size for size in (self._size, *self._later) if size >= least]
 
 
-class Growth(NamedTuple):
-    """How a sample grows whose size follows from what was seen of it."""
+def ladder(first: int, most: int, factor: int = 2) -> tuple[int, ...]:
+    """Sizes from the first on, as many times the one before as `factor` says, up to the largest."""
+    sizes = [first]
+    while sizes[-1] < most:
+        sizes.append(min(factor * sizes[-1], most))
+    return tuple(sizes)
 
-    spare: float  # ratio of what is sampled to what is expected to suffice
-    most: float  # largest factor by which it grows at once: the spread of heavy tails shows late
-    grain: int = 1  # its size is a multiple of that
 
-    def round_up(self, size: float) -> int:
-        """The next size that it can have."""
-        return math.ceil(size / self.grain) * self.grain
-
-    def want(self, size: int, needed: float) -> float:
-        """The size that the next look should suffice with, from the one that is expected to."""
-        return max(self.spare * needed, LEAST_GROWTH * size)
-
-    def next_size(self, size: int, needed: float) -> int:
-        """The size of the next look."""
-        return self.round_up(min(self.want(size, needed), self.most * size))
+def grow(size: int, needed: float, spare: float, grain: int = 1) -> int:
+    """The size of the next look at a sample that is too small: as many times what is expected to
+    suffice as `spare` says, in whole grains."""
+    return math.ceil(max(spare * needed, LEAST_GROWTH * size) / grain) * grain

@@ -14,7 +14,7 @@ from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters import search
-from rattle.compare.parameters.finding import Finding, list_values
+from rattle.compare.parameters.finding import Finding, list_undecided, list_values
 from rattle.compare.parameters.search import Edge, Judgement
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
@@ -116,10 +116,7 @@ class Boundary(Finding):
                 else ""
             )
             said.append(f"No boundary of {closure} was decided {span}{also}.")
-        doubt = table[table["verdict"] == Verdict.UNDECIDED]
-        if len(doubt):
-            why = ", ".join(dict.fromkeys(doubt["remark"]))
-            said.append(f"Undecided at {over} = {list_values(doubt['value'])}{unit}: {why}.")
+        said += list_undecided(table, over, unit)
         return [*said, f"{len(table)} values were judged, with {self.path_steps:.3g} path-steps."]
 
     def plot(self) -> "Figure":

@@ -15,7 +15,7 @@ import pandas as pd
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters.boundary import check_search, own_seed
-from rattle.compare.parameters.finding import Finding, list_values, with_unit
+from rattle.compare.parameters.finding import Finding, list_undecided, with_unit
 from rattle.compare.parameters.search import MOST, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
@@ -138,10 +138,7 @@ class Crossing(Finding):
                 said.append(f"If it does, it is {end}{unit}.")
         elif not self.edges:
             said.append(f"No crossing of {level} by `{self.quantity}` was decided {span}.")
-        for why, rows in table[table["verdict"] == Verdict.UNDECIDED].groupby("remark", sort=False):
-            said.append(
-                f"Undecided at {over}{list_values(rows['value'])}{unit}: {str(why).rstrip('.')}."
-            )
+        said += list_undecided(table, self.over, unit)
         return [*said, f"{len(table)} values were judged."]
 
     def plot(self) -> "Figure":

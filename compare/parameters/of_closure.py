@@ -9,26 +9,25 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import t as student
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.parameters.finding import TEXTS, Finding
-from rattle.compare.parameters.sensitivity import CONFIDENCE, factors_of, find_slopes
-from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
+from rattle.compare.parameters.sensitivity import factors_of, find_slopes
+from rattle.compare.study.parameters import CHANGE, PERCENT, choose_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.montecarlo.kernel.blocks import clock
-from rattle.montecarlo.looks import begin_budget
+from rattle.montecarlo.looks import begin_budget, tail_of
 from rattle.montecarlo.seed import Rng, read_whole_seed
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width
 from rattle.scene import (
     SECTION,
     Floats,
     InputError,
     Scene,
     check_scene,
-    choice,
     count,
     duration_text,
 )
@@ -196,12 +195,8 @@ def closure_sensitivity(
     each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
     method = find_closure("closure", closure)
     method.check(scene)
-    known = find_parameters(scene)
     allowed = Tolerances(*tolerances) if tolerances else Tolerances()
-    chosen = {
-        n: known[choice("parameters", n, known)]
-        for n in (known if parameters is None else parameters)
-    }
+    chosen = choose_parameters(scene, parameters)
     scenes: dict[str, list[Scene]] = {}
     for name, parameter in chosen.items():
         try:
@@ -297,7 +292,7 @@ def _change(
     _, _, shown, linear = find_slopes(values, STEPS, checks)
     simulated = one * float(shown.mean())
     se = one * float(shown.std(ddof=1)) / math.sqrt(len(shown))
-    noise = float(student.isf(0.5 * (1.0 - CONFIDENCE) / checks, len(shown) - 1)) * se
+    noise = float(half_width(len(shown), tail_of(checks, 1.0 - CONFIDENCE))) * se
     error = one * predicted - simulated
     return {
         "predicted": one * predicted,

@@ -36,7 +36,7 @@ TOLERANCES: str = TEXTS["tolerances"]
 RATES = ("rate", "energy", "power")
 PREDICTED = ["closure", "kind", "quantity", "predicted", "se_predicted", "reason"]
 """Columns of `predictions`, and below of `judge_predictions`."""
-JUDGED = [
+COLUMNS = [
     "closure",
     "kind",
     "quantity",
@@ -49,7 +49,7 @@ JUDGED = [
     "tolerance",
     "verdict",
 ]
-JUDGED += ["periods_needed", "reason"]
+COLUMNS += ["periods_needed", "reason"]
 HALVINGS = 80  # of an interval that holds a quantile
 
 
@@ -113,7 +113,7 @@ def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame
     sides.
     """
     rows = predicted[predicted["quantity"].isin(table.index)].reset_index(drop=True)
-    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[JUDGED]
+    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[COLUMNS]
 
 
 def judge_rows(

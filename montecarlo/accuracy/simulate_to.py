@@ -41,7 +41,7 @@ from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare, extend_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import HOUR, Blocks, Budget, clock, in_threads
-from rattle.montecarlo.looks import Growth, share_of_look
+from rattle.montecarlo.looks import grow, share_of_look
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import (
@@ -293,7 +293,7 @@ class _Look(NamedTuple):
     step_too_long: bool  # whether the bias of the step is shown to take too much of the accuracy
 
 
-def _look_at(run: Ensemble, accuracy: float, look: int, growth: Growth) -> _Look:
+def _look_at(run: Ensemble, accuracy: float, look: int, grain: int) -> _Look:
     """Bound the errors of a run with the share of a look, and foresee the next one."""
     step, se_step = step_error(run)
     too_long = (
@@ -304,7 +304,7 @@ def _look_at(run: Ensemble, accuracy: float, look: int, growth: Growth) -> _Look
     room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
     needed = expect_paths(run, room, share_of_look(look + 1)).paths
     # more also where a bias may be noise
-    return _Look(growth.round_up(growth.want(run.paths, needed)), too_long)
+    return _Look(grow(run.paths, needed, SPARE, grain), too_long)
 
 
 def _follow_up(
@@ -324,7 +324,7 @@ def _follow_up(
         return run, missing, 1
     exact = not SCHEMES[run.scheme].has_step_bias
     fewest = count_followed(run.scene, LEAST)
-    growth = Growth(SPARE, GROWTH, count_followed(run.scene, BLOCK))
+    grain = count_followed(run.scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
     settings = {
@@ -347,7 +347,7 @@ def _follow_up(
         look += 1
         took = (clock() - began) / (run.paths - before) if run.paths > pilot_run.run.paths else 0.0
         seconds_per_path = took or pilot_run.path_seconds
-        found = _look_at(run, accuracy, look, growth)
+        found = _look_at(run, accuracy, look, grain)
         late = exact and run.plan.mixture is None and run.paths > GROWTH * tried
         if late and budget.remaining > 0.0:  # a spread that was found late
             begin = partial(begin_rare, run, run.paths, blocks)
@@ -364,7 +364,7 @@ def _follow_up(
         # half the step takes as long as twice the paths
         more = 2 * run.paths if found.step_too_long else max(found.paths, fewest) - run.paths
         seconds = max(budget.remaining, 0.0)
-        affordable = int(min(seconds / seconds_per_path, 1e15)) // growth.grain * growth.grain
+        affordable = int(min(seconds / seconds_per_path, 1e15)) // grain * grain
         if more == 0 or affordable <= 0 or (found.step_too_long and affordable < more):
             missing = 0.0 if exact or more == 0 else expected.core_seconds
             return run, max(more * seconds_per_path, missing), look

@@ -21,7 +21,7 @@ from rattle.montecarlo.long_run.paths import BATCHES, LEAST, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
-from rattle.montecarlo.looks import Growth, begin_budget
+from rattle.montecarlo.looks import begin_budget, grow
 from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
@@ -35,7 +35,8 @@ PILOT = 40_000  # impacts of the pilot run
 MOST_PILOT = 64  # periods of the pilot run
 PILOT_SHARE = 0.25  # of the budget that is left, for the pilot run
 FEWEST = 8  # periods of the stationary motion, where the budget ends before more
-GROWTH = Growth(1.1, 4.0)  # a tenth more than an accuracy is expected to take, at most fourfold
+GROWTH = 4  # most by which a run grows at once
+SPARE = 1.1  # more than what an accuracy is expected to take
 FIRST = 32
 MOST = 2**15
 """Periods after which a run is tested for the first time, and the longest burn-in that is tried."""
@@ -237,8 +238,9 @@ def _gather(
                 " as budget"
             )
             raise InputError("accuracy", goal, why)
-        paths.expect(GROWTH.spare * more)
-        paths.follow(GROWTH.next_size(before, need))
+        paths.expect(SPARE * more)
+        most = GROWTH * before
+        paths.follow(min(grow(before, min(need, most), SPARE), most))
         if paths.periods == before:
             return LongReach(goal, worst, width, more * paths.pace)
     return None

@@ -3,6 +3,7 @@ bad input."""
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -56,6 +57,18 @@ def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
     assert (len(seen) == 1) == (
         abs(true - 1.0) > 0.1 or true == 1.0
     )  # far from the level, or never to be decided
+
+
+def test_a_budget_that_ends_between_two_looks_is_said():
+    time_left = SimpleNamespace(remaining=1.0)
+
+    def run(periods):
+        time_left.remaining = -1.0
+        return long_result(1.0, 0.02)
+
+    found = judge_level(1.0, "rate_above", 1.01, run, time_left)
+    assert (found.verdict, found.remark) == (Verdict.UNDECIDED, "the budget ended")
+    assert (found.periods, found.estimate) == (LOOKS[0], 1.0)
 
 
 def test_the_share_of_wrong_statements_is_the_stated_one():
