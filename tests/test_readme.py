@@ -14,6 +14,7 @@ from programs import python
 
 from rattle import Study
 from rattle.closure import follow
+from rattle.compare.validation.verdict import Verdict
 from rattle.scene import DAT21, Scene
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -144,6 +145,8 @@ def test_the_committed_study_loads_as_it_says(monkeypatch):
     assert (
         len(found["results"].errors) == 24 * 4 * 12 * 2 * 6
     )  # sigma, closure, impact, moment, quantity
+    # the study may be older than the words of its verdicts
+    assert set(found["results"].errors["verdict"]) <= set(Verdict)
 
 
 def test_pictures_and_links_exist():

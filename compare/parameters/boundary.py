@@ -1,7 +1,6 @@
 """Where a closure stops holding: the public entry and its result."""
 
 import math
-import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,14 +14,16 @@ from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters import search
-from rattle.compare.parameters.finding import Finding, list_values
-from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge, Judgement
+from rattle.compare.parameters.finding import Finding, list_undecided, list_values
+from rattle.compare.parameters.search import Edge, Judgement
 from rattle.compare.report.interrupt import BudgetEnded, stop_after
 from rattle.compare.report.json_text import json_digest
 from rattle.compare.study.cells import Sample
 from rattle.compare.study.estimate import expect_work
 from rattle.compare.study.parameters import Parameter, find_parameter
-from rattle.compare.validation.verdict import Tolerances
+from rattle.compare.validation.verdict import Tolerances, Verdict
+from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.looks import BUDGET_ENDED, begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.scene import InputError, Scene, check_scene, count, positive
 from rattle.scene.numpy_errors import numpy_defaults
@@ -65,7 +66,7 @@ class Boundary(Finding):
     >>> found = boundary(
     ...     scene, closure="corrected", between=(0.001, 1.0), impacts=2, points=3, width=0.5
     ... )
-    >>> set(found.points["verdict"]) <= {"accurate", "wrong", "undecided"}
+    >>> set(found.points["verdict"]) <= {"accurate", "inaccurate", "undecided"}
     True
     """
 
@@ -97,28 +98,25 @@ class Boundary(Finding):
         if len(self.edges) > 1:
             said.append("Its range of validity is not one interval.")
         verdicts = set(table["verdict"])
-        if verdicts == {ACCURATE}:
+        if verdicts == {Verdict.ACCURATE}:
             said += [
                 f"{closure} is accurate {span}: no boundary in there.",
                 _side(over, unit, table, accurate=True),
             ]
-        elif verdicts == {WRONG}:
+        elif verdicts == {Verdict.INACCURATE}:
             said += [
                 f"{closure} is nowhere accurate {span}.",
                 _side(over, unit, table, accurate=False),
             ]
         elif not self.edges:
-            best = table[table["verdict"] != UNDECIDED]
+            best = table[table["verdict"] != Verdict.UNDECIDED]
             also = (
                 f"; it is {best['verdict'].iloc[0]} at {list_values(best['value'])}{unit}"
                 if len(best)
                 else ""
             )
             said.append(f"No boundary of {closure} was decided {span}{also}.")
-        doubt = table[table["verdict"] == UNDECIDED]
-        if len(doubt):
-            why = ", ".join(dict.fromkeys(doubt["remark"]))
-            said.append(f"Undecided at {over} = {list_values(doubt['value'])}{unit}: {why}.")
+        said += list_undecided(table, over, unit)
         return [*said, f"{len(table)} values were judged, with {self.path_steps:.3g} path-steps."]
 
     def plot(self) -> "Figure":
@@ -215,9 +213,9 @@ def boundary(
     ...     Scene.from_gears(DAT21), closure="published", between=(0.01, 0.1), impacts=2, points=2
     ... )
     >>> found.points["verdict"].tolist(), found.edges
-    (['wrong', 'wrong'], ())
+    (['inaccurate', 'inaccurate'], ())
     """
-    parameter, low, high, limit = check_search(scene, over, between, points, width, budget)
+    parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
     seed = read_whole_seed(rng)
     z = search.critical(count("impacts", impacts), scene.stages, count("searches", searches))
     limits = Tolerances(*tolerances) if tolerances else Tolerances()
@@ -245,25 +243,25 @@ def boundary(
                 steps += run.facts["path_steps"]
                 return run
 
-            left = limit - time.process_time()
-            ended = Judgement(value, UNDECIDED, remark="the budget ended")
-            if left < 0.0:
+            seconds = time_left.remaining
+            ended = Judgement(value, Verdict.UNDECIDED, remark=BUDGET_ENDED)
+            if seconds < 0.0:
                 return ended
             try:
                 changed = parameter.scene_at(value)
-                with stop_after(left if method.own else math.inf):
+                with stop_after(seconds if method.own else math.inf):
                     predicted = predict(changed, method, impacts, ORDER).phase_reduced
                 found = search.judge_value(value, changed, predicted, simulate, z, limits)
             except BudgetEnded:
                 return ended
             # what this scene cannot have, or what cannot be simulated there
             except InputError as error:
-                found = Judgement(value, UNDECIDED, remark=str(error))
+                found = Judgement(value, Verdict.UNDECIDED, remark=str(error))
             bar.update()
             return found
 
         changes, table = search.find_changes(
-            judge, low, high, points, width, first=ACCURATE, near=near
+            judge, low, high, points, width, first=Verdict.ACCURATE, near=near
         )
     edges = tuple(Edge(good.value, bad.value, bad.row) for good, bad in changes)
     return Boundary(scene, method.name, over, edges, table, steps, parameter.unit)
@@ -312,16 +310,14 @@ def check_search(
     points: int,
     width: float,
     budget: float | None,
-) -> tuple[Parameter, float, float, float]:
-    """What every search is given: its parameter, its range, and the processor time of this process
-    at which it ends."""
+) -> tuple[Parameter, float, float, Budget]:
+    """What every search is given: its parameter, its range, and its budget, which begins."""
     check_scene(scene)
     count("points", points, least=2)
     if not positive("width", width) < 1.0:
         raise InputError("width", width, "must be below 1")
     parameter = find_parameter(scene, over)
-    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
-    return parameter, *find_range(parameter, between), limit
+    return parameter, *find_range(parameter, between), begin_budget(budget)
 
 
 def find_range(

@@ -2,7 +2,6 @@
 result."""
 
 import math
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -16,12 +15,15 @@ import pandas as pd
 from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters.boundary import check_search, own_seed
-from rattle.compare.parameters.finding import Finding, list_values, with_unit
-from rattle.compare.parameters.search import MOST, UNDECIDED, find_changes, state_effort
+from rattle.compare.parameters.finding import Finding, list_undecided, with_unit
+from rattle.compare.parameters.search import MOST, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
+from rattle.compare.validation.verdict import Verdict
+from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
+from rattle.montecarlo.looks import Looks, tail_of
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import InputError, Scene, choice, positive
@@ -34,8 +36,9 @@ if TYPE_CHECKING:
 PATHS = 64  # of each long run
 LOOKS = (64, 256, 1024, 4096)
 """Periods after which a value is judged."""
-TAIL = 0.5 * 0.05 / (len(LOOKS) * MOST)
-"""Probability on each side of the interval of every look at every value (Bonferroni)."""
+TAIL = tail_of(len(LOOKS) * MOST)
+"""Probability on each side of the interval of every look at every value."""
+TOO_NEAR = "too near the level to decide"
 BELOW = "below"
 ABOVE = "above"
 
@@ -44,7 +47,7 @@ class SideOfLevel(NamedTuple):
     """A value of the parameter, and on which side of the level the quantity is there."""
 
     value: float
-    verdict: str  # `BELOW`, `ABOVE` or `UNDECIDED`
+    verdict: str  # `BELOW`, `ABOVE` or `Verdict.UNDECIDED`
     periods: int = 0
     estimate: float = math.nan  # of the quantity, with the bounds of its interval
     low: float = math.nan
@@ -123,7 +126,7 @@ class Crossing(Finding):
         if len(self.edges) > 1:
             said.append("It crosses the level more than once.")
         sides = set(table["verdict"])
-        if len(sides) == 1 and UNDECIDED not in sides:
+        if len(sides) == 1 and Verdict.UNDECIDED not in sides:
             said.append(
                 f"`{self.quantity}` is {sides.pop()} {level} {span}: it does not cross it there."
             )
@@ -135,10 +138,7 @@ class Crossing(Finding):
                 said.append(f"If it does, it is {end}{unit}.")
         elif not self.edges:
             said.append(f"No crossing of {level} by `{self.quantity}` was decided {span}.")
-        for why, rows in table[table["verdict"] == UNDECIDED].groupby("remark", sort=False):
-            said.append(
-                f"Undecided at {over}{list_values(rows['value'])}{unit}: {str(why).rstrip('.')}."
-            )
+        said += list_undecided(table, self.over, unit)
         return [*said, f"{len(table)} values were judged."]
 
     def plot(self) -> "Figure":
@@ -232,7 +232,7 @@ def crossing(
     >>> found.quantity_unit
     'mW'
     """
-    parameter, low, high, limit = check_search(scene, over, between, points, width, budget)
+    parameter, low, high, time_left = check_search(scene, over, between, points, width, budget)
     whole = read_whole_seed(rng)
     choice("quantity", quantity, all_names(scene.stages))
     level = float(positive("level", level))
@@ -257,9 +257,7 @@ def crossing(
             )
             factor = unit_of(quantity, gears, units)[1]
 
-            def run(periods: int) -> LongResult | None:
-                if time.process_time() > limit:
-                    return None
+            def run(periods: int) -> LongResult:
                 bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
                 seed = own_seed(changed, whole)
                 cell = LongCell(
@@ -268,7 +266,7 @@ def crossing(
                 found: LongResult = store.obtain(cell, runner.compute)
                 return found
 
-            found = judge_level(value, quantity, level / factor, run)
+            found = judge_level(value, quantity, level / factor, run, time_left)
             bar.update()
             return found._replace(
                 estimate=factor * found.estimate, low=factor * found.low, high=factor * found.high
@@ -284,36 +282,35 @@ def crossing(
 
 
 def judge_level(
-    value: float, quantity: str, level: float, run: Callable[[int], LongResult | None]
+    value: float,
+    quantity: str,
+    level: float,
+    run: Callable[[int], LongResult],
+    time_left: Budget | None = None,
 ) -> SideOfLevel:
     """Lengthen the long run at one value until a quantity is shown to be on one side of a level.
 
-    `run`: Makes a long run of so many periods; None once the budget is spent.
+    `run`: Makes a long run of so many periods.
     """
-    found = SideOfLevel(value, UNDECIDED, remark="the budget ended")
-    for periods in LOOKS:
+    found = SideOfLevel(value, Verdict.UNDECIDED)
+    looks = Looks(LOOKS, budget=time_left)
+    for periods in looks:
         try:
             result = run(periods)
         except InputError as error:  # no stationary motion is reached
             return found._replace(remark=str(error))
-        if result is None:
-            break
         estimate, low, high = find_interval(result, quantity)
-        found = SideOfLevel(
-            value, UNDECIDED, periods, estimate, low, high, "too near the level to decide"
-        )
+        found = SideOfLevel(value, Verdict.UNDECIDED, periods, estimate, low, high)
         if high < level:
-            return found._replace(verdict=BELOW, remark="")
+            return found._replace(verdict=BELOW)
         if low > level:
-            return found._replace(verdict=ABOVE, remark="")
-        if math.isnan(estimate):
-            found = found._replace(remark="there are no such impacts")
-        elif (
-            estimate > 0.0
-            and periods * (0.5 * (high - low)) ** 2 > LOOKS[-1] * (estimate - level) ** 2
-        ):
-            break  # neither verdict is in reach
-    return found
+            return found._replace(verdict=ABOVE)
+        looks.why = "there are no such impacts" if math.isnan(estimate) else TOO_NEAR
+        if estimate > 0.0:
+            margin = abs(estimate - level)
+            half = 0.5 * (high - low)
+            looks.expect(periods * (half / margin) ** 2 if margin > 0.0 else math.inf)
+    return found._replace(remark=looks.why)
 
 
 def find_interval(result: LongResult, quantity: str) -> tuple[float, float, float]:

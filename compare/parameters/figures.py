@@ -11,14 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from rattle.compare.parameters.finding import quantity_words, with_unit
-from rattle.compare.parameters.search import ACCURATE, UNDECIDED, WRONG, Edge
+from rattle.compare.parameters.search import Edge
 from rattle.compare.report.style import legend_above, new_figure
 from rattle.compare.study.parameters import PERCENT
+from rattle.compare.validation.verdict import DECIDED, Verdict
 
-COLOURS = {
-    ACCURATE: "#009E73",
-    WRONG: "#D55E00",
-    UNDECIDED: "#999999",
+COLOURS: dict[str, str] = {
+    Verdict.ACCURATE: "#009E73",
+    Verdict.INACCURATE: "#D55E00",
+    Verdict.UNDECIDED: "#999999",
     "below": "#009E73",
     "above": "#D55E00",
 }
@@ -78,11 +79,12 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) 
     at = np.log(places)
     middle = 0.5 * (at[1:] + at[:-1])
     ends = np.exp([2.0 * at[0] - middle[0], *middle, 2.0 * at[-1] - middle[-1]])
-    shown: dict[str, str] = {ACCURATE: ACCURATE, WRONG: WRONG, UNDECIDED: "not decided between"}
+    shown: dict[str, str] = {verdict: verdict for verdict in DECIDED}
+    shown[Verdict.UNDECIDED] = "not decided between"
     for _, of in points.sort_values("value").groupby("along"):
         i = places.index(of["along"].iloc[0])
         for low, high in pairwise(of.to_dict("records")):
-            same = low["verdict"] if low["verdict"] == high["verdict"] else UNDECIDED
+            same = low["verdict"] if low["verdict"] == high["verdict"] else Verdict.UNDECIDED
             size = (ends[i + 1] - ends[i], high["value"] - low["value"])
             corner = (ends[i], low["value"])
             label = shown.pop(same, None)
@@ -90,14 +92,14 @@ def map_figure(curve: pd.DataFrame, points: pd.DataFrame, across: str, up: str) 
                 Rectangle(corner, *size, color=COLOURS[same], alpha=0.45, lw=0, label=label)
             )
     edges = curve[curve["accurate"].notna() & curve["wrong"].notna()]
-    for name, marker in (("accurate", "^"), ("wrong", "v")):
+    for column, verdict, marker in zip(("accurate", "wrong"), DECIDED, "^v", strict=True):
         ax.plot(
             edges["along"],
-            edges[name],
+            edges[column],
             marker,
             ms=5,
-            color=COLOURS[name],
-            label=f"edge: {name} here",
+            color=COLOURS[verdict],
+            label=f"edge: {verdict} here",
         )
     ax.set(
         xscale="log" if ends[-1] > 4.0 * ends[0] else "linear",

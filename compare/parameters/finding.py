@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 import pandas as pd
 
 from rattle.compare.report.texts import read_texts
+from rattle.compare.validation.verdict import Verdict
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
 
@@ -31,6 +32,15 @@ def with_unit(name: str, unit: str) -> str:
 def list_values(values: Any) -> str:
     """Values after each other."""
     return ", ".join(f"{value:.4g}" for value in values)
+
+
+def list_undecided(points: pd.DataFrame, over: str, unit: str) -> list[str]:
+    """Where a search has not decided, and why, a sentence for each reason."""
+    undecided = points[points["verdict"] == Verdict.UNDECIDED]
+    return [
+        f"Undecided at {over} = {list_values(rows['value'])}{unit}: {str(why).rstrip('.')}."
+        for why, rows in undecided.groupby("remark", sort=False)
+    ]
 
 
 @numpy_defaults

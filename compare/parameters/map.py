@@ -17,8 +17,9 @@ from rattle.compare.engine.run import Runner, open_cells, run
 from rattle.compare.engine.store import Cell, Content
 from rattle.compare.parameters.boundary import IMPACTS, POINTS, boundary, find_range, state_effort
 from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
-from rattle.compare.parameters.search import ACCURATE, WRONG, Edge
+from rattle.compare.parameters.search import Edge
 from rattle.compare.study.parameters import find_parameter
+from rattle.compare.validation.verdict import DECIDED
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.seed import read_whole_seed
 from rattle.scene import InputError, RattleError, Scene, check_keys, check_scene, count
@@ -332,8 +333,7 @@ def curve_rows(value: float, found: Found | str) -> list[dict[str, Any]]:
     if found.edges:
         return [{"along": value, **edge._asdict()} for edge in found.edges]
     good, bad = (
-        found.points.loc[found.points["verdict"] == verdict, "value"]
-        for verdict in (ACCURATE, WRONG)
+        found.points.loc[found.points["verdict"] == verdict, "value"] for verdict in DECIDED
     )
     why = "accurate throughout" if len(good) else NOWHERE
     if len(good) + len(bad) < len(found.points):

@@ -2,7 +2,6 @@
 with verdicts."""
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -10,28 +9,27 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import t as student
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.parameters.finding import TEXTS, Finding
-from rattle.compare.parameters.sensitivity import CONFIDENCE, factors_of, find_slopes
-from rattle.compare.study.parameters import CHANGE, PERCENT, find_parameters
+from rattle.compare.parameters.sensitivity import factors_of, find_slopes
+from rattle.compare.study.parameters import CHANGE, PERCENT, choose_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
 from rattle.montecarlo.kernel.blocks import clock
+from rattle.montecarlo.looks import begin_budget, tail_of
 from rattle.montecarlo.seed import Rng, read_whole_seed
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width
 from rattle.scene import (
     SECTION,
     Floats,
     InputError,
     Scene,
     check_scene,
-    choice,
     count,
     duration_text,
-    positive,
 )
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar
@@ -116,7 +114,7 @@ class ClosureSensitivity(Finding):
             ),
             said["worst"].format_map(worst | {"from": low, "to": high}),
             f"{self.paths:,} paths of each scene.",
-            *([f"{bent} more are not judged: not linear over ± {STEPS[1]:.0%}."] if bent else []),
+            *([f"{bent} more are excluded: not linear over ± {STEPS[1]:.0%}."] if bent else []),
         ]
 
 
@@ -140,7 +138,7 @@ def closure_sensitivity(
     random numbers at 0.5 and 1 % less and more, in independent groups, as in `sensitivity`; the
     start stays as it is in dimensionless numbers.  A change is accurate if the whole interval of
     its error is within 5 % (means) or 10 % (sds) of the change itself, or of 1 % of the standard
-    deviation where that is more.  Where both steps differ it is not linear and not judged, as where
+    deviation where that is more.  Where both steps differ it is not linear and excluded, as where
     another mesh is struck first.
 
     Parameters
@@ -193,16 +191,12 @@ def closure_sensitivity(
             "sigma", 0.0, "without noise there are no standard deviations; give one above 0"
         )
     count("impacts", impacts)
-    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
+    left = begin_budget(budget)
     each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
     method = find_closure("closure", closure)
     method.check(scene)
-    known = find_parameters(scene)
     allowed = Tolerances(*tolerances) if tolerances else Tolerances()
-    chosen = {
-        n: known[choice("parameters", n, known)]
-        for n in (known if parameters is None else parameters)
-    }
+    chosen = choose_parameters(scene, parameters)
     scenes: dict[str, list[Scene]] = {}
     for name, parameter in chosen.items():
         try:
@@ -238,7 +232,7 @@ def closure_sensitivity(
     bar = ProgressBar(label=progress, total=GROUPS * len(every), unit="run")
     done: list[list[Floats]] = []
     with ThreadPoolExecutor(workers) as pool, bar:
-        while len(done) < FEWEST or (len(done) < GROUPS and time.process_time() < limit):
+        while len(done) < FEWEST or (len(done) < GROUPS and left.remaining > 0.0):
             done.append([])
             for found in pool.map(run, [(one, len(done)) for one in every]):
                 done[-1].append(found)
@@ -288,7 +282,7 @@ def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
 def _change(
     predicted: float, values: Floats, unit: float, checks: int, tolerance: float
 ) -> dict[str, Any]:
-    """A change for 1 % more in units of an sd, predicted and simulated; not judged where that is
+    """A change for 1 % more in units of an sd, predicted and simulated; excluded where that is
     NaN, or it bends.
 
     Shapes: `values` (groups, down and up by step).
@@ -298,7 +292,7 @@ def _change(
     _, _, shown, linear = find_slopes(values, STEPS, checks)
     simulated = one * float(shown.mean())
     se = one * float(shown.std(ddof=1)) / math.sqrt(len(shown))
-    noise = float(student.isf(0.5 * (1.0 - CONFIDENCE) / checks, len(shown) - 1)) * se
+    noise = float(half_width(len(shown), tail_of(checks, 1.0 - CONFIDENCE))) * se
     error = one * predicted - simulated
     return {
         "predicted": one * predicted,

@@ -15,16 +15,10 @@ from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.report import Report
 from rattle.compare.study.parameters import PERCENT, RELATIVE_CHANGES
-from rattle.compare.validation.verdict import JUDGED
+from rattle.compare.validation import verdict
 from rattle.scene.text import percent
 
-MARKS = {
-    search.ACCURATE: "good",
-    search.WRONG: "bad",
-    search.UNDECIDED: "open",
-    "inaccurate": "bad",
-}
-MARKS |= {crossing.BELOW: "good", crossing.ABOVE: "bad"}
+MARKS = verdict.MARKS | {crossing.BELOW: "good", crossing.ABOVE: "bad"}
 IN_TABLES = ("points", "curve", "table", "values")
 LOOKS = {"most": search.MOST, "looks": ", ".join(f"{n:,}" for n in search.LOOKS)}
 SEARCH = {"search": TEXTS["search"].format(**LOOKS)}
@@ -61,7 +55,7 @@ def make_report(found: Any, record: dict[str, Any]) -> Report:
         rows = _in_percent(rows)
         figures = _tornados(found)
     elif isinstance(found, of_closure.ClosureSensitivity):
-        rows = rows[rows["verdict"].isin(JUDGED)]
+        rows = rows[rows["verdict"].isin(verdict.JUDGED)]
         worst_first = (rows["error"].abs() / rows["tolerance"]).sort_values(
             ascending=False, kind="stable"
         )

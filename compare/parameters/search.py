@@ -14,8 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.validation.errors import Claimed, Simulated, section_errors, waits_for_branch
-from rattle.compare.validation.verdict import JUDGED, Tolerances, is_accurate, is_wrong, widest
+from rattle.compare.validation.errors import (
+    Claimed,
+    Simulated,
+    judge_errors,
+    list_errors,
+    waits_for_branch,
+)
+from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, is_accurate
+from rattle.montecarlo.looks import Looks, widest
 from rattle.scene import SECTION, Scene, duration_text
 from rattle.scene.progress import ESTIMATES
 
@@ -26,16 +33,13 @@ ROUGH = LOOKS[2]
 MOST = 40  # values of a search
 # share of a tolerance below which it does not matter what a branch that was not seen could change
 SLIGHT = 0.01
-ACCURATE = "accurate"
-WRONG = "wrong"
-UNDECIDED = "undecided"
 
 
 class Judgement(NamedTuple):
     """A value of the parameter, and the verdict on the closure there."""
 
     value: float
-    verdict: str  # `ACCURATE`, `WRONG` or `UNDECIDED`
+    verdict: str  # `Verdict.ACCURATE`, `INACCURATE` or `UNDECIDED`
     paths: int = 0
     # the worst row's error over its tolerance, with the bounds of its interval
     error: float = math.nan
@@ -96,42 +100,42 @@ def judge_value(
     of them near it.
     """
     near_branches = False
-    looks = list(LOOKS)
-    while looks:
-        paths = looks[0]
+    looks = Looks(LOOKS, rough=ROUGH)
+    for paths in looks:
         run = simulate(scene, paths, near_branches)
-        narrow, rows = (section_errors([predicted], run, width, tolerances) for width in z)
+        every = list_errors([predicted], run, tolerances)
+        narrow, rows = (judge_errors(every, width) for width in z)
         narrow, rows = (table[table["verdict"].isin(JUDGED)] for table in (narrow, rows))
         if rows.empty:
-            return Judgement(value, WRONG, paths, row="nothing is predicted")
-        if is_wrong(set(rows["verdict"])):
-            return _point(value, WRONG, paths, rows[rows["verdict"] == "inaccurate"])
+            return Judgement(value, Verdict.INACCURATE, paths, row="nothing is predicted")
+        off = rows["verdict"] == Verdict.INACCURATE
+        if off.any():
+            return _point(value, Verdict.INACCURATE, paths, rows[off])
         if is_accurate(set(narrow["verdict"])):
-            return _point(value, ACCURATE, paths, narrow)
+            return _point(value, Verdict.ACCURATE, paths, narrow)
         outside = rows["error"].abs() > rows["tolerance"]
-        rest = pd.concat([narrow[~outside], rows[outside]]).query("verdict == 'undecided'")
-        beyond = rest["error"].abs() > rest["tolerance"]
-        hidden = rest[["unseen_low", "unseen_high"]].max(axis=1) > SLIGHT * rest["tolerance"]
-        margin = (rest["error"].abs() - rest["tolerance"]).abs()
-        needed = (
-            rest["paths_needed"].fillna(np.inf).where(hidden, paths * (rest["noise"] / margin) ** 2)
-        )
-        within_reach = needed.max() <= LOOKS[-1] or (needed[beyond] <= LOOKS[-1]).any()
-        if (
-            not within_reach
-            and waits_for_branch(rest).any()
-            and not (near_branches or scene.correlation_time)
-        ):
+        rest = pd.concat([narrow[~outside], rows[outside]])
+        rest = rest[rest["verdict"] == Verdict.UNDECIDED]
+        needed = count_needed(rest, paths)
+        may_aim = not (near_branches or scene.correlation_time)
+        if may_aim and not needed <= LOOKS[-1] and waits_for_branch(rest).any():
             near_branches = True
-            looks = [paths for paths in looks if paths >= ROUGH]
-        elif within_reach or paths < ROUGH:
-            looks.pop(0)
+            looks.repeat(ROUGH)
         else:
-            break  # neither verdict is in reach
-    remarks = [text for text in rest["remark"] if text]
-    return _point(value, UNDECIDED, paths, rows)._replace(
-        remark=remarks[0] if remarks else "too few paths to decide"
-    )
+            looks.expect(needed)
+    looks.why = next((text for text in rest["remark"] if text), looks.why)
+    return _point(value, Verdict.UNDECIDED, paths, rows)._replace(remark=looks.why)
+
+
+def count_needed(rows: pd.DataFrame, paths: int) -> float:
+    """Paths that decide a value, from its undecided rows after some paths: all rows, or one that is
+    beyond its tolerance."""
+    beyond = rows["error"].abs() > rows["tolerance"]
+    hidden = rows[["unseen_low", "unseen_high"]].max(axis=1) > SLIGHT * rows["tolerance"]
+    margin = (rows["error"].abs() - rows["tolerance"]).abs()
+    by_noise = paths * (rows["noise"] / margin) ** 2
+    needed = rows["paths_needed"].fillna(np.inf).where(hidden, by_noise)
+    return float(np.fmin(needed.max(), needed[beyond].min()))
 
 
 def _point(value: float, verdict: str, paths: int, rows: pd.DataFrame) -> Judgement:
@@ -207,7 +211,9 @@ def find_changes(
         return good, bad
 
     decided = [
-        point for point in each(at, np.geomspace(low, high, points)) if point.verdict != UNDECIDED
+        point
+        for point in each(at, np.geomspace(low, high, points))
+        if point.verdict != Verdict.UNDECIDED
     ]
     pairs = [
         (a, b) if a.verdict == first else (b, a)
@@ -215,7 +221,7 @@ def find_changes(
         if a.verdict != b.verdict
     ]
     changes = [narrow(*pair) for pair in pairs]
-    return changes, pd.DataFrame(sorted(known.values()))
+    return changes, pd.DataFrame(sorted(known.values())).astype({"verdict": str})
 
 
 def _between(value: float, one: float, other: float) -> bool:

@@ -2,7 +2,6 @@
 differences of long runs."""
 
 import math
-import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.stats import t as student
 
 from rattle.compare.parameters.finding import Finding, quantity_words, value_text
 from rattle.compare.stationary.measure import stationary
@@ -21,12 +19,15 @@ from rattle.compare.study.parameters import (
     PERCENT,
     RELATIVE_CHANGES,
     Parameter,
+    choose_parameters,
     find_parameters,
 )
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
+from rattle.montecarlo.looks import begin_budget, tail_of
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.settings import is_random
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width
 from rattle.scene import (
     Floats,
     InputError,
@@ -48,7 +49,6 @@ PATHS = 32
 PERIODS = 64
 GROUPS = (4, 6, 9, 13, 19, 28, 42, 64)  # independent groups after which the intervals are looked at
 ACCURACY = 0.001
-CONFIDENCE = 0.95
 BENT = 0.1  # share of an effect by which the two steps must differ to call it not linear
 
 
@@ -258,13 +258,9 @@ def sensitivity(
     )
     for name in asked:
         choice("quantities", name, all_names(scene.stages))
-    known = find_parameters(scene)
-    chosen = {
-        n: known[choice("parameters", n, known)]
-        for n in (known if parameters is None else parameters)
-    }
+    chosen = choose_parameters(scene, parameters)
     positive("accuracy", accuracy)
-    limit = math.inf if budget is None else time.process_time() + positive("budget", budget)
+    left = begin_budget(budget)
     remarks: dict[str, str] = {}
     jobs = [_Job("", 1.0, scene)]
     for name, parameter in chosen.items():
@@ -296,11 +292,7 @@ def sensitivity(
             table = _effects(chosen, asked, runs, remarks)
             half = 0.5 * (table["high"] - table["low"])
             reached = not bool((half > accuracy).any())
-            if (
-                reached
-                or time.process_time() > limit
-                or bool((table["se"].fillna(0.0) == 0.0).all())
-            ):
+            if reached or left.remaining < 0.0 or bool((table["se"].fillna(0.0) == 0.0).all()):
                 break
     said = (
         f"{len(runs)} groups of {len(jobs)} long runs, {PATHS} paths of {PERIODS} periods each;"
@@ -391,10 +383,9 @@ def _effects(
 def _effect(logs: Floats, checks: int) -> dict[str, Any]:
     """Effect of a parameter on a quantity from logarithms at each factor, shape (groups,
     factors)."""
-    groups = len(logs)
     one = math.log1p(CHANGE)
     span, slopes, shown, linear = find_slopes(logs, RELATIVE_CHANGES, checks)
-    half = student.isf(0.5 * (1.0 - CONFIDENCE), groups - 1) * _se(shown)
+    half = _half_width(shown)
     alone = float((logs.var(axis=0, ddof=1).reshape(-1, 2).sum(axis=1) / span**2).sum())
     paired = float(slopes.var(axis=0, ddof=1).sum())
     logarithms = {"effect": shown.mean(), "low": shown.mean() - half, "high": shown.mean() + half}
@@ -421,9 +412,7 @@ def find_slopes(
     change = values[:, 1::2] - values[:, ::2]
     slopes = change / span
     bent = slopes[:, 0] - slopes[:, 1]
-    differ = abs(bent.mean()) > student.isf(
-        0.5 * (1.0 - CONFIDENCE) / checks, len(values) - 1
-    ) * _se(bent)
+    differ = abs(bent.mean()) > _half_width(bent, checks)
     if differ and abs(bent.mean()) > BENT * max(abs(slopes.mean(axis=0))):
         return span, slopes, slopes[:, 0], False
     if differ:  # Richardson: the error of a central difference grows with the square of the step
@@ -431,8 +420,13 @@ def find_slopes(
     return span, slopes, change @ span / (span @ span), True  # least squares through both steps
 
 
-def _se(values: Floats) -> float:
-    return float(values.std(ddof=1)) / math.sqrt(len(values))
+def _se(values: Floats) -> Any:
+    return values.std(axis=0, ddof=1) / math.sqrt(len(values))
+
+
+def _half_width(values: Floats, checks: int = 1) -> Any:
+    """Half width of the interval of a mean over independent groups, one of so many at once."""
+    return half_width(len(values), tail_of(checks, 1.0 - CONFIDENCE)) * _se(values)
 
 
 def _values(
@@ -441,11 +435,7 @@ def _values(
     """The quantities of the scene itself, over all groups."""
     found = np.exp([run["", 1.0] for run in runs])
     mean = found.mean(axis=0)
-    half = (
-        student.isf(0.5 * (1.0 - CONFIDENCE), len(found) - 1)
-        * found.std(axis=0, ddof=1)
-        / math.sqrt(len(found))
-    )
+    half = _half_width(found)
     unit = [unit_of(name, scene.gears, "physical")[0] if scene.gears else "" for name in asked]
     index = pd.Index(asked, name="quantity")
     return pd.DataFrame(

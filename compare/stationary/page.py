@@ -14,7 +14,7 @@ from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
 from rattle.compare.validation.transient import drag_text
-from rattle.compare.validation.verdict import JUDGED
+from rattle.compare.validation.verdict import JUDGED, MARKS, Verdict
 from rattle.montecarlo.long_run import LongRun
 from rattle.scene import Scene
 from rattle.scene.gear_values import UNIT_VALUES
@@ -35,7 +35,6 @@ WORDS: tuple[str, ...] = (
 WORDS += ("orbit", "mean map", "sticking")
 MASS = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
 BY_MESH: dict[str, str] = TEXTS["by_mesh"]
-MARK = {"accurate": "good", "inaccurate": "bad", "undecided": "open"}
 MAIN = ("rate_above", "speed_above", "energy_per_period")
 NAMED = 4  # quantities with few effective paths that are named
 # share of slow impacts from which on they are called chatter, although no mesh closes
@@ -61,8 +60,8 @@ def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
     rows = verdicts.assign(
         **{name: verdicts[name].mask(alone, value) for name, value in nothing.items()}
     )
-    rows = rows[alone | (rows["verdict"] != "not predicted") & ~missing]
-    return rows.assign(mark=rows["verdict"].map(MARK).fillna(""))
+    rows = rows[alone | (rows["verdict"] != Verdict.NOT_PREDICTED) & ~missing]
+    return rows.assign(mark=rows["verdict"].map(MARKS).fillna(""))
 
 
 def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, Any]) -> Report:

@@ -26,7 +26,7 @@ from rattle.compare.stationary.verdicts import (
 from rattle.compare.study.design import Study, list_reasons, with_coordinates
 from rattle.compare.study.figures import label_field, panels
 from rattle.compare.study.folder import Drawing
-from rattle.compare.validation.verdict import JUDGED, Tolerances, span
+from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import ACCURACY, PATHS, check_long_run
@@ -303,7 +303,7 @@ def shares(verdicts: pd.DataFrame, along: str) -> pd.DataFrame:
         return pd.DataFrame()
     judged = verdicts[verdicts["verdict"].isin(JUDGED)]
     good = (
-        judged.assign(good=judged["verdict"] == "accurate")
+        judged.assign(good=judged["verdict"] == Verdict.ACCURATE)
         .groupby([along, "closure"])["good"]
         .mean()
         .unstack()

@@ -14,8 +14,9 @@ from scipy.special import ndtr
 
 from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_law, orbit_average
 from rattle.compare.report.texts import read_texts
-from rattle.compare.validation.verdict import judge, widest
+from rattle.compare.validation.verdict import judge
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import Floats, Scene
 from rattle.scene.long_orbit import Attractor, attractor
@@ -35,7 +36,7 @@ TOLERANCES: str = TEXTS["tolerances"]
 RATES = ("rate", "energy", "power")
 PREDICTED = ["closure", "kind", "quantity", "predicted", "se_predicted", "reason"]
 """Columns of `predictions`, and below of `judge_predictions`."""
-JUDGED = [
+COLUMNS = [
     "closure",
     "kind",
     "quantity",
@@ -48,7 +49,7 @@ JUDGED = [
     "tolerance",
     "verdict",
 ]
-JUDGED += ["periods_needed", "reason"]
+COLUMNS += ["periods_needed", "reason"]
 HALVINGS = 80  # of an interval that holds a quantile
 
 
@@ -112,7 +113,7 @@ def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame
     sides.
     """
     rows = predicted[predicted["quantity"].isin(table.index)].reset_index(drop=True)
-    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[JUDGED]
+    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[COLUMNS]
 
 
 def judge_rows(

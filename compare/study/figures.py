@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.study.design import Study
-from rattle.compare.validation.verdict import ACCURATE, ENDED, NOT_WRONG, WRONG, want
+from rattle.compare.validation.verdict import ACCURATE, ENDED, NOT_WRONG, WRONG, Verdict, want
 
 GREEK = {
     "sigma": r"noise intensity $\sigma$",
@@ -87,7 +87,7 @@ def errors(r: Any, rows: pd.DataFrame) -> Figure:
     name = r.study.along
     shown = _pick_impacts(r.study.impacts)
     figure, axes = new_figure(2.6 * len(shown) + 0.8, 5.6, 2, len(shown))
-    judged = rows[rows["judged"] & (rows["verdict"] != "not predicted")]
+    judged = rows[rows["judged"] & (rows["verdict"] != Verdict.NOT_PREDICTED)]
     for i, (moment, limit) in enumerate((("mean", r.study.within.mean), ("sd", r.study.within.sd))):
         for j, impact in enumerate(shown):
             ax = axes[i * len(shown) + j]

@@ -31,6 +31,7 @@ from rattle.compare.report.save import file_digest, write_files
 from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import glossary
 from rattle.compare.study.design import STUDY_KINDS, Point, Study, kind_of, page_of
+from rattle.compare.validation.verdict import Verdict
 from rattle.scene import FileError, OutputError, RattleError
 from rattle.scene.files import parse_json, read_regular, read_text
 from rattle.scene.numpy_errors import numpy_defaults
@@ -136,8 +137,13 @@ def load_study(folder: str | Path) -> Any:
     kind = kind_of(study.kind)
     _check_files(place, record, [f"{name}.parquet" for name in kind.TABLES])
     return kind.RESULT(
-        study, record, **{name: pd.read_parquet(place / f"{name}.parquet") for name in kind.TABLES}
+        study, record, **{name: _read_table(place / f"{name}.parquet") for name in kind.TABLES}
     )
+
+
+def _read_table(path: Path) -> pd.DataFrame:
+    """Read a table, with the verdicts of one that is older in the words of today."""
+    return pd.read_parquet(path).replace({"verdict": {"not judged": str(Verdict.EXCLUDED)}})
 
 
 def _read_record(folder: Path) -> dict[str, Any]:

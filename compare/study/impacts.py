@@ -24,18 +24,20 @@ from rattle.compare.study.cells import (
 from rattle.compare.study.design import SETTING_NAMES, Point, Study, list_reasons, with_coordinates
 from rattle.compare.validation.errors import (
     ON_ITINERARY,
-    judge_followers,
-    section_errors,
+    follower_errors,
+    judge_errors,
+    list_errors,
     to_absolute_time,
 )
 from rattle.compare.validation.verdict import (
     Tolerances,
+    Verdict,
     is_accurate,
-    is_wrong,
+    is_inaccurate,
     judge,
     unbroken,
-    widest,
 )
+from rattle.montecarlo.looks import widest
 from rattle.scene import (
     SECTION,
     STATE,
@@ -275,17 +277,19 @@ def _errors(study: Study, points: list[Triple], z: float) -> pd.DataFrame:
     parts = []
     for point, run, predictions in points:
         for prediction in predictions:
-            tables = [section_errors([prediction], run, z, study.within)]
+            tables = [list_errors([prediction], run, study.within)]
             if prediction.followers and run.followers:
                 codes = [
                     np.nan_to_num(s["mesh"] * s["side"])
                     for s in (prediction.section, run.followers.section)
                 ]
                 tables.append(
-                    judge_followers(prediction.followers, run.followers, z, study.within, *codes)
+                    follower_errors(prediction.followers, run.followers, study.within, *codes)
                 )
             parts += [
-                with_coordinates(point.coordinates, to_absolute_time(table, run.scene))
+                with_coordinates(
+                    point.coordinates, to_absolute_time(judge_errors(table, z), run.scene)
+                )
                 for table in tables
             ]
     none = pd.DataFrame(
@@ -383,7 +387,7 @@ def find_validity(study: Study, errors: pd.DataFrame) -> pd.DataFrame:
         said = group.pivot(index=first, columns="impact", values="verdict").sort_index()
         inaccurate, wrong, inexact = (  # at one of the first k impacts
             said.map(what).astype(bool).cummax(axis=1)
-            for what in ({"inaccurate"}.issubset, is_wrong, lambda v: not is_accurate(v))
+            for what in ({Verdict.INACCURATE}.issubset, is_inaccurate, lambda v: not is_accurate(v))
         )
         for impact in said:
             found.append(

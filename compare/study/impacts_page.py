@@ -14,7 +14,7 @@ from rattle.compare.study.impacts import Tables, find_validity
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import (
     RULE,
-    VERDICTS,
+    Verdict,
     in_words,
     is_accurate,
     join_words,
@@ -150,7 +150,7 @@ def content(r: Tables, seconds: Mapping[str, float]) -> dict[str, Any]:
     """What the template of the page shows: counts of verdicts, and the cost."""
     groups = r.of_all_paths.groupby(["closure", "moment"], sort=False)["verdict"]
     counts = [
-        {"closure": c, "moments": f"{m}s"} | {v: int((said == v).sum()) for v in VERDICTS}
+        {"closure": c, "moments": f"{m}s"} | {v: int((said == v).sum()) for v in Verdict}
         for (c, m), said in groups
     ]
     cost = r.cost.groupby("what", sort=False)["seconds"].agg(["count", "median", "sum"])

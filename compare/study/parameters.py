@@ -1,7 +1,7 @@
 """The parameters of a scene that can be changed one at a time: of its gears, or of the model where
 it has none."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -86,6 +86,13 @@ def find_parameters(scene: Scene, absent: bool = False) -> dict[str, Parameter]:
         for name, value in values.items()
         if absent or value != 0.0
     }
+
+
+def choose_parameters(scene: Scene, names: Iterable[str] | None) -> dict[str, Parameter]:
+    """The parameters of some names, all that are not 0 by default."""
+    known = find_parameters(scene)
+    chosen = known if names is None else names
+    return {name: known[choice("parameters", name, known)] for name in chosen}
 
 
 def find_parameter(scene: Scene, name: str, asked: str = "over") -> Parameter:

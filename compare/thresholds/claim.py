@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from rattle.compare.study.cells import Sample, check_sample
 from rattle.compare.validation.errors import ON_ITINERARY
 from rattle.compare.validation.verdict import Tolerances
+from rattle.montecarlo.looks import ladder
 from rattle.montecarlo.settings import MOST_PATHS
 from rattle.scene import (
     SECTION,
@@ -54,11 +55,8 @@ class Settings(NamedTuple):
         They are fixed before anything is simulated, so that the intervals of all looks can have
         simultaneous coverage.
         """
-        sizes = [first or PROFILES[self.profile]]
-        most = most or self.budget or TIMES * sizes[0]
-        while sizes[-1] < most:
-            sizes.append(min(2 * sizes[-1], most))
-        return tuple(sizes)
+        first = first or PROFILES[self.profile]
+        return ladder(first, most or self.budget or TIMES * first)
 
 
 def read_settings(chosen: Mapping[str, str]) -> Settings:

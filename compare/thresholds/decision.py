@@ -2,11 +2,11 @@
 decided.
 
 The sizes of all looks are fixed beforehand, and the intervals have simultaneous coverage over all
-rows of the claim at all looks (Bonferroni).  Therefore looks may be skipped depending on earlier
-ones, and the first decision on a row is final.  Other claims do not widen them: a verdict does not
-depend on which tests run beside it.
+rows of the claim at all looks (`rattle.montecarlo.looks`).  Other claims do not widen them: a
+verdict does not depend on which tests run beside it.
 """
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.special import ndtr
 
 from rattle.closure import Closure, follow, mean_map
 from rattle.closure.closure import name_of
@@ -32,13 +31,13 @@ from rattle.compare.study.cells import Sample
 from rattle.compare.thresholds.claim import KINDS, Claim, Settings
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import ON_ITINERARY, TOO_FEW_FOLLOW, NamedSection
-from rattle.compare.validation.verdict import RULE, Tolerances, judge, widest
+from rattle.compare.validation.verdict import DECIDED, RULE, Tolerances, Verdict
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.run import PATHS
+from rattle.montecarlo.looks import AGAIN, Looks, widest
 from rattle.montecarlo.settings import begins
-from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import SECTION, InputError, Scene, choice
 from rattle.scene.numpy_errors import call_users
 from rattle.scene.progress import print_on_stderr
@@ -140,13 +139,7 @@ def _past_capture(config: pytest.Config) -> Callable[[str], None]:
     return say
 
 
-OUTCOMES = {
-    "accurate": "pass",
-    "inaccurate": "fail",
-    "undecided": "undecided",
-    "not predicted": "undecided",
-}
-"""Outcome of a row by its verdict."""
+NOTHING = Tolerances(0.0, 0.0, 0.0)  # a claim has tolerances of its own
 
 
 class Decision(NamedTuple):
@@ -159,14 +152,14 @@ class Decision(NamedTuple):
 
 def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> pd.DataFrame:
     """The error of every row of a claim that is judged, ``noise`` of one standard error, as
-    `section_errors` has them.
+    `list_errors` has them.
 
     A tolerance in units of the sd has a sampling error as well: an error d is within w sds if ``d -
     w sd`` is negative, and the standard error of this difference is at most ``se(d) + w se(sd)``.
     """
     if claim.kind == ON_ITINERARY:
         same = np.ones(claim.impacts[-1])
-        table = errors.judge_followers(prediction, run, 1.0, Tolerances(0.0, 0.0, 0.0), same, same)
+        table = errors.follower_errors(prediction, run, NOTHING, same, same)
         if (few := table["remark"] == TOO_FEW_FOLLOW).any():
             why = (
                 f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or"
@@ -174,7 +167,7 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
             )
             raise InputError("kind", claim.kind, why)
     else:
-        table = errors.section_errors([prediction], run, 1.0, Tolerances(0.0, 0.0, 0.0))
+        table = errors.list_errors([prediction], run, NOTHING)
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
     rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(
         drop=True
@@ -195,50 +188,34 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
     return rows
 
 
-def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
-    """Add the interval of each error, its verdict and its outcome (``pass``, ``fail`` or
-    ``undecided``)."""
-    rows = table.assign(noise=z * table["noise"])
-    student = half_width(rows["paths"], float(ndtr(-z))) * table["noise"]
-    half = student + rows["rest"]
-    lean = student * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
-    rows["low"] = rows["error"] - half - lean.clip(lower=0.0) - rows["unseen_low"]
-    rows["high"] = rows["error"] + half - lean.clip(upper=0.0) + rows["unseen_high"]
-    rows = judge(rows)
-    rows["remark"] = errors.remarks(rows)
-    rows["outcome"] = rows["verdict"].map(OUTCOMES)
-    return rows
-
-
-def choose_next(later: Sequence[int], table: pd.DataFrame) -> int | None:
-    """The paths of the next look: the first that should decide every row, or the last; None if none
-    is of use."""
-    # NaN where there is none
-    needed = table.loc[table["outcome"] == "undecided", "paths_needed"].max()
-    if not later or (table["outcome"] == "fail").any() or pd.isna(needed):
-        return None
-    return next((paths for paths in later if paths >= needed), later[-1])
+def count_needed(table: pd.DataFrame) -> float:
+    """Paths that should decide every row that more paths can decide; NaN where there is none, or
+    the test fails as it is."""
+    if (table["verdict"] == Verdict.INACCURATE).any():
+        return math.nan
+    return float(table.loc[table["verdict"] == Verdict.UNDECIDED, "paths_needed"].max())
 
 
 def merge_looks(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     """Combine the rows of two looks: decided rows are kept, undecided ones are taken from the later
     look."""
-    return before.where(before["outcome"] != "undecided", now)
+    return before.where(before["verdict"].isin(DECIDED), now)
 
 
 def look_until_decided(
-    sizes: Sequence[int | None], look: Callable[[int | None], tuple[pd.DataFrame, TimedRun]]
+    sizes: Sequence[int], look: Callable[[int], tuple[pd.DataFrame, TimedRun]]
 ) -> tuple[pd.DataFrame, tuple[TimedRun, ...]]:
     """The rows, each as of the look that decided it, and the simulation of each look that was
     taken."""
-    table, first = look(sizes[0])
-    runs = [first]
-    later = [paths for paths in sizes[1:] if paths is not None]
-    while (paths := choose_next(later, table)) is not None:
-        now, run = look(paths)
-        table = merge_looks(table, now)
-        runs = [*runs, run]
-        later = [size for size in later if size > paths]
+    runs = []
+    table = None
+    looks = Looks(sizes, use_all=True)
+    for size in looks:
+        now, run = look(size)
+        runs.append(run)
+        table = now if table is None else merge_looks(table, now)
+        looks.expect(count_needed(table))
+    assert table is not None
     return table, tuple(runs)
 
 
@@ -251,36 +228,38 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
     settings = session.settings
     apart = claim.kind == ON_ITINERARY
     given = claim.accuracy is not None
-    # an accuracy has its own
-    sizes = (None,) if given else settings.sizes(claim.paths, claim.budget)
-    z = widest(len(claim.rows) * len(sizes), settings.false_alarm)
+    # an accuracy has its own number of paths
+    sizes = (0,) if given else settings.sizes(claim.paths, claim.budget)
+    checks = len(claim.rows) * len(sizes)
+    z = widest(checks, settings.false_alarm)
     # a true claim leaves its tolerance on one side only: half of the error is left for what is
     # looked at again
-    again = widest(len(claim.rows) * len(sizes), errors.AGAIN * settings.false_alarm)
-    plain = given or apart or SCHEMES[claim.scheme].has_step_bias or claim.scene.correlation_time
+    z_again = widest(checks, AGAIN * settings.false_alarm)
 
-    def look(paths: int | None) -> tuple[pd.DataFrame, TimedRun]:
-        scene = claim.scene.phase_reduced
-        impacts = claim.impacts[-1]
+    def look(paths: int) -> tuple[pd.DataFrame, TimedRun]:
         cell = Sample(
-            scene, impacts, settings.seed, claim.scheme, paths, claim.accuracy, on_itinerary=apart
+            claim.scene.phase_reduced,
+            claim.impacts[-1],
+            settings.seed,
+            claim.scheme,
+            None if given else paths,
+            claim.accuracy,
+            on_itinerary=apart,
         )
         run = session.simulate(cell)
-        table = judge_errors(
-            errors_of(prediction, run.run.followers if apart else run.run, claim), z
-        )
-        if (
-            plain
-            or not (
-                waits := errors.waits_for_branch(table) & ~(table["paths_needed"] <= sizes[-1])
-            ).any()
-        ):
-            return table, run
-        near = session.simulate(replace(cell, near_branches=True))
-        decided = errors.take_decided(
-            table, waits, judge_errors(errors_of(prediction, near.run, claim), again)
-        )
-        return decided, run._replace(seconds=run.seconds + near.seconds)
+        seconds = run.seconds
+
+        def judge_near(_: pd.DataFrame) -> pd.DataFrame:
+            nonlocal seconds
+            near = session.simulate(replace(cell, near_branches=True))
+            seconds += near.seconds
+            return errors.judge_errors(errors_of(prediction, near.run, claim), z_again)
+
+        sampled = run.run.followers if apart else run.run
+        table = errors.judge_errors(errors_of(prediction, sampled, claim), z)
+        if not (given or apart or SCHEMES[claim.scheme].has_step_bias):
+            table = errors.decide_near_branches(table, claim.scene, judge_near, sizes[-1])
+        return table, run._replace(seconds=seconds)
 
     return Decision(*look_until_decided(sizes, look), z)
 
@@ -355,8 +334,8 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
     sizes |= {longest * paths: (longest, paths) for paths in settings.sizes(PATHS, claim.budget)}
     z = widest(len(names) * len(sizes), settings.false_alarm)
 
-    def look(size: int | None) -> tuple[pd.DataFrame, TimedRun]:
-        periods, paths = sizes[size or 0]
+    def look(size: int) -> tuple[pd.DataFrame, TimedRun]:
+        periods, paths = sizes[size]
         run = session.simulate(
             LongCell(claim.scene.phase_reduced, settings.seed, (), periods=periods, paths=paths)
         )
@@ -364,12 +343,12 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
         rows = pd.DataFrame(
             {"quantity": names, "predicted": list(prediction.values.values()), "se_predicted": 0.0}
         )
-        table = judge_rows(rows, result.table, z, size or 0).rename(
+        table = judge_rows(rows, result.table, z, size).rename(
             columns={"periods_needed": "paths_needed"}
         )
         table.insert(1, "unit", table["quantity"].map(plain_unit))
         return (
-            table.assign(outcome=table["verdict"].map(OUTCOMES), periods=periods, paths=paths),
+            table.assign(periods=periods, paths=paths),
             run,
         )
 

@@ -25,6 +25,7 @@ from rattle.compare.thresholds.decision import (
     predict_long,
 )
 from rattle.compare.validation.errors import NamedSection
+from rattle.compare.validation.verdict import Verdict
 from rattle.scene import FileError, RattleError, harmless, line
 from rattle.scene.files import parse_toml, read_text
 from rattle.scene.numpy_errors import numpy_defaults
@@ -179,9 +180,8 @@ class Rattle:
         table = decision.table
         runs = decision.runs
         settings = self._session.settings
-        failed, undecided = (
-            int((table["outcome"] == outcome).sum()) for outcome in ("fail", "undecided")
-        )
+        failed = int((table["verdict"] == Verdict.INACCURATE).sum())
+        undecided = messages.count_undecided(table)
         folder = self._session.folder
         self._record(
             model=model,

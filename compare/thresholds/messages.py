@@ -11,7 +11,7 @@ import pandas as pd
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
 from rattle.compare.validation.errors import BY_SIZE
-from rattle.compare.validation.verdict import span
+from rattle.compare.validation.verdict import DECIDED, Verdict, span
 from rattle.scene import line
 
 if TYPE_CHECKING:
@@ -118,8 +118,12 @@ MARGIN = 2.0
 """Factor on the number of paths that should decide a test, since it is computed from an error that
 is itself random."""
 
-MARKS = {"pass": ("#009E73", "o"), "fail": ("#D55E00", "X"), "undecided": ("#000000", "$?$")}
-"""Colour and marker of each outcome in the figure."""
+MARKS = {
+    Verdict.ACCURATE: ("#009E73", "o"),
+    Verdict.INACCURATE: ("#D55E00", "X"),
+    Verdict.UNDECIDED: ("#000000", "$?$"),
+}
+"""Colour and marker of each verdict in the figure."""
 MOST = 60
 """Largest number of rows in the figure; the worst are shown."""
 WIDE = 12.0  # ratio of the largest error to the admissible one above which the axis is logarithmic
@@ -178,8 +182,8 @@ def long_rows(rows: pd.DataFrame, z: float) -> str:
 
 def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]) -> str:
     """Say which rows failed; `shown` formats them."""
-    failed = table[table["outcome"] == "fail"]
-    undecided = (table["outcome"] == "undecided").sum()
+    failed = table[table["verdict"] == Verdict.INACCURATE]
+    undecided = count_undecided(table)
     beside = f", {undecided} undecided" if undecided else ""
     return (
         f"{model} exceeds the allowed error in {len(failed)} of {len(table)}"
@@ -187,9 +191,14 @@ def failure_text(model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame]
     )
 
 
+def count_undecided(table: pd.DataFrame) -> int:
+    """Rows that are neither accurate nor inaccurate."""
+    return int((~table["verdict"].isin(DECIDED)).sum())
+
+
 def paths_to_decide(table: pd.DataFrame) -> float:
     """Estimate the number of paths that would decide every undecided row."""
-    undecided = table.loc[table["outcome"] == "undecided", "paths_needed"]
+    undecided = table.loc[~table["verdict"].isin(DECIDED), "paths_needed"]
     return float(undecided.fillna(math.inf).max()) if len(undecided) else 0.0
 
 
@@ -197,7 +206,7 @@ def describe_undecided(
     model: str, table: pd.DataFrame, shown: Callable[[pd.DataFrame], str]
 ) -> str:
     """Say which rows are undecided, and how many paths would decide them; `shown` formats them."""
-    rows = table[table["outcome"] == "undecided"]
+    rows = table[~table["verdict"].isin(DECIDED)]
     decided = describe_remedy(paths_to_decide(table), kind_of(table))
     return f"{model} is undecided in {len(rows)} of {len(table)} rows; {decided}\n{shown(rows)}"
 
@@ -241,8 +250,9 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     place = np.arange(len(rows))[::-1]
     figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows), 1, 1)
     ax.barh(place, 2.0 * allowed, left=-allowed, height=0.9, color=ACCURATE, alpha=0.35, lw=0)
-    for outcome, (colour, marker) in MARKS.items():
-        own = (rows["outcome"] == outcome).to_numpy()
+    verdicts = rows["verdict"].where(rows["verdict"].isin(DECIDED), Verdict.UNDECIDED)
+    for verdict, (colour, marker) in MARKS.items():
+        own = (verdicts == verdict).to_numpy()
         ax.hlines(place[own], low[own], high[own], color=colour, lw=1.6)
         ax.plot(error[own], place[own], ls="none", marker=marker, ms=6, color=colour)
     reach = float(np.nanmax(np.abs([low, high, allowed])))
@@ -263,8 +273,11 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     ax.set_title(
         f"{line(model)[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour
     )
-    drawn = {o: MARKS[o] for o in MARKS if (rows["outcome"] == o).any()}
-    handles = [Line2D([], [], color=c, marker=m, ms=6, label=o) for o, (c, m) in drawn.items()]
+    handles = [
+        Line2D([], [], color=colour, marker=marker, ms=6, label=verdict)
+        for verdict, (colour, marker) in MARKS.items()
+        if (verdicts == verdict).any()
+    ]
     allowance = Patch(color=ACCURATE, alpha=0.35, lw=0, label="allowed")
     figure.legend(handles=[*handles, allowance], loc="outside upper center", ncols=4, frameon=False)
     return figure

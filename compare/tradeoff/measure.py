@@ -28,19 +28,13 @@ from rattle.compare.tradeoff.multilevel import (
     time_run,
 )
 from rattle.compare.tradeoff.weak_order import WeakOrders, orders_over
-from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, AccuracyWarning, Ensemble, Record, simulate, simulate_to
-from rattle.montecarlo.accuracy.cost import LOOKS, cost_of, expect_paths, step_error
+from rattle.montecarlo.accuracy.cost import cost_of, count_to, step_error
 from rattle.montecarlo.accuracy.pilots import PilotRun, pilot, sample_branches
-from rattle.montecarlo.diagnostics.accuracy import (
-    FEWEST_PATHS,
-    sampling_error,
-    share_of_look,
-    units,
-)
+from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, sampling_error, units
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
-from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.looks import widest
 from rattle.scene import SECTION, Floats, Scene, positive
 from rattle.scene.progress import ProgressBar
 
@@ -141,8 +135,7 @@ class CostModel:
         """
         room = 0.5 * accuracy if self.bias else accuracy
         run = max((self.best, self.shared or self.best), key=lambda found: found.paths)
-        wanted = max(expect_paths(run, room, share_of_look(LOOKS)).paths, FEWEST_PATHS)
-        paths = math.ceil(wanted / BLOCK) * BLOCK
+        paths = count_to(run, room)
         dt = min(self.first.dt, room / self.bias) if self.bias else self.first.dt
         seconds = self.pilot_seconds + paths * (
             self.path_seconds + self.step_seconds * self.steps(dt)

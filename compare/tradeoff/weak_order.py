@@ -17,9 +17,9 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
 from rattle.montecarlo.diagnostics.accuracy import ROUNDED_SD, units
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Bools, Floats, Scene
 from rattle.scene.progress import ProgressBar

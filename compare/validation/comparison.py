@@ -21,13 +21,12 @@ from rattle.closure.mean_map import closure_seconds, predict
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.errors import ON_ITINERARY, first_failure
 from rattle.compare.validation.verdict import (
-    NOT_JUDGED,
     Tolerances,
+    Verdict,
     is_accurate,
-    is_wrong,
+    is_inaccurate,
     unbroken,
     want,
-    widest,
 )
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.accuracy.cost import cost_of
@@ -37,6 +36,7 @@ from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.leaving import KNOWN, expect_leaving, interval
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
 from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
@@ -192,7 +192,7 @@ def _reach(rows: pd.DataFrame, impacts: range) -> tuple[int, int]:
         k: set(group["verdict"]) for k, group in rows.groupby("impact")
     }
     accurate = unbroken(impacts, [is_accurate(verdicts[k]) for k in impacts]) or 0
-    return accurate, unbroken(impacts, [not is_wrong(verdicts[k]) for k in impacts]) or 0
+    return accurate, unbroken(impacts, [not is_inaccurate(verdicts[k]) for k in impacts]) or 0
 
 
 def find_validities(validations: Sequence[Comparison]) -> pd.DataFrame:
@@ -204,7 +204,7 @@ def rows_to_judge(v: Comparison, closure: str, kind: str = "section") -> pd.Data
     """The section rows of a closure that are judged, see
     `rattle.compare.validation.verdict.RULE`."""
     rows = v.section_rows(closure, kind)
-    return rows[rows["verdict"] != NOT_JUDGED]
+    return rows[rows["verdict"] != Verdict.EXCLUDED]
 
 
 def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
@@ -238,7 +238,7 @@ def _why(v: Comparison, closure: str, impact: int) -> tuple[str, str]:
 
 def _worst(v: Comparison, closure: str, impact: int) -> str:
     rows = rows_to_judge(v, closure)
-    rows = rows[(rows["impact"] == impact) & (rows["verdict"] == "inaccurate")]
+    rows = rows[(rows["impact"] == impact) & (rows["verdict"] == Verdict.INACCURATE)]
     if rows.empty:
         return f"nothing to compare at impact {impact}"
     row = rows.iloc[int((rows["error"] / rows["tolerance"]).abs().argmax())]
@@ -318,7 +318,9 @@ def measure_speed(v: Comparison, closure: str) -> Speed | None:
     prediction = v.predictions[closure]
     rows = rows_to_judge(v, closure)
     rows = rows[
-        (rows["impact"] <= reached) & (rows["unit"] > 0.0) & (rows["verdict"] != "not predicted")
+        (rows["impact"] <= reached)
+        & (rows["unit"] > 0.0)
+        & (rows["verdict"] != Verdict.NOT_PREDICTED)
     ]
     if rows.empty:
         return None

@@ -2,7 +2,7 @@
 verdicts."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from rattle.closure import MeanMap
 from rattle.closure.closure import describe_error
-from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED, Tolerances, at_wall, judge
+from rattle.compare.validation.verdict import DECIDED, JUDGED, Tolerances, Verdict, at_wall, judge
 from rattle.montecarlo import Ensemble
 from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, skewness_gain, smallest_sd
 from rattle.montecarlo.diagnostics.unseen import (
@@ -71,10 +71,7 @@ BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the
 
 
 NEAR_BRANCHES = "decided by other paths, a part of them near rare branches"
-"""Remark on rows of `judge_again`."""
-
-AGAIN = 0.25
-"""Share of the probability of a wrong verdict that `judge_again` may add."""
+"""Remark on rows of `decide_near_branches`."""
 
 SPARE = 2.0
 """How many times the paths that are expected to decide its rows `judge_again` takes: a branch
@@ -143,14 +140,21 @@ def section_errors(
     the interval on either side, and ``unseen_paths`` how many paths would show them
     (`rattle.montecarlo.diagnostics.unseen`); ``remark`` says so in words where they leave a row
     undecided, and is `BY_SIZE` where ``still`` is the tolerance. The interval of a sampled value is
-    longer on the side to which its own sampling distribution is skewed (`widen_for_skewness`);
-    ``lean`` is that skewness over sqrt(n). Verdicts are those of `judge`.
+    longer on the side to which its own sampling distribution is skewed; ``lean`` is that skewness
+    over sqrt(n). Verdicts are those of `judge`.
     """
+    return judge_errors(list_errors(predictions, run, tolerances), z)
+
+
+def list_errors(
+    predictions: Sequence[Claimed], run: Simulated, tolerances: Tolerances
+) -> pd.DataFrame:
+    """The rows of `section_errors` before they are judged: ``noise`` is one standard error."""
     section = run.section
     steps = run.step_bias
     impact = steps["impact"]
     moment = steps["quantity"].where(steps["moment"] == "mean", "sd_" + steps["quantity"])
-    simulated = _simulated_rows(run, z, tolerances)
+    simulated = _simulated_rows(run, tolerances)
     parts = []
     for prediction in predictions:
         predicted = _pick(prediction.section, impact, moment)
@@ -159,18 +163,26 @@ def section_errors(
         rows["error"] = predicted - steps["corrected"]
         rows["agreement"] = agreement.loc[impact].to_numpy()
         parts.append(rows)
-    table = pd.concat(parts, ignore_index=True)
-    half = table.pop("half")
-    skew = table.pop("skew")
-    table["low"] = table["error"] - half - skew.clip(lower=0.0) - table["unseen_low"]
-    table["high"] = table["error"] + half - skew.clip(upper=0.0) + table["unseen_high"]
-    table = judge(table)
-    return table.assign(remark=remarks(table))
+    return pd.concat(parts, ignore_index=True)
 
 
-def _simulated_rows(run: Simulated, z: float, tolerances: Tolerances) -> pd.DataFrame:
-    """The rows of `section_errors` without a prediction; ``half`` the width of an interval, and
-    what ``skew`` adds."""
+def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
+    """Give each row of `list_errors` its interval of `z` standard errors, its verdict, and a remark
+    where it has none."""
+    rows = table.assign(noise=z * table["noise"])
+    student = half_width(rows["paths"], float(ndtr(-z))) * table["noise"]
+    half = student + rows["rest"]
+    # Hall's correction, see `skewness_gain`
+    lean = student * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
+    rows["low"] = rows["error"] - half - lean.clip(lower=0.0) - rows["unseen_low"]
+    rows["high"] = rows["error"] + half - lean.clip(upper=0.0) + rows["unseen_high"]
+    rows = judge(rows)
+    rows["remark"] = rows["remark"].where(rows["remark"] != "", remarks(rows))
+    return rows
+
+
+def _simulated_rows(run: Simulated, tolerances: Tolerances) -> pd.DataFrame:
+    """The rows of `list_errors` without a prediction."""
     section = run.section
     steps = run.step_bias
     impact = steps["impact"]
@@ -190,7 +202,10 @@ def _simulated_rows(run: Simulated, z: float, tolerances: Tolerances) -> pd.Data
     few = ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST)
     least = pd.DataFrame(smallest_sd(columns), index=section.index)
     still = np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size)
-    table = pd.DataFrame(
+    up, down, needed, chance = _shift_unseen(
+        unseen(run.scene, columns, int(section["paths"].max())), steps
+    )
+    return pd.DataFrame(
         {
             "closure": "",
             "kind": "section",
@@ -202,7 +217,7 @@ def _simulated_rows(run: Simulated, z: float, tolerances: Tolerances) -> pd.Data
             "se": _pick(section, impact, "se_" + name),
             "bias": steps["bias"],
             "error": np.nan,
-            "noise": z * steps["se_corrected"].where(~few),
+            "noise": steps["se_corrected"].where(~few),
             "rest": steps["rest"],
             "unit": unit,
             "se_unit": own["se_corrected"],
@@ -213,21 +228,14 @@ def _simulated_rows(run: Simulated, z: float, tolerances: Tolerances) -> pd.Data
             "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
             "agreement": np.nan,
             "paths": section["paths"].loc[impact].to_numpy(),
+            "lean": find_lean(columns, steps),
+            "unseen_low": up,
+            "unseen_high": down,
+            "unseen_share": chance,
+            "unseen_paths": np.where(few, np.fmax(needed, FEWEST), needed),
+            "remark": "",
         }
     )
-    student = half_width(table["paths"], float(ndtr(-z))) / z * table["noise"]
-    gain = widen_for_skewness(columns, steps, z)
-    table["half"] = student + table["rest"]
-    table["skew"] = gain * student
-    table["lean"] = gain * 6.0 * z / (2.0 * z**2 + 1.0)
-    up, down, needed, chance = _shift_unseen(
-        unseen(run.scene, columns, int(section["paths"].max())), steps
-    )
-    table["unseen_low"] = up
-    table["unseen_high"] = down
-    table["unseen_share"] = chance
-    table["unseen_paths"] = np.where(few, np.fmax(needed, FEWEST), needed)
-    return table
 
 
 def itinerary_errors(
@@ -236,13 +244,13 @@ def itinerary_errors(
     """`section_errors` of the paths alone that have followed the closure's itinerary up to each
     impact.
 
-    Returns: Rows as of `section_errors`, of kind ``itinerary``.  They are not judged where fewer
+    Returns: Rows as of `section_errors`, of kind ``itinerary``.  They are excluded where fewer
     than `HALF` of the paths follow it, and their remark says so.
     """
     name = prediction.closure
     on = followers_of(run, name)
     own = np.array(run.plan.itineraries[name])
-    return judge_followers(prediction.on_itinerary(), on, z, tolerances, own, own)
+    return judge_errors(follower_errors(prediction.on_itinerary(), on, tolerances, own, own), z)
 
 
 def followers_of(run: Ensemble, name: str = NOISE_FREE) -> Ensemble:
@@ -253,30 +261,21 @@ def followers_of(run: Ensemble, name: str = NOISE_FREE) -> Ensemble:
     return replace(on, unseen=unseen_columns(hidden))
 
 
-def judge_followers(
-    prediction: Claimed,
-    on: Simulated,
-    z: float,
-    tolerances: Tolerances,
-    own: Floats,
-    followed: Floats,
+def follower_errors(
+    prediction: Claimed, on: Simulated, tolerances: Tolerances, own: Floats, followed: Floats
 ) -> pd.DataFrame:
-    """`itinerary_errors` of moments on an itinerary.
+    """The rows of `itinerary_errors` before they are judged, of moments on an itinerary.
 
     `own`, `followed`: ``mesh * side`` of the closure and of the paths apart, 0 where it has ended;
     (impacts,).
     """
-    table = section_errors([prediction], on, z, tolerances).assign(kind=ON_ITINERARY)
+    table = list_errors([prediction], on, tolerances).assign(kind=ON_ITINERARY)
     at = table["impact"] - 1
     other = np.logical_or.accumulate((own != followed) & (own != 0))
     few = (table["agreement"] < HALF) | other[at]
-    table.loc[few & table["predicted"].notna(), ["verdict", "paths_needed", "judged"]] = (
-        NOT_JUDGED,
-        np.nan,
-        False,
-    )
+    table["judged"] &= ~few | table["predicted"].isna()
     why = np.select([own[at] == 0, other[at]], [NO_ITINERARY, OTHER_ITINERARY], TOO_FEW_FOLLOW)
-    table.loc[few, "remark"] = why[few]
+    table["remark"] = np.where(few, why, "")
     return table
 
 
@@ -285,7 +284,7 @@ def remarks(table: pd.DataFrame) -> NDArray[Any]:
     sample has not seen."""
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
-    few = table["low"].isna() & (table["verdict"] == "undecided")
+    few = table["low"].isna() & (table["verdict"] == Verdict.UNDECIDED)
     said = waits_for_branch(table)
     out = np.select([few, by_size], [TOO_FEW, BY_SIZE], "").astype(object)
     columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
@@ -296,7 +295,7 @@ def remarks(table: pd.DataFrame) -> NDArray[Any]:
 def waits_for_branch(table: pd.DataFrame) -> "pd.Series[bool]":
     """Whether a row is undecided for a rare branch that the sample cannot have seen."""
     shift = np.maximum(table["unseen_low"], table["unseen_high"])
-    open_row = (table["verdict"] == "undecided") & table["low"].notna()
+    open_row = (table["verdict"] == Verdict.UNDECIDED) & table["low"].notna()
     return open_row & (shift > WORTH_A_WORD * table["tolerance"])
 
 
@@ -316,14 +315,16 @@ def judge_again(
 
     Returns: The table, and the run of these paths, None where there is none.
     """
-    waits = waits_for_branch(table)
-    plain = SCHEMES[run.scheme].has_step_bias or run.scene.correlation_time
-    if plain or not waits.any():
-        return table, None
-    rare = begin_rare(run, _count_again(table[waits], run.paths), in_threads(workers))
-    if rare is None:
-        return table, None
-    return take_decided(table, waits, section_errors(predictions, rare, z, tolerances)), rare
+    rare = None
+
+    def judge_near(waiting: pd.DataFrame) -> pd.DataFrame | None:
+        nonlocal rare
+        rare = begin_rare(run, _count_again(waiting, run.paths), in_threads(workers))
+        return None if rare is None else section_errors(predictions, rare, z, tolerances)
+
+    if not SCHEMES[run.scheme].has_step_bias:
+        table = decide_near_branches(table, run.scene, judge_near)
+    return table, rare
 
 
 def _count_again(rows: pd.DataFrame, paths: int) -> int:
@@ -336,24 +337,40 @@ def _count_again(rows: pd.DataFrame, paths: int) -> int:
     return max(math.ceil(most), FEWEST_PATHS)
 
 
-def take_decided(table: pd.DataFrame, rows: "pd.Series[bool]", again: pd.DataFrame) -> pd.DataFrame:
-    """The table, those of some rows that paths near a rare branch decide as of these."""
-    decided = rows & again["verdict"].isin(("accurate", "inaccurate"))
+def decide_near_branches(
+    table: pd.DataFrame,
+    scene: Scene,
+    judge_near: Callable[[pd.DataFrame], pd.DataFrame | None],
+    most: int = 0,
+) -> pd.DataFrame:
+    """A table, its rows that wait for a rare branch as other paths decide them, a part of which is
+    near it.
+
+    `judge_near`: The whole table from such paths, for the rows that wait; None where there are no
+    such paths. `most`: Number of plain paths that are still to come; what they show is left to
+    them.
+    """
+    waits = waits_for_branch(table) & ~(table["paths_needed"] <= most)
+    if scene.correlation_time or not waits.any():
+        return table
+    again = judge_near(table[waits])
+    if again is None:
+        return table
+    decided = waits & again["verdict"].isin(DECIDED)
     return table.where(~decided, again.assign(remark=NEAR_BRANCHES))
 
 
-def widen_for_skewness(
-    columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame, z: float
-) -> Floats:
-    """`rattle.montecarlo.diagnostics.accuracy.skewness_gain` of the rows of a table.
+def find_lean(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame) -> Floats:
+    """Skewness of what is averaged in each row of a table over sqrt(n), as `skewness_gain` has it.
 
     Shapes: result (rows,).
     """
     gains = np.array(
-        [[skewness_gain(columns, q, of_sd, z) for q in SECTION] for of_sd in (False, True)]
+        [[skewness_gain(columns, q, of_sd, 1.0) for q in SECTION] for of_sd in (False, True)]
     )
     at = _number(steps["quantity"]), steps["impact"].to_numpy() - 1
-    return np.asarray(gains[(steps["moment"] == "sd").to_numpy(int), *at])
+    # of z = 1 the gain is lean (2 + 1) / 6
+    return np.asarray(2.0 * gains[(steps["moment"] == "sd").to_numpy(int), *at])
 
 
 def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[Floats, ...]:

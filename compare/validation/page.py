@@ -31,7 +31,7 @@ from rattle.compare.validation.figures import (
     drive_figure,
     validity_figure,
 )
-from rattle.compare.validation.verdict import NOT_JUDGED, RULE, Tolerances
+from rattle.compare.validation.verdict import MARKS, RULE, Tolerances
 from rattle.scene.parts import SINE_ALONE
 
 TABLES = {"table": "table", "correlation": "correlation", "leaving": "run.leaving"}
@@ -124,11 +124,7 @@ def _fill(
 ) -> dict[str, Any]:
     """What the template of the page shows besides the figures and the noise intensities."""
     first = validations[0]
-    marks = [
-        f"{SIGNS[mark] or '–'} {verdict}"
-        for verdict, mark in tables.MARKS.items()
-        if verdict != NOT_JUDGED
-    ]
+    marks = [f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items()]
     content: dict[str, Any] = {
         "swept": swept is not None,
         "own_closures": _describe_own_closures(first),

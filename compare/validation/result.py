@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from rattle.compare.validation.comparison import Comparison
-from rattle.compare.validation.verdict import JUDGED
+from rattle.compare.validation.verdict import JUDGED, Verdict
 from rattle.montecarlo.diagnostics.diagnostics import list_counted
 from rattle.scene import InputError, as_html, choice
 from rattle.scene.numpy_errors import numpy_defaults
@@ -54,7 +54,7 @@ class Validation(Comparison):
     def accurate(self) -> bool:
         """Whether all moments of all paths that are predicted and judged are accurate; see
         ``verdict.RULE``."""
-        return not self.of_all_paths["verdict"].isin(("inaccurate", "undecided")).any()
+        return not self.of_all_paths["verdict"].isin((Verdict.INACCURATE, Verdict.UNDECIDED)).any()
 
     @property
     def counts(self) -> pd.DataFrame:

@@ -15,18 +15,9 @@ from rattle.compare.validation.realizability import (
     realizability_table,
     section_distances,
 )
-from rattle.compare.validation.verdict import JUDGED, VERDICTS
+from rattle.compare.validation.verdict import JUDGED, MARKS, Verdict
 from rattle.scene import STATE
 from rattle.scene.units import PRODUCTS
-
-MARKS = {
-    "accurate": "good",
-    "inaccurate": "bad",
-    "undecided": "open",
-    "not predicted": "",
-    "not judged": "",
-}
-"""Mark of a table cell for each verdict, see `rattle.compare.report.table.MARKS`."""
 
 DESCRIBES = {"itinerary": "paths on its itinerary", "all paths": "all paths", None: "not stated"}
 """What the page says of `rattle.closure.Closure.describes`."""
@@ -41,7 +32,7 @@ def count_verdicts(v: Comparison) -> pd.DataFrame:
     groups = v.table.groupby(["closure", "kind", "moment"], sort=False)["verdict"]
     return pd.DataFrame(
         {"closure": closure, "what": names.get(str(kind), "ρ at mid-flight").format(moment)}
-        | {w: int((said == w).sum()) for w in VERDICTS}
+        | {w: int((said == w).sum()) for w in Verdict}
         for (closure, kind, moment), said in groups
     )
 

@@ -21,9 +21,10 @@ from rattle.compare.validation.comparison import (
     simulation_costs,
 )
 from rattle.compare.validation.result import Validation
-from rattle.compare.validation.verdict import Tolerances, widest
+from rattle.compare.validation.verdict import Tolerances, Verdict
 from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
+from rattle.montecarlo.looks import AGAIN, FAMILY_ERROR, widest
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
 from rattle.scene import (
@@ -180,7 +181,7 @@ def validate(
     checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
     section = errors.section_errors(maps, run, z, limits)
-    again = widest(checks, errors.AGAIN * 0.05)
+    again = widest(checks, AGAIN * FAMILY_ERROR)
     section, second_look = errors.judge_again(section, maps, run, again, limits, workers)
     parts = [section]
     if scene.sigma > 0.0 and len(run.at_times()):
@@ -369,7 +370,7 @@ def compare_schemes(
             )
         for closure, prediction in v.predictions.items():
             table = v.section_rows(closure)
-            own = table.assign(judged=table["verdict"] != "not judged")
+            own = table.assign(judged=table["verdict"] != Verdict.EXCLUDED)
             took = closure_seconds(prediction)
             rows.append(
                 (v.scene.sigma, closure, np.nan, 0, np.nan, np.nan, *_largest(own, "error"), took)

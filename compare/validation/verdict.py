@@ -8,21 +8,42 @@ to decide.
 
 import math
 from collections.abc import Iterable, Sequence
+from enum import StrEnum
 from itertools import takewhile
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
-from scipy.special import ndtri
 
 from rattle.compare.report.texts import read_texts
+from rattle.montecarlo.looks import TOO_FEW
 
-JUDGED = ("accurate", "inaccurate", "undecided")
+
+class Verdict(StrEnum):
+    """A verdict on what a closure says, wherever one is given; why it is undecided says a remark
+    beside it."""
+
+    ACCURATE = "accurate"
+    INACCURATE = "inaccurate"
+    UNDECIDED = "undecided"
+    NOT_PREDICTED = "not predicted"
+    EXCLUDED = "excluded"
+
+
+DECIDED = (Verdict.ACCURATE, Verdict.INACCURATE)
+"""Verdicts that more paths do not change."""
+
+JUDGED = (*DECIDED, Verdict.UNDECIDED)
 """Verdicts on rows that are judged and predicted; counts and sentences refer to these rows only."""
 
-NOT_JUDGED = "not judged"
-VERDICTS = (*JUDGED, "not predicted", NOT_JUDGED)
+MARKS: dict[str, str] = {
+    Verdict.ACCURATE: "good",
+    Verdict.INACCURATE: "bad",
+    Verdict.UNDECIDED: "open",
+    Verdict.NOT_PREDICTED: "",
+}
+"""Mark of a table cell, see `rattle.compare.report.MARKS`; what is excluded has none."""
 
 RULE: str = read_texts("validation")["rule"]
 """Which rows `at_wall` excludes, and why, as pages state it."""
@@ -51,14 +72,8 @@ class Tolerances(NamedTuple):
     rho: float = 0.05
 
 
-def widest(checks: int, family_error: float = 0.05) -> float:
-    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals
-    (Bonferroni)."""
-    return float(-ndtri(0.5 * family_error / max(checks, 1)))
-
-
 def at_wall(quantity: Any, mesh: Any) -> Any:
-    """Whether a quantity is the displacement at the struck mesh, which is not judged, see
+    """Whether a quantity is the displacement at the struck mesh, which is excluded, see
     `RULE`."""
     return ((quantity == "x1") & (mesh == 1)) | ((quantity == "x2") & (mesh == 2))
 
@@ -72,7 +87,7 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     would reduce.  An interval that so few paths cannot have is NaN. Returns: A copy with two more
     columns.  ``verdict``: ``accurate`` if the whole interval lies within the tolerance,
     ``inaccurate`` if all of it lies outside, else ``undecided``; ``not predicted`` where a value is
-    missing, ``not judged`` where ``judged`` is False.  ``paths_needed``: the number of paths that
+    missing, ``excluded`` where ``judged`` is False.  ``paths_needed``: the number of paths that
     would decide an undecided row, NaN where only a smaller step can: those that decide it whatever
     the branches do which this sample cannot have seen, or those that show these, whichever are
     fewer.
@@ -89,8 +104,8 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     excluded = ~out["judged"].astype(bool) if "judged" in out else np.zeros(len(out), bool)
     out["verdict"] = np.select(
         [excluded, absent, inside, outside],
-        [NOT_JUDGED, "not predicted", "accurate", "inaccurate"],
-        "undecided",
+        [Verdict.EXCLUDED, Verdict.NOT_PREDICTED, Verdict.ACCURATE, Verdict.INACCURATE],
+        Verdict.UNDECIDED,
     )
     # of what the sample has seen
     low = out["low"] + out["unseen_low"]
@@ -104,7 +119,7 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
         needed, whatever = (
             out["paths"] * (out["noise"] / m.where(m > 0.0)) ** 2 for m in (margin, beside)
         )
-    undecided = out["verdict"] == "undecided"
+    undecided = out["verdict"] == Verdict.UNDECIDED
     seen = ((low >= -tolerance) & (high <= tolerance)) | (low > tolerance) | (high < -tolerance)
     needed = needed.where(~seen & low.notna(), 0.0).clip(lower=out["unseen_paths"])
     needed = needed.where(~(whatever < needed), whatever)
@@ -118,7 +133,6 @@ ACCURATE = "accurate up to"
 NOT_WRONG = "not shown wrong up to"
 WRONG = "shown wrong"
 ENDED = "not followed to its end"
-UNDECIDED = "too few paths to decide"
 """The phrases for a range of validity, and for what lies beyond it."""
 
 T = TypeVar("T")
@@ -126,13 +140,13 @@ T = TypeVar("T")
 
 def is_accurate(verdicts: Iterable[str]) -> bool:
     """Whether every row that is judged and predicted is accurate, and there is at least one."""
-    return set(verdicts) & set(JUDGED) == {"accurate"}
+    return set(verdicts) & set(JUDGED) == {Verdict.ACCURATE}
 
 
-def is_wrong(verdicts: Iterable[str]) -> bool:
+def is_inaccurate(verdicts: Iterable[str]) -> bool:
     """Whether some judged row is inaccurate, or nothing is predicted."""
     judged = set(verdicts) & set(JUDGED)
-    return not judged or "inaccurate" in judged
+    return not judged or Verdict.INACCURATE in judged
 
 
 def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
@@ -143,11 +157,11 @@ def unbroken(values: Iterable[T], holds: Iterable[bool]) -> T | None:
 
 def want(rows: pd.DataFrame) -> str:
     """Whether undecided rows lack paths, a smaller step, or both."""
-    needed = rows.loc[rows["verdict"] == "undecided", "paths_needed"]
+    needed = rows.loc[rows["verdict"] == Verdict.UNDECIDED, "paths_needed"]
     if not needed.isna().any():
-        return UNDECIDED
+        return TOO_FEW
     return (
-        f"{UNDECIDED}, and too long a step" if needed.notna().any() else "too long a step to decide"
+        f"{TOO_FEW}, and too long a step" if needed.notna().any() else "too long a step to decide"
     )
 
 
@@ -158,7 +172,7 @@ def in_words(
     not_wrong: float,
     *,
     ended: bool = False,
-    undecided: str = UNDECIDED,
+    undecided: str = TOO_FEW,
     exact: Iterable[float] = (),
 ) -> str:
     """A range of validity over a scene parameter in words, and what lies beyond it.

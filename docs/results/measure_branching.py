@@ -23,8 +23,8 @@ import pandas as pd
 from kept_tables import Table, keep, median_and_most, short
 
 from rattle.closure import mean_map
-from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
+from rattle.montecarlo.looks import widest
 from rattle.scene import Scene
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))

@@ -20,11 +20,12 @@ from kept_tables import Table, columns, keep
 from kept_tables import share as share_with_interval
 
 from rattle.compare.validation import errors
-from rattle.compare.validation.errors import AGAIN, judge_again, section_errors
-from rattle.compare.validation.verdict import Tolerances, widest
+from rattle.compare.validation.errors import judge_again, section_errors
+from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.diagnostics.unseen import Unseen
+from rattle.montecarlo.looks import AGAIN, widest
 from rattle.scene import Scene, Start
 from rattle.scene.types import SECTION
 
@@ -72,7 +73,7 @@ def _nothing_unseen(impacts: int) -> Iterator[None]:
         mock.patch.object(
             errors, "unseen", return_value=Unseen(nil, nil, nil, nil, nil, nil, impacts)
         ),
-        mock.patch.object(errors, "widen_for_skewness", lambda _, steps, __: np.zeros(len(steps))),
+        mock.patch.object(errors, "find_lean", lambda _, steps: np.zeros(len(steps))),
     ):
         yield
 

@@ -16,7 +16,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtri
 
 from rattle.montecarlo.diagnostics.accuracy import (
     BOUND_MOMENTS,
@@ -27,7 +26,6 @@ from rattle.montecarlo.diagnostics.accuracy import (
     explain_shift,
     find_exceedance,
     name_row,
-    share_of_look,
     smallest_sd,
     units_by_quantity,
     unseen_shifts,
@@ -36,6 +34,7 @@ from rattle.montecarlo.diagnostics.reach import Candidate, Row
 from rattle.montecarlo.diagnostics.unseen import Added, branches_between, find_unseen, share_of
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
+from rattle.montecarlo.looks import USUAL_LOOKS, share_of_look, widest
 from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
 from rattle.montecarlo.settings import count_followed, exact_orbit, is_random
 from rattle.scene import SECTION, Floats, duration_text
@@ -43,7 +42,6 @@ from rattle.scene import SECTION, Floats, duration_text
 STEP = 8.0  # largest ratio of two bounds that is followed at once
 TOUCH = 1.02  # ratio to which the number is found
 MOST = 1e15  # paths from which on the number does not matter any longer
-LOOKS = 2  # after which a run to an accuracy ends as a rule
 VECTOR_GAIN = 32.0  # cost of a path-step of a single path over that in a full block of vector lanes
 STICKING_NS = 110.0  # measured time of a path-step in which a mesh sticks
 NO_SUCH_IMPACT = 1e3  # error of a path that has an impact more, or less, than it should
@@ -61,7 +59,9 @@ class ExpectedPaths(NamedTuple):
     branch: str
 
 
-def expect_paths(run: Ensemble, accuracy: float, share: float) -> ExpectedPaths:
+def expect_paths(
+    run: Ensemble, accuracy: float, share: float = share_of_look(USUAL_LOOKS)
+) -> ExpectedPaths:
     """Paths from which on `error_bound` is expected to be within an accuracy.
 
     Errors of what was sampled fall with the square root of the number of paths.  A branch that the
@@ -147,9 +147,14 @@ def cost_to(run: Ensemble, accuracy: float) -> Candidate:
     bias = step_error(run)[0] if biased else 0.0
     if biased:
         dt *= min(1.0, max(0.5 * accuracy / max(bias, 1e-300), 1e-100))
-    wanted = expect_paths(run, 0.5 * accuracy if bias else accuracy, share_of_look(LOOKS)).paths
-    paths = max(FEWEST_PATHS // BLOCK, math.ceil(wanted / BLOCK)) * BLOCK
+    paths = count_to(run, 0.5 * accuracy if bias else accuracy)
     return cost_of(run, count_followed(run.scene, paths), dt)
+
+
+def count_to(run: Ensemble, accuracy: float) -> int:
+    """Paths, in whole blocks, that an accuracy is expected to take; at least `FEWEST_PATHS`."""
+    wanted = max(expect_paths(run, accuracy).paths, FEWEST_PATHS)
+    return math.ceil(wanted / BLOCK) * BLOCK
 
 
 def step_error(run: Ensemble) -> tuple[float, float]:
@@ -231,7 +236,7 @@ def name_dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
 
 
 def _z(error: Floats, share: float) -> float:
-    return float(-ndtri(0.5 * share / max(int((error > 0.0).sum()), 1)))
+    return widest(int((error > 0.0).sum()), share)
 
 
 def _biases(run: Ensemble) -> Floats:

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from rattle.montecarlo.accuracy.cost import LOOKS, ExpectedPaths, cost_of, cost_to, expect_paths
-from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, share_of_look, small_noise
+from rattle.montecarlo.accuracy.cost import ExpectedPaths, cost_of, cost_to, expect_paths
+from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, small_noise
 from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.ensemble.simulate import extend
@@ -85,7 +85,7 @@ class PilotRun:
 
     def expect_paths(self, accuracy: float) -> ExpectedPaths:
         """Paths for which sampling and unseen branches are within an accuracy."""
-        return expect_paths(self.run, accuracy, share_of_look(LOOKS))
+        return expect_paths(self.run, accuracy)
 
     def at(self, accuracy: float) -> Candidate:
         """Step, paths and work that an accuracy is expected to take."""

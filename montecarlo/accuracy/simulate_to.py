@@ -13,7 +13,7 @@ import math
 import warnings
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from rattle.montecarlo.accuracy.cost import (
     cost_of,
@@ -33,7 +33,6 @@ from rattle.montecarlo.diagnostics.accuracy import (
     FEWEST_PATHS,
     error_bound,
     sampling_error,
-    share_of_look,
     small_noise,
 )
 from rattle.montecarlo.diagnostics.reach import AccuracyWarning, Reach
@@ -42,6 +41,7 @@ from rattle.montecarlo.ensemble.simulate import extend, simulate
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare, extend_rare
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import HOUR, Blocks, Budget, clock, in_threads
+from rattle.montecarlo.looks import grow, share_of_look
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import (
@@ -293,6 +293,27 @@ def _cut_short(
     )
 
 
+class _Look(NamedTuple):
+    """What a look at a run says of the next one."""
+
+    paths: int  # that the next look should suffice with; those of the run where it suffices
+    step_too_long: bool  # whether the bias of the step is shown to take too much of the accuracy
+
+
+def _look_at(run: Ensemble, accuracy: float, look: int, grain: int) -> _Look:
+    """Bound the errors of a run with the share of a look, and foresee the next one."""
+    step, se_step = step_error(run)
+    too_long = (
+        SCHEMES[run.scheme].has_step_bias and step > MOST_BIAS * accuracy and step > 3.0 * se_step
+    )
+    if error_bound(run, share_of_look(look)).error + step <= accuracy:
+        return _Look(run.paths, too_long)
+    room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
+    needed = expect_paths(run, room, share_of_look(look + 1)).paths
+    # more also where a bias may be noise
+    return _Look(grow(run.paths, needed, SPARE, grain), too_long)
+
+
 def _follow_up(
     pilot_run: PilotRun,
     simulate: Simulate,
@@ -304,45 +325,36 @@ def _follow_up(
     """The pilot's scheme until its errors are within the accuracy, or the budget is spent; seconds
     missing, looks."""
     run = pilot_run.run
-    scene = pilot_run.run.scene
     expected = pilot_run.at(accuracy)
     if not pilot_run.whole or budget.remaining <= 0.0:
         missing = max(expected.core_seconds, pilot_run.path_seconds * expected.paths)
         return run, missing, 1
     exact = not SCHEMES[run.scheme].has_step_bias
-    fewest = count_followed(scene, FEWEST_PATHS)
-    grain = count_followed(scene, BLOCK)
+    fewest = count_followed(run.scene, FEWEST_PATHS)
+    grain = count_followed(run.scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
     shortest = horizon / MOST_STEPS
     settings = {
         "scheme": run.scheme,
         "record": Record(step_bias=not exact),
         "progress": progress,
-        "sampling": Sampling(control=exact and small_noise(scene), horizon=horizon),
+        "sampling": Sampling(control=exact and small_noise(run.scene), horizon=horizon),
     }
     began = clock()
     before = 0
-    look = 0
     tried = run.paths
     if not exact:
         aim = min(pilot_run.within(budget.remaining, accuracy), ROUGHEST)
         run = simulate(paths=fewest, dt=max(pilot_run.at(aim).dt, shortest), **settings)
     elif run.paths < fewest:
-        run, before = _extend(run, fewest, blocks, progress), run.paths
+        before = run.paths
+        run = _extend(run, fewest, blocks, progress)
+    look = 0
     while True:
+        look += 1
         took = (clock() - began) / (run.paths - before) if run.paths > pilot_run.run.paths else 0.0
         seconds_per_path = took or pilot_run.path_seconds
-        look += 1
-        bound = error_bound(run, share_of_look(look))
-        step, se_step = step_error(run)
-        room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
-        wanted = run.paths
-        shorten = not exact and step > MOST_BIAS * accuracy and step > 3.0 * se_step
-        if bound.error + step > accuracy:
-            # when it will be looked at
-            foreseen = SPARE * expect_paths(run, room, share_of_look(look + 1)).paths
-            # more also where a bias may be noise
-            wanted = math.ceil(max(foreseen, 1.1 * run.paths) / grain) * grain
+        found = _look_at(run, accuracy, look, grain)
         late = exact and run.plan.mixture is None and run.paths > GROWTH * tried
         if late and budget.remaining > 0.0:  # a spread that was found late
             begin = partial(begin_rare, run, run.paths, blocks)
@@ -353,19 +365,20 @@ def _follow_up(
                 before = 0
                 began = clock()
                 continue
-        more = 2 * run.paths if shorten else max(wanted - run.paths, fewest - run.paths, 0)
-        if shorten and 0.5 * run.dt < shortest:
+        shorter = 0.5 * run.dt
+        if found.step_too_long and shorter < shortest:
             return run, math.inf, look
-        affordable = int(min(max(budget.remaining, 0.0) / seconds_per_path, 1e15)) // grain * grain
-        if more == 0 or affordable <= 0 or (shorten and affordable < more):
+        # half the step takes as long as twice the paths
+        more = 2 * run.paths if found.step_too_long else max(found.paths, fewest) - run.paths
+        seconds = max(budget.remaining, 0.0)
+        affordable = int(min(seconds / seconds_per_path, 1e15)) // grain * grain
+        if more == 0 or affordable <= 0 or (found.step_too_long and affordable < more):
             missing = 0.0 if exact or more == 0 else expected.core_seconds
             return run, max(more * seconds_per_path, missing), look
         began = clock()
-        before = run.paths
-        if shorten:
-            run = simulate(paths=run.paths, dt=0.5 * run.dt, **settings)
-            before = 0
+        before = 0 if found.step_too_long else run.paths
+        if found.step_too_long:
+            run = simulate(paths=run.paths, dt=shorter, **settings)
         else:
-            run = _extend(
-                run, run.paths + min(more, affordable, (GROWTH - 1) * run.paths), blocks, progress
-            )
+            paths = min(run.paths + min(more, affordable), GROWTH * run.paths)
+            run = _extend(run, paths, blocks, progress)

@@ -98,12 +98,6 @@ class Bound(NamedTuple):
     rare: str  # moment, quantity and impact that it could change most
 
 
-def share_of_look(look: int) -> float:
-    """Probability of a wrong statement that a look may spend; over all looks they add up to 1 -
-    `CONFIDENCE`."""
-    return (1.0 - CONFIDENCE) / (look * (look + 1.0))
-
-
 def skewness_gain(columns: Mapping[str, NDArray[Any]], quantity: str, sd: bool, z: float) -> Floats:
     """By how much an interval of a mean or an sd is longer on one side, in units of its half width.
 

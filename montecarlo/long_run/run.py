@@ -15,12 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
+from rattle.montecarlo.kernel.blocks import HOUR, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
 from rattle.montecarlo.long_run.paths import BATCHES, LEAST, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
+from rattle.montecarlo.looks import begin_budget, grow
 from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
@@ -238,7 +239,8 @@ def _gather(
             )
             raise InputError("accuracy", goal, why)
         paths.expect(SPARE * more)
-        paths.follow(int(min(SPARE * need + 1.0, GROWTH * before)))
+        most = GROWTH * before
+        paths.follow(min(grow(before, min(need, most), SPARE), most))
         if paths.periods == before:
             return LongReach(goal, worst, width, more * paths.pace)
     return None
@@ -359,7 +361,7 @@ def long_run(
     """
     check_long_run(scene, accuracy, periods, quantities, paths, burn_in, slow, rng, workers)
     goal = None if periods is not None else ACCURACY if accuracy is None else float(accuracy)
-    limit = Budget(math.inf if budget is None else float(positive("budget", budget)))
+    limit = begin_budget(budget)
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     began = time.perf_counter()
     with limit.pause():

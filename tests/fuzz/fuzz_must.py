@@ -6,7 +6,7 @@ import numpy as np
 
 from rattle import Scene
 from rattle.compare.validation.errors import TOO_FEW
-from rattle.compare.validation.verdict import VERDICTS
+from rattle.compare.validation.verdict import Verdict
 from rattle.scene import SECTION, STATE, RattleError
 
 FAINTEST = 1e-289  # smallest power of an sd that can be a divisor
@@ -62,7 +62,7 @@ def semidefinite(covariance: Any, scales: Any = None) -> None:
 def has_verdicts(table: Any) -> None:
     """Every row of a comparison has a verdict; where it says more than that there is nothing to
     say, numbers do too."""
-    must(table["verdict"].isin(VERDICTS), table["verdict"].unique())
+    must(table["verdict"].isin(list(Verdict)), table["verdict"].unique())
     judged = table[table["verdict"].isin(["accurate", "inaccurate", "undecided"])]
     numbers = ["predicted", "simulated", "error", "tolerance", "agreement"]
     interval = ["se", "low", "high"]

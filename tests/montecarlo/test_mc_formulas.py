@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, t
 
-from rattle.montecarlo.diagnostics.accuracy import share_of_look
 from rattle.montecarlo.ensemble.leaving import interval
 from rattle.montecarlo.long_run.estimates import corrections
 from rattle.montecarlo.long_run.walk import steps_per_period
+from rattle.montecarlo.looks import share_of_look
 from rattle.montecarlo.schemes.step_size import accurate_flight, time_scales
 from rattle.montecarlo.settings import count_followed
 from rattle.montecarlo.statistics.intervals import half_width

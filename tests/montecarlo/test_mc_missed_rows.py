@@ -11,10 +11,10 @@ from rattle.montecarlo.accuracy.cost import expect_paths, find_missed_rows, name
 from rattle.montecarlo.diagnostics.accuracy import (
     FEWEST_PATHS,
     error_bound,
-    share_of_look,
     units_by_quantity,
 )
 from rattle.montecarlo.diagnostics.unseen import Added
+from rattle.montecarlo.looks import share_of_look
 from rattle.scene import Gears
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)

@@ -9,11 +9,11 @@ from random_gears import PAIR_B
 from rattle import Tolerances
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import section_errors
-from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import simulate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch, rare_events
 from rattle.montecarlo.diagnostics.unseen import Unseen
+from rattle.montecarlo.looks import widest
 from rattle.scene import DAT21, Scene
 
 PROBABILITY = 7.9e-6

@@ -14,8 +14,8 @@ from rattle.compare.chaos.record import Regime, noisy_record, orbit_record
 from rattle.compare.chaos.sweep import paper_noise, vary
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
-from rattle.compare.validation.verdict import widest
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
+from rattle.montecarlo.looks import widest
 from rattle.scene import Scene, Start
 from rattle.scene.tangent import Stretch
 

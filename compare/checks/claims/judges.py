@@ -24,14 +24,15 @@ from rattle.compare.checks.claims.evidence import Evidence
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import Comparison, rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
-from rattle.compare.validation.verdict import join_words, widest
+from rattle.compare.validation.verdict import Verdict, join_words
+from rattle.montecarlo.looks import widest
 from rattle.scene import Floats, Scene
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import correlation, realizability
 
 REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
-UNDECIDED = "undecided"
+UNDECIDED = Verdict.UNDECIDED
 HOLDS_ONLY = "holds only for {}"
 PART = "holds in part"
 
@@ -242,7 +243,10 @@ def stages_apart(e: Evidence) -> PaperClaim:
 def describes(e: Evidence) -> PaperClaim:
     """Judge section 5: the mean map describes the noisy system."""
     shares = {
-        r: [float((rows_to_judge(v, r)["verdict"] == "accurate").mean()) for v in e.validations]
+        r: [
+            float((rows_to_judge(v, r)["verdict"] == Verdict.ACCURATE).mean())
+            for v in e.validations
+        ]
         for r in e.validations[0].predictions
     }
     text = "; ".join(
@@ -257,9 +261,9 @@ def describes(e: Evidence) -> PaperClaim:
         if r in ("published", "corrected")
     ]
     verdict = NOT_REPRODUCED
-    if any(said == {"accurate"} for said in paper):
+    if any(said == {Verdict.ACCURATE} for said in paper):
         verdict = REPRODUCED
-    elif any(said <= {"accurate", "undecided"} for said in paper):
+    elif any(said <= {Verdict.ACCURATE, UNDECIDED} for said in paper):
         verdict = UNDECIDED
     elif accurate:
         verdict = HOLDS_ONLY.format(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
-from rattle.compare.validation.verdict import Tolerances, at_wall, widest
+from rattle.compare.validation.verdict import Tolerances, Verdict, at_wall
 from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import (
     COLLAPSE,
@@ -29,6 +29,7 @@ from rattle.montecarlo.diagnostics.diagnostics import (
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
+from rattle.montecarlo.looks import ladder, widest
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance
@@ -172,7 +173,7 @@ def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
 
 UNBIASED = "unbiased"
 BIASED = "biased"
-UNDECIDED = "undecided"
+UNDECIDED = Verdict.UNDECIDED
 UNSTABLE = "unstable"
 COLLAPSING = "no limit"
 FIRST = 2 * BLOCK  # paths of the first attempt at a verdict
@@ -201,9 +202,9 @@ class Judged(NamedTuple):
     moments: int  # number of moments that are judged
 
 
-def looks(paths: int) -> int:
-    """Compute how often a verdict may be attempted, for the simultaneous intervals."""
-    return 1 if paths <= FIRST else 1 + looks(math.ceil(paths / GROWTH))
+def sizes(paths: int) -> tuple[int, ...]:
+    """Numbers of paths after which a verdict is attempted."""
+    return ladder(min(paths, FIRST), paths, GROWTH)
 
 
 def judge(
@@ -220,17 +221,15 @@ def judge(
     """Simulate a cell with any time step, with more paths while the verdict is undecided, and judge
     it."""
     sampling = Sampling(horizon=max(horizon_of(scene), 4.0 * dt))
-    first = min(paths, FIRST)
+    first, *later = sizes(paths)
     with np.errstate(all="ignore"):  # unstable runs overflow
         plan = plan_of(scene, first, IMPACTS, dt, scheme, seed, sampling=sampling, any_step=True)
         merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
         run = Ensemble(plan, first, merged, None, None, 0.0)
-        while (
-            (found := _verdict(run, beside, z))[0] == UNDECIDED
-            and run.paths < paths
-            and is_random(scene)
-        ):
-            run = extend(run, min(paths, GROWTH * run.paths), in_threads(workers))
+        found = _verdict(run, beside, z)
+        while later and found[0] == UNDECIDED and is_random(scene):
+            run = extend(run, later.pop(0), in_threads(workers))
+            found = _verdict(run, beside, z)
         diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(
             diagnose_rare_branch(run)
         )
@@ -400,9 +399,9 @@ def chart(
     # of the seven values of an axis
     chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]
     places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
-    z = widest(
-        len(places) * len(schemes) * (len(SHARES) + 1) * 2 * len(SECTION) * IMPACTS * looks(paths)
-    )
+    rows = 2 * len(SECTION) * IMPACTS
+    cells_of_a_place = len(schemes) * (len(SHARES) + 1)
+    z = widest(len(places) * cells_of_a_place * rows * len(sizes(paths)))
     asked = {"schemes": list(schemes), "paths": paths, "seed": seed, "z": z}
     cells = [Place(AXES[axis].scene(value), axis, value, asked) for axis, value in places]
     return Chart(

@@ -14,12 +14,9 @@ from rattle import DAT21, Scene, Tolerances, boundary, mean_map
 from rattle.compare.parameters.boundary import _side
 from rattle.compare.parameters.page import make_report
 from rattle.compare.parameters.search import (
-    ACCURATE,
     LOOKS,
     MOST,
     ROUGH,
-    UNDECIDED,
-    WRONG,
     Judgement,
     Widths,
     critical,
@@ -27,7 +24,8 @@ from rattle.compare.parameters.search import (
     judge_value,
 )
 from rattle.compare.report.save import save
-from rattle.compare.validation.verdict import widest
+from rattle.compare.validation.verdict import DECIDED, Verdict
+from rattle.montecarlo.looks import widest
 
 DRIVEN = Scene.from_gears(DAT21)
 
@@ -46,7 +44,7 @@ def verdicts(*changes, doubt=1.0):
 
     def judge(value):
         near = any(c / doubt < value < c * doubt for c in changes)
-        verdict = UNDECIDED if near else (ACCURATE, WRONG)[sum(value > c for c in changes) % 2]
+        verdict = Verdict.UNDECIDED if near else DECIDED[sum(value > c for c in changes) % 2]
         return Judgement(value, verdict, 1, 0.0, 0.0, 0.0, "", "")
 
     return judge
@@ -55,7 +53,7 @@ def verdicts(*changes, doubt=1.0):
 def search(judge, *scan, near=()):
     """The edges in a range, as pairs of the accurate and the wrong value, and how many values were
     judged."""
-    changes, judged = find_changes(judge, *scan, first=ACCURATE, near=near)
+    changes, judged = find_changes(judge, *scan, first=Verdict.ACCURATE, near=near)
     return [(good.value, bad.value) for good, bad in changes], len(judged)
 
 
@@ -169,7 +167,7 @@ def test_a_branch_that_matters_is_sampled_on_purpose(could_change, looks, monkey
         "remark": "",
     }
 
-    def errors(predicted, paths, z, tolerances):
+    def errors(paths, z):
         narrow = (
             {"verdict": "accurate", "high": 0.9} if paths > LOOKS[0] else {"verdict": "undecided"}
         )
@@ -179,10 +177,12 @@ def test_a_branch_that_matters_is_sampled_on_purpose(could_change, looks, monkey
         seen.append(near_branches)
         return paths
 
-    monkeypatch.setattr("rattle.compare.parameters.search.section_errors", errors)
+    monkeypatch.setattr("rattle.compare.parameters.search.list_errors", lambda _, run, __: run)
+    monkeypatch.setattr("rattle.compare.parameters.search.judge_errors", errors)
     seen = []
     assert (
-        judge_value(0.1, DRIVEN, None, simulate, Widths(4.0, 4.0), Tolerances()).verdict == ACCURATE
+        judge_value(0.1, DRIVEN, None, simulate, Widths(4.0, 4.0), Tolerances()).verdict
+        == Verdict.ACCURATE
     )
     assert tuple(seen) == looks
 
@@ -192,7 +192,7 @@ def test_a_branch_that_plain_paths_miss_is_decided():
     is none."""
     scene = Scene.from_gears(dataclasses.replace(DAT21, alpha=2.398))
     found = boundary(scene, between=(0.00197122, 0.00225778), points=2, impacts=11, width=0.5)
-    assert set(found.points["verdict"]) == {WRONG}
+    assert set(found.points["verdict"]) == {Verdict.INACCURATE}
     assert set(found.points["paths"]) == {ROUGH}
 
 
@@ -209,7 +209,7 @@ def test_one_row_shows_a_closure_wrong_and_all_rows_show_it_accurate(monkeypatch
     values = 100
     rows = 20
 
-    def errors(predicted, seen, z, tolerances):
+    def errors(seen, z):
         low = seen - 0.1 * z
         high = seen + 0.1 * z
         verdict = np.select([high <= 1.0, low > 1.0], ["accurate", "inaccurate"], "undecided")
@@ -235,18 +235,19 @@ def test_one_row_shows_a_closure_wrong_and_all_rows_show_it_accurate(monkeypatch
         ]
         return np.mean([one == verdict for one in found])
 
-    monkeypatch.setattr("rattle.compare.parameters.search.section_errors", errors)
+    monkeypatch.setattr("rattle.compare.parameters.search.list_errors", lambda _, run, __: run)
+    monkeypatch.setattr("rattle.compare.parameters.search.judge_errors", errors)
     z = Widths(widest(1), widest(rows))
     least = 0.025 + 4.0 * math.sqrt(0.025 / values)
     at_edge = np.ones(rows)
     one_beyond = np.where(np.arange(rows) == 7, 1.0, 0.2)
-    assert share(WRONG, at_edge, z) < least
-    assert share(ACCURATE, one_beyond, z) < least
+    assert share(Verdict.INACCURATE, at_edge, z) < least
+    assert share(Verdict.ACCURATE, one_beyond, z) < least
     assert (
-        share(ACCURATE, np.full(rows, 0.6), z) > 0.5
+        share(Verdict.ACCURATE, np.full(rows, 0.6), z) > 0.5
     )  # rows are not counted here: 0.03 if they were
     assert (
-        share(WRONG, at_edge, Widths(z.accurate, z.accurate)) > least
+        share(Verdict.INACCURATE, at_edge, Widths(z.accurate, z.accurate)) > least
     )  # a planted error: rows not counted
 
 
@@ -260,7 +261,7 @@ def test_a_closure_of_ones_own_has_a_boundary():
         raise RuntimeError("no")
 
     settings = {"impacts": 2, "between": (0.01, 0.1), "points": 2}
-    assert boundary(DRIVEN, closure=mine, **settings).points["verdict"].iloc[0] == ACCURATE
+    assert boundary(DRIVEN, closure=mine, **settings).points["verdict"].iloc[0] == Verdict.ACCURATE
     assert set(boundary(DRIVEN, closure=broken, **settings).points["row"]) == {
         "nothing is predicted"
     }
@@ -273,5 +274,5 @@ def test_a_closure_that_takes_for_ever_ends_with_the_budget():
                 time.sleep(60.0)
 
     found = boundary(DRIVEN, closure=sleeps, impacts=2, points=2, budget=1.0)
-    assert set(found.points["verdict"]) == {UNDECIDED}
+    assert set(found.points["verdict"]) == {Verdict.UNDECIDED}
     assert set(found.points["remark"]) == {"the budget ended"}

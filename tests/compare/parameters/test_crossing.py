@@ -3,6 +3,7 @@ bad input."""
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -19,8 +20,8 @@ from rattle.compare.parameters.crossing import (
     SideOfLevel,
     judge_level,
 )
-from rattle.compare.parameters.search import UNDECIDED
 from rattle.compare.stationary.study import LongResult
+from rattle.compare.validation.verdict import Verdict
 
 DRIVEN = Scene.from_gears(DAT21, sigma=0.5)
 SETTINGS = {
@@ -41,7 +42,7 @@ def long_result(value, se, kind="simulated", periods=64):
 
 @pytest.mark.parametrize(
     ("true", "verdict"),
-    [(0.7, BELOW), (0.98, BELOW), (1.02, ABOVE), (3.0, ABOVE), (1.0, UNDECIDED)],
+    [(0.7, BELOW), (0.98, BELOW), (1.02, ABOVE), (3.0, ABOVE), (1.0, Verdict.UNDECIDED)],
 )
 def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
     seen = []
@@ -51,11 +52,23 @@ def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
         return long_result(true, 0.02 / math.sqrt(periods / LOOKS[0]))
 
     found = judge_level(1.0, "rate_above", 1.0, run)
-    assert (found.verdict, found.remark == "") == (verdict, verdict != UNDECIDED)
+    assert (found.verdict, found.remark == "") == (verdict, verdict != Verdict.UNDECIDED)
     assert seen == list(LOOKS[: len(seen)])
     assert (len(seen) == 1) == (
         abs(true - 1.0) > 0.1 or true == 1.0
     )  # far from the level, or never to be decided
+
+
+def test_a_budget_that_ends_between_two_looks_is_said():
+    time_left = SimpleNamespace(remaining=1.0)
+
+    def run(periods):
+        time_left.remaining = -1.0
+        return long_result(1.0, 0.02)
+
+    found = judge_level(1.0, "rate_above", 1.01, run, time_left)
+    assert (found.verdict, found.remark) == (Verdict.UNDECIDED, "the budget ended")
+    assert (found.periods, found.estimate) == (LOOKS[0], 1.0)
 
 
 def test_the_share_of_wrong_statements_is_the_stated_one():
@@ -68,7 +81,9 @@ def test_the_share_of_wrong_statements_is_the_stated_one():
         result.table["value"] = 1.0 + 0.01 * rng.standard_t(PATHS - 1)
         return result
 
-    wrong = sum(judge_level(1.0, "rate_above", 1.0, look).verdict != UNDECIDED for _ in range(4000))
+    wrong = sum(
+        judge_level(1.0, "rate_above", 1.0, look).verdict != Verdict.UNDECIDED for _ in range(4000)
+    )
     share = 0.05 / 40
     assert (
         0 < wrong <= 4000 * share + 4.0 * math.sqrt(4000 * share)
@@ -80,7 +95,7 @@ def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
     assert (found.verdict, found.estimate) == (BELOW, 0.0)
     assert 0.0 < found.high < 1e-2
     nearer = judge_level(1.0, "rate_above", 1e-9, lambda n: long_result(0.0, 0.0, periods=n))
-    assert nearer.verdict == UNDECIDED
+    assert nearer.verdict == Verdict.UNDECIDED
     assert (
         judge_level(
             1.0, "rate_above", 0.5, lambda _: long_result(0.5000001, 0.0, "periodic")

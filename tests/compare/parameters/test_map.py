@@ -10,7 +10,8 @@ from test_boundary import DRIVEN, page_of, search, verdicts
 
 from rattle import boundary, boundary_map
 from rattle.compare.parameters.map import NOWHERE, BoundaryMap, Found, curve_rows, expect
-from rattle.compare.parameters.search import ACCURATE, Edge, critical
+from rattle.compare.parameters.search import Edge, critical
+from rattle.compare.validation.verdict import Verdict
 
 SETTINGS = {
     "along": "alpha",
@@ -97,7 +98,7 @@ def test_what_has_no_edge_is_said():
     assert wrong.answer[0] == "At torque1 = 50, 200 N mm: nowhere accurate."
     right = boundary_map(DRIVEN, along="torque1", between=(0.001, 0.002), **settings)
     assert right.answer[0] == "At torque1 = 50, 200 N mm: accurate throughout."
-    assert set(right.points["verdict"]) == {ACCURATE}
+    assert set(right.points["verdict"]) == {Verdict.ACCURATE}
     assert math.isnan(right.curve["wrong"].iloc[0])
 
 

@@ -77,10 +77,10 @@ def test_tables_load_in_one_line(slow):
     assert len(results.errors) == 6 * 2 * 2 * 2 * 6  # sigma, closure, impact, moment, quantity
     assert set(results.sections["moment"]) == {"mean", "sd", "skew"}
     assert {"rate", "energy"} < set(results.sections["quantity"])
-    assert set(results.errors.loc[~results.errors["judged"], "verdict"]) == {"not judged"}
+    assert set(results.errors.loc[~results.errors["judged"], "verdict"]) == {"excluded"}
     loose = results.judged(Tolerances(1e9, 1e9))
-    assert set(loose["verdict"]) <= {"accurate", "not judged", "not predicted"}
-    assert (loose["verdict"] == "not judged").equals(~loose["judged"])
+    assert set(loose["verdict"]) <= {"accurate", "excluded", "not predicted"}
+    assert (loose["verdict"] == "excluded").equals(~loose["judged"])
     data = results.to_xarray()
     row = results.errors.query(
         "sigma == 0.02 and impact == 2 and quantity == 'y1' and moment == 'sd'"

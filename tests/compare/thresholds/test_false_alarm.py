@@ -18,12 +18,12 @@ import pytest
 from scipy.stats import binomtest
 
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.decision import errors_of, judge_errors, merge_looks
-from rattle.compare.validation.errors import NamedSection
-from rattle.compare.validation.verdict import widest
+from rattle.compare.thresholds.decision import errors_of, merge_looks
+from rattle.compare.validation.errors import NamedSection, judge_errors
 from rattle.montecarlo import simulate
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
+from rattle.montecarlo.looks import widest
 from rattle.montecarlo.schemes.control_variate import estimate_controlled
 from rattle.montecarlo.settings import Sampling
 from rattle.montecarlo.statistics.section_statistics import single_statistics
@@ -193,7 +193,7 @@ def outcomes(runs, truth, by, rate=RATE, impacts=(1, 2), naive=(), **options):
             else merge_looks(table, judge_errors(errors, z))
         )
     table["session"] = (table["impact"] - 1) // IMPACTS
-    return table.sort_values("session", kind="stable")["outcome"].to_numpy().reshape(sessions, rows)
+    return table.sort_values("session", kind="stable")["verdict"].to_numpy().reshape(sessions, rows)
 
 
 def share(hits):
@@ -203,11 +203,11 @@ def share(hits):
 
 
 def failing(found):
-    return share((found == "fail").any(axis=1))
+    return share((found == "inaccurate").any(axis=1))
 
 
 def passing(found):
-    return share((found == "pass").all(axis=1))
+    return share((found == "accurate").all(axis=1))
 
 
 ONE = {"impacts": (2,), "quantities": "y1", "moments": "mean"}

@@ -3,7 +3,7 @@ unless allowed."""
 
 import pytest
 
-from rattle.compare.validation.verdict import widest
+from rattle.montecarlo.looks import widest
 
 SUITE = """
 SCENE = Scene.from_gears(DAT21, sigma=0.02)

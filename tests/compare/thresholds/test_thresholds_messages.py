@@ -17,7 +17,7 @@ CLAIM = read_claim({"scene": SCENE, "impacts": 1}, Path())
 
 
 def undecided(needed, **columns):
-    return pd.DataFrame({"outcome": ["undecided"], "paths_needed": [needed], **columns})
+    return pd.DataFrame({"verdict": ["undecided"], "paths_needed": [needed], **columns})
 
 
 @pytest.mark.parametrize(("columns", "kind"), [({"moment": ["mean"]}, "check"), ({}, "long check")])

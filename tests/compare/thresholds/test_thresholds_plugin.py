@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from programs import python
 
-from rattle.compare.validation.verdict import widest
+from rattle.montecarlo.looks import widest
 
 HERE = Path(__file__).resolve().parent
 
@@ -27,7 +27,7 @@ def wrong_mean(scene, impacts):
 
 def test_passes(rattle):
     table = rattle.check("saltation")
-    assert len(table) == 12 and set(table["outcome"]) == {"pass"}
+    assert len(table) == 12 and set(table["verdict"]) == {"accurate"}
 
 @pytest.mark.rattle(moments="mean")
 def test_fails(rattle):

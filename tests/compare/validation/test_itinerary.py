@@ -89,7 +89,7 @@ def test_where_no_itinerary_has_half_of_the_paths_it_says_so():
     )
     rows = loud.section_rows("saltation", ON_ITINERARY)
     few = rows[rows["agreement"] < 0.5]
-    assert set(few["verdict"]) == {"not judged"}
+    assert set(few["verdict"]) == {"excluded"}
     assert set(few["remark"]) == {TOO_FEW_FOLLOW}
     assert "ewer than half of the paths" in " ".join(answer([loud]))
 

@@ -68,7 +68,7 @@ def test_its_time_is_measured_and_decides_nothing(compared):
 def test_an_exception_is_a_remark_on_its_rows(compared):
     v = validate(SCENE.with_sigma(0.1), impacts=2, closures=["saltation", strong], paths=2000)
     assert v.failed == {"strong": "raised ValueError: the noise is too strong"}
-    assert set(rows(v, "strong")["verdict"]) <= {"not predicted", "not judged"}
+    assert set(rows(v, "strong")["verdict"]) <= {"not predicted", "excluded"}
     assert set(rows(v, "strong")["remark"]) == {"raised ValueError: the noise is too strong"}
     assert "At σ = 0.1 `strong` raised ValueError" in " ".join(answer([v]))
     assert "strong raised ValueError" in repr(v)

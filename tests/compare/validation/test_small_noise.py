@@ -9,12 +9,19 @@ import pytest
 from rattle import Sampling, Tolerances, validate
 from rattle.closure import mean_map
 from rattle.compare.thresholds.claim import read_claim
-from rattle.compare.thresholds.decision import errors_of, judge_errors, predict
+from rattle.compare.thresholds.decision import errors_of, predict
 from rattle.compare.validation.answer import answer
-from rattle.compare.validation.errors import ABSOLUTE, BY_SIZE, NamedSection, section_errors
-from rattle.compare.validation.verdict import JUDGED, widest
+from rattle.compare.validation.errors import (
+    ABSOLUTE,
+    BY_SIZE,
+    NamedSection,
+    judge_errors,
+    section_errors,
+)
+from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo import simulate
 from rattle.montecarlo.diagnostics.accuracy import error_bound, units
+from rattle.montecarlo.looks import widest
 from rattle.scene import DAT21, InputError, Scene
 
 IMPACTS = 3
@@ -77,8 +84,8 @@ def test_an_explicit_tolerance_is_kept(within):
     np.testing.assert_allclose(rows["tolerance"], within * rows["unit"])
     assert (rows["unit"] < 1e-5).all()
     found = judge_errors(errors_of(NamedSection("planted", wrong(right)), run, claim), Z)
-    planted = found.set_index(["moment", "quantity"])["outcome"]
-    assert (planted.loc[[("mean", "tau"), ("sd", "y1")]] == "fail").all()
+    planted = found.set_index(["moment", "quantity"])["verdict"]
+    assert (planted.loc[[("mean", "tau"), ("sd", "y1")]] == "inaccurate").all()
 
 
 def test_what_does_not_vary_is_judged_by_its_size_and_says_so():

@@ -15,7 +15,7 @@ from rattle.compare.validation.comparison import (
 )
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.compare.validation.tables import count_verdicts, find_reach
-from rattle.compare.validation.verdict import JUDGED, NOT_JUDGED
+from rattle.compare.validation.verdict import JUDGED, Verdict
 from rattle.scene import DAT21, Scene
 
 
@@ -99,7 +99,7 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     )
     struck = "x" + v.run.section["mesh"].astype(str)
     wall = v.table["quantity"] == v.table["impact"].map(struck)
-    assert (wall == (v.table["verdict"] == NOT_JUDGED)).all()
+    assert (wall == (v.table["verdict"] == Verdict.EXCLUDED)).all()
     outside = (v.table["low"] > v.table["tolerance"]) | (v.table["high"] < -v.table["tolerance"])
     assert (outside & wall).any()  # by its interval alone one of them is wrong
     only_wall = v.table.assign(verdict=v.table["verdict"].where(wall, "accurate"))
@@ -110,7 +110,7 @@ def test_counts_range_of_validity_answer_and_requirement_follow_one_rule():
     assert find_reach(v)["accurate"].tolist() == [3]
     counts = count_verdicts(v).to_dict("records")
     assert [c["inaccurate"] + c["undecided"] for c in counts] == [0] * 5
-    assert [c["not judged"] for c in counts] == [
+    assert [c["excluded"] for c in counts] == [
         3,
         3,
         0,

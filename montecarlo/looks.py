@@ -1,0 +1,108 @@
+"""When a growing sample is looked at, and what every look may get wrong: the one engine of all that
+adds paths, or periods, until something is decided.
+
+Sizes that are fixed beforehand are those of `Looks`, a size that follows from what was seen that of
+`grow`.  The probability of a wrong statement is shared by all looks and all rows (Bonferroni).
+Therefore looks may be left out depending on earlier ones, and the first decision on a row is final.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from scipy.special import ndtri
+
+from rattle.montecarlo.kernel.blocks import Budget
+from rattle.montecarlo.statistics.intervals import CONFIDENCE
+from rattle.scene import positive
+
+FAMILY_ERROR = 0.05
+"""Probability that anything of all that is said together is wrong, unless another one is given."""
+
+AGAIN = 0.25
+"""Share of the probability of a wrong statement that a second look may add, which decides rows that
+wait for a rare branch by other paths, a part of them near it."""
+
+USUAL_LOOKS = 2
+"""Looks after which a run to an accuracy ends as a rule."""
+
+LEAST_GROWTH = 1.1  # factor for a sample that was expected to suffice, and did not
+
+BUDGET_ENDED = "the budget ended"
+TOO_FEW = "too few paths to decide"
+"""Why something stays undecided."""
+
+
+def tail_of(checks: int, family_error: float = FAMILY_ERROR) -> float:
+    """Probability on either side of each of some simultaneous intervals (Bonferroni)."""
+    return 0.5 * family_error / max(checks, 1)
+
+
+def widest(checks: int, family_error: float = FAMILY_ERROR) -> float:
+    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals
+    (Bonferroni)."""
+    return float(-ndtri(tail_of(checks, family_error)))
+
+
+def share_of_look(look: int) -> float:
+    """Probability of a wrong statement that a look may spend where the number of looks is open;
+    over all looks they add up to 1 - `CONFIDENCE`."""
+    return (1.0 - CONFIDENCE) / (look * (look + 1.0))
+
+
+def begin_budget(seconds: float | None) -> Budget:
+    """The budget that a user gives in seconds, from now on; without an end where none is given."""
+    return Budget(math.inf if seconds is None else float(positive("budget", seconds)))
+
+
+@dataclass
+class Looks:
+    """Sizes, fixed beforehand, at which a sample is looked at, as long as another look may decide.
+
+    Whoever iterates leaves the loop once all is decided; after its last pass something is undecided
+    because of `why`.
+    """
+
+    sizes: Sequence[int]
+    # size below which a sample says only roughly how many would decide, and does not end the looks
+    rough: int = 0
+    # whether the last size is looked at although more are expected to be needed, and sizes that are
+    # expected to be too small are left out
+    use_all: bool = False
+    budget: Budget | None = None  # time after which there is no further look
+    why: str = TOO_FEW
+
+    def __iter__(self) -> Iterator[int]:
+        self._later = list(self.sizes)
+        while self._later:
+            if self.budget is not None and self.budget.remaining < 0.0:
+                self.why = BUDGET_ENDED
+                return
+            self._size = self._later.pop(0)
+            yield self._size
+
+    def expect(self, needed: float) -> None:
+        """Choose the next look by the size that is expected to decide; NaN where no size does."""
+        last = self.sizes[-1]
+        if self.use_all:
+            self._later = [size for size in self._later if size >= min(needed, last)]
+        elif not needed <= last and self._size >= self.rough:
+            self._later.clear()
+
+    def repeat(self, least: int) -> None:
+        """Look at another sample of this size, or of the first one that is not below `least`."""
+        self._later = [size for size in (self._size, *self._later) if size >= least]
+
+
+def ladder(first: int, most: int, factor: int = 2) -> tuple[int, ...]:
+    """Sizes from the first on, as many times the one before as `factor` says, up to the largest."""
+    sizes = [first]
+    while sizes[-1] < most:
+        sizes.append(min(factor * sizes[-1], most))
+    return tuple(sizes)
+
+
+def grow(size: int, needed: float, spare: float, grain: int = 1) -> int:
+    """The size of the next look at a sample that is too small: as many times what is expected to
+    suffice as `spare` says, in whole grains."""
+    return math.ceil(max(spare * needed, LEAST_GROWTH * size) / grain) * grain
