@@ -17,9 +17,12 @@ import numpy as np
 from rattle.montecarlo.noise.brownian import Noise, split
 from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
-from rattle.montecarlo.schemes.exact_flight import FlightForcing, flight_forcing
+from rattle.montecarlo.schemes.exact_flight import (
+    FlightForcing,
+    accurate_flight,
+    flight_forcing,
+)
 from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
-from rattle.montecarlo.schemes.step_size import accurate_flight
 from rattle.scene import Constants, Floats, InputError, Ints, Scene
 from rattle.scene.compiled import internal, jit
 from rattle.scene.impact import struck

@@ -6,12 +6,24 @@ step, through all impacts of both meshes in their true order.
 """
 
 import math
+from functools import partial
 
+from rattle.montecarlo.kernel.lanes import Lanes, join_halves
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
-from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
+from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, normals
+from rattle.montecarlo.schemes.euler import (
+    StepForcing,
+    euler_step,
+    longest_euler_step,
+    step_forcing,
+    trusted_euler_step,
+)
+from rattle.montecarlo.schemes.scheme import Scheme
+from rattle.montecarlo.schemes.short_flight import Phase, State, no_phase
+from rattle.montecarlo.schemes.step_state import SPLITS, TOGETHER, Progress, Walls
+from rattle.montecarlo.schemes.sticking import stays_open, stick_to_end
 from rattle.scene import Bools, Constants, Floats
-from rattle.scene.compiled import inline, lean, lean_internal
+from rattle.scene.compiled import inline, lean, lean_internal, splice
 
 
 @inline
@@ -112,3 +124,56 @@ def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> P
         x2 = walls.high2 if side > 0 else -walls.low2
         code = 2 * side if side * y2 > 0.0 else 0
     return Progress(code, at.tau + s, at.left - s, Noise(whole - part, 0.0), x1, y1, x2, y2)
+
+
+@splice
+def step_lanes(
+    c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, marks: Bools, live: int
+) -> None:
+    """One step of all lanes, ignoring the walls; marks those that meet one in it."""
+    state = lanes.state
+    for i in range(2 * c.stages):
+        for p in range(live):
+            lanes.before[i, p] = state[i, p]
+    leaving(c, h, lanes.walls, state, marks, live)
+    step_located_lanes(c, step_forcing(c, tau, h), h, state, lanes.w, live)
+
+
+@splice
+def advance(
+    c: Constants,
+    key: Key,
+    path: Word,
+    step: int,
+    level: int,
+    met: int,
+    at: Progress,
+    phase: Phase,
+    whole: State,
+    walls: Walls,
+    ahead: Floats,
+) -> tuple[Progress, Phase]:
+    """Go to the next wall that the path meets in this step, or to the end of the step."""
+    normal = 0.0
+    if c.memory == 0.0:
+        index = Word(step) * SPLITS + Word(met)
+        normal = normals(key, path, index, Word(BRIDGE + level))[0]
+    return advance_inside(c, at, normal, walls), phase
+
+
+LOCATED = Scheme(
+    weak_order=1,
+    normals=1,
+    step=2e-3,
+    step_ns=5.1,
+    impact_ns=250.0,
+    detects_at_end=False,
+    longest_step=longest_euler_step,
+    trusted_step=partial(trusted_euler_step, 0.04, 0.05),
+    step_lanes=step_lanes,
+    join_noise=join_halves,
+    phase_at=no_phase,
+    advance=advance,
+    find_sticking=stays_open,
+    stick_to_end=stick_to_end,
+)

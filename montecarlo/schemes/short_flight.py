@@ -47,8 +47,8 @@ def phase_at(drive: Any, tau: float) -> Phase:
 
 
 @inline
-def no_phase(drive: Any) -> Phase:
-    """In place of a phase, for schemes that know none."""
+def no_phase(drive: Any, tau: float) -> Phase:
+    """In place of the phase of a time, for schemes that know none."""
     return (0.0, 0.0) if len(drive) == 0 else (0.0, 0.0, 0.0, 0.0)
 
 

@@ -3,10 +3,17 @@
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
+from rattle.montecarlo.noise.philox import Word
 
 MOST_IN_A_STEP = 64
 """Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which
 is counted."""
+
+SPLITS = Word(1 << 16)
+"""Indices of random numbers reserved for the splits of one step."""
+
+PARTS = 200
+"""Most parts of a step that wait at once: the depth of the stack of cuts of an exact flight."""
 
 TOGETHER = 1e-12
 """Time in which impacts at both meshes count as one instant, and mesh 1 comes first: what a

@@ -11,7 +11,6 @@ from mc_checks import agrees, dat21, for_python, limit
 from mc_checks import stepped as simulate
 from scipy import stats
 
-from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
 from rattle.montecarlo.noise import philox as module
 from rattle.montecarlo.noise.philox import (
     CONTACT,
@@ -22,8 +21,8 @@ from rattle.montecarlo.noise.philox import (
     normals,
     uniforms,
 )
-from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
-from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.montecarlo.schemes.exact_flight import CUTS_APART, MOST_CUTS
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, SPLITS
 from rattle.montecarlo.settings import Sampling
 from rattle.scene.compiled import jit
 
