@@ -17,8 +17,8 @@ from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
 from rattle.montecarlo.noise.philox import Key, Word, fill_normals, fill_signs, fill_words
 from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
 from rattle.montecarlo.schemes.scheme import Scheme
-from rattle.montecarlo.schemes.short_flight import Phase, State
-from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Progress, Walls
+from rattle.montecarlo.schemes.short_flight import Phase
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Inside, Progress, State, Walls
 from rattle.montecarlo.schemes.sticking import sides_of
 from rattle.scene import Constants, Floats, Ints
 from rattle.scene.compiled import lean, splice, widest_vectors
@@ -125,17 +125,15 @@ def finish_inside(
     """
     sticking = False
     state = lanes.state
-    path = room.path[p]
     whole = state[0, p], state[1, p], state[2, p], state[3, p]
+    inside = Inside(job.c, job.key, room.path[p], step, level, whole, room.ahead)
     for met in range(MOST_IN_A_STEP + 1):
         if at.left <= 0.0 or lanes.impacts[p] >= enough:
             break
         walls = Walls(lanes.walls[0, p], lanes.walls[1, p], lanes.walls[2, p], lanes.walls[3, p])
         sides = find_sticking(job.c, at, walls)
         if sides[0] == 0 and sides[1] == 0:
-            at, phase = advance(
-                job.c, job.key, path, step, level, met, at, phase, whole, walls, room.ahead
-            )
+            at, phase = advance(inside, met, at, phase, walls)
         if sides[0] != 0 or sides[1] != 0 or (at.code != 0 and met == MOST_IN_A_STEP):
             at = stick_to_end(job.c, at, sides if at.code == 0 else sides_of(at.code), walls)
             sticking = True

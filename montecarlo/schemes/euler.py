@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 from rattle.montecarlo.kernel.lanes import Lanes, join_increments
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.noise.philox import Key, Word
 from rattle.montecarlo.schemes.scheme import Scheme
-from rattle.montecarlo.schemes.short_flight import Phase, State, no_phase
-from rattle.montecarlo.schemes.step_state import Progress, Walls
+from rattle.montecarlo.schemes.short_flight import Phase, no_phase
+from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls
 from rattle.montecarlo.schemes.sticking import stay, stays_open
 from rattle.montecarlo.schemes.time_scales import (
     MEMORY,
@@ -119,17 +118,7 @@ def step_lanes(
 
 @splice
 def advance(
-    c: Constants,
-    key: Key,
-    path: Word,
-    step: int,
-    level: int,
-    met: int,
-    at: Progress,
-    phase: Phase,
-    whole: State,
-    walls: Walls,
-    ahead: Floats,
+    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
 ) -> tuple[Progress, Phase]:
     """Go to the impact that is due at the end of the step: the path is put back on the wall that it
     is beyond, outward.
@@ -138,7 +127,7 @@ def advance(
     """
     first = int((at.x1 > walls.high1) & (at.y1 > 0.0)) - int((at.x1 < -walls.low1) & (at.y1 < 0.0))
     second = int((at.x2 > walls.high2) & (at.y2 > 0.0)) - int((at.x2 < -walls.low2) & (at.y2 < 0.0))
-    code = first if first != 0 else (2 * second if c.stages == 2 else 0)
+    code = first if first != 0 else (2 * second if inside.c.stages == 2 else 0)
     x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else at.x1)
     x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else at.x2)
     left = at.left if code != 0 else 0.0  # another impact may be due after this one

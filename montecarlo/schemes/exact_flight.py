@@ -20,7 +20,6 @@ from rattle.montecarlo.schemes.crossing import CLOSE, cut_share, margins, near_w
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import (
     Phase,
-    State,
     kick,
     phase_at,
     shift_phase,
@@ -31,7 +30,9 @@ from rattle.montecarlo.schemes.step_state import (
     MOST_IN_A_STEP,
     SPLITS,
     TOGETHER,
+    Inside,
     Progress,
+    State,
     Walls,
 )
 from rattle.montecarlo.schemes.sticking import stick_to_end, sticking_sides
@@ -110,25 +111,20 @@ def second_stage(
 
 
 @lean_internal
-def flight_lanes(
-    c: Constants,
-    f: FlightForcing,
-    h: float,
-    toleranced: bool,
-    walls: Floats,
-    state: Floats,
-    before: Floats,
-    z: Floats,
-    area: Floats,
-    near: Bools,
-    lanes: int,
+def step_lanes(
+    c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, near: Bools, live: int
 ) -> None:
     """One step of all lanes in place, ignoring the walls; marks those that may have an impact.
     Vectorises.
 
-    `walls`, `state`: Flanks and states of the paths; `walls` is read only if they are toleranced.
-    Shapes: `walls`, `state` (4, lanes or more); `before` (4, lanes or more).
+    The flanks of the lanes are read only if they are toleranced.
     """
+    f = flight_forcing(c, tau, h)
+    walls = lanes.walls
+    state = lanes.state
+    before = lanes.before
+    z = lanes.w
+    area = lanes.area
     x1 = state[0]
     y1 = state[1]
     x2 = state[2]
@@ -142,7 +138,7 @@ def flight_lanes(
     high2 = walls[2]
     low2 = walls[3]
     third = h / 3.0
-    for p in range(lanes):
+    for p in range(live):
         x = x1[p]
         y = y1[p]
         end, speed = first_stage(f, x, y, z[p], area[p])
@@ -380,44 +376,24 @@ def advance_exactly(
 
 
 @splice
-def step_lanes(
-    c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, marks: Bools, live: int
-) -> None:
-    """One step of all lanes, ignoring the walls; marks those that may have an impact in it."""
-    forcing = flight_forcing(c, tau, h)
-    flight_lanes(
-        c,
-        forcing,
-        h,
-        toleranced,
-        lanes.walls,
-        lanes.state,
-        lanes.before,
-        lanes.w,
-        lanes.area,
-        marks,
-        live,
-    )
-
-
-@splice
 def advance(
-    c: Constants,
-    key: Key,
-    path: Word,
-    step: int,
-    level: int,
-    met: int,
-    at: Progress,
-    phase: Phase,
-    whole: State,
-    walls: Walls,
-    ahead: Floats,
+    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
 ) -> tuple[Progress, Phase]:
     """Go to the next wall that the path meets in this step, or to the end of the step."""
-    index = Word(step) * SPLITS + CUTS_APART * Word(met)
-    purpose = Word(BRIDGE + level)
-    return advance_exactly(c, key, path, index, purpose, at, phase, whole, met == 0, walls, ahead)
+    index = Word(inside.step) * SPLITS + CUTS_APART * Word(met)
+    return advance_exactly(
+        inside.c,
+        inside.key,
+        inside.path,
+        index,
+        Word(BRIDGE + inside.level),
+        at,
+        phase,
+        inside.whole,
+        met == 0,
+        walls,
+        inside.ahead,
+    )
 
 
 def accurate_flight(scene: Scene) -> Limit:

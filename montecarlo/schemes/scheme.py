@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from rattle.montecarlo.kernel.lanes import Lanes
-from rattle.montecarlo.noise.philox import Key, Word
-from rattle.montecarlo.schemes.short_flight import Phase, State
-from rattle.montecarlo.schemes.step_state import Progress, Walls
+from rattle.montecarlo.schemes.short_flight import Phase
+from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls
 from rattle.montecarlo.schemes.time_scales import Limit
 from rattle.scene import Bools, Constants, Floats, Scene
 from rattle.scene.sticking import Sides
@@ -41,13 +40,8 @@ class Scheme:
     # noise of a coarse step from that of its halves
     join_noise: Callable[[Floats, Floats, Floats, Floats, bool, int], None]
     phase_at: Callable[[Any, float], Phase]  # what a step knows of the drive at its start
-    # to the next impact within a step, or to the end of the step, from: scene; key, path, number of
-    # the step, level (0 for dt, 1 for 2 dt, ...) and impacts met so far, for the random numbers;
-    # where the path is; the end of the whole step; the path's flanks; scratch
-    advance: Callable[
-        [Constants, Key, Word, int, int, int, Progress, Phase, State, Walls, Floats],
-        tuple[Progress, Phase],
-    ]
+    # to the next impact within a step, or to its end, from where a path is after so many impacts
+    advance: Callable[[Inside, int, Progress, Phase, Walls], tuple[Progress, Phase]]
     find_sticking: Callable[[Constants, Progress, Walls], Sides]  # meshes closed to the step's end
     stick_to_end: Callable[[Constants, Progress, Sides, Walls], Progress]  # the path at that end
 

@@ -8,6 +8,7 @@ which sine and cosine of the phase are two more series.
 
 from typing import Any
 
+from rattle.montecarlo.schemes.step_state import State
 from rattle.scene import Constants, Scene
 from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import (
@@ -18,9 +19,6 @@ from rattle.scene.drive import (
     sine_cosine,
 )
 from rattle.scene.impact import struck
-
-State = tuple[float, float, float, float]
-"""``x1, y1, x2, y2``."""
 
 Phase = tuple[float, ...]
 """Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
