@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from rattle.montecarlo.long_run.noise_work import CONTROLS, add_noise_work
+from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.scene import Constants, Floats, Ints
-from rattle.scene.compiled import inline, internal, jit, shared_inline
+from rattle.scene.compiled import inline, internal, shared_inline
 from rattle.scene.drive import velocity_acceleration
 from rattle.scene.impact import energy_loss
 
@@ -217,33 +217,26 @@ def _phases(drive: Any, tau: float, apart: float, n: int) -> tuple[Floats, Float
     return sine, cosine
 
 
-@jit
+@internal
 def add_stretch(
     c: Constants,
     rows: Floats,
     impacts: Ints,
-    before: Floats,
     struck: Floats,
     states: Floats,
     walls: Floats,
     tau: float,
     apart: float,
-    controls: bool,
     s: Sums,
 ) -> None:
     """Add the impacts and the states of a stretch to the sums of each path.
 
-    `before`, `states`: States at its start, and at instants so far `apart` from `tau` on, the last
-    at its end. `controls`: Whether to sum the noise's work. Shapes: `rows` (paths, impacts or more,
-    COLUMNS); `impacts` (paths,); `before` (paths, 4); `struck` (paths, 2); `states` (paths,
-    samples, 4); `walls` (4, paths or more), as they are at its end.
+    Shapes: `rows` (paths, impacts or more, COLUMNS); `impacts` (paths or more,); `struck` (paths,
+    2); `states` (paths, samples, 4); `walls` (4, paths or more), as they are at its end.
     """
     n = states.shape[1]
     two = c.stages == 2
     detail = len(s.power) > 0
-    if controls and detail:
-        out = s.main[:, s.batch[0], NOISE:]
-        add_noise_work(c, rows, impacts, before, states, tau, apart, out)
     sine, cosine = _phases(c.drive, tau, apart, n)
     for p in range(len(rows)):
         main = s.main[p, s.batch[0]]

@@ -2,24 +2,27 @@
 time.
 
 A block of paths goes through the compiled kernel of the exact flights for a part of a period; its
-impacts are added to sums, and it goes on.  A stretch has random numbers of its own: in stretch s
-path p has the number ``s 2^32 + p``.
+impacts are added to sums, and it goes on.  Many stretches are one call, over which its overhead is
+spread.  A stretch has random numbers of its own: in stretch s path p has the number ``s 2^32 + p``.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from rattle.montecarlo.kernel.block import Plan, begin_block
-from rattle.montecarlo.kernel.kernel import COLUMNS, Output, block_kernel
-from rattle.montecarlo.long_run.noise_work import has_controls
-from rattle.montecarlo.long_run.sums import PERIOD, SAMPLES, Sums, add_stretch
+from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
+from rattle.montecarlo.kernel.lanes import Lanes, Room
+from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
+from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.scene import Floats, Ints, Scene
 from rattle.scene.compiled import jit
+from rattle.scene.linear_algebra import put, put_row
 
 LANES = 128
 """Paths of a block: what all paths of a step share is computed once for so many."""
@@ -28,6 +31,28 @@ ROOM = 33
 SHORTEST = 8  # stretches of a period at the most
 APART = 2**32  # between the numbers of a path in two stretches
 MANY = 256  # impacts of a path in a stretch from which on stretches become shorter
+RUN = block_kernel(EXACT)
+BEGIN, PERIODS, STRETCHES, LONG = range(4)
+"""Entries of `Block.counters`: step of the period at which the next stretch begins; periods and
+stretches followed so far; stretches of the period in which a path had very many impacts."""
+
+
+class Block(NamedTuple):
+    """A block of paths that is followed without end."""
+
+    job: Job  # settings; its time is that at which every period begins
+    controls: bool  # whether the noise's work is summed
+    first: int  # first, steps: number of the first path, and of steps in a period
+    steps: int
+    every: Lanes  # every, room: paths side by side, and buffers
+    room: Room
+    state: Floats  # states at the end of the last stretch; (paths, 4)
+    struck: Floats  # time of the last impact at each mesh; (paths, 2)
+    # buffer of recorded states.  One more than is used: at powers of two, paths would share lines
+    # of the cache; (1, paths, samples + 1, 4)
+    samples: Floats
+    none: Floats  # output of no control variate; (0, 1, COLUMNS)
+    counters: Ints  # of what `BEGIN` to `LONG` say
 
 
 @jit
@@ -37,7 +62,10 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
     Returns: Mesh, time since the last impact and since the last one at this mesh, velocity at this
     mesh. Shapes: result (impacts, 4).
     """
-    out = np.empty((impacts.sum(), 4))
+    total = 0
+    for p in range(len(rows)):
+        total += impacts[p]
+    out = np.empty((total, 4))
     n = 0
     for p in range(len(rows)):
         for k in range(impacts[p]):
@@ -50,6 +78,83 @@ def impacts_of(rows: Floats, impacts: Ints, struck: Floats) -> Floats:
             struck[p, mesh - 1] = tau
             n += 1
     return out
+
+
+@jit
+def follow_stretches(
+    b: Block, rows: Floats, fixed: Ints, stretches: int, until: int, length: int, sums: Sums
+) -> int:
+    """Follow a block for some stretches.
+
+    `fixed`: Steps of a stretch after which states are recorded, and one beyond its end: the kernel
+    retires no path before all are past, and a path that it retires is overwritten by another.
+    `stretches`, `until`, `length`: Stretches to follow at most, the number of periods to end at:
+    the end of a batch, and the periods of a batch. Returns: 0; or, where a path had more impacts in
+    a stretch than there is space for, how many.  The block is then as before that stretch. Shapes:
+    `rows` (1, paths, impacts, COLUMNS).
+    """
+    count = b.counters
+    samples = fixed.size - 1
+    part = fixed[samples - 1]
+    apart = fixed[0]
+    between = apart * b.job.dt
+    for _ in range(stretches):
+        if count[PERIODS] == until:
+            break
+        tau = b.job.tau + count[BEGIN] * b.job.dt
+        number = count[STRETCHES] * APART + b.first
+        for i in range(b.room.path.size):
+            b.room.path[i] = Word(number + i)
+        walls = b.every.walls[0].copy()
+        last = b.every.last.copy()
+        eta = b.room.eta.copy()
+        b.every.impacts[:] = 0
+        job = Job(
+            b.job.c,
+            b.job.backlash,
+            b.job.key,
+            tau,
+            b.job.dt,
+            b.job.two_point,
+            part,
+            b.job.control,
+            b.job.mixture,
+            b.job.memory,
+        )
+        RUN(job, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
+        own = b.every.impacts[0, : len(b.state)]
+        most = 0
+        for p in range(own.size):
+            most = max(most, own[p])
+        if most >= rows.shape[2]:
+            put(b.every.walls[0], walls)
+            put(b.every.last, last)
+            put_row(b.room.eta, eta)
+            put(b.every.state[0, :, : own.size], b.state.T)
+            return int(most)
+        states = b.samples[0, :, :samples]
+        at = tau + between
+        if b.controls and len(sums.power) > 0:
+            out = sums.main[:, sums.batch[0], NOISE:]
+            add_noise_work(b.job.c, rows[0], own, b.state, states, at, between, out)
+        put(b.state, states[:, samples - 1])
+        add_stretch(b.job.c, rows[0], own, b.struck, states, b.every.walls[0], at, between, sums)
+        count[STRETCHES] += 1
+        count[BEGIN] += part
+        count[LONG] += most >= MANY
+        if count[BEGIN] == b.steps:
+            count[BEGIN] = 0
+            count[PERIODS] += 1
+            for p in range(b.every.last.shape[1]):
+                b.every.last[0, p] -= PERIOD
+            for p in range(len(b.struck)):
+                for mesh in range(2):
+                    b.struck[p, mesh] -= PERIOD
+            if (until - count[PERIODS]) % length == 0:
+                sums.batch[0] += 1
+            if count[LONG] > 0:
+                break
+    return 0
 
 
 def steps_per_period(scene: Scene) -> int:
@@ -81,13 +186,10 @@ def _spread_starts(
 
 
 class Walk:
-    """A block of paths, followed as long as wanted; `steps`: in a period; `periods`: followed so
-    far."""
+    """A block of paths, followed as long as wanted; `steps`: in a period."""
 
     def __init__(self, scene: Scene, seed: np.random.SeedSequence, first: int, paths: int) -> None:
-        self.paths = paths
-        self.steps = steps_per_period(scene)
-        self.periods = 0
+        self.paths, self.steps = paths, steps_per_period(scene)
         plan = Plan(
             scene,
             paths,
@@ -100,22 +202,33 @@ class Walk:
             {},
             1,
         )
-        self._first = first
-        self._job, self._every, self._room = begin_block(plan, first, paths)
-        lanes = self._every.state[0, :, :paths]
-        _spread_starts(scene, lanes, self._every.walls[0, :, :paths], seed, first)
-        self._state = lanes.T.copy()  # at the end of the last stretch
-        self._struck = np.full((paths, 2), scene.phase)  # time of the last impact at each mesh
-        self._has_controls = has_controls(scene.constants)
-        # recorded states.  One more than is used: at powers of two, paths would share lines of the
-        # cache
-        self._samples = np.empty((1, paths, SAMPLES + 1, 4))
-        self._rows = np.empty((1, paths, ROOM, COLUMNS))
-        self._no_controls = np.zeros((0, 1, COLUMNS))
-        self._begin = 0  # step of the period at which the next stretch begins
-        self._stretches = 0  # followed so far
-        self._long = 0  # stretches of the period in which a path had very many impacts
-        self._fixed = self._instants(self.steps)
+        job, every, room = begin_block(plan, first, paths)
+        state = every.state[0, :, :paths]
+        _spread_starts(scene, state, every.walls[0, :, :paths], seed, first)
+        controls = has_controls(scene.constants)
+        struck = np.full((paths, 2), scene.phase)
+        samples = np.empty((1, paths, SAMPLES + 1, 4))
+        none = np.zeros((0, 1, COLUMNS))
+        counters = np.zeros(4, np.int64)
+        self._block = Block(
+            job,
+            controls,
+            first,
+            self.steps,
+            every,
+            room,
+            state.T.copy(),
+            struck,
+            samples,
+            none,
+            counters,
+        )
+        self._fixed, self._rows = self._instants(self.steps), np.empty((1, paths, ROOM, COLUMNS))
+
+    @property
+    def periods(self) -> int:
+        """Periods followed so far."""
+        return int(self._block.counters[PERIODS])
 
     def follow(
         self, sums: Sums, periods: int = 1, length: int = 1, seen: list[Floats] | None = None
@@ -124,97 +237,40 @@ class Walk:
 
         `seen`: Takes every impact.
         """
+        b = self._block
+        rows = self._rows
         until = self.periods + periods
         batch = sums.batch[0]
         while self.periods < until:
-            rows = self._follow_stretch()
-            impacts = self._every.impacts[0, : self.paths]
+            at_once = SHORTEST * periods if seen is None and rows is self._rows else 1
+            struck = b.struck.copy()
+            most = follow_stretches(b, rows, self._fixed, at_once, until, length, sums)
+            if most:  # again with the same random numbers, and space for all impacts
+                rows = np.empty((1, self.paths, 2 * most, COLUMNS))
+                continue
             if seen is not None:
-                seen.append(impacts_of(rows, impacts, self._struck.copy()))
-            self._add(rows, impacts, sums)
-            if self._begin == 0 and (until - self.periods) % length == 0:
-                sums.batch[0] += 1
+                seen.append(impacts_of(rows[0], b.every.impacts[0], struck))
+            if rows.shape[2] < MANY:
+                self._rows = rows  # from now on
+            rows = self._rows
+            if b.counters[BEGIN] == 0:
+                self._shorten()
         sums.batch[0] = batch
 
-    def _follow_stretch(self) -> Floats:
-        """Follow all paths for a stretch; their impacts, in space for all of them.
-
-        Shapes: result (paths, impacts or more, COLUMNS).
-        """
-        every = self._every
-        samples = self._fixed.size - 1
-        first = self._stretches * APART + self._first
-        self._room.path[:] = np.arange(first, first + self._room.path.size, dtype=Word)
-        job = self._job._replace(tau=self._time(), most_steps=int(self._fixed[samples - 1]))
-        rows = self._rows
-        kept = every.walls[0], every.last[0], self._room.eta
-        before = [values.copy() for values in kept]
-        while True:
-            every.impacts.fill(0)
-            out = Output(first, rows, self._fixed, self._samples, self._no_controls)
-            block_kernel(EXACT)(job, every, self._room, out)
-            most = int(every.impacts[0, : self.paths].max())
-            if most < rows.shape[2]:
-                break
-            # again with the same random numbers, and space for all impacts
-            rows = np.empty((1, self.paths, 2 * most, COLUMNS))
-            every.state[0, :, : self.paths] = self._state.T
-            for values, start in zip(kept, before, strict=True):
-                values[:] = start
-        if rows.shape[2] < MANY:
-            self._rows = rows  # from now on
-        self._long += most >= MANY
-        return np.asarray(rows[0])
-
-    def _time(self) -> float:
-        """Time at which the next stretch begins, since the period's start is the scene's."""
-        return float(self._job.tau + self._begin * self._job.dt)
-
-    def _add(self, rows: Floats, impacts: Ints, sums: Sums) -> None:
-        """Add a stretch to the sums, and go on to the next."""
-        part = int(self._fixed[-2])
-        between = self._fixed[0] * self._job.dt
-        states = self._samples[0, :, : self._fixed.size - 1]
-        add_stretch(
-            self._job.c,
-            rows,
-            impacts,
-            self._state,
-            self._struck,
-            states,
-            self._every.walls[0],
-            self._time() + between,
-            between,
-            self._has_controls,
-            sums,
-        )
-        self._state[:] = states[:, -1]
-        self._stretches += 1
-        self._begin += part
-        if self._begin == self.steps:
-            self._begin = 0
-            self.periods += 1
-            self._every.last[0] -= PERIOD
-            self._struck -= PERIOD
-            self._shorten(part)
-
-    def _shorten(self, part: int) -> None:
+    def _shorten(self) -> None:
         """Take shorter stretches from the next period on if some of this period had very many
         impacts.
 
         What happens in a stretch must not choose its own end.
         """
+        part = int(self._fixed[-2])
         least = self.steps // SHORTEST
-        for _ in range(self._long):
+        for _ in range(int(self._block.counters[LONG])):
             part = part // 2 if part > least else part
-        self._long = 0
+        self._block.counters[LONG] = 0
         self._fixed = self._instants(part)
 
     def _instants(self, part: int) -> Ints:
-        """Steps of a stretch after which states are recorded, and one beyond its end.
-
-        The kernel retires no path before all are past, and a path that it retires is overwritten by
-        another.
-        """
+        """Steps of a stretch at which states are recorded, and one beyond its end."""
         apart = self.steps // SAMPLES
         return np.append(np.arange(apart, part + 1, apart), part + 1)
