@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
-from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.kernel.mixture import BranchMixture, draw_targets, no_mixture
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.control_variate import LinearPath, no_control
+from rattle.montecarlo.schemes.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.schemes.step_size import SCHEMES
 from rattle.montecarlo.statistics.central_sums import (
     PAIR,

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from rattle.montecarlo.kernel import lanes as vector
-from rattle.montecarlo.kernel.lanes import Lanes, Room
 from rattle.montecarlo.kernel.mixture import BranchMixture, condition, weigh
 from rattle.montecarlo.noise.backlash import Backlash, half_gap
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.memory import Memory, color_increments, color_noise
 from rattle.montecarlo.noise.philox import Key, Word, fill_normals, fill_signs, fill_words
+from rattle.montecarlo.schemes import lanes as vector
 from rattle.montecarlo.schemes.control_variate import LinearPath, carry_along
+from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, Inside, Progress, State, Walls
@@ -266,7 +266,7 @@ def block_kernel(scheme: Scheme) -> Callable[..., tuple[int, int]]:
 
     - job : Job.  Level l has the step ``2**l dt``; after ``most_steps`` finest steps paths are
       given up.
-    - every, room : Lanes, Room, from `rattle.montecarlo.kernel.lanes.lanes_of`.
+    - every, room : Lanes, Room, from `rattle.montecarlo.schemes.lanes.lanes_of`.
     - out : Output.
     """
     has_area = scheme.normals == 2

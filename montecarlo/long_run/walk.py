@@ -13,11 +13,11 @@ import numpy as np
 
 from rattle.montecarlo.kernel.block import Plan, begin_block
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
-from rattle.montecarlo.kernel.lanes import Lanes, Room
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
 from rattle.montecarlo.noise.philox import Word
 from rattle.montecarlo.schemes.exact_flight import EXACT
+from rattle.montecarlo.schemes.lanes import Lanes, Room
 from rattle.montecarlo.schemes.step_size import default_step
 from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.scene import Floats, Ints, Scene

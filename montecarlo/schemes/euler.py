@@ -9,8 +9,8 @@ import math
 from functools import partial
 from typing import NamedTuple
 
-from rattle.montecarlo.kernel.lanes import Lanes, join_increments
 from rattle.montecarlo.noise.brownian import Noise
+from rattle.montecarlo.schemes.lanes import Lanes, join_increments
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
 from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls

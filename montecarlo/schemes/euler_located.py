@@ -8,7 +8,6 @@ step, through all impacts of both meshes in their true order.
 import math
 from functools import partial
 
-from rattle.montecarlo.kernel.lanes import Lanes, join_halves
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
 from rattle.montecarlo.schemes.euler import (
@@ -17,6 +16,7 @@ from rattle.montecarlo.schemes.euler import (
     step_forcing,
     trusted_euler_step,
 )
+from rattle.montecarlo.schemes.lanes import Lanes, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import Phase, no_phase
 from rattle.montecarlo.schemes.step_state import SPLITS, TOGETHER, Inside, Progress, Walls

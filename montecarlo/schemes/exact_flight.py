@@ -13,10 +13,10 @@ wall, its noise is split there, its first part is flown as a trial, and so on
 import math
 from typing import Any, NamedTuple
 
-from rattle.montecarlo.kernel.lanes import Lanes, join_halves
 from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, normals
 from rattle.montecarlo.schemes.crossing import CLOSE, cut_share, margins, near_wall
+from rattle.montecarlo.schemes.lanes import Lanes, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import (
     Phase,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from rattle.montecarlo.kernel.lanes import Lanes
+from rattle.montecarlo.schemes.lanes import Lanes
 from rattle.montecarlo.schemes.short_flight import Phase
 from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls
 from rattle.montecarlo.schemes.time_scales import Limit
