@@ -11,10 +11,10 @@ from rattle.montecarlo.kernel.block import BLOCK, Plan, sample
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.control_variate import linear_path, no_control
+from rattle.montecarlo.schemes.exact_flight import accurate_flight
 from rattle.montecarlo.schemes.step_size import (
     COARSEST,
     SCHEMES,
-    accurate_flight,
     check_step,
     default_step,
 )

@@ -255,7 +255,9 @@ class Kept:
         self._function, self.cache_path = function, str(_folder)
         self._options = sorted(options.items())
         self._locks: dict[Any, FileLock] = {}  # of what this process is compiling
-        self._cells = [cell.cell_contents for cell in function.__closure__ or ()]
+        cells = [cell.cell_contents for cell in function.__closure__ or ()]
+        # of a function that it closes over its name, not its address
+        self._cells = [f"{x.__module__}.{x.__qualname__}" if callable(x) else x for x in cells]
 
     def _locate(self, signature: Any, codegen: Any) -> tuple[Path, bytes]:
         """File and key of the function for some types."""

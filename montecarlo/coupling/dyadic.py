@@ -17,13 +17,16 @@ import numpy as np
 from rattle.montecarlo.noise.brownian import Noise, split
 from rattle.montecarlo.noise.philox import BRIDGE, LEVELS, Key, Word, key_of, normals
 from rattle.montecarlo.schemes.crossing import first_root, margins, near_wall
-from rattle.montecarlo.schemes.exact_flight import FlightForcing, flight_forcing
+from rattle.montecarlo.schemes.exact_flight import (
+    FlightForcing,
+    accurate_flight,
+    flight_forcing,
+)
 from rattle.montecarlo.schemes.short_flight import phase_at, short_flight
-from rattle.montecarlo.schemes.step_size import accurate_flight
-from rattle.scene import Constants, Floats, InputError, Ints, Scene
-from rattle.scene.compiled import internal, jit
+from rattle.montecarlo.schemes.step_state import State
+from rattle.scene import Constants, Floats, InputError, Scene
+from rattle.scene.compiled import internal
 from rattle.scene.impact import struck
-from rattle.scene.linear_algebra import put_row
 
 Pair = tuple[float, float]
 
@@ -103,52 +106,35 @@ def tree_of(scene: Scene, seed: int, depth: int) -> Tree:
     return Tree(scene.constants, clockwork(scene, depth), key_of(np.random.SeedSequence(seed)))
 
 
-class TreeRoom(NamedTuple):
-    """Buffers of a walk."""
-
-    end: Floats  # state at the end of a trial; (4,)
-    pending: Floats  # stack of the intervals still to be walked: increment and area; (depth + 2, 2)
-    level: Ints  # level, node: their places in the tree; (depth + 2,)
-    node: Ints
-
-
 @internal
-def new_room(depth: int) -> TreeRoom:
-    """Buffers for a tree of given depth."""
-    size = depth + 2
-    return TreeRoom(
-        np.empty(4), np.empty((size, 2)), np.empty(size, np.int64), np.empty(size, np.int64)
-    )
+def new_room(depth: int) -> Floats:
+    """A stack of the intervals still to be walked, for a tree of given depth: increment and area,
+    and their place in the tree, level and node.
 
-
-@jit
-def fly(
-    c: Constants, tau: float, s: Floats, h: float, noise: Noise, end: Floats
-) -> tuple[float, float]:
-    """State after a flight of time h, at most a step, with given noise, into `end`.
-
-    Shapes: `s` (4,); `end` (4,).
+    Shapes: result (depth + 2, 4).
     """
-    phase = phase_at(c.drive, tau)
-    state = s[0], s[1], s[2], s[3]
-    (end[0], end[1], end[2], end[3]), _ = short_flight(
-        c, phase, h, state, noise.increment, noise.area
-    )
-    return margins(c, phase[0], phase[1], h)
+    return np.empty((depth + 2, 4))
 
 
 @internal
-def _is_near(
-    c: Constants, h: float, s: Floats, end: Floats, margin1: float, margin2: float
-) -> bool:
+def _fly(c: Constants, tau: float, s: State, h: float, noise: Noise) -> State:
+    """State after a flight of time h, at most a step, with given noise."""
+    return short_flight(c, phase_at(c.drive, tau), h, s, noise.increment, noise.area)[0]
+
+
+@internal
+def _is_near(c: Constants, h: float, s: State, end: State, margin: Pair) -> bool:
+    """Whether a flight between two states may meet a wall."""
     third = h / 3.0
-    if near_wall(third, s[0], s[1], end[0], end[1], c.wall1, c.wall1, margin1):
+    if near_wall(third, s[0], s[1], end[0], end[1], c.wall1, c.wall1, margin[0]):
         return True
-    return c.stages == 2 and near_wall(third, s[2], s[3], end[2], end[3], c.wall2, c.wall2, margin2)
+    return c.stages == 2 and near_wall(
+        third, s[2], s[3], end[2], end[3], c.wall2, c.wall2, margin[1]
+    )
 
 
 @internal
-def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, int]:
+def _first_wall(c: Constants, h: float, s: State, end: State) -> tuple[float, int]:
     """Share of a leaf after which the first wall is met, and its ``mesh * side``; 1 and 0 if none
     is."""
     share = 1.0
@@ -173,116 +159,126 @@ def _first_wall(c: Constants, h: float, s: Floats, end: Floats) -> tuple[float, 
 
 @internal
 def _leaf(
-    c: Constants,
-    tau: float,
-    offset: float,
-    h: float,
-    noise: Noise,
-    s: Floats,
-    end: Floats,
-    hits: Floats,
-    n: int,
-) -> int:
-    """Carry a path through a leaf; returns the number of impacts in the step so far."""
+    c: Constants, tau: float, offset: float, h: float, noise: Noise, s: State, hits: Floats, n: int
+) -> tuple[State, int]:
+    """Carry a path through a leaf; returns its state and the number of impacts in the step so
+    far."""
     left = h
     gone = 0.0
     for _ in range(IN_A_LEAF):
-        fly(c, tau + gone, s, left, Noise(noise.increment * (left / h), 0.0), end)
+        end = _fly(c, tau + gone, s, left, Noise(noise.increment * (left / h), 0.0))
         share, code = _first_wall(c, left, s, end)
-        if code != 0 and n < len(hits):
-            t = share * left
-            fly(c, tau + gone, s, t, Noise(noise.increment * (t / h), 0.0), end)
-            j = 2 * (abs(code) - 1)
-            side = 1 if code > 0 else -1
-            end[j] = side * (c.wall1 if j == 0 else c.wall2)
-            put_row(s, end)
-            gone = gone + t
-            left = left - t
-            if side * s[j + 1] > 0.0:
-                hits[n, 0] = offset + gone
-                hits[n, 1] = code
-                put_row(hits[n, 2:], s)
-                n += 1
-                s[1], s[3] = struck(c, abs(code), s[1], s[3])
-            continue
-        put_row(s, end)
-        left = 0.0
-        break
-    s[0] = min(max(s[0], -c.wall1), c.wall1)
-    if c.stages == 2:
-        s[2] = min(max(s[2], -c.wall2), c.wall2)
-    return n
+        if code == 0 or n == len(hits):
+            s = end
+            break
+        t = share * left
+        s = _fly(c, tau + gone, s, t, Noise(noise.increment * (t / h), 0.0))
+        side = 1 if code > 0 else -1
+        mesh = abs(code)
+        s = (side * c.wall1, s[1], s[2], s[3]) if mesh == 1 else (s[0], s[1], side * c.wall2, s[3])
+        gone = gone + t
+        left = left - t
+        if side * s[2 * mesh - 1] > 0.0:
+            hits[n, 0] = offset + gone
+            hits[n, 1] = code
+            for i in range(4):
+                hits[n, 2 + i] = s[i]
+            n += 1
+            y1, y2 = struck(c, mesh, s[1], s[3])
+            s = s[0], y1, s[2], y2
+    x1 = min(max(s[0], -c.wall1), c.wall1)
+    x2 = min(max(s[2], -c.wall2), c.wall2) if c.stages == 2 else s[2]
+    return (x1, s[1], x2, s[3]), n
+
+
+@internal
+def _step_freely(f: Floats, m: Floats, stages: int, s: State, z: Pair) -> State:
+    """State after a step whose noise has the normals z, ignoring the walls.
+
+    `f`, `m`: Of the step, rows of `Clockwork`. Shapes: `f` (14,); `m` (6,).
+    """
+    a, b = z
+    x1 = s[0] + m[0] * s[1] + (f[0] + f[4] * a + f[8] * b)
+    y1 = m[1] * s[1] + (f[1] + f[5] * a + f[9] * b)
+    if stages == 1:
+        return x1, y1, s[2], s[3]
+    x2 = s[2] + m[2] * s[1] + m[3] * s[3] + (f[2] + f[6] * a + f[10] * b)
+    y2 = m[4] * s[1] + m[5] * s[3] + (f[3] + f[7] * a + f[11] * b)
+    return x1, y1, x2, y2
 
 
 @internal
 def walk_step(
-    tree: Tree, room: TreeRoom, path: Word, step: int, z: Pair, s: Floats, hits: Floats
+    tree: Tree, pending: Floats, path: Word, step: int, z: Pair, state: Floats, hits: Floats
 ) -> tuple[int, bool]:
     """Carry a path through a step whose noise has the normals z, in place.
 
     Returns: Number of impacts, and whether `hits` was filled: the path then stays in this state to
-    the end of the step. Shapes: `s` (4,); `hits` (at least 1, HIT).
+    the end of the step. Shapes: `pending` as of `new_room`; `state` (4,); `hits` (at least 1, HIT).
     """
     c = tree.c
     w = tree.clock
     row = step % len(w.forcing)
     f = w.forcing[row]
-    m = w.carry
-    end = room.end
-    pending = room.pending
-    level = room.level
-    node_of = room.node
-    a, b = z
-    end[0] = s[0] + m[0] * s[1] + (f[0] + f[4] * a + f[8] * b)
-    end[1] = m[1] * s[1] + (f[1] + f[5] * a + f[9] * b)
-    end[2] = s[2]
-    end[3] = s[3]
-    if c.stages == 2:
-        end[2] = s[2] + m[2] * s[1] + m[3] * s[3] + (f[2] + f[6] * a + f[10] * b)
-        end[3] = m[4] * s[1] + m[5] * s[3] + (f[3] + f[7] * a + f[11] * b)
-    if not _is_near(c, w.h, s, end, f[12], f[13]):
-        put_row(s, end)
-        return 0, False
-    tau = row * w.h
+    s = state[0], state[1], state[2], state[3]
+    end = _step_freely(f, w.carry, c.stages, s, z)
+    n = 0
+    if _is_near(c, w.h, s, end, (f[12], f[13])):
+        whole = Noise(z[0] * math.sqrt(w.h), z[1] * math.sqrt(w.h / 12.0))
+        end, n = _walk_tree(tree, pending, path, step, whole, s, hits)
+    for i in range(4):
+        state[i] = end[i]
+    return n, n == len(hits)
+
+
+@internal
+def _walk_tree(
+    tree: Tree, pending: Floats, path: Word, step: int, whole: Noise, s: State, hits: Floats
+) -> tuple[State, int]:
+    """Carry a path through a step that may meet a wall, halved until it does not or is a leaf;
+    returns its state and the number of impacts."""
+    c = tree.c
+    w = tree.clock
+    tau = (step % len(w.forcing)) * w.h
     offset = 0.0
     n = 0
-    pending[0, 0], pending[0, 1] = a * math.sqrt(w.h), b * math.sqrt(w.h / 12.0)
-    level[0] = 0
-    node_of[0] = 1
+    _put(pending, 0, whole, 0, 1)
     top = 0
-    first = True
     while top >= 0:
         noise = Noise(pending[top, 0], pending[top, 1])
-        depth = level[top]
-        number = node_of[top]
+        level = int(pending[top, 2])
+        node = int(pending[top, 3])
         top -= 1
-        h = math.ldexp(w.h, -int(depth))
-        if depth == w.depth:
-            n = _leaf(c, tau + offset, offset, h, noise, s, end, hits, n)
+        h = math.ldexp(w.h, -level)
+        if level == w.depth:
+            s, n = _leaf(c, tau + offset, offset, h, noise, s, hits, n)
             offset += h
             if n == len(hits):
-                return n, True
+                break
             continue
-        if not first:  # of the whole step it is known
-            margin1, margin2 = fly(c, tau + offset, s, h, noise, end)
-            if not _is_near(c, h, s, end, margin1, margin2):
-                put_row(s, end)
+        if level > 0:  # of the whole step it is known
+            phase = phase_at(c.drive, tau + offset)
+            end, _ = short_flight(c, phase, h, s, noise.increment, noise.area)
+            if not _is_near(c, h, s, end, margins(c, phase[0], phase[1], h)):
+                s = end
                 offset += h
                 continue
-        first = False
         z1 = 0.0
         z2 = 0.0
         if c.sigma > 0.0:
-            z1, z2, _, _ = normals(
-                tree.key, path, (Word(step) << TREE_BITS) + Word(number), Word(TREE)
-            )
+            index = (Word(step) << TREE_BITS) + Word(node)
+            z1, z2, _, _ = normals(tree.key, path, index, Word(TREE))
         left, right = split(noise, h, 0.5, z1, z2)
-        pending[top + 1, 0] = right.increment
-        pending[top + 1, 1] = right.area
-        pending[top + 2, 0] = left.increment
-        pending[top + 2, 1] = left.area
-        level[top + 1] = level[top + 2] = depth + 1
-        node_of[top + 1] = 2 * number + 1
-        node_of[top + 2] = 2 * number
+        _put(pending, top + 1, right, level + 1, 2 * node + 1)
+        _put(pending, top + 2, left, level + 1, 2 * node)
         top += 2
-    return n, False
+    return s, n
+
+
+@internal
+def _put(pending: Floats, top: int, noise: Noise, level: int, node: int) -> None:
+    """Put an interval onto the stack."""
+    pending[top, 0] = noise.increment
+    pending[top, 1] = noise.area
+    pending[top, 2] = level
+    pending[top, 3] = node

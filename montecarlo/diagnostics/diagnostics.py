@@ -70,7 +70,7 @@ def orbit_shift(run: Any) -> tuple[float, str]:
     )
     worst = 0.0
     where = "nothing moves"
-    if run.plan.scheme == "euler-maruyama":
+    if SCHEMES[run.plan.scheme].detects_at_end:
         late = np.nan_to_num(
             _share(0.5 * run.plan.dt * np.arange(1, run.plan.impacts + 1), unit["tau"])
         )

@@ -26,7 +26,7 @@ from rattle.montecarlo.branches.rare_events import LATEST
 from rattle.montecarlo.branches.search import SMALLEST, search_of
 from rattle.montecarlo.kernel.block import BLOCK, CODES, Plan
 from rattle.montecarlo.kernel.mixture import BEFORE, SPLIT, BranchMixture, mixture_of, tail
-from rattle.montecarlo.kernel.weighted_paths import sample_along
+from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.settings import EXACT, NOISE_FREE, plan_of
 from rattle.scene import Floats, Scene
 
@@ -200,7 +200,7 @@ def _list_left(plan: Plan, pilot: _Pilot, known: Sequence[int], block: int) -> N
     The last unit vectors of the mixture are the directions.
     """
     orbit = plan.itineraries[NOISE_FREE]
-    rows, _, along = sample_along(plan, pilot.mixture, block)
+    rows, _, along, _ = sample_mixture(plan, pilot.mixture, block)
     noise = pilot.amplified * along[:, :, along.shape[2] - known[-1] :]
     follows = np.ones(BLOCK, dtype=bool)
     for k, directions in enumerate(known):

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
-from rattle.montecarlo.kernel.lanes import Lanes, Room, lanes_of
-from rattle.montecarlo.kernel.mixture import BranchMixture
+from rattle.montecarlo.kernel.mixture import BranchMixture, draw_targets, no_mixture
 from rattle.montecarlo.noise.backlash import backlash_of, draw_walls
 from rattle.montecarlo.noise.memory import begin_memory, memory_of
 from rattle.montecarlo.noise.philox import key_of
 from rattle.montecarlo.schemes.control_variate import LinearPath, no_control
+from rattle.montecarlo.schemes.lanes import Lanes, Room, lanes_of
 from rattle.montecarlo.schemes.step_size import SCHEMES
 from rattle.montecarlo.statistics.central_sums import (
     PAIR,
@@ -31,6 +31,9 @@ from rattle.scene.impact import energy_loss, struck
 BLOCK = 1024
 """Paths of a block: small enough for the caches, large enough that few lanes idle while the last
 paths finish."""
+
+CARRIED = 5
+"""Components of the linearised path."""
 
 PAIRS = tuple((i, j) for i in range(5) for j in range(i))
 """Pairs among tau, x1, y1, x2, y2 whose covariance is kept."""
@@ -76,8 +79,8 @@ class Raw(NamedTuple):
 
     rows: Floats  # impacts; NaN where a path did not reach one; (levels, paths, impacts, COLUMNS)
     fixed: Floats  # states at fixed times; (levels, paths, times, 4)
-    # section quantities of the linearised path; no paths without a control variate; (paths,
-    # impacts, COLUMNS)
+    # section quantities of the linearised path, or weights and noise of a mixture, see `Output`; no
+    # paths where there are neither
     controls: Floats
     path_steps: int  # steps taken, over all paths
     sticking_steps: int  # those of them in which a mesh stayed closed to the end
@@ -116,21 +119,32 @@ def _array(name: str, shape: tuple[int, ...], fill: float, reuse: bool) -> Float
     return array
 
 
-def begin_block(plan: Plan, first: int, paths: int, carried: int = 5) -> tuple[Job, Lanes, Room]:
+def begin_block(plan: Plan, first: int, paths: int) -> tuple[Job, Lanes, Room]:
     """Settings, paths side by side, at their start, and buffers of a block that begins with path
     `first`."""
     scene = plan.scene
-    c = plan.scene.constants
+    c = scene.constants
     key = key_of(plan.seed)
-    backlash = backlash_of(plan.scene)
+    backlash = backlash_of(scene)
     walls = np.repeat([[c.wall1], [c.wall1], [c.wall2], [c.wall2]], paths, axis=1)
     if backlash.random:
         draw_walls(backlash, key, first, walls)
     if plan.mirrored:
         c = c._replace(sigma=-c.sigma)
-    code = SCHEMES[plan.scheme].code
-    memory = memory_of(scene.correlation_time, plan.dt)
-    job = Job(c, backlash, key, scene.phase, plan.dt, code, plan.two_point, plan.most_steps, memory)
+    mixture = plan.mixture or no_mixture()
+    job = Job(
+        c,
+        backlash,
+        key,
+        scene.phase,
+        plan.dt,
+        plan.two_point,
+        plan.most_steps,
+        plan.control,
+        mixture,
+        memory_of(scene.correlation_time, plan.dt),
+    )
+    carried = max(CARRIED, 2 + len(mixture.unit))
     every, room = lanes_of(
         plan.levels, first, start_state(scene, walls), walls, scene.phase, carried
     )
@@ -140,16 +154,24 @@ def begin_block(plan: Plan, first: int, paths: int, carried: int = 5) -> tuple[J
 
 
 def sample(plan: Plan, block: int, reuse: bool = False) -> Raw:
-    """Run the paths of a block."""
+    """Run the paths of a block; those of a mixture at one step size, and nothing beside them."""
+    mixture = plan.mixture
+    if mixture is not None:
+        plan = plan._replace(
+            control=no_control(), fixed_steps=plan.fixed_steps[:0], levels=1, two_point=False
+        )
     first = block * BLOCK
-    paths = min(BLOCK, plan.paths - first)
+    paths = BLOCK if mixture is not None else min(BLOCK, plan.paths - first)
     job, every, room = begin_block(plan, first, paths)
+    beside = (paths if plan.control.at_step.size else 0, plan.impacts, COLUMNS)
+    if mixture is not None:
+        room.carried[:2, :paths] = draw_targets(mixture, plan.seed, block)
+        beside = (paths, plan.impacts, 1 + len(mixture.unit))
     rows = _array("rows", (plan.levels, paths, plan.impacts, COLUMNS), np.nan, reuse)
     fixed = _array("fixed", (plan.levels, paths, plan.fixed_steps.size, 4), np.nan, reuse)
-    linear = paths if plan.control.at_step.size else 0
-    controls = _array("controls", (linear, plan.impacts, COLUMNS), 0.0, reuse)
+    controls = _array("controls", beside, 0.0, reuse)
     out = Output(first, rows, plan.fixed_steps, fixed, controls)
-    work, sticking = block_kernel(job.scheme)(job, plan.control, every, room, out)
+    work, sticking = block_kernel(SCHEMES[plan.scheme])(job, every, room, out)
     unfinished = np.isnan(rows[0, :, -1, 0]).sum()
     return Raw(rows, fixed, controls, int(work), int(sticking), int(unfinished))
 

@@ -16,12 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.scene import Floats, Ints
+from rattle.scene.compiled import lean_internal, widest_vectors
 
 # thresholds before a design point, in sds: its boundary is curved, and further away where the noise
 # is strong; the share of a part's paths that each has
 BEFORE = np.array([2.0, 1.2, 0.6, 0.2])
 SPLIT = np.array([0.15, 0.25, 0.3, 0.3])
 TARGETS = 0x7A6  # spawn key of the random numbers of `draw_targets`
+FAR = 6.0  # argument from which erfc is 0, and below whose negative it is 2
 
 
 class BranchMixture(NamedTuple):
@@ -42,6 +44,12 @@ class BranchMixture(NamedTuple):
         n = min(shift.size, self.unit.shape[1])
         inside = (self.unit[:, :n] @ shift[:n])[:, None] > self.level
         return float(self.plain + self.rate[inside].sum())
+
+
+def no_mixture() -> BranchMixture:
+    """A mixture without parts: all paths are plain."""
+    none = np.zeros((0, 0))
+    return BranchMixture(none, none, none, none, 1.0, np.zeros(0, np.int64), none)
 
 
 def tail(b: float) -> float:
@@ -91,3 +99,73 @@ def draw_targets(
         part[at : at + n] = i // thresholds
         at += n
     return part, ahead
+
+
+@lean_internal
+def condition(mixture: BranchMixture, n: int, z: Floats, carried: Floats, lanes: int) -> None:
+    """Draw the increments of step n conditionally, for the paths of every part.
+
+    `carried`: Of each path the branch of its part, what the steps ahead add along the branch's unit
+    vector, and along each unit vector the sum so far. Shapes: `z` (lanes,); `carried` (2 +
+    branches, lanes).
+    """
+    for k in range(mixture.unit.shape[0]):
+        u = mixture.unit[k, n]
+        if u != 0.0:
+            _condition_part(z, u, mixture.rest[k, n], k, carried[0], carried[1], lanes)
+    for k in range(mixture.unit.shape[0]):  # after all parts have shifted their normals
+        u = mixture.unit[k, n]
+        if u != 0.0:
+            _add_along(z, u, carried[2 + k], lanes)
+
+
+@lean_internal
+def _condition_part(
+    z: Floats, u: float, rest: float, k: int, part: Floats, ahead: Floats, lanes: int
+) -> None:
+    """Replace a step's normals of the paths of one part by their values given ``u z`` in all;
+    vectorises.
+
+    Given that the steps ahead, this one among them, add `ahead` to ``u z``, a step's normal has
+    mean ``u ahead / rest`` and variance ``1 - u^2 / rest``.
+    """
+    widest_vectors()
+    pull = u / rest
+    spread = math.sqrt(max(0.0, 1.0 - u * u / rest))
+    for p in range(lanes):
+        of_part = part[p] == k
+        x = pull * ahead[p] + spread * z[p] if of_part else z[p]
+        z[p] = x
+        ahead[p] -= u * x if of_part else 0.0
+
+
+@lean_internal
+def _add_along(z: Floats, u: float, done: Floats, lanes: int) -> None:
+    """Add a step's normals to ``u z``; vectorises."""
+    widest_vectors()
+    for p in range(lanes):
+        done[p] += u * z[p]
+
+
+@lean_internal
+def weigh(mixture: BranchMixture, n: int, carried: Floats, p: int, weights: Floats) -> None:
+    """Write the weight of the path in lane p after n steps, and its ``u z`` along each unit
+    vector, for some of its impacts.
+
+    Shapes: `carried` (2 + branches, lanes); `weights` (impacts, 1 + branches).
+    """
+    total = mixture.plain
+    last = mixture.rest.shape[1] - 1
+    for k in range(mixture.unit.shape[0]):
+        rest = mixture.rest[k, min(n, last)]
+        scale = 1.0 / math.sqrt(2.0 * rest) if rest > 1e-12 else 1e9
+        for t in range(mixture.level.shape[1]):
+            short = (mixture.level[k, t] - carried[2 + k, p]) * scale
+            if short < -FAR:
+                total += mixture.rate[k, t]
+            elif short < FAR:
+                total += mixture.rate[k, t] * 0.5 * math.erfc(short)
+    for i in range(weights.shape[0]):
+        weights[i, 0] = 1.0 / total
+        for k in range(mixture.unit.shape[0]):
+            weights[i, 1 + k] = carried[2 + k, p]

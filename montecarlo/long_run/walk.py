@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.montecarlo.kernel.block import Plan, begin_block
-from rattle.montecarlo.kernel.kernel import COLUMNS, EXACT, Job, Output, block_kernel
-from rattle.montecarlo.kernel.lanes import Lanes, Room
+from rattle.montecarlo.kernel.kernel import COLUMNS, Job, Output, block_kernel
 from rattle.montecarlo.long_run.noise_work import add_noise_work, has_controls
 from rattle.montecarlo.long_run.sums import NOISE, PERIOD, SAMPLES, Sums, add_stretch
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.control_variate import LinearPath
-from rattle.montecarlo.schemes.step_size import default_step, time_scales
+from rattle.montecarlo.schemes.exact_flight import EXACT
+from rattle.montecarlo.schemes.lanes import Lanes, Room
+from rattle.montecarlo.schemes.step_size import default_step
+from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.scene import Floats, Ints, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.linear_algebra import put, put_row
@@ -40,7 +41,6 @@ class Block(NamedTuple):
     """A block of paths that is followed without end."""
 
     job: Job  # settings; its time is that at which every period begins
-    control: LinearPath  # empty
     controls: bool  # whether the noise's work is summed
     first: int  # first, steps: number of the first path, and of steps in a period
     steps: int
@@ -115,12 +115,13 @@ def follow_stretches(
             b.job.key,
             tau,
             b.job.dt,
-            b.job.scheme,
             b.job.two_point,
             part,
+            b.job.control,
+            b.job.mixture,
             b.job.memory,
         )
-        RUN(job, b.control, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
+        RUN(job, b.every, b.room, Output(number, rows, fixed, b.samples, b.none))
         own = b.every.impacts[0, : len(b.state)]
         most = 0
         for p in range(own.size):
@@ -211,7 +212,6 @@ class Walk:
         counters = np.zeros(4, np.int64)
         self._block = Block(
             job,
-            plan.control,
             controls,
             first,
             self.steps,

@@ -10,8 +10,8 @@ has no impact.
 
 import math
 
-from rattle.montecarlo.schemes.short_flight import Phase, State
-from rattle.montecarlo.schemes.step_state import Walls
+from rattle.montecarlo.schemes.short_flight import Phase
+from rattle.montecarlo.schemes.step_state import State, Walls
 from rattle.scene import Constants
 from rattle.scene.compiled import inline, lean, lean_internal
 from rattle.scene.drive import (

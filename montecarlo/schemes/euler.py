@@ -6,12 +6,25 @@ is applied.
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.step_state import Progress, Walls
-from rattle.scene import Bools, Constants, Floats
+from rattle.montecarlo.schemes.lanes import Lanes, join_increments
+from rattle.montecarlo.schemes.scheme import Scheme
+from rattle.montecarlo.schemes.short_flight import Phase, no_phase
+from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls
+from rattle.montecarlo.schemes.sticking import stay, stays_open
+from rattle.montecarlo.schemes.time_scales import (
+    MEMORY,
+    Limit,
+    least_limit,
+    memory_step,
+    time_scales,
+)
+from rattle.scene import Bools, Constants, Floats, Scene
 from rattle.scene.compiled import fma, inline, lean, lean_internal, splice, widest_vectors
+from rattle.scene.drive import highest_order
 from rattle.scene.flight import noise_rate
 
 
@@ -95,16 +108,77 @@ def plain_lanes(
 
 
 @splice
-def at_end(c: Constants, at: Progress, walls: Walls) -> Progress:
-    """The path with the impact that is due at the end of its step: put back on the wall that it is
-    beyond, outward.
+def step_lanes(
+    c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, marks: Bools, live: int
+) -> None:
+    """One step of all lanes; marks those that are beyond a wall at its end."""
+    forcing = step_forcing(c, tau, h)
+    plain_lanes(c, forcing, h, toleranced, lanes.walls, lanes.state, lanes.w, marks[:live])
+
+
+@splice
+def advance(
+    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
+) -> tuple[Progress, Phase]:
+    """Go to the impact that is due at the end of the step: the path is put back on the wall that it
+    is beyond, outward.
 
     Mesh 1 before mesh 2.  Branch-free.
     """
     first = int((at.x1 > walls.high1) & (at.y1 > 0.0)) - int((at.x1 < -walls.low1) & (at.y1 < 0.0))
     second = int((at.x2 > walls.high2) & (at.y2 > 0.0)) - int((at.x2 < -walls.low2) & (at.y2 < 0.0))
-    code = first if first != 0 else (2 * second if c.stages == 2 else 0)
+    code = first if first != 0 else (2 * second if inside.c.stages == 2 else 0)
     x1 = walls.high1 if code == 1 else (-walls.low1 if code == -1 else at.x1)
     x2 = walls.high2 if code == 2 else (-walls.low2 if code == -2 else at.x2)
     left = at.left if code != 0 else 0.0  # another impact may be due after this one
-    return Progress(code, at.tau, left, Noise(0.0, 0.0), x1, at.y1, x2, at.y2)
+    return Progress(code, at.tau, left, Noise(0.0, 0.0), x1, at.y1, x2, at.y2), phase
+
+
+def longest_euler_step(scene: Scene) -> Limit:
+    """The longest Euler-Maruyama step that is stable, follows the drive and misses no gap."""
+    t = time_scales(scene)
+    limits = {
+        "a longer step makes the damping unstable": t.damping,
+        MEMORY: memory_step(scene),
+        "a longer step cannot follow the excitation": (
+            2.0 * math.pi / 20.0 / highest_order(scene.constants.drive)
+        ),
+        "a longer step may jump across the gap": 0.5 * t.crossing,
+        "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
+    }
+    return least_limit(limits)
+
+
+def trusted_euler_step(late: float, reversal: float, scene: Scene) -> Limit:
+    """The longest Euler-Maruyama step whose bias by noise is small.
+
+    `late`, `reversal`: Shares of the times in which noise takes a path across a gap, and reverses
+    its velocity at a wall.
+    """
+    t = time_scales(scene)
+    limits = {
+        "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
+        "a longer step detects the impacts of a noisy path late": late * t.shaking,
+        "a longer step misses paths that the noise returns to the wall they leave": (
+            reversal * t.turning
+        ),
+    }
+    return least_limit(limits)
+
+
+EULER = Scheme(
+    weak_order=1,
+    normals=1,
+    step=2e-3,
+    step_ns=3.9,
+    impact_ns=130.0,
+    detects_at_end=True,
+    longest_step=longest_euler_step,
+    trusted_step=partial(trusted_euler_step, 0.01, 0.03),  # at-end detection is half a step late
+    step_lanes=step_lanes,
+    join_noise=join_increments,
+    phase_at=no_phase,
+    advance=advance,
+    find_sticking=stays_open,
+    stick_to_end=stay,
+)

@@ -6,12 +6,23 @@ step, through all impacts of both meshes in their true order.
 """
 
 import math
+from functools import partial
 
 from rattle.montecarlo.noise.brownian import Noise
-from rattle.montecarlo.schemes.euler import StepForcing, euler_step, step_forcing
-from rattle.montecarlo.schemes.step_state import TOGETHER, Progress, Walls
-from rattle.scene import Bools, Constants, Floats
-from rattle.scene.compiled import inline, lean, lean_internal
+from rattle.montecarlo.noise.philox import BRIDGE, Word, normals
+from rattle.montecarlo.schemes.euler import (
+    euler_step,
+    longest_euler_step,
+    step_forcing,
+    trusted_euler_step,
+)
+from rattle.montecarlo.schemes.lanes import Lanes, join_halves
+from rattle.montecarlo.schemes.scheme import Scheme
+from rattle.montecarlo.schemes.short_flight import Phase, no_phase
+from rattle.montecarlo.schemes.step_state import SPLITS, TOGETHER, Inside, Progress, Walls
+from rattle.montecarlo.schemes.sticking import stays_open, stick_to_end
+from rattle.scene import Bools, Constants
+from rattle.scene.compiled import inline, lean, lean_internal, splice
 
 
 @inline
@@ -21,42 +32,32 @@ def leaves(h: float, x: float, y: float, high: float, low: float) -> bool:
     return (end > high) | (end < -low)
 
 
-@lean
-def leaving(
-    c: Constants, h: float, walls: Floats, state: Floats, beyond: Bools, lanes: int
+@lean_internal
+def step_lanes(
+    c: Constants, tau: float, h: float, toleranced: bool, lanes: Lanes, beyond: Bools, live: int
 ) -> None:
-    """Mark the lanes whose next step ends beyond a wall; vectorises.
-
-    Shapes: `walls`, `state` (4, lanes or more).
-    """
+    """One step of all lanes in place, ignoring the walls; marks those that it takes beyond one.
+    Vectorises."""
+    f = step_forcing(c, tau, h)
+    state = lanes.state
     x1 = state[0]
     y1 = state[1]
     x2 = state[2]
     y2 = state[3]
-    high1 = walls[0]
-    low1 = walls[1]
-    high2 = walls[2]
-    low2 = walls[3]
-    for p in range(lanes):
+    high1 = lanes.walls[0]
+    low1 = lanes.walls[1]
+    high2 = lanes.walls[2]
+    low2 = lanes.walls[3]
+    z = lanes.w
+    for i in range(2 * c.stages):
+        for p in range(live):
+            lanes.before[i, p] = state[i, p]
+    for p in range(live):
         beyond[p] = leaves(h, x1[p], y1[p], high1[p], low1[p])
     if c.stages == 2:
-        for p in range(lanes):
+        for p in range(live):
             beyond[p] |= leaves(h, x2[p], y2[p], high2[p], low2[p])
-
-
-@lean_internal
-def step_located_lanes(
-    c: Constants, f: StepForcing, h: float, state: Floats, z: Floats, lanes: int
-) -> None:
-    """One step of all lanes in place, ignoring the walls; vectorises.
-
-    Shapes: `state` (4, lanes or more).
-    """
-    x1 = state[0]
-    y1 = state[1]
-    x2 = state[2]
-    y2 = state[3]
-    for p in range(lanes):
+    for p in range(live):
         x1[p], y1[p], x2[p], y2[p] = euler_step(c, f, h, x1[p], y1[p], x2[p], y2[p], z[p])
 
 
@@ -112,3 +113,33 @@ def advance_inside(c: Constants, at: Progress, normal: float, walls: Walls) -> P
         x2 = walls.high2 if side > 0 else -walls.low2
         code = 2 * side if side * y2 > 0.0 else 0
     return Progress(code, at.tau + s, at.left - s, Noise(whole - part, 0.0), x1, y1, x2, y2)
+
+
+@splice
+def advance(
+    inside: Inside, met: int, at: Progress, phase: Phase, walls: Walls
+) -> tuple[Progress, Phase]:
+    """Go to the next wall that the path meets in this step, or to the end of the step."""
+    normal = 0.0
+    if inside.c.memory == 0.0:
+        index = Word(inside.step) * SPLITS + Word(met)
+        normal = normals(inside.key, inside.path, index, Word(BRIDGE + inside.level))[0]
+    return advance_inside(inside.c, at, normal, walls), phase
+
+
+LOCATED = Scheme(
+    weak_order=1,
+    normals=1,
+    step=2e-3,
+    step_ns=5.1,
+    impact_ns=250.0,
+    detects_at_end=False,
+    longest_step=longest_euler_step,
+    trusted_step=partial(trusted_euler_step, 0.04, 0.05),
+    step_lanes=step_lanes,
+    join_noise=join_halves,
+    phase_at=no_phase,
+    advance=advance,
+    find_sticking=stays_open,
+    stick_to_end=stick_to_end,
+)

@@ -8,6 +8,7 @@ which sine and cosine of the phase are two more series.
 
 from typing import Any
 
+from rattle.montecarlo.schemes.step_state import State
 from rattle.scene import Constants
 from rattle.scene.compiled import inline, lean
 from rattle.scene.drive import (
@@ -17,9 +18,6 @@ from rattle.scene.drive import (
     phase_of_orders,
     sine_cosine,
 )
-
-State = tuple[float, float, float, float]
-"""``x1, y1, x2, y2``."""
 
 Phase = tuple[float, ...]
 """Sine and cosine of a time; of several orders ``-f''``, ``f'``, ``-f'''`` and the time itself."""
@@ -37,8 +35,8 @@ def phase_at(drive: Any, tau: float) -> Phase:
 
 
 @inline
-def no_phase(drive: Any) -> Phase:
-    """In place of a phase, for schemes that know none."""
+def no_phase(drive: Any, tau: float) -> Phase:
+    """In place of the phase of a time, for schemes that know none."""
     return (0.0, 0.0) if len(drive) == 0 else (0.0, 0.0, 0.0, 0.0)
 
 

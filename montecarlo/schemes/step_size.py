@@ -5,54 +5,28 @@ and its default.
 """
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
 from rattle.montecarlo.noise.philox import LEVELS
 from rattle.montecarlo.schemes.control_variate import orbit_impacts
+from rattle.montecarlo.schemes.euler import EULER
+from rattle.montecarlo.schemes.euler_located import LOCATED
+from rattle.montecarlo.schemes.exact_flight import EXACT
 from rattle.montecarlo.schemes.short_flight import kick
+from rattle.montecarlo.schemes.time_scales import Limit
 from rattle.scene import InputError, Scene, finite
-from rattle.scene.drive import highest_order, most_modulation, most_velocity
 from rattle.scene.flight import jacobian, noise_covariance
 from rattle.scene.linear_algebra import transform
 from rattle.scene.numpy_errors import numpy_defaults
-from rattle.scene.orbit import first_state
-
-
-@dataclass(frozen=True)
-class Scheme:
-    """A way to advance paths and to detect impacts."""
-
-    code: int  # its number in compiled code
-    # weak order of convergence in the step; None for a scheme without step bias
-    weak_order: int | None
-    normals: int  # standard normals of a path per step without an impact
-    step: float  # default step
-    # step_ns, impact_ns: cost model for the choice of a scheme: time of a path-step and of an
-    # impact on one core in ns, with statistics. Measured once, on an Intel Xeon with AVX-512 (12
-    # impacts on DAT21 with two steps each, the least of interleaved slices), and constant, so that
-    # the choice does not depend on the machine
-    step_ns: float
-    impact_ns: float
-
-    @property
-    def has_step_bias(self) -> bool:
-        """Whether its results are biased by the length of the step; ``exact-flight`` has no such
-        bias."""
-        return self.weak_order is not None
-
 
 SCHEMES = {
-    "euler-maruyama": Scheme(0, 1, 1, 2e-3, 3.9, 130.0),
-    "euler-maruyama-located": Scheme(1, 1, 1, 2e-3, 5.1, 250.0),
-    "exact-flight": Scheme(2, None, 2, math.pi / 96.0, 5.1, 740.0),
+    "euler-maruyama": EULER,
+    "euler-maruyama-located": LOCATED,
+    "exact-flight": EXACT,
 }
 """All schemes by name, in the order of increasing accuracy."""
-
-Limit = tuple[float, str]
 
 LEFT_OUT = 2e-4
 """Largest share of an sd that the noise left out by a default step may have."""
@@ -69,84 +43,6 @@ extrapolation)."""
 IMPACTS = 4
 TIME = 0.5
 STEPS = 32  # of a flight from which on it has no effect: 1 / (6 * 32^4) of the variance
-
-
-class TimeScales(NamedTuple):
-    """Time scales that a step must resolve; infinite where there is no such process."""
-
-    damping: float  # relaxation time of the faster damped wheel, ``1 / beta``
-    # time to cross the narrowest half gap at a typical speed: that of the start, or what excitation
-    # and drag make of a path within one crossing
-    crossing: float
-    # time in which noise alone takes a path across that half gap: ``(g / sigma)^(2/3)``, or by
-    # diffusion ``(beta g / sigma)^2`` where damping is faster than that
-    shaking: float
-    # time in which noise reverses the velocity of a path that leaves its wall at the start:
-    # ``(speed / sigma)^2``
-    turning: float
-
-
-def time_scales(scene: Scene) -> TimeScales:
-    """The time scales of a scene."""
-    c = scene.constants
-    start = scene.start
-    tolerance = scene.tolerance
-    narrow = (0.0, 0.0)
-    if tolerance is not None and tolerance.distribution != "fixed":
-        # at most to a tenth: few paths have a narrower gap, however large c_max is
-        narrow = min(tolerance.c1_max, 0.9 * c.wall1), min(tolerance.c2_max, 0.9 * c.wall2)
-    gap = min((c.wall1 - narrow[0], c.wall2 - narrow[1])[: c.stages])
-    damping = _over(1.0, max(c.beta1, c.beta2))
-    # largest modulation of excitation and noise in y1 (Eq. 5)
-    most = math.hypot(1.0, c.beta1) if not c.drive else most_modulation(c.drive, c.beta1)
-    # a narrow gap bounds the relative speed
-    driven = min(c.alpha * most_velocity(c.drive), 2.0 * math.sqrt(c.alpha * most * gap))
-    drags = (c.gamma1, c.beta1), (c.gamma2, c.beta2)
-    dragged = (min(_over(gamma, beta), 2.0 * math.sqrt(gamma * gap)) for gamma, beta in drags)
-    typical = max(driven, *dragged, *(abs(start.y1), abs(start.y2))[: c.stages])
-    noise = c.sigma * most
-    shaking = _over(gap, noise) ** (2.0 / 3.0)
-    if shaking > damping:
-        shaking = max(damping, _over(gap, noise * damping) ** 2)
-    return TimeScales(damping, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2)
-
-
-MEMORY = "a longer step cannot follow the memory of the noise"
-
-
-def _memory(scene: Scene) -> float:
-    """The longest step for noise with a memory, a tenth of it; infinite for white noise."""
-    return 0.1 * scene.correlation_time if scene.correlation_time else math.inf
-
-
-def _over(a: float, b: float) -> float:
-    """``a / b``, infinite for b = 0."""
-    return a / b if b > 0.0 else math.inf
-
-
-def _leaving(scene: Scene) -> float:
-    """Slowest speed with which a stage leaves a wall at the start; infinite if none does."""
-    c = scene.constants
-    x1, y1, x2, y2 = first_state(scene)
-    stages = ((x1, y1, c.wall1), (x2, y2, c.wall2))[: c.stages]
-    return min((abs(y) for x, y, wall in stages if abs(x) >= wall), default=math.inf)
-
-
-def accurate_flight(scene: Scene) -> Limit:
-    """The longest accurate step of ``exact-flight``, which neglects part of the noise within a
-    step; and its reason.
-
-    The neglected part (of relative order h^4 of the variance) matters where the variance grows from
-    zero: at this limit 0.8 % of sd(x1) after a flight of 0.2 from tau = 0, at half of it 0.05 %.
-    """
-    limits = {
-        MEMORY: _memory(scene),
-        "a longer step cannot follow the damping": 0.2 * time_scales(scene).damping,
-        "a longer step cannot follow the noise's modulation": (
-            0.1 / highest_order(scene.constants.drive)
-        ),
-    }
-    return _least(limits)
 
 
 @numpy_defaults
@@ -182,25 +78,7 @@ def largest_step(scene: Scene, scheme: str = "euler-maruyama") -> Limit:
     >>> largest_step(Scene.from_gears(DAT21), "exact-flight")[1]
     "a longer step cannot follow the noise's modulation"
     """
-    t = time_scales(scene)
-    if not SCHEMES[scheme].has_step_bias:
-        accurate, why = accurate_flight(scene)
-        return _least(
-            {
-                why: accurate,
-                "a longer step holds too many impacts": 2.0 * min(t.crossing, t.shaking),
-            }
-        )
-    limits = {
-        "a longer step makes the damping unstable": t.damping,
-        MEMORY: _memory(scene),
-        "a longer step cannot follow the excitation": (
-            2.0 * math.pi / 20.0 / highest_order(scene.constants.drive)
-        ),
-        "a longer step may jump across the gap": 0.5 * t.crossing,
-        "a longer step lets the noise throw a path through the gap": 0.25 * t.shaking,
-    }
-    return _least(limits)
+    return SCHEMES[scheme].longest_step(scene)
 
 
 def trusted_step(scene: Scene, scheme: str) -> Limit:
@@ -211,28 +89,7 @@ def trusted_step(scene: Scene, scheme: str) -> Limit:
     `rattle.montecarlo.diagnostics.diagnostics`.
     `rattle check stability` finds these limits to hold over all of its axes.
     """
-    if not SCHEMES[scheme].has_step_bias:
-        return largest_step(scene, scheme)
-    t = time_scales(scene)
-    late, reversal = TRUSTED_SHARES[scheme]
-    limits = {
-        "a longer step changes the spread of the damped speeds": 0.3 * t.damping,
-        "a longer step detects the impacts of a noisy path late": late * t.shaking,
-        "a longer step misses paths that the noise returns to the wall they leave": (
-            reversal * t.turning
-        ),
-    }
-    return _least(limits)
-
-
-TRUSTED_SHARES = {"euler-maruyama": (0.01, 0.03), "euler-maruyama-located": (0.04, 0.05)}
-"""Trusted step over `TimeScales.shaking` and over `TimeScales.turning`: at-end detection is late by
-half a step."""
-
-
-def _least(limits: dict[str, float]) -> Limit:
-    reason = min(limits, key=lambda name: limits[name])
-    return limits[reason], reason
+    return SCHEMES[scheme].trusted_step(scene)
 
 
 @lru_cache(maxsize=256)

@@ -3,14 +3,26 @@
 from typing import NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise
+from rattle.montecarlo.noise.philox import Key, Word
+from rattle.scene import Constants, Floats
 
 MOST_IN_A_STEP = 64
 """Most impacts of a path in a step; then the struck mesh stays closed to the end of the step, which
 is counted."""
 
+SPLITS = Word(1 << 16)
+"""Indices of random numbers reserved for the splits of one step."""
+
+PARTS = 200
+"""Most parts of a step that wait at once: the depth of the stack of cuts of an exact flight."""
+
 TOGETHER = 1e-12
 """Time in which impacts at both meshes count as one instant, and mesh 1 comes first: what a
 flight's rounding adds."""
+
+
+State = tuple[float, float, float, float]
+"""``x1, y1, x2, y2``."""
 
 
 class Walls(NamedTuple):
@@ -34,3 +46,15 @@ class Progress(NamedTuple):
     y1: float
     x2: float
     y2: float
+
+
+class Inside(NamedTuple):
+    """A step of a path, within which it is followed from impact to impact."""
+
+    c: Constants  # of the scene
+    key: Key  # key, path, step, level: of the random numbers that split its noise
+    path: Word
+    step: int  # number of the step, in finest steps
+    level: int  # 0 for dt, 1 for 2 dt, ...
+    whole: State  # at the end of the whole step, if no wall is met
+    ahead: Floats  # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (PARTS, 3)

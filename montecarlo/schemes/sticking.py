@@ -13,11 +13,20 @@ from rattle.montecarlo.schemes.crossing import MARGIN_SDS
 from rattle.montecarlo.schemes.short_flight import kick
 from rattle.montecarlo.schemes.step_state import Progress, Walls
 from rattle.scene import Constants
-from rattle.scene.compiled import lean_internal
+from rattle.scene.compiled import inline, lean_internal
 from rattle.scene.sticking import Sides, find_sticking, open_stage, presses, stick_on, stuck_on
 
-OPEN: Sides = (0, 0)
-"""Both meshes open."""
+
+@inline
+def stays_open(c: Constants, at: Progress, walls: Walls) -> Sides:
+    """Both meshes open: a scheme whose steps know no contact force."""
+    return 0, 0
+
+
+@inline
+def stay(c: Constants, at: Progress, sides: Sides, walls: Walls) -> Progress:
+    """The path as it is: it has been at the end of its step all the time."""
+    return at
 
 
 @lean_internal

@@ -51,27 +51,32 @@ def _transpose(rows: Floats, columns: Floats) -> None:
 
 
 @lean_internal
+def _add_strands(x: Floats, n: int, out: Floats) -> None:
+    """Add eight strands of n numbers each, in pairs; `out` may be the first of them."""
+    widest_vectors()
+    a = x[:n]
+    b = x[n : 2 * n]
+    c = x[2 * n : 3 * n]
+    d = x[3 * n : 4 * n]
+    e = x[4 * n : 5 * n]
+    f = x[5 * n : 6 * n]
+    g = x[6 * n : 7 * n]
+    h = x[7 * n : 8 * n]
+    for i in range(n):
+        out[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
+
+
+@lean_internal
 def _fold(x: Floats, n: int) -> float:
     """Sum of the first n numbers of an array, n a multiple of 8, which is overwritten.
 
     The order of summation is that of the source, whatever the width of the processor's vectors:
     eight strands, added in pairs, then one after another.
     """
-    widest_vectors()
-    m = n // 8
-    a = x[:m]
-    b = x[m : 2 * m]
-    c = x[2 * m : 3 * m]
-    d = x[3 * m : 4 * m]
-    e = x[4 * m : 5 * m]
-    f = x[5 * m : 6 * m]
-    g = x[6 * m : 7 * m]
-    h = x[7 * m : 8 * m]
-    for i in range(m):
-        a[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
+    _add_strands(x, n // 8, x)
     total = 0.0
-    for i in range(m):
-        total += a[i]
+    for i in range(n // 8):
+        total += x[i]
     return total
 
 
@@ -79,18 +84,8 @@ def _fold(x: Floats, n: int) -> float:
 def _sum(u: Floats, room: Floats) -> float:
     """Sum of numbers in a fixed order; their number is a multiple of `STRAND`, and `room` has an
     eighth of it."""
-    widest_vectors()
     n = u.size // 8
-    a = u[:n]
-    b = u[n : 2 * n]
-    c = u[2 * n : 3 * n]
-    d = u[3 * n : 4 * n]
-    e = u[4 * n : 5 * n]
-    f = u[5 * n : 6 * n]
-    g = u[6 * n : 7 * n]
-    h = u[7 * n : 8 * n]
-    for i in range(n):
-        room[i] = ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i]))
+    _add_strands(u, n, room)
     return _fold(room, n)
 
 

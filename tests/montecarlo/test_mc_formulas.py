@@ -8,7 +8,8 @@ from rattle.montecarlo.ensemble.leaving import interval
 from rattle.montecarlo.long_run.estimates import corrections
 from rattle.montecarlo.long_run.walk import steps_per_period
 from rattle.montecarlo.looks import share_of_look
-from rattle.montecarlo.schemes.step_size import accurate_flight, time_scales
+from rattle.montecarlo.schemes.exact_flight import accurate_flight
+from rattle.montecarlo.schemes.time_scales import time_scales
 from rattle.montecarlo.settings import count_followed
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import DAT21, Scene

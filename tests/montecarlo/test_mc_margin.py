@@ -13,8 +13,8 @@ from programs import python
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes import crossing
-from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
-from rattle.montecarlo.schemes.step_state import Progress, Walls
+from rattle.montecarlo.schemes.exact_flight import advance_exactly
+from rattle.montecarlo.schemes.step_state import PARTS, Progress, Walls
 from rattle.scene import Scene
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine

@@ -12,7 +12,6 @@ from mc_checks import stepped as simulate
 from scipy import stats
 
 from rattle import Sampling
-from rattle.montecarlo.kernel.kernel import CUTS_APART, SPLITS
 from rattle.montecarlo.noise import philox as module
 from rattle.montecarlo.noise.philox import (
     CONTACT,
@@ -23,8 +22,8 @@ from rattle.montecarlo.noise.philox import (
     normals,
     uniforms,
 )
-from rattle.montecarlo.schemes.exact_flight import MOST_CUTS
-from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
+from rattle.montecarlo.schemes.exact_flight import CUTS_APART, MOST_CUTS
+from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP, SPLITS
 from rattle.scene.compiled import jit
 
 U = np.uint64

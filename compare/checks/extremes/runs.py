@@ -20,7 +20,6 @@ from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
 from rattle.montecarlo import SCHEMES, Record, Sampling
 from rattle.montecarlo.coupling.paths import LongPath
-from rattle.montecarlo.kernel.kernel import PLAIN
 from rattle.scene import DAT21, Scene, Start, Tolerance, long_orbit
 
 IMPACTS = 3
@@ -278,8 +277,8 @@ def stay_between_walls() -> Iterator[float]:
         )
         means = run.at_times()[["x1", "x2"]].abs().to_numpy()
         over = max(float(means.max()), _reach(run)) - 0.5
-        plain = SCHEMES[scheme].code == PLAIN  # detects impacts only at the ends of its steps
-        unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * plain
+        beyond = SCHEMES[scheme].detects_at_end
+        unit = 0.5 + (10.0 + 5.0 * sigma * math.sqrt(dt)) * dt * 1e9 * beyond
         yield max(over, 0.0) / unit if len(means) == len(fixed) else math.inf
 
 

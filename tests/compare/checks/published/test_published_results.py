@@ -15,8 +15,8 @@ from rattle.compare.checks.published import RESULTS, impacts
 from rattle.compare.checks.published.noise import MEAN
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Word, key_of, normals
-from rattle.montecarlo.schemes.exact_flight import PARTS, advance_exactly
-from rattle.montecarlo.schemes.step_state import Progress, Walls
+from rattle.montecarlo.schemes.exact_flight import advance_exactly
+from rattle.montecarlo.schemes.step_state import PARTS, Progress, Walls
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine

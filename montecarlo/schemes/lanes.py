@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.exact_flight import PARTS
+from rattle.montecarlo.schemes.step_state import PARTS
 from rattle.scene import Bools, Floats, Ints
 from rattle.scene.compiled import lean_internal, splice, widest_vectors
 
@@ -46,7 +46,8 @@ class Room(NamedTuple):
     bits: NDArray[Word]  # random bits of two-point increments; (lanes,)
     eta: Floats  # noise with a memory, at the end of the last step; (lanes,)
     z: Floats  # four normals; the fifth row stays zero; (5, lanes)
-    # what else goes with a path: perturbations of the linearised path, as a rule; (5, lanes)
+    # what else goes with a path: perturbations of the linearised path, or what
+    # `rattle.montecarlo.kernel.mixture.condition` keeps; (5 or more, lanes)
     carried: Floats
     marks: Bools  # lanes that may have an impact in this step; (lanes,)
     groups: Ints  # groups, hits: scratch and output of `list_marked`
@@ -150,11 +151,13 @@ def join_halves(
 
 
 @lean_internal
-def join_increments(fine: Floats, w: Floats, second: bool, live: int) -> None:
+def join_increments(
+    fine_w: Floats, fine_area: Floats, w: Floats, area: Floats, second: bool, live: int
+) -> None:
     """As `join_halves`, without areas."""
     widest_vectors()
     for p in range(live):
-        w[p] = (w[p] + fine[p]) * ROOT_HALF if second else fine[p]
+        w[p] = (w[p] + fine_w[p]) * ROOT_HALF if second else fine_w[p]
 
 
 @lean_internal
