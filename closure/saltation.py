@@ -28,9 +28,9 @@ from rattle.scene.linear_algebra import add_product, image, product, totals, tra
 from rattle.scene.moments import SMALLEST_DIVISOR, semidefinite
 from rattle.scene.orbit import Impacts, Orbit, follow
 
-PLACES = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
+SECTION_PLACES = np.array([0, 2, 3, 4, 5])  # of tau and of the state among the section quantities
 STATES = np.arange(5)
-BLOCK = 256  # impacts whose derivatives are computed at once
+IMPACTS_AT_ONCE = 256  # impacts whose derivatives are computed at once
 
 
 class Steps(NamedTuple):
@@ -120,8 +120,8 @@ def propagate(
     speed = np.where(mesh == 1, before[:, 1], before[:, 3])[1 : found + 1]
     found = int(np.append(np.abs(speed) < slowest_impact(c, before[0]), True).argmax())
     hits = {m: contact_matrix(c, m, d, 1) for m in (1, 2)}
-    for low in range(0, found, BLOCK):
-        high = min(low + BLOCK, found)
+    for low in range(0, found, IMPACTS_AT_ONCE):
+        high = min(low + IMPACTS_AT_ONCE, found)
         ends = slice(low, high + 1)
         part = slice(low + 1, high + 1)
         steps = section_steps(c, Impacts.of(at, ends), d)
@@ -159,7 +159,7 @@ def propagate(
             thirds[n] = third
             third = map_cumulants(linear[n], third, made[n])
             moved[steps.bent] += bent[n]
-            shift[k, PLACES] = moved[:5]
+            shift[k, SECTION_PLACES] = moved[:5]
             shift[k, 1] = moved[0] - last
             cubes[n] = third[STATES, STATES, STATES]
             moved = image(hits[mesh[k]], moved)

@@ -6,11 +6,11 @@ four flanks where they vary, in the order +1, -1, +2, -2; flank ``side`` of a me
 (g + c)``, c its deviation. ``s' = H(s, n)``: let the path fly for the orbit's flight time, add the
 flight's noise ``n ~ N(0, Q)``, and continue (or go back) without noise to the path's own wall.
 
-A deviation that is drawn once per path is `PIECES` Gaussians for the branching closure, each with
-the mean and variance of the distribution in one cell of ``[-c_max, c_max]``: the tails of a single
-one reach events that no gear has (the means of DAT21 without noise are wrong by 0.2 sds with one,
-by 0.02 with six).  One that is drawn anew at each contact is one Gaussian: several would use up
-mixture components that the itineraries need.
+A deviation that is drawn once per path is `DEVIATION_PIECES` Gaussians for the branching closure,
+each with the mean and variance of the distribution in one cell of ``[-c_max, c_max]``: the tails of
+a single one reach events that no gear has (the means of DAT21 without noise are wrong by 0.2 sds
+with one, by 0.02 with six).  One that is drawn anew at each contact is one Gaussian: several would
+use up mixture components that the itineraries need.
 """
 
 import math
@@ -29,11 +29,11 @@ from rattle.scene.types import CUT
 
 Number = TypeVar("Number", int, Ints)
 
-PLAIN = 5  # components of the section state where no flank varies
+PLAIN_COMPONENTS = 5  # components of the section state where no flank varies
 # smallest half gap, as a share of the nominal one: the tail of a Gaussian must not close the gap
 NARROWEST = 0.01
-PIECES = 6  # Gaussians for the distribution of a deviation that is drawn once per path
-NODES = 20  # of the quadrature over a cell
+DEVIATION_PIECES = 6  # Gaussians for the distribution of a deviation that is drawn once per path
+CELL_NODES = 20  # of the quadrature over a cell
 
 
 class Pieces(NamedTuple):
@@ -52,10 +52,10 @@ def random_tolerance(scene: Scene) -> Tolerance | None:
 
 
 def pieces(distribution: str) -> Pieces:
-    """A random deviation as a mixture, one Gaussian for each of `PIECES` cells that are narrower
-    towards the ends."""
-    edges = -each(math.cos, np.linspace(0.0, np.pi, PIECES + 1))
-    node, share = gauss_legendre(NODES)
+    """A random deviation as a mixture, one Gaussian for each of `DEVIATION_PIECES` cells that are
+    narrower towards the ends."""
+    edges = -each(math.cos, np.linspace(0.0, np.pi, DEVIATION_PIECES + 1))
+    node, share = gauss_legendre(CELL_NODES)
     c = 0.5 * (edges[:-1, None] + edges[1:, None] + np.diff(edges)[:, None] * node)
     mass = share * np.diff(edges)[:, None]
     if distribution == "normal":
@@ -88,7 +88,7 @@ def start_covariance(scene: Scene) -> Floats:
     """
     tolerance = random_tolerance(scene)
     if tolerance is None:
-        return np.zeros((PLAIN, PLAIN))
+        return np.zeros((PLAIN_COMPONENTS, PLAIN_COMPONENTS))
     variance = np.repeat(tolerance.variances, 2)
     if scene.stages == 1:
         variance[2:] = 0.0
@@ -259,7 +259,7 @@ def derivatives(flight: LinearFlight, mesh: int, side: int, d: int) -> tuple[Flo
     matrix = np.zeros((d, d))
     flown[0, 0] = 1.0
     rate[0] = 1.0
-    for k in range(PLAIN, d):
+    for k in range(PLAIN_COMPONENTS, d):
         flown[k, k] = 1.0
     begun = apply(flight.propagator, flight.begun)
     for k in range(states):

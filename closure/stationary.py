@@ -19,7 +19,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from rattle.closure.mean_map import mean_map, refusals
 from rattle.closure.saltation import propagate
-from rattle.closure.section_map import PLAIN, section_derivatives
+from rattle.closure.section_map import PLAIN_COMPONENTS, section_derivatives
 from rattle.scene import SECTION, Floats, Ints, Scene
 from rattle.scene.flight import noise_covariance
 from rattle.scene.impact import GRAZE, contact_matrix
@@ -30,9 +30,9 @@ from rattle.scene.orbit import Impacts
 MAPPED = 4000  # impacts of a mean map whose average is taken
 DROPPED = 400  # of those, before the average begins
 BRANCHED = 32  # impacts through which `branching` is followed
-SETTLED = 0.02  # relative change between quarters of these impacts up to which it has converged
+CONVERGED = 0.02  # relative change between quarters of these impacts up to which it has converged
 DISCARDED = 0.02  # probability that may have been discarded by then
-LEFT = 1e-10  # of a start that the means have to forget
+LEAST_OF_START = 1e-10  # of a start that the means have to forget
 MOST_PASSES = 400  # cycles through which they are followed
 
 
@@ -64,13 +64,16 @@ def _cycle_map(scene: Scene, a: Attractor) -> tuple[Floats, Floats, Floats, Floa
     map of each one."""
     c = scene.constants
     size = 1 + 2 * scene.stages
-    first, _, _ = section_derivatives(c, Impacts.of(a), PLAIN)
+    first, _, _ = section_derivatives(c, Impacts.of(a), PLAIN_COMPONENTS)
     flights = zip(a.tau[:-1], np.diff(a.tau), strict=True)
     noise = transform(
-        first[:, :size, PLAIN:], np.array([noise_covariance(c, tau, t) for tau, t in flights])
+        first[:, :size, PLAIN_COMPONENTS:],
+        np.array([noise_covariance(c, tau, t) for tau, t in flights]),
     )
     flown = first[:, :size, :size]
-    hit = np.array([contact_matrix(c, mesh, PLAIN, 1)[:size, :size] for mesh in a.mesh[1:]])
+    hit = np.array(
+        [contact_matrix(c, mesh, PLAIN_COMPONENTS, 1)[:size, :size] for mesh in a.mesh[1:]]
+    )
     whole = np.eye(size)
     added = np.zeros((size, size))
     for f, q, h in zip(flown, noise, hit, strict=True):
@@ -129,7 +132,8 @@ def _second_order(
     n = a.impacts
     size = len(start)
     passes = min(
-        2 + (math.ceil(math.log(LEFT) / math.log(largest)) if largest > 0.0 else 0), MOST_PASSES
+        2 + (math.ceil(math.log(LEAST_OF_START) / math.log(largest)) if largest > 0.0 else 0),
+        MOST_PASSES,
     )
     turn = 2.0 * math.pi * a.periods
     cycles = Impacts(
@@ -223,7 +227,7 @@ def branching_law(scene: Scene) -> Law:
     early, late = (_join(t.parts, range(a + 1, b + 1)) for a, b in ((half, last), (last, BRANCHED)))
     for name in ("flight", "speed"):
         a, b = (float((law.weight * getattr(law, name)).sum()) for law in (early, late))
-        if abs(a - b) > SETTLED * abs(b):
+        if abs(a - b) > CONVERGED * abs(b):
             change = f"the mean {name} still changes by {abs(a / b - 1.0):.1%}"
             raise NotPredicted(f"it has not converged within {BRANCHED} impacts: {change}")
     return late

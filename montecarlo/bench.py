@@ -23,9 +23,9 @@ from rattle.montecarlo.settings import Record, Sampling, plan_of
 from rattle.scene import DAT21, Constants, Floats, Scene, Start, Tolerance
 from rattle.scene.compiled import jit, lean
 
-REPEATS = 25  # turns of slices
-STEP = 2.0 * math.pi / 1000.0
-LANES = 256  # of the floor: as many as the kernel takes through its steps together
+TURNS_OF_SLICES = 25  # turns of slices
+BENCH_STEP = 2.0 * math.pi / 1000.0
+FLOOR_LANES = 256  # of the floor: as many as the kernel takes through its steps together
 LOOPS = 100
 # of the skilled loop: enough that caches and branch predictors have learned it after another slice
 LOOP_PATHS = 1250
@@ -34,7 +34,7 @@ SKILLED = "a skilled loop in numba, without statistics"
 SCALAR = "one normal by standard_normal"
 NORMAL = "one standard normal"
 ARITHMETIC = "arithmetic of one step"
-FLIGHTS: dict[str, Any] = {"scheme": "exact-flight", "dt": math.pi / 96.0}
+EXACT_FLIGHTS: dict[str, Any] = {"scheme": "exact-flight", "dt": math.pi / 96.0}
 
 
 @lean
@@ -122,30 +122,35 @@ def _floor(scene: Scene) -> dict[str, tuple[Callable[[], Any], float]]:
     others take."""
     c = scene.constants
     key = key_of(np.random.SeedSequence(1))
-    paths = np.arange(LANES, dtype=np.uint64)
+    paths = np.arange(FLOOR_LANES, dtype=np.uint64)
     generator = np.random.Generator(np.random.SFC64(1))  # the fastest of numpy's
-    z, walls, state = np.zeros((3, 4, LANES + 8))
-    beyond = np.zeros(LANES, np.bool_)
-    still = np.zeros(LANES)
-    steps = [step_forcing(c, i * STEP, STEP) for i in range(LOOP_STEPS)]
+    z, walls, state = np.zeros((3, 4, FLOOR_LANES + 8))
+    beyond = np.zeros(FLOOR_LANES, np.bool_)
+    still = np.zeros(FLOOR_LANES)
+    steps = [step_forcing(c, i * BENCH_STEP, BENCH_STEP) for i in range(LOOP_STEPS)]
     forcing = np.array(steps)
     return {
         SKILLED: (
-            lambda: _skill_loop(c, generator, LOOP_PATHS, forcing, STEP),
+            lambda: _skill_loop(c, generator, LOOP_PATHS, forcing, BENCH_STEP),
             float(LOOP_PATHS * LOOP_STEPS),
         ),
         SCALAR: (lambda: _scalar_normals(generator, 100_000), 1e5),
-        NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * LANES * LOOPS),
+        NORMAL: (lambda: _normals(key, paths, z, LOOPS), 4.0 * FLOOR_LANES * LOOPS),
         ARITHMETIC: (
             lambda: _steps(c, steps[0], walls, state, still, beyond, LOOPS),
-            float(LANES * LOOPS),
+            float(FLOOR_LANES * LOOPS),
         ),
     }
 
 
 def _case(scene: Scene, statistics: bool = True, **settings: Any) -> tuple[Callable[[], Any], int]:
     """A call that runs a block, and its path-steps."""
-    usual: dict[str, Any] = {"paths": BLOCK, "impacts": 12, "dt": STEP, "scheme": "euler-maruyama"}
+    usual: dict[str, Any] = {
+        "paths": BLOCK,
+        "impacts": 12,
+        "dt": BENCH_STEP,
+        "scheme": "euler-maruyama",
+    }
     plan = plan_of(scene, **usual | settings)
     call = partial(run, plan, 0) if statistics else partial(sample, plan, 0, reuse=True)
     return call, sample(plan, 0).path_steps
@@ -182,22 +187,23 @@ def bench(scene: Scene | None = None) -> pd.DataFrame:
         ),
         "  with 2 dt and 4 dt for the step bias": (base, {"record": Record(step_bias=True)}),
         "euler-maruyama-located": (base, {"scheme": "euler-maruyama-located"}),
-        "exact-flight, dt = pi/96": (base, FLIGHTS),
-        "  the same, sigma = 0.1": (replace(base, sigma=0.1), FLIGHTS),
-        "  the same, paths alone": (base, FLIGHTS | alone),
-        "  with gaps redrawn at each contact": (redrawn, FLIGHTS),
+        "exact-flight, dt = pi/96": (base, EXACT_FLIGHTS),
+        "  the same, sigma = 0.1": (replace(base, sigma=0.1), EXACT_FLIGHTS),
+        "  the same, paths alone": (base, EXACT_FLIGHTS | alone),
+        "  with gaps redrawn at each contact": (redrawn, EXACT_FLIGHTS),
         "  with the linearised path as control variate": (
             base,
-            FLIGHTS | {"sampling": Sampling(control=True)},
+            EXACT_FLIGHTS | {"sampling": Sampling(control=True)},
         ),
         "  steps far from any wall, paths alone": (
             far,
-            FLIGHTS | {"sampling": Sampling(horizon=4.0)} | alone,
+            EXACT_FLIGHTS | {"sampling": Sampling(horizon=4.0)} | alone,
         ),
     }
     work = {name: _case(own, **settings) for name, (own, settings) in cases.items()}
     taken = slices(
-        _floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()}, REPEATS
+        _floor(base) | {name: (call, float(steps)) for name, (call, steps) in work.items()},
+        TURNS_OF_SLICES,
     )
     low = taken[NORMAL] + taken[ARITHMETIC]
     rows = {}

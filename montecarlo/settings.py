@@ -35,18 +35,18 @@ from rattle.scene import (
 NOISE_FREE = "noise-free"
 """Name of the itinerary of the noise-free path, by exact flights."""
 
-EXACT = "exact-flight"
+EXACT_SCHEME = "exact-flight"
 
 MOST_PATHS = 2**40
 MOST_WORKERS = 1024
-MOST_IMPACTS = 10_000  # a block of paths keeps every impact: 57 kB each
+MOST_IMPACTS_OF_A_RUN = 10_000  # a block of paths keeps every impact: 57 kB each
 
 HORIZON_PER_IMPACT = 50.0
 """Default time after which a path is given up, per impact asked for; flights of DAT21 last about
 0.5."""
 
-STEPS = 10**7
-MOST_STEPS = 10**9
+DEFAULT_STEPS = 10**7
+MOST_STEPS_OF_A_PATH = 10**9
 """Steps after which a path is given up: by default (half a minute for a block of slow paths), and
 at the most."""
 
@@ -150,7 +150,7 @@ def count_followed(scene: Scene, paths: int) -> int:
 
 def default_horizon(impacts: int, dt: float) -> float:
     """Time after which a path is given up where none is given."""
-    return min(HORIZON_PER_IMPACT * impacts, STEPS * dt)
+    return min(HORIZON_PER_IMPACT * impacts, DEFAULT_STEPS * dt)
 
 
 def check_settings(
@@ -166,7 +166,7 @@ def check_settings(
     """Refuse settings that `simulate` could not run, before any work."""
     check_scene(scene)
     count("paths", paths, most=MOST_PATHS)
-    count("impacts", impacts, most=MOST_IMPACTS)
+    count("impacts", impacts, most=MOST_IMPACTS_OF_A_RUN)
     count("workers", workers, most=MOST_WORKERS)
     choice("scheme", scheme, SCHEMES)
     read_seed(rng)
@@ -264,9 +264,9 @@ def exact_orbit(plan: Plan) -> Floats:
     Rows ``tau, flight, x1, y1, x2, y2, mesh * side`` of each impact, shape (impacts, 7); 0 after
     the last one.
     """
-    step = min(SCHEMES[EXACT].step, accurate_flight(plan.scene)[0])
+    step = min(SCHEMES[EXACT_SCHEME].step, accurate_flight(plan.scene)[0])
     return noise_free_path(
-        plan, EXACT, min(plan.dt, step) if plan.impacts > MOST_IN_A_STEP else step
+        plan, EXACT_SCHEME, min(plan.dt, step) if plan.impacts > MOST_IN_A_STEP else step
     )
 
 
@@ -284,9 +284,10 @@ def _horizon(given: float | None, impacts: int, dt: float, scheme: str) -> float
     """Time after which a path is given up: as given, if it can be waited for, or the default."""
     if given is None:
         return default_horizon(impacts, dt)
-    if positive("sampling.horizon", given) / dt > MOST_STEPS:
+    if positive("sampling.horizon", given) / dt > MOST_STEPS_OF_A_PATH:
         hours = given / dt * BLOCK * SCHEMES[scheme].step_ns * 1e-9 / 3600.0
-        why = f"must be at most {MOST_STEPS * dt:.3g}, {MOST_STEPS:.0e} steps of {dt:.3g}"
+        longest = MOST_STEPS_OF_A_PATH * dt
+        why = f"must be at most {longest:.3g}, {MOST_STEPS_OF_A_PATH:.0e} steps of {dt:.3g}"
         raise InputError(
             "sampling.horizon", given, f"{why}; {BLOCK} paths that last would take {hours:.3g} h"
         )

@@ -16,7 +16,7 @@ Number = TypeVar("Number", float, Floats)
 # Codes that `next_impact` returns in place of a mesh.
 NONE = 0  # no impact within the horizon
 REST = -1  # a mesh sticks: it touches its wall at zero speed and is accelerated into it
-LOST = -2  # the search was given up after MOST_STEPS steps
+LOST = -2  # the search was given up after MOST_SEARCH_STEPS steps
 MISSES = {
     NONE: "no impact within the horizon",
     REST: "a mesh sticks",
@@ -24,8 +24,8 @@ MISSES = {
 }
 """The same in words."""
 # time step off a wall that is touched at zero speed; the displacement in it is below rounding
-TOUCH = 1e-9
-MOST_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
+TOUCH_STEP = 1e-9
+MOST_SEARCH_STEPS = 1_000_000  # of the search for one impact; DAT21 takes about ten
 # most times that a step is enlarged, each time by 8: the first step may be as short as 1e-80
 SOON = 100
 # slowest impact that is no graze, over the largest of excitation, drag and initial speeds
@@ -127,8 +127,8 @@ def next_impact(
     resolved too.
 
     Returns: 1 or 2; `NONE` if there is no impact within the horizon; `REST` if a mesh sticks;
-    `LOST` after `MOST_STEPS` steps. If both meshes are struck at one instant mesh 1 comes first,
-    and mesh 2 follows after a flight of time 0. Returns: State just before the impact; the
+    `LOST` after `MOST_SEARCH_STEPS` steps. If both meshes are struck at one instant mesh 1 comes
+    first, and mesh 2 follows after a flight of time 0. Returns: State just before the impact; the
     displacement of the struck mesh is exactly that of its wall.
     """
     high1 = c.wall1 - x1
@@ -146,7 +146,7 @@ def next_impact(
     d2 = 0.0
     b1 = y1
     b2 = y2
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_SEARCH_STEPS):
         u1, u2 = wheel_speeds(c, tau + t, b1, b2)
         # -u_i'
         pull1 = c.beta1 * u1 + c.gamma1
@@ -195,7 +195,7 @@ def next_impact(
         if (
             t + step == t
         ):  # touching a wall at zero speed and acceleration: shorter steps change nothing
-            step = TOUCH
+            step = TOUCH_STEP
         t = min(t + step, horizon)
         d1, b1, d2, b2 = flow(c, tau, 0.0, y1, 0.0, y2, t)
     return t, LOST, 0, x1 + d1, b1, x2 + d2, b2

@@ -33,11 +33,13 @@ PERIOD = 2.0 * math.pi
 PERIODIC = "periodic"
 REST_FOR_GOOD = "rest"
 IRREGULAR = "irregular"
-"""Kinds of attractors; an irregular one is chaotic, or its period is longer than `LONGEST`."""
+"""Kinds of attractors; an irregular one is chaotic, or its period is longer than
+`LONGEST_CYCLE`.
+"""
 
-LONGEST = 64  # periods of the excitation
+LONGEST_CYCLE = 64  # periods of the excitation
 TRIES = (400, 4000, 30_000)  # impacts after which a period is looked for
-SAME = 1e-8  # difference of states, relative to the largest, up to which they are the same
+SAME_STATE = 1e-8  # difference of states, relative to the largest, up to which they are the same
 # phases at which states are compared: at one of them an impact may be due
 INSTANTS = (0.0, 1.0, 2.5, 4.5)
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -162,7 +164,7 @@ def _repeats(orbit: Orbit, end: float, periods: int, stages: int) -> bool:
         last, one, two = (
             orbit.state(end - instant - k * periods * PERIOD)[: 2 * stages] for k in range(3)
         )
-        allowed = SAME * max(np.abs(last).max(), 1e-12)
+        allowed = SAME_STATE * max(np.abs(last).max(), 1e-12)
         same += bool(max(np.abs(last - one).max(), np.abs(one - two).max()) <= allowed)
     return same >= len(INSTANTS) - 1
 
@@ -183,12 +185,14 @@ def attractor(scene: Scene, start: int = 0) -> Attractor:
         if orbit.stopped:
             return _end(orbit)
         end = float(orbit.tau[orbit.found])
-        for periods in range(1, LONGEST + 1):
+        for periods in range(1, LONGEST_CYCLE + 1):
             if end - own.phase < 4.0 * periods * PERIOD:
                 break
             if _repeats(orbit, end, periods, own.stages):
                 return _cycle(orbit, end, periods)
-    return _none(IRREGULAR, f"is chaotic, or has a period of more than {LONGEST} of the excitation")
+    return _none(
+        IRREGULAR, f"is chaotic, or has a period of more than {LONGEST_CYCLE} of the excitation"
+    )
 
 
 def _end(orbit: Orbit) -> Attractor:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 HORIZON = 1e4  # longest flight or sticking phase that is followed, in units of 1 / omega
 LEGS = 8  # most smooth pieces (legs) per impact; a sticking phase of one mesh takes 3
-POINTS = 40  # of a figure's curve from one leg to the next
+CURVE_POINTS = 40  # of a figure's curve from one leg to the next
 
 Leg = tuple[float, float, float, float, float, int, int]
 """``tau, x1, y1, x2, y2``, the side on which mesh 1 sticks, and that on which mesh 2 does."""
@@ -201,7 +201,7 @@ def first_state(scene: Scene) -> State:
     return x1, y1, x2, y2
 
 
-SHOWN = 12  # impacts of an itinerary that a repr shows
+ITINERARY_SHOWN = 12  # impacts of an itinerary that a repr shows
 
 
 class StickingPhase(NamedTuple):
@@ -265,8 +265,8 @@ class Orbit:
 
     def __repr__(self) -> str:
         """What was followed, on a few lines."""
-        codes = self.mesh[1 : SHOWN + 1] * self.side[1 : SHOWN + 1]
-        more = " ..." * (len(self.mesh) - 1 > SHOWN)
+        codes = self.mesh[1 : ITINERARY_SHOWN + 1] * self.side[1 : ITINERARY_SHOWN + 1]
+        more = " ..." * (len(self.mesh) - 1 > ITINERARY_SHOWN)
         lines = [
             (
                 f"Orbit: impacts 1 to {self.found}, tau = {self.tau[0]:.6g} to"
@@ -342,7 +342,7 @@ class Orbit:
 
         last = self.tau[self.found]
         begins = np.append(self.legs[self.legs[:, 0] < last, 0], last)
-        parts = [np.linspace(a, b, POINTS, endpoint=False) for a, b in pairwise(begins)]
+        parts = [np.linspace(a, b, CURVE_POINTS, endpoint=False) for a, b in pairwise(begins)]
         times = np.concatenate([*parts, [last]])
         states = np.array([self.state(t) for t in times])
         n = self.found + 1

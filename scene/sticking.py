@@ -21,7 +21,7 @@ from typing import Any
 from rattle.scene import drive as motion
 from rattle.scene.compiled import shared
 from rattle.scene.flight import State, flow, wheel_speeds
-from rattle.scene.impact import NONE, REST, TOUCH, next_impact, safe_time
+from rattle.scene.impact import NONE, REST, TOUCH_STEP, next_impact, safe_time
 from rattle.scene.types import Constants
 
 Sides = tuple[int, int]
@@ -29,7 +29,7 @@ Sides = tuple[int, int]
 
 # longest time, and largest relative change of the contact acceleration, of chatter that is summed
 # up
-CHATTER = 1e-6
+CHATTER_LIMIT = 1e-6
 
 
 @shared
@@ -227,12 +227,12 @@ def next_contact(
     if mesh == REST:
         return t, mesh, side, x1, y1, x2, y2, (0, 0)
     if mesh == NONE and opens <= horizon:
-        # step over the opening: TOUCH later the mesh moves inward, if by less than the rounding of
-        # its displacement
+        # step over the opening: TOUCH_STEP later the mesh moves inward, if by less than the
+        # rounding of its displacement
         mesh = REST
         side = first if which == 1 else second
         first, second = (0, second) if which == 1 else (first, 0)
-        x1, y1, x2, y2 = flow(c, tau + t, x1, y1, x2, y2, TOUCH)
+        x1, y1, x2, y2 = flow(c, tau + t, x1, y1, x2, y2, TOUCH_STEP)
         x1, y1, x2, y2 = stuck(c, x1, y1, x2, y2, (first, second))
         if which == 1:
             x1 = side * c.wall1
@@ -240,7 +240,7 @@ def next_contact(
         else:
             x2 = side * c.wall2
             y2 = -side * max(-side * y2, 1e-300)
-        t += TOUCH
+        t += TOUCH_STEP
     return t, mesh, side, x1, y1, x2, y2, (first, second)
 
 
@@ -281,7 +281,7 @@ def may_chatter(c: Constants, tau: float, y1: float, y2: float, mesh: int) -> bo
     """
     p1, p2, driver = _pulls(c, tau, y1, y2)
     most = (abs(p1) + abs(p2) + abs(driver)) / (1.0 - c.mu)
-    return (1.0 - c.epsilon) * CHATTER * most >= abs(y1 if mesh == 1 else y2)
+    return (1.0 - c.epsilon) * CHATTER_LIMIT * most >= abs(y1 if mesh == 1 else y2)
 
 
 @shared
@@ -293,10 +293,10 @@ def complete_chatter(
 
     The speed shrinks by epsilon from bounce to bounce, and the flight times ``2 w / a`` with it.
     Their sum is ``2 w / (a (1 - epsilon))``, w the speed after the impact and a the acceleration
-    towards the wall.  The sum is used where it is short, a changes by less than the share `CHATTER`
-    in it, and the other mesh meets no wall; its relative error is about `CHATTER`.  Two meshes that
-    throw each other back stick together, at once, when both are that slow and that close to their
-    walls: they are hardly ever on both at the same instant.
+    towards the wall.  The sum is used where it is short, a changes by less than the share
+    `CHATTER_LIMIT` in it, and the other mesh meets no wall; its relative error is about
+    `CHATTER_LIMIT`.  Two meshes that throw each other back stick together, at once, when both are
+    that slow and that close to their walls: they are hardly ever on both at the same instant.
 
     Returns: Time until the chatter is complete; infinite where impacts do not accumulate, or cannot
     be summed up yet.
@@ -317,7 +317,7 @@ def complete_chatter(
             gap = max(c.wall1 - abs(x1), c.wall2 - abs(x2), 0.0)
             speed = max(abs(y1), abs(y2)) + math.sqrt(2.0 * max(press1, press2) * gap)
             t = longest * speed / weakest
-            if t <= CHATTER and t * (jerk1 + jerk2) <= CHATTER * weakest:
+            if t <= CHATTER_LIMIT and t * (jerk1 + jerk2) <= CHATTER_LIMIT * weakest:
                 return 0.0, sides
     if mesh == 1:
         press = side * (p1 + driver)
@@ -332,7 +332,7 @@ def complete_chatter(
     if not (press > 0.0 and speed >= 0.0):
         return math.inf, (0, 0)
     t = longest * speed / press
-    if t > CHATTER or t * change > CHATTER * press:
+    if t > CHATTER_LIMIT or t * change > CHATTER_LIMIT * press:
         return math.inf, (0, 0)
     if c.stages == 2:
         if mesh == 1:

@@ -17,7 +17,7 @@ from rattle.scene.impact import struck
 from rattle.scene.linear_algebra import add_outer, dot, norm, put, put_scaled, times_transposed
 from rattle.scene.types import Constants, Floats, Ints
 
-SLOWEST = 1e-150
+SLOWEST_DIVISOR = 1e-150
 """Impact speeds below this are replaced by it in the saltation matrix, whose squares would
 overflow."""
 
@@ -55,7 +55,7 @@ def land(rate: Floats, i: int, flown: Floats) -> Floats:
 
     Shapes: `rate` (n,); `flown` (n, m); `late` (m,).
     """
-    speed = rate[i] if abs(rate[i]) > SLOWEST else np.copysign(SLOWEST, rate[i])
+    speed = rate[i] if abs(rate[i]) > SLOWEST_DIVISOR else np.copysign(SLOWEST_DIVISOR, rate[i])
     late = np.empty(flown.shape[1])
     for m in range(late.size):
         late[m] = -flown[i, m] / speed

@@ -22,7 +22,7 @@ from rattle.closure.branching.advance import Level
 from rattle.closure.branching.fixed_times import FixedTimes
 from rattle.closure.branching.mixture import moments
 from rattle.closure.moments import ERROR_PER_SLOW_SHARE, Trace, bounds, within
-from rattle.closure.section_map import PLAIN
+from rattle.closure.section_map import PLAIN_COMPONENTS
 from rattle.scene import Floats, Scene
 from rattle.scene.orbit import follow
 
@@ -134,8 +134,10 @@ def _trace(scene: Scene, impacts: int, order: int, level: Level) -> Trace:
         w = after.weight[:count]
         s = section.mean[:count]
         diagonal = np.diagonal(section.covariance[:count], axis1=1, axis2=2)
-        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1:PLAIN]])
-        variances = np.column_stack([diagonal[:, 0], flight[:count, 1], diagonal[:, 1:PLAIN]])
+        values = np.column_stack([s[:, 0], flight[:count, 0], s[:, 1:PLAIN_COMPONENTS]])
+        variances = np.column_stack(
+            [diagonal[:, 0], flight[:count, 1], diagonal[:, 1:PLAIN_COMPONENTS]]
+        )
         parts[k] = w / w.sum(), values, variances
         centre, sd[k], skew[k] = moments(w, values, variances)
         tau[k] = centre[0]

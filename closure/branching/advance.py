@@ -18,7 +18,7 @@ import numpy as np
 from rattle.closure.branching import propagate as component
 from rattle.closure.branching.mixture import Mixture, empty, reduce
 from rattle.closure.branching.propagate import Image
-from rattle.closure.section_map import PLAIN, column, redrawn_variances, start_pieces
+from rattle.closure.section_map import PLAIN_COMPONENTS, column, redrawn_variances, start_pieces
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
@@ -70,7 +70,7 @@ class Buffers(NamedTuple):
     doubt: Floats
 
 
-def buffers(size: int, d: int = PLAIN) -> Buffers:
+def buffers(size: int, d: int = PLAIN_COMPONENTS) -> Buffers:
     """Empty arrays for the components of a flight."""
     image = Image(empty(2 * size, d), np.zeros((2 * size, 2)), np.zeros((2 * size, d)))
     ignored, beyond, parent = np.zeros((3, size), np.int64)
@@ -359,7 +359,7 @@ def _strike(
             after.mean[kept, flank] = 0.0
             for k in range(hit.shape[0]):  # nothing is known of a deviation that is drawn anew
                 after.covariance[kept, flank, k] = after.covariance[kept, k, flank] = 0.0
-            after.covariance[kept, flank, flank] = redrawn[flank - PLAIN]
+            after.covariance[kept, flank, flank] = redrawn[flank - PLAIN_COMPONENTS]
         after.bent[kept] = section.bent[i]
         after.doubt[kept] = section.doubt[i]
         after.label[kept] = code + (ON_ORBIT if start.label[i // 2] > 2 and code == own else 0)
@@ -391,7 +391,7 @@ class Advance:
         start.weight[: self.live] = first.weight
         start.label[: self.live] = ON_ORBIT
         start.mean[: self.live] = first.mean
-        start.mean[: self.live, :PLAIN] += np.array([orbit.tau[0], *orbit.after[0]])
+        start.mean[: self.live, :PLAIN_COMPONENTS] += np.array([orbit.tau[0], *orbit.after[0]])
         start.covariance[: self.live] = first.variance
 
     def fly(self) -> Mixture:

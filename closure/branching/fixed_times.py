@@ -15,7 +15,7 @@ import numpy as np
 from rattle.closure.branching.advance import Advance, Buffers, Level
 from rattle.closure.branching.mixture import Mixture
 from rattle.closure.branching.propagate import event, half
-from rattle.closure.section_map import PLAIN, start_covariance
+from rattle.closure.section_map import PLAIN_COMPONENTS, start_covariance
 from rattle.scene import Constants, Floats, Ints, Scene
 from rattle.scene.compiled import internal, jit, splice
 from rattle.scene.flight import flow, jacobian, noise_covariance
@@ -157,19 +157,19 @@ def _at(
     for i in range(4):
         turned[i, 1 + i] = 1.0
     put(spread, congruence(turned, covariance))
-    start = mean[1:PLAIN].copy()
+    start = mean[1:PLAIN_COMPONENTS].copy()
     if done < t:
         rest = congruence(
             jacobian(c, -t), noise_covariance(c, f.centre[parent, 0] + done, t - done)
         )
-        gain = times(rest, f.regression[parent, 1:PLAIN])
+        gain = times(rest, f.regression[parent, 1:PLAIN_COMPONENTS])
         back = apply(gain, mean - f.centre[parent])
         for i in range(4):
             start[i] -= back[i]
             for j in range(d):
                 turned[i, j] -= gain[i, j]
         put(spread, congruence(turned, covariance))
-        known = times(gain[:, 1:PLAIN].copy(), rest)
+        known = times(gain[:, 1:PLAIN_COMPONENTS].copy(), rest)
         for i in range(4):
             for j in range(4):
                 spread[i, j] += rest[i, j] - known[i, j]
@@ -248,7 +248,7 @@ class FixedTimes:
         """Begin at the start of an orbit, before the first flight."""
         self.constants = scene.constants
         self.orbit = orbit
-        self.start = start_covariance(scene)[1:PLAIN, 1:PLAIN].copy()
+        self.start = start_covariance(scene)[1:PLAIN_COMPONENTS, 1:PLAIN_COMPONENTS].copy()
         self.most = FURTHER[0] * impacts + FURTHER[1]
         self.run = Advance(scene, orbit, level)
         self.flights: list[InFlight] = []

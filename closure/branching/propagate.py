@@ -12,7 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rattle.closure.branching.mixture import Mixture
-from rattle.closure.section_map import PLAIN, between, column, derivatives, linearise_flight
+from rattle.closure.section_map import (
+    PLAIN_COMPONENTS,
+    between,
+    column,
+    derivatives,
+    linearise_flight,
+)
 from rattle.scene import Constants, Floats
 from rattle.scene import linear_algebra as linalg
 from rattle.scene.compiled import internal, jit, splice
@@ -73,7 +79,7 @@ def event(c: Constants, e: Floats, before: Floats) -> tuple[float, int]:
     Shapes: `e` (5,) or (9,); `before` (4,).
     """
     middle1 = middle2 = 0.0
-    if e.size > PLAIN:
+    if e.size > PLAIN_COMPONENTS:
         c, middle1, middle2 = between(c, e)
     start = np.array([e[1] - middle1, e[2], e[3] - middle2, e[4]])
     t, mesh, side, x1, y1, x2, y2 = next_impact(
@@ -105,10 +111,10 @@ def root(sigma: Floats) -> tuple[int, Floats]:
     d = sigma.shape[0]
     weight = np.ones(d)
     weighed = sigma
-    if d > PLAIN:
+    if d > PLAIN_COMPONENTS:
         weighed = np.empty((d, d))
-        for i in range(PLAIN, d):
-            weight[i] += (i - PLAIN) / 8.0
+        for i in range(PLAIN_COMPONENTS, d):
+            weight[i] += (i - PLAIN_COMPONENTS) / 8.0
         for i in range(d):
             for k in range(d):
                 weighed[i, k] = weight[i] * sigma[i, k] * weight[k]
@@ -260,7 +266,7 @@ def _passing(
         for m in range(4):
             passing[k] += flown[m] * axes[1 + m, k]
         passing[k] += early * axes[0, k]
-        if centre.size > PLAIN:
+        if centre.size > PLAIN_COMPONENTS:
             passing[k] -= side * axes[column(mesh, side), k]
     return passing
 
@@ -321,11 +327,11 @@ def _derivatives(
     slowest = SLOWEST_IN_SPREADS * math.sqrt(2.0 * abs(pull) * linalg.norm(passing)) + 1e-9
     regular = before.copy()
     regular[i + 1] = side * max(slowest, side * before[i + 1])
-    flight = linearise_flight(c, centre[0], centre[1:PLAIN], t, regular)
+    flight = linearise_flight(c, centre[0], centre[1:PLAIN_COMPONENTS], t, regular)
     first, second = derivatives(flight, mesh, side, d)
     linear = linalg.times(first[:, :d].copy(), axes)
-    curve = np.zeros((PLAIN, axes.shape[1], axes.shape[1]))
-    for j in range(PLAIN):
+    curve = np.zeros((PLAIN_COMPONENTS, axes.shape[1], axes.shape[1]))
+    for j in range(PLAIN_COMPONENTS):
         linalg.put(curve[j], linalg.quadratic(second[j, :d, :d].copy(), axes))
     return linear, curve
 
@@ -337,7 +343,7 @@ def _most_bent(linear: Floats, curve: Floats) -> tuple[float, Floats]:
     u = np.zeros(linear.shape[1])
     worst = 0.0
     at = 0
-    for j in range(PLAIN):
+    for j in range(PLAIN_COMPONENTS):
         variance = linalg.inner(linear[j : j + 1], linear[j : j + 1])
         if variance > 1e-24:
             bend = 0.5 * linalg.inner(curve[j], curve[j]) / variance
@@ -368,7 +374,7 @@ def propagate(
     spread = section.covariance[at]
     flight = to.flight[at]
     linalg.put_row(mean, centre)
-    linalg.put_row(mean[1:PLAIN], before)
+    linalg.put_row(mean[1:PLAIN_COMPONENTS], before)
     mean[0] += t
     spread[:] = 0.0
     to.crossing[at] = 0.0
@@ -393,9 +399,9 @@ def propagate(
     linalg.put_row(to.crossing[at], linalg.apply(axes, linear[0]))
     flight[1] = linalg.dot(own, own)
     if straight:
-        for j in range(PLAIN):
+        for j in range(PLAIN_COMPONENTS):
             mean[j] += 0.5 * np.trace(curve[j])
-            for k in range(PLAIN):
+            for k in range(PLAIN_COMPONENTS):
                 spread[j, k] += 0.5 * linalg.inner(curve[j], curve[k])
         flight[0] += 0.5 * np.trace(curve[0])
         flight[1] += 0.5 * linalg.inner(curve[0], curve[0])
@@ -409,7 +415,7 @@ def propagate(
         times[k], there = event(c, end, before)
         met += there == code
         end[0] += times[k]
-        linalg.put_row(end[1:PLAIN], before)
+        linalg.put_row(end[1:PLAIN_COMPONENTS], before)
     if met == 2:
         for j in range(d):
             mean[j] = 0.5 * (ends[0, j] + ends[1, j])

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from rattle.compare.chaos.exponents import DRIFT, Exponents, SqrtLaw
 from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
-from rattle.compare.chaos.section import MAP, NOISY, ORBIT, Section
+from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectrum
 from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
@@ -24,7 +24,7 @@ from rattle.compare.report.texts import read_texts
 from rattle.scene import Bools, Floats
 
 SIDE: Any = {
-    ORBIT: {"color": "#0072B2", "marker": "o"},
+    ORBIT_SECTION: {"color": "#0072B2", "marker": "o"},
     MAP: {"color": "#009E73", "marker": "^"},
     NOISY: {"color": "#D55E00", "marker": "D"},
     DRIFT: {"color": "#D55E00", "marker": "D"},
@@ -106,7 +106,7 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
     for ax, ((kind, frequency, unit, highest), name) in zip(
         axes, product(kinds, names), strict=True
     ):
-        for side in (NOISY, ORBIT):
+        for side in (NOISY, ORBIT_SECTION):
             if (side, kind, name) in found:
                 _spectrum(ax, found[side, kind, name], side, highest)
         ax.set(yscale="log", xlabel=frequency)
@@ -146,13 +146,13 @@ def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
 
 def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
     """Draw the largest exponents with their intervals, and mark where the orbit sticks."""
-    for of in (ORBIT, DRIFT):
+    for of in (ORBIT_SECTION, DRIFT):
         rows = table[table["of"] == of].sort_values(field)
         colour = SIDE[of]["color"]
         x = rows[field].to_numpy()
         ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)
         ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
-        if of == ORBIT:
+        if of == ORBIT_SECTION:
             sticks = rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy()
             mark_values(ax, x, sticks, STICKS, **STICKING)
             ringed = rows[rows["regime"] == STICKS_AT_TIMES]
@@ -236,7 +236,9 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
     }
     for name, (e, style) in largest.items():
         if e.value[0] > 0.0:
-            ax.axhline(float(e.value[0]), color=SIDE[ORBIT]["color"], ls=style, lw=1.3, label=name)
+            ax.axhline(
+                float(e.value[0]), color=SIDE[ORBIT_SECTION]["color"], ls=style, lw=1.3, label=name
+            )
     ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)")
     ax.set_xlabel(r"distance $\delta$ of two paths on the same noise ($\nu_1$)")
     legend_above(figure, [ax], 1)

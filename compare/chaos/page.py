@@ -21,13 +21,13 @@ from rattle.compare.report.texts import (
 from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words
 
-FIGURES: dict[str, str] = read_texts("chaos")["figures"]
+CHAOS_CAPTIONS: dict[str, str] = read_texts("chaos")["figures"]
 """Captions of the figures, by name."""
-LARGE = ("sections", "spectra", "bifurcation")
+CHAOS_PARQUET = ("sections", "spectra", "bifurcation")
 """Tables that are written as Parquet."""
-WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
+CHAOS_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
 
-ROUNDING = 1e-12  # a smaller error of the exponents' sum is rounding
+ROUNDED_SUM = 1e-12  # a smaller error of the exponents' sum is rounding
 
 
 def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
@@ -70,11 +70,11 @@ def make_report(found: ChaosStudy, record: dict[str, Any]) -> Report:
         f"Chaos of {record['name']}",
         answer(found, tables),
         record,
-        {"captions": FIGURES, "missing": found.missing, "field": found.field, **tables},
-        glossary(*WORDS, gears=found.scene.gears),
+        {"captions": CHAOS_CAPTIONS, "missing": found.missing, "field": found.field, **tables},
+        glossary(*CHAOS_WORDS, gears=found.scene.gears),
         figures=draw(found),
-        tables={name: table for name, table in tables.items() if name not in LARGE},
-        large={name: table for name, table in tables.items() if name in LARGE},
+        tables={name: table for name, table in tables.items() if name not in CHAOS_PARQUET},
+        large={name: table for name, table in tables.items() if name in CHAOS_PARQUET},
         digits="%.10g",
     )
 
@@ -85,7 +85,7 @@ def _exponents(e: Exponents, name: str) -> str:
         return f"The {name} has no exponents: the path {e.regime.reason}."
     error = abs(e.sum_error)
     exact = "is the exact one, to rounding"
-    if error >= ROUNDING:
+    if error >= ROUNDED_SUM:
         exact = f"differs from the exact one by {error:.0e}"
     return (
         f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,}"

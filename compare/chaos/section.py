@@ -22,7 +22,7 @@ from rattle.compare.chaos.record import (
 )
 from rattle.scene import Floats, Ints, Scene
 
-ORBIT = "orbit"
+ORBIT_SECTION = "orbit"
 MAP = "mean map (corrected)"
 NOISY = "noisy system"
 SECTION_BINS = 300  # of counts, along either axis
@@ -143,7 +143,9 @@ def sections(
     with leave_out(missing, "the Poincaré sections"):
         edges = frame(scene, seed)
         with leave_out(missing, "the Poincaré section of the orbit"):
-            found[ORBIT] = _section(ORBIT, scene.stages, edges, _orbit_points(scene, points))
+            found[ORBIT_SECTION] = _section(
+                ORBIT_SECTION, scene.stages, edges, _orbit_points(scene, points)
+            )
             if scene.sigma > 0.0:
                 t = mean_map(scene, impacts=MAP_POINTS, closure="corrected").trace
                 mapped = np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1]

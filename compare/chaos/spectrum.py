@@ -22,7 +22,7 @@ from rattle.compare.chaos.record import (
     noisy_record,
     orbit_record,
 )
-from rattle.compare.chaos.section import NOISY, ORBIT
+from rattle.compare.chaos.section import NOISY, ORBIT_SECTION
 from rattle.montecarlo.coupling.dyadic import step_time
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats, Scene
@@ -185,7 +185,7 @@ def spectra(
 
     found: dict[tuple[str, str, str], Spectrum] = {}
     for side, pieces_of in (
-        (ORBIT, orbit),
+        (ORBIT_SECTION, orbit),
         (NOISY, lambda: in_threads(workers, noisy, range(SPECTRUM_PATHS))),
     ):
         with leave_out(missing, f"the spectra of the {side}"):

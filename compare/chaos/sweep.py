@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rattle.closure import closures_for, mean_map
 from rattle.compare.chaos.exponents import DRIFT, Exponents, drift_exponents, lyapunov
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
-from rattle.compare.chaos.section import NOISY, ORBIT, SECTION_BINS
+from rattle.compare.chaos.section import NOISY, ORBIT_SECTION, SECTION_BINS
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.montecarlo.kernel.blocks import Blocks
@@ -121,7 +121,7 @@ class ExponentsAt(AtValue):
         orbit = lyapunov(scene, width=width)
         drift = drift_exponents(scene, width=width, seed=self.seed)
         rows = [
-            _row(ORBIT, orbit),
+            _row(ORBIT_SECTION, orbit),
             _row("mean map (corrected, saltation)", orbit),
             _row(DRIFT, drift),
         ]
@@ -166,7 +166,7 @@ class VelocitiesAt(AtValue):
             if path.impacts >= self.points:
                 break
         orbit, regime = _orbit_velocities(self.scene, self.points, (1, 2))
-        found = {ORBIT: (orbit, regime), NOISY: (noisy[: self.points], path)}
+        found = {ORBIT_SECTION: (orbit, regime), NOISY: (noisy[: self.points], path)}
         table = pd.concat([pd.DataFrame({"side": side, "y1": v}) for side, (v, _) in found.items()])
         reasons = {side: "" if r.unfollowed else r.end for side, (_, r) in found.items()}
         return table.reset_index(drop=True), {"reasons": reasons, "brief": path.brief}
@@ -248,7 +248,7 @@ def bifurcation(
     edges = np.linspace(low, high, SECTION_BINS + 1)
     counts = {}
     reasons = {}
-    for side in (ORBIT, NOISY):
+    for side in (ORBIT_SECTION, NOISY):
         own = (content.table.loc[content.table["side"] == side, "y1"] for content in at)
         counts[side] = np.array([np.histogram(velocity, edges)[0] for velocity in own])
         reasons[side] = [content.facts["reasons"][side] for content in at]

@@ -19,9 +19,9 @@ from rattle.compare.report.texts import read_texts
 from rattle.scene import Scene, choice, count
 from rattle.scene.progress import ProgressBar
 
-FALSE_ALARM = 1e-3
+MOST_FALSE_ALARMS = 1e-3
 """Probability that at least one statistical check in a whole run of a correct program fails."""
-ROUNDING = 4e-15
+FORMULA_ROUNDING = 4e-15
 """A few roundings of a double: the default bound where a formula is compared with 400-digit
 arithmetic."""
 
@@ -128,9 +128,9 @@ Subject: TypeAlias = Callable[[int, int], Result]
 
 
 def limit(checks: int) -> float:
-    """Compute the admissible error of each check in standard errors, for `FALSE_ALARM` over all
-    (Bonferroni)."""
-    return float(-ndtri(0.5 * FALSE_ALARM / max(checks, 1)))
+    """Compute the admissible error of each check in standard errors, for `MOST_FALSE_ALARMS` over
+    all (Bonferroni)."""
+    return float(-ndtri(0.5 * MOST_FALSE_ALARMS / max(checks, 1)))
 
 
 def run_checks(
@@ -162,13 +162,13 @@ def run_checks(
 
 
 EXTREMES = read_texts("checks.extremes")
-PUBLISHED = read_texts("checks.published")
+CHECK_TEXTS = read_texts("checks.published")
 """What is said of each check at extreme values, and of each published result, by the name of its
 function."""
 
 
 def extreme(
-    allowed: float = ROUNDING, **texts: str
+    allowed: float = FORMULA_ROUNDING, **texts: str
 ) -> Callable[[Callable[[], Iterable[float]]], Subject]:
     """Decorate a function that yields errors, so that it returns the check of the worst of them;
     NaN is the worst.
@@ -209,7 +209,7 @@ def self_test(compute: Callable[[int, int], Found]) -> Subject:
     def check(seed: int = 0, workers: int = 2) -> Result:
         checks, controls = compute(seed, workers)
         own = {error: list(wrong) for error, wrong in controls.items()}
-        return Result(**PUBLISHED[compute.__name__], checks=list(checks), controls=own)
+        return Result(**CHECK_TEXTS[compute.__name__], checks=list(checks), controls=own)
 
     return check
 
@@ -261,7 +261,8 @@ def result_lines(results: Sequence[Result], *, all_checks: bool = False) -> list
         r.allowed for r in results if r.controls and any(check.se > 0.0 for check in r.checks)
     }
     each = (
-        f", each allowed {bounds.pop():.2f} standard errors (false alarm {FALSE_ALARM:g} over all)"
+        f", each allowed {bounds.pop():.2f} standard errors"
+        f" (false alarm {MOST_FALSE_ALARMS:g} over all)"
         if bounds
         else ""
     )
@@ -313,7 +314,7 @@ def results_record(results: Sequence[Result], seed: int) -> dict[str, Any]:
     """Results as plain data."""
     return {
         "holds": all(result.holds for result in results),
-        "false_alarm": FALSE_ALARM,
+        "false_alarm": MOST_FALSE_ALARMS,
         "seed": seed,
         "seconds": sum(result.seconds for result in results),
         "results": [result.to_dict() for result in results],

@@ -11,17 +11,17 @@ from markdown_it import MarkdownIt
 from markdown_it.tree import SyntaxTreeNode
 
 from rattle.compare.report.folder import page_files
-from rattle.compare.report.table import MARKS, NUMBER, TEXT, Column, Table, TableCell
+from rattle.compare.report.table import NUMBER, SIGNS_OF_MARKS, TEXT, Column, Table, TableCell
 from rattle.scene import FileError, harmless, line
 from rattle.scene.files import read_text
 
 COLOUR = {"good": "green", "bad": "red", "open": "magenta", "part": "yellow"}
-WORDS = ("text", "code_inline")
+WORD_NODES = ("text", "code_inline")
 """Kinds of nodes whose content is shown."""
 NARROWEST_COLUMN = 16
 """Characters below which a column of text is not narrowed."""
 GAP = "  "
-MARK_OF = {sign: mark for mark, sign in MARKS.items() if mark}
+MARK_OF = {sign: mark for mark, sign in SIGNS_OF_MARKS.items() if mark}
 
 
 class ShownSection(NamedTuple):
@@ -78,7 +78,7 @@ def put_answer_first(opening: ShownSection) -> ShownSection:
 
 def _text(node: SyntaxTreeNode) -> str:
     """The text of a block on one line, without its markup."""
-    return line("".join(inner.content for inner in node.walk() if inner.type in WORDS))
+    return line("".join(inner.content for inner in node.walk() if inner.type in WORD_NODES))
 
 
 def _bold(text: str, width: int, **style: Any) -> Iterator[str]:

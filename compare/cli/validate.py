@@ -101,7 +101,12 @@ def validate(
     from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
     from rattle.compare.report.provenance import Stopwatch, command_line, provenance
-    from rattle.compare.validation.answer import SECTION, UNFINISHED, answer, describe_left_out
+    from rattle.compare.validation.answer import (
+        SECTION_EXPLAINED,
+        UNFINISHED,
+        answer,
+        describe_left_out,
+    )
     from rattle.compare.validation.page import all_rows, draw_sections, write_report
     from rattle.compare.validation.transient import describe_transient
     from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
@@ -204,13 +209,18 @@ def validate(
             "repeated": None,
         }
         if repeated:
-            summary |= {"repeated": repeated.outcome == manifest.SAME, "repeat": repeated.to_dict()}
+            summary |= {
+                "repeated": repeated.outcome == manifest.BIT_FOR_BIT,
+                "repeat": repeated.to_dict(),
+            }
         say_json(summary | {"table": all_rows(validations).to_dict("records")})
     else:
         comparison = repeated.sentences if repeated else []
         # it explains a word at its first use
-        known = {sentence.replace(SECTION, "") for sentence in told}
-        new = [sentence for sentence in said if sentence.replace(SECTION, "") not in known]
+        known = {sentence.replace(SECTION_EXPLAINED, "") for sentence in told}
+        new = [
+            sentence for sentence in said if sentence.replace(SECTION_EXPLAINED, "") not in known
+        ]
         say_lines((*new, f"Report: {page}", *comparison))
     if repeated and repeated.outcome == manifest.DIFFERENT:
         sys.exit(EXIT_NOT_REPEATED)

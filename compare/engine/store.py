@@ -23,7 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, SoftFileLock, Timeout
 
-from rattle.compare.report.folder import ANY_TEXT, PART, describe_refusal, scratch_path
+from rattle.compare.report.folder import ANY_TEXT, PART_SUFFIX, describe_refusal, scratch_path
 from rattle.compare.report.json_text import json_digest, json_text
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.scene import OutputError, Scene, line
@@ -183,7 +183,7 @@ class Store:
         record = json_text({"key": cell.key, "facts": content.facts}, indent=None).encode()
         table = table.replace_schema_metadata({**table.schema.metadata, PARQUET_ENTRY: record})
         pq.write_table(table, sink, compression="zstd")
-        scratch = scratch_path(self.folder, ANY_TEXT, PART)
+        scratch = scratch_path(self.folder, ANY_TEXT, PART_SUFFIX)
         try:
             scratch.write_bytes(with_seal(sink.getvalue().to_pybytes()))
             os.replace(scratch, self.path(cell))

@@ -32,10 +32,10 @@ from rattle.scene.progress import ProgressBar
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SIGMAS = (1e-3, 2.0)  # where the noise intensity is searched by default
-ORDER = 4  # of the closures' moments
-IMPACTS = 12  # that must be accurate, by default
-POINTS = 8  # values of the scan, by default
+SIGMA_RANGE = (1e-3, 2.0)  # where the noise intensity is searched by default
+MOMENT_ORDER = 4  # of the closures' moments
+BOUNDARY_IMPACTS = 12  # that must be accurate, by default
+SCAN_POINTS = 8  # values of the scan, by default
 AROUND = 4.0  # other parameters: from a fourth of their value to four times it
 
 
@@ -140,8 +140,8 @@ def boundary(
     over: str = "sigma",
     between: tuple[float, float] | None = None,
     near: Iterable[float] = (),
-    impacts: int = IMPACTS,
-    points: int = POINTS,
+    impacts: int = BOUNDARY_IMPACTS,
+    points: int = SCAN_POINTS,
     width: float = 0.1,
     tolerances: Tolerances | None = None,
     searches: int = 1,
@@ -250,7 +250,7 @@ def boundary(
             try:
                 changed = parameter.scene_at(value)
                 with stop_after(seconds if method.own else math.inf):
-                    predicted = predict(changed, method, impacts, ORDER).phase_reduced
+                    predicted = predict(changed, method, impacts, MOMENT_ORDER).phase_reduced
                 found = search.judge_value(value, changed, predicted, simulate, z, limits)
             except BudgetEnded:
                 return ended
@@ -270,7 +270,8 @@ def boundary(
 def state_effort(label: str, parameter: Parameter, scene: Scene, points: int, impacts: int) -> None:
     """State what so many values of a search are expected to take, as those of one scene."""
     cells = [
-        Sample(scene, impacts, 0, paths=paths) for paths in (search.LOOKS[0], search.LOOKS[-1])
+        Sample(scene, impacts, 0, paths=paths)
+        for paths in (search.PATHS_OF_LOOKS[0], search.PATHS_OF_LOOKS[-1])
     ]
     with suppress(InputError):  # it cannot be simulated, which the search says of its value
         least, most = (work.core_seconds for work in expect_work(cells).values())
@@ -331,7 +332,7 @@ def find_range(
     own = parameter.value
     if between is None and over != "sigma" and not own > 0.0:
         raise InputError(name, None, f"give a range: {over} is {own:.4g} in this scene")
-    low, high = between or (SIGMAS if over == "sigma" else (own / around, own * around))
+    low, high = between or (SIGMA_RANGE if over == "sigma" else (own / around, own * around))
     if not positive(name, low) < positive(name, high):
         raise InputError(name, (low, high), "give a smaller and a larger value")
     for end in (low, high):

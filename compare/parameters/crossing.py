@@ -16,7 +16,7 @@ from rattle.compare.engine.run import Runner
 from rattle.compare.engine.store import open_store
 from rattle.compare.parameters.boundary import check_search, own_seed
 from rattle.compare.parameters.finding import Finding, list_undecided, with_unit
-from rattle.compare.parameters.search import MOST, find_changes, state_effort
+from rattle.compare.parameters.search import MOST_VALUES, find_changes, state_effort
 from rattle.compare.stationary.result import unit_of
 from rattle.compare.stationary.study import LongCell, LongResult
 from rattle.compare.validation.verdict import Verdict
@@ -33,21 +33,21 @@ from rattle.scene.progress import ProgressBar, do
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PATHS = 64  # of each long run
-LOOKS = (64, 256, 1024, 4096)
+CROSSING_PATHS = 64  # of each long run
+PERIODS_OF_LOOKS = (64, 256, 1024, 4096)
 """Periods after which a value is judged."""
-TAIL = tail_of(len(LOOKS) * MOST)
+TAIL = tail_of(len(PERIODS_OF_LOOKS) * MOST_VALUES)
 """Probability on each side of the interval of every look at every value."""
 TOO_NEAR = "too near the level to decide"
-BELOW = "below"
-ABOVE = "above"
+BELOW_LEVEL = "below"
+ABOVE_LEVEL = "above"
 
 
 class SideOfLevel(NamedTuple):
     """A value of the parameter, and on which side of the level the quantity is there."""
 
     value: float
-    verdict: str  # `BELOW`, `ABOVE` or `Verdict.UNDECIDED`
+    verdict: str  # `BELOW_LEVEL`, `ABOVE_LEVEL` or `Verdict.UNDECIDED`
     periods: int = 0
     estimate: float = math.nan  # of the quantity, with the bounds of its interval
     low: float = math.nan
@@ -120,7 +120,11 @@ class Crossing(Finding):
         span = f"from {over}{table['value'].min():.4g} to {table['value'].max():.4g}{unit}"
         said = []
         for edge in self.edges:
-            first, then = (BELOW, ABOVE) if edge.below < edge.above else (ABOVE, BELOW)
+            first, then = (
+                (BELOW_LEVEL, ABOVE_LEVEL)
+                if edge.below < edge.above
+                else (ABOVE_LEVEL, BELOW_LEVEL)
+            )
             up_to = f"{level} up to {over}{min(edge):.4g}{unit}"
             said.append(f"`{self.quantity}` is {first} {up_to} and {then} it at {max(edge):.4g}.")
         if len(self.edges) > 1:
@@ -240,8 +244,10 @@ def crossing(
     if progress:
         do(f"{progress}: timing a few paths")
         with suppress(InputError):  # it cannot be simulated, which the search says of its value
-            expected = expect_run(parameter.scene_at(low), PATHS, LOOKS[0], slow=slow)
-            most = expected.lengthen(LOOKS[-1] - LOOKS[0])
+            expected = expect_run(
+                parameter.scene_at(low), CROSSING_PATHS, PERIODS_OF_LOOKS[0], slow=slow
+            )
+            most = expected.lengthen(PERIODS_OF_LOOKS[-1] - PERIODS_OF_LOOKS[0])
             state_effort(progress, over, points, expected.core_seconds, most)
     units = "dimensionless" if scene.gears is None else "physical"
     bar = ProgressBar(label=progress, unit=" values")
@@ -261,7 +267,7 @@ def crossing(
                 bar.set_postfix_str(f"{over} = {value:.4g}, {periods:,} periods")
                 seed = own_seed(changed, whole)
                 cell = LongCell(
-                    changed, seed, (), periods=periods, paths=PATHS, slow=slow * same_speed
+                    changed, seed, (), periods=periods, paths=CROSSING_PATHS, slow=slow * same_speed
                 )
                 found: LongResult = store.obtain(cell, runner.compute)
                 return found
@@ -274,7 +280,7 @@ def crossing(
 
         with ThreadPoolExecutor(workers) as pool:
             changes, table = find_changes(
-                judge, low, high, points, width, first=BELOW, each=pool.map
+                judge, low, high, points, width, first=BELOW_LEVEL, each=pool.map
             )
     edges = tuple(Sides(below.value, above.value) for below, above in changes)
     unit = unit_of(quantity, scene.gears, units)[0]
@@ -293,7 +299,7 @@ def judge_level(
     `run`: Makes a long run of so many periods.
     """
     found = SideOfLevel(value, Verdict.UNDECIDED)
-    looks = Looks(LOOKS, budget=time_left)
+    looks = Looks(PERIODS_OF_LOOKS, budget=time_left)
     for periods in looks:
         try:
             result = run(periods)
@@ -302,9 +308,9 @@ def judge_level(
         estimate, low, high = find_interval(result, quantity)
         found = SideOfLevel(value, Verdict.UNDECIDED, periods, estimate, low, high)
         if high < level:
-            return found._replace(verdict=BELOW)
+            return found._replace(verdict=BELOW_LEVEL)
         if low > level:
-            return found._replace(verdict=ABOVE)
+            return found._replace(verdict=ABOVE_LEVEL)
         looks.why = "there are no such impacts" if math.isnan(estimate) else TOO_NEAR
         if estimate > 0.0:
             margin = abs(estimate - level)

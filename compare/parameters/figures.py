@@ -25,7 +25,7 @@ COLOURS: dict[str, str] = {
 }
 LESS = "#0072B2"
 MORE = "#D55E00"
-BENT = "#999999"
+BENT_COLOUR = "#999999"
 
 
 def boundary_figure(over: str, unit: str, edges: Sequence[Edge], points: pd.DataFrame) -> Figure:
@@ -125,7 +125,9 @@ def tornado(table: pd.DataFrame, quantities: list[str]) -> Figure:
         own = own.loc[own["effect"].abs().sort_values().index]
         value = 100.0 * own["effect"].to_numpy()
         y = np.arange(len(own))
-        colours = np.where(~own["linear"].astype(bool), BENT, np.where(value < 0.0, LESS, MORE))
+        colours = np.where(
+            ~own["linear"].astype(bool), BENT_COLOUR, np.where(value < 0.0, LESS, MORE)
+        )
         errors = 100.0 * np.abs(own[["low", "high"]].to_numpy().T - own["effect"].to_numpy())
         ax.barh(
             y, value, color=list(colours), xerr=errors, error_kw={"elinewidth": 1.0, "capsize": 2.0}

@@ -9,13 +9,13 @@ from rattle.compare.validation.verdict import Verdict
 from rattle.scene import as_html
 from rattle.scene.numpy_errors import numpy_defaults
 
-TEXTS = read_texts("parameters")
+PARAMETER_TEXTS = read_texts("parameters")
 
 
 def quantity_words(quantity: str) -> str:
     """A quantity in words."""
     kind, _, mesh = quantity.partition("_mesh")
-    words = TEXTS["quantities"].get(kind, f"`{kind}`")
+    words = PARAMETER_TEXTS["quantities"].get(kind, f"`{kind}`")
     return f"{words} at mesh {mesh}" if mesh else str(words)
 
 

@@ -15,8 +15,14 @@ from rattle.closure.mean_map import find_closure
 from rattle.compare.engine.cluster import Cluster
 from rattle.compare.engine.run import Runner, open_cells, run
 from rattle.compare.engine.store import Cell, Content
-from rattle.compare.parameters.boundary import IMPACTS, POINTS, boundary, find_range, state_effort
-from rattle.compare.parameters.finding import TEXTS, Finding, list_values, with_unit
+from rattle.compare.parameters.boundary import (
+    BOUNDARY_IMPACTS,
+    SCAN_POINTS,
+    boundary,
+    find_range,
+    state_effort,
+)
+from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding, list_values, with_unit
 from rattle.compare.parameters.search import Edge
 from rattle.compare.study.parameters import find_parameter
 from rattle.compare.validation.verdict import DECIDED
@@ -28,7 +34,7 @@ from rattle.scene.numpy_errors import numpy_defaults
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SETTINGS = ("between", "impacts", "points", "width", "tolerances", "rng")
+SEARCH_SETTINGS = ("between", "impacts", "points", "width", "tolerances", "rng")
 """Settings of every search; those of `boundary`."""
 NOWHERE = "nowhere accurate"
 
@@ -150,7 +156,7 @@ class BoundaryMap(Finding):
                 "way": "up to" if up.all() else "down to",
             }
             one_way = "one_way" if up.all() or not up.any() else "both_ways"
-            headline = TEXTS["edges"]["same" if low == high else one_way].format(**values)
+            headline = PARAMETER_TEXTS["edges"]["same" if low == high else one_way].format(**values)
             nowhere = self.curve[self.curve["why"] == NOWHERE]
             if len(nowhere):  # the least edge is not the least range of validity
                 at = f"{along} = {list_values(nowhere['along'])}{second}"
@@ -262,7 +268,7 @@ def boundary_map(
     np.True_
     """
     check_scene(scene)
-    check_keys("boundary_map", settings, SETTINGS)
+    check_keys("boundary_map", settings, SEARCH_SETTINGS)
     if along == over:
         raise InputError("along", along, "is the first parameter too; give another one")
     method = find_closure("closure", closure)
@@ -280,8 +286,8 @@ def boundary_map(
     asked = settings | {"closure": method, "over": over, "searches": values}
     if progress:
         low, _ = find_range(first, settings.get("between"))
-        points = settings.get("points", POINTS)
-        impacts = settings.get("impacts", IMPACTS)
+        points = settings.get("points", SCAN_POINTS)
+        impacts = settings.get("impacts", BOUNDARY_IMPACTS)
         state_effort("boundary", first, first.scene_at(low), values * points, impacts)
     found: dict[int, Found | str] = {}
     wave: dict[int, tuple[int, ...]] = {0: (), values - 1: ()}

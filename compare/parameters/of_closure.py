@@ -12,7 +12,7 @@ import pandas as pd
 
 from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
-from rattle.compare.parameters.finding import TEXTS, Finding
+from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding
 from rattle.compare.parameters.sensitivity import factors_of, find_slopes
 from rattle.compare.study.parameters import CHANGE, PERCENT, choose_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
@@ -35,14 +35,14 @@ from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES, ProgressBar
 
 # independent groups of paths, within a budget; random numbers are shared within each
-GROUPS = 16
-FEWEST = 4
-STEPS = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
-CLOSE = 1e-3  # the same of the closure, which has no noise
-MOMENTS = ("mean", "sd")
-ORDER = 4  # of the closure's moments
-SCHEME = "exact-flight"
-COLUMNS = [
+CLOSURE_GROUPS = 16
+FEWEST_GROUPS = 4
+SIMULATED_CHANGES = (0.005, 0.01)  # relative changes of a parameter that is simulated, up and down
+PREDICTED_CHANGE = 1e-3  # the same of the closure, which has no noise
+CHANGED_MOMENTS = ("mean", "sd")
+CHANGED_ORDER = 4  # of the closure's moments
+PAIRED_SCHEME = "exact-flight"
+CHANGE_COLUMNS = [
     "parameter",
     "impact",
     "quantity",
@@ -54,7 +54,7 @@ COLUMNS = [
     "low",
     "high",
 ]
-COLUMNS += ["tolerance", "linear", "verdict", "paths_needed"]
+CHANGE_COLUMNS += ["tolerance", "linear", "verdict", "paths_needed"]
 
 
 @numpy_defaults
@@ -107,14 +107,18 @@ class ClosureSensitivity(Finding):
         low, high = (
             worst["simulated"] + sign * 0.5 * (worst["high"] - worst["low"]) for sign in (-1.0, 1.0)
         )
-        said = TEXTS["changes"]
+        said = PARAMETER_TEXTS["changes"]
         return [
             said["counts"].format(
                 change=PERCENT, number=len(rows), closure=self.closure, counts=counts
             ),
             said["worst"].format_map(worst | {"from": low, "to": high}),
             f"{self.paths:,} paths of each scene.",
-            *([f"{bent} more are excluded: not linear over ± {STEPS[1]:.0%}."] if bent else []),
+            *(
+                [f"{bent} more are excluded: not linear over ± {SIMULATED_CHANGES[1]:.0%}."]
+                if bent
+                else []
+            ),
         ]
 
 
@@ -192,7 +196,7 @@ def closure_sensitivity(
         )
     count("impacts", impacts)
     left = begin_budget(budget)
-    each = -(-count("paths", paths, least=64 * GROUPS) // GROUPS)
+    each = -(-count("paths", paths, least=64 * CLOSURE_GROUPS) // CLOSURE_GROUPS)
     method = find_closure("closure", closure)
     method.check(scene)
     allowed = Tolerances(*tolerances) if tolerances else Tolerances()
@@ -200,13 +204,15 @@ def closure_sensitivity(
     scenes: dict[str, list[Scene]] = {}
     for name, parameter in chosen.items():
         try:
-            scenes[name] = [parameter.scene_at(f * parameter.value) for f in factors_of(STEPS)]
+            scenes[name] = [
+                parameter.scene_at(f * parameter.value) for f in factors_of(SIMULATED_CHANGES)
+            ]
         except InputError:  # a restitution of 1, say; left out unless it is asked for
             if parameters is not None:
                 raise
     every = [scene, *(one for changed in scenes.values() for one in changed)]
     # the same, so that random numbers are shared
-    dt = min(default_step(one, SCHEME, False) for one in every)
+    dt = min(default_step(one, PAIRED_SCHEME, False) for one in every)
     sampling = Sampling(control=small_noise(scene))
 
     def run(job: tuple[Scene, int]) -> Floats:
@@ -216,7 +222,7 @@ def closure_sensitivity(
             paths=each,
             impacts=impacts,
             dt=dt,
-            scheme=SCHEME,
+            scheme=PAIRED_SCHEME,
             rng=seed,
             sampling=sampling,
         )
@@ -226,20 +232,20 @@ def closure_sensitivity(
         run((scene, 0))  # compiles
         began = clock()
         run((scene, 0))
-        seconds = GROUPS * len(every) * (clock() - began)
-        said = f"{progress}: {GROUPS * len(every)} runs of {each:,} paths"
+        seconds = CLOSURE_GROUPS * len(every) * (clock() - began)
+        said = f"{progress}: {CLOSURE_GROUPS * len(every)} runs of {each:,} paths"
         ESTIMATES.info("%s", f"{said}, about {duration_text(seconds, 2)} of processor time")
-    bar = ProgressBar(label=progress, total=GROUPS * len(every), unit="run")
+    bar = ProgressBar(label=progress, total=CLOSURE_GROUPS * len(every), unit="run")
     done: list[list[Floats]] = []
     with ThreadPoolExecutor(workers) as pool, bar:
-        while len(done) < FEWEST or (len(done) < GROUPS and left.remaining > 0.0):
+        while len(done) < FEWEST_GROUPS or (len(done) < CLOSURE_GROUPS and left.remaining > 0.0):
             done.append([])
             for found in pool.map(run, [(one, len(done)) for one in every]):
                 done[-1].append(found)
                 bar.update()
     values = np.array(done).swapaxes(0, 1)  # (scenes, groups, moments, quantities, impacts)
     mesh = (
-        simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=SCHEME, rng=whole)
+        simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=PAIRED_SCHEME, rng=whole)
         .section["mesh"]
         .to_numpy()
     )
@@ -247,26 +253,31 @@ def closure_sensitivity(
     rows = []
     unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
     for k, name in enumerate(scenes):
-        near = [chosen[name].scene_at(f * chosen[name].value) for f in (1.0 - CLOSE, 1.0 + CLOSE)]
+        near = [
+            chosen[name].scene_at(f * chosen[name].value)
+            for f in (1.0 - PREDICTED_CHANGE, 1.0 + PREDICTED_CHANGE)
+        ]
         ends = [
-            _moments(predict(one, method, impacts, ORDER).phase_reduced.section, one, impacts)
+            _moments(
+                predict(one, method, impacts, CHANGED_ORDER).phase_reduced.section, one, impacts
+            )
             for one in near
         ]
-        slope = (ends[1] - ends[0]) / math.log((1.0 + CLOSE) / (1.0 - CLOSE))
+        slope = (ends[1] - ends[0]) / math.log((1.0 + PREDICTED_CHANGE) / (1.0 - PREDICTED_CHANGE))
         own = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, ...)
         for (m, q, i), predicted in np.ndenumerate(slope):
             place = {
                 "parameter": name,
                 "impact": i + 1,
                 "quantity": SECTION[q],
-                "moment": MOMENTS[m],
+                "moment": CHANGED_MOMENTS[m],
             }
             checks = slope.size * len(scenes)
             rows.append(
                 place | _change(predicted, own[:, :, m, q, i], unit[q, i], checks, allowed[m])
             )
     table = judge(pd.DataFrame(rows).assign(paths=float(len(done) * each)))
-    return ClosureSensitivity(scene, method.name, table[COLUMNS], len(done) * each)
+    return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], len(done) * each)
 
 
 def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
@@ -276,7 +287,7 @@ def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
     table = section.reindex(index=range(1, impacts + 1), columns=names)
     if scene.gears is not None:
         table *= [scene.gears.units.columns_of[name][1] for name in names]
-    return table.to_numpy(float).T.reshape(len(MOMENTS), len(SECTION), impacts)
+    return table.to_numpy(float).T.reshape(len(CHANGED_MOMENTS), len(SECTION), impacts)
 
 
 def _change(
@@ -289,7 +300,7 @@ def _change(
     """
     judged = unit > 0.0
     one = math.log1p(CHANGE) / unit if judged else math.nan
-    _, _, shown, linear = find_slopes(values, STEPS, checks)
+    _, _, shown, linear = find_slopes(values, SIMULATED_CHANGES, checks)
     simulated = one * float(shown.mean())
     se = one * float(shown.std(ddof=1)) / math.sqrt(len(shown))
     noise = float(half_width(len(shown), tail_of(checks, 1.0 - CONFIDENCE))) * se

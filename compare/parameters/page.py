@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rattle.compare.parameters import crossing, of_closure, search
 from rattle.compare.parameters.boundary import Boundary
 from rattle.compare.parameters.figures import tornado
-from rattle.compare.parameters.finding import TEXTS, Finding, with_unit
+from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding, with_unit
 from rattle.compare.parameters.map import BoundaryMap
 from rattle.compare.parameters.sensitivity import Sensitivity
 from rattle.compare.report.report import Report
@@ -18,14 +18,17 @@ from rattle.compare.study.parameters import PERCENT, RELATIVE_CHANGES
 from rattle.compare.validation import verdict
 from rattle.scene.text import percent
 
-MARKS = verdict.MARKS | {crossing.BELOW: "good", crossing.ABOVE: "bad"}
+FINDING_MARKS = verdict.MARKS | {crossing.BELOW_LEVEL: "good", crossing.ABOVE_LEVEL: "bad"}
 IN_TABLES = ("points", "curve", "table", "values")
-LOOKS = {"most": search.MOST, "looks": ", ".join(f"{n:,}" for n in search.LOOKS)}
-SEARCH = {"search": TEXTS["search"].format(**LOOKS)}
+LOOKS_TOLD = {
+    "most": search.MOST_VALUES,
+    "looks": ", ".join(f"{n:,}" for n in search.PATHS_OF_LOOKS),
+}
+SEARCH = {"search": PARAMETER_TEXTS["search"].format(**LOOKS_TOLD)}
 LONG_RUNS = {
-    "paths": crossing.PATHS,
-    "looks": ", ".join(f"{n:,}" for n in crossing.LOOKS),
-    "most": search.MOST,
+    "paths": crossing.CROSSING_PATHS,
+    "looks": ", ".join(f"{n:,}" for n in crossing.PERIODS_OF_LOOKS),
+    "most": search.MOST_VALUES,
 }
 
 
@@ -33,19 +36,23 @@ def _steps(near: float, far: float) -> dict[str, str]:
     return {"near": percent(near), "far": percent(far), "change": PERCENT}
 
 
-KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {
+FINDING_KINDS: dict[type[Finding], tuple[str, str, dict[str, Any]]] = {
     Boundary: ("boundary", "boundary", SEARCH),
     BoundaryMap: ("boundary", "map", SEARCH),
     crossing.Crossing: ("boundary", "crossing", LONG_RUNS),
     Sensitivity: ("sensitivity", "sensitivity", _steps(*RELATIVE_CHANGES)),
-    of_closure.ClosureSensitivity: ("sensitivity", "of_closure", _steps(*of_closure.STEPS)),
+    of_closure.ClosureSensitivity: (
+        "sensitivity",
+        "of_closure",
+        _steps(*of_closure.SIMULATED_CHANGES),
+    ),
 }
 """Name of the page, its template, and texts in it, by the kind of result."""
 
 
 def make_report(found: Any, record: dict[str, Any]) -> Report:
     """The report on a result."""
-    name, template, texts = KINDS[type(found)]
+    name, template, texts = FINDING_KINDS[type(found)]
     rows = getattr(found, found.shown)
     tables = {name: rows}
     content = {"found": found, **texts}
@@ -67,13 +74,13 @@ def make_report(found: Any, record: dict[str, Any]) -> Report:
     elif isinstance(found, crossing.Crossing):
         content["quantity"] = with_unit(found.quantity, found.quantity_unit)
     if "verdict" in rows:
-        rows = rows.assign(mark=rows["verdict"].map(MARKS).fillna(""))
+        rows = rows.assign(mark=rows["verdict"].map(FINDING_MARKS).fillna(""))
     facts = {
         key: value for key, value in found.to_dict().items() if key not in (*IN_TABLES, "answer")
     }
     return Report(
         name,
-        TEXTS["titles"][type(found).__name__].format(name=record["name"], **vars(found)),
+        PARAMETER_TEXTS["titles"][type(found).__name__].format(name=record["name"], **vars(found)),
         found.answer,
         record | facts,
         content | {"rows": rows},

@@ -26,11 +26,11 @@ from rattle.montecarlo.looks import Looks, widest
 from rattle.scene import SECTION, Scene, duration_text
 from rattle.scene.progress import ESTIMATES
 
-LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
+PATHS_OF_LOOKS = (4096, 16384, 65536, 262_144, 1_048_576)
 """Paths after which a value is judged."""
 # fewer paths say only roughly how many would decide, and too little of a branch near which they are
-ROUGH = LOOKS[2]
-MOST = 40  # values of a search
+ROUGH = PATHS_OF_LOOKS[2]
+MOST_VALUES = 40  # values of a search
 # share of a tolerance below which it does not matter what a branch that was not seen could change
 SLIGHT = 0.01
 
@@ -70,7 +70,7 @@ def critical(impacts: int, stages: int, searches: int = 1) -> Widths:
     """The half widths at every look of some searches (Bonferroni), one look of each value taken
     again."""
     rows = 2 * (len(SECTION) - (0 if stages == 2 else 2)) * impacts
-    looks = (len(LOOKS) + 1) * MOST * searches
+    looks = (len(PATHS_OF_LOOKS) + 1) * MOST_VALUES * searches
     return Widths(widest(looks), widest(rows * looks))
 
 
@@ -100,7 +100,7 @@ def judge_value(
     of them near it.
     """
     near_branches = False
-    looks = Looks(LOOKS, rough=ROUGH)
+    looks = Looks(PATHS_OF_LOOKS, rough=ROUGH)
     for paths in looks:
         run = simulate(scene, paths, near_branches)
         every = list_errors([predicted], run, tolerances)
@@ -118,7 +118,7 @@ def judge_value(
         rest = rest[rest["verdict"] == Verdict.UNDECIDED]
         needed = count_needed(rest, paths)
         may_aim = not (near_branches or scene.correlation_time)
-        if may_aim and not needed <= LOOKS[-1] and waits_for_branch(rest).any():
+        if may_aim and not needed <= PATHS_OF_LOOKS[-1] and waits_for_branch(rest).any():
             near_branches = True
             looks.repeat(ROUGH)
         else:
@@ -181,7 +181,7 @@ def find_changes(
         """Narrow the two values of a change; what stays undecided between them is approached from
         both sides."""
         # values are rounded
-        while len(known) < MOST and abs(math.log(bad.value / good.value)) > 1.001 * enough:
+        while len(known) < MOST_VALUES and abs(math.log(bad.value / good.value)) > 1.001 * enough:
             doubt = [value for value in known if _between(value, good.value, bad.value)]
             # the wider of the two gaps beside what is undecided, or the whole
             least, most = (min, max) if good.value < bad.value else (max, min)

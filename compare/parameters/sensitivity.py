@@ -45,11 +45,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # of each long run; a group is one long run of every scene
-PATHS = 32
-PERIODS = 64
-GROUPS = (4, 6, 9, 13, 19, 28, 42, 64)  # independent groups after which the intervals are looked at
-ACCURACY = 0.001
-BENT = 0.1  # share of an effect by which the two steps must differ to call it not linear
+GROUP_PATHS = 32
+GROUP_PERIODS = 64
+# independent groups after which the intervals are looked at
+GROUPS_OF_LOOKS = (4, 6, 9, 13, 19, 28, 42, 64)
+EFFECT_ACCURACY = 0.001
+BENT_SHARE = 0.1  # share of an effect by which the two steps must differ to call it not linear
 
 
 class _Job(NamedTuple):
@@ -190,7 +191,7 @@ def sensitivity(
     *,
     quantities: Sequence[str] | None = None,
     parameters: Sequence[str] | None = None,
-    accuracy: float = ACCURACY,
+    accuracy: float = EFFECT_ACCURACY,
     slow: float = 0.1,
     budget: float | None = None,
     rng: Rng = 0,
@@ -269,11 +270,11 @@ def sensitivity(
         except InputError as error:
             remarks[name] = f"cannot be changed by {RELATIVE_CHANGES[1]:.0%}: {error}"
     if progress and is_random(scene):
-        _state_estimate(progress, scene, GROUPS[0] * len(jobs), slow)
+        _state_estimate(progress, scene, GROUPS_OF_LOOKS[0] * len(jobs), slow)
     runs: list[dict[tuple[str, float], Floats]] = []  # logarithms of the quantities, for each group
     bar = ProgressBar(label=progress, unit="run")
     with ThreadPoolExecutor(workers) as pool, bar:
-        for groups in GROUPS:
+        for groups in GROUPS_OF_LOOKS:
             bar.total = groups * len(jobs)
             for group in range(len(runs), groups):
                 runs.append({})
@@ -295,7 +296,8 @@ def sensitivity(
             if reached or left.remaining < 0.0 or bool((table["se"].fillna(0.0) == 0.0).all()):
                 break
     said = (
-        f"{len(runs)} groups of {len(jobs)} long runs, {PATHS} paths of {PERIODS} periods each;"
+        f"{len(runs)} groups of {len(jobs)} long runs,"
+        f" {GROUP_PATHS} paths of {GROUP_PERIODS} periods each;"
         f" widest interval ± {half.max():.2g} for {PERCENT} of a parameter"
         + ("" if reached else f", NOT the {accuracy:g} asked for")
     )
@@ -305,12 +307,13 @@ def sensitivity(
 def _state_estimate(label: str, scene: Scene, runs: int, slow: float) -> None:
     """State what so many long runs are expected to take, as those of the scene itself."""
     do(f"{label}: timing a few paths")
-    seconds = runs * expect_run(scene, PATHS, PERIODS, slow=slow).core_seconds
+    seconds = runs * expect_run(scene, GROUP_PATHS, GROUP_PERIODS, slow=slow).core_seconds
     said = (
         f"{label}: {runs} long runs at the least, about {duration_text(seconds, 2)} of processor"
         " time"
     )
-    said += f"; up to {GROUPS[-1] // GROUPS[0]} times as many where the accuracy needs them"
+    more = GROUPS_OF_LOOKS[-1] // GROUPS_OF_LOOKS[0]
+    said += f"; up to {more} times as many where the accuracy needs them"
     ESTIMATES.info("%s", said)
 
 
@@ -329,7 +332,12 @@ def _run(
     same_speed = 1.0 if gears is None or base is None else base.units.speed / gears.units.speed
     try:
         found = stationary(
-            job.scene, periods=PERIODS, paths=PATHS, slow=slow * same_speed, closures=(), rng=rng
+            job.scene,
+            periods=GROUP_PERIODS,
+            paths=GROUP_PATHS,
+            slow=slow * same_speed,
+            closures=(),
+            rng=rng,
         )
     except InputError as error:  # no stationary motion is reached
         if not job.name:
@@ -413,7 +421,7 @@ def find_slopes(
     slopes = change / span
     bent = slopes[:, 0] - slopes[:, 1]
     differ = abs(bent.mean()) > _half_width(bent, checks)
-    if differ and abs(bent.mean()) > BENT * max(abs(slopes.mean(axis=0))):
+    if differ and abs(bent.mean()) > BENT_SHARE * max(abs(slopes.mean(axis=0))):
         return span, slopes, slopes[:, 0], False
     if differ:  # Richardson: the error of a central difference grows with the square of the step
         return span, slopes, slopes[:, 0] + bent / (span[1] ** 2 / span[0] ** 2 - 1.0), True

@@ -17,12 +17,13 @@ from rattle.scene.files import parse_json, read_regular
 from rattle.scene.progress import do
 
 MANIFEST = "manifest.json"
-FIGURES = "figures"  # folder of the figures of some reports
+FIGURES_FOLDER = "figures"  # folder of the figures of some reports
 LINKS = ("href", "src")  # of a link, and of a figure
 EARLIER = "page.json"  # a file that earlier versions wrote
-ROOM = 20_000_000  # bytes that must be free before a long run begins; a report takes a few million
+# bytes that must be free before a long run begins; a report takes a few million
+BYTES_FREE = 20_000_000
 # suffixes of scratch names: a folder or file being written, a folder being replaced
-PART = ".part"
+PART_SUFFIX = ".part"
 OLD = ".old"
 ANY_TEXT = "rattle"  # name in the scratch names of single files
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -89,8 +90,8 @@ def check_free(out: Path, ours: frozenset[str], overwrite: bool) -> None:
             raise OutputError(
                 f"out = {str(out)!r}: exists and is not a folder; choose another name"
             )
-        if (free := shutil.disk_usage(check_place(out)).free) < ROOM:
-            room = f"{free / 1e6:.1f} MB are free there; make room for {ROOM / 1e6:.0f} MB"
+        if (free := shutil.disk_usage(check_place(out)).free) < BYTES_FREE:
+            room = f"{free / 1e6:.1f} MB are free there; make room for {BYTES_FREE / 1e6:.0f} MB"
             raise OutputError(f"out = {str(out)!r}: {room}")
         inside = list_files(out) if out.exists() else set()
         refuse_foreign(out, inside - ours - linked_files(out, ours))
@@ -129,9 +130,9 @@ def report_files(name: str) -> frozenset[str]:
 def list_files(out: Path) -> set[str]:
     """What lies in a folder, and in that of its figures."""
     inside = {path.name for path in out.iterdir()}
-    if (out / FIGURES).is_dir():
-        inside.remove(FIGURES)
-        inside.update(f"{FIGURES}/{path.name}" for path in (out / FIGURES).iterdir())
+    if (out / FIGURES_FOLDER).is_dir():
+        inside.remove(FIGURES_FOLDER)
+        inside.update(f"{FIGURES_FOLDER}/{path.name}" for path in (out / FIGURES_FOLDER).iterdir())
     return inside
 
 
@@ -184,7 +185,7 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     """Context with a temporary folder; leftovers of killed processes under the same name are
     removed first."""
     sweep(parent, name)
-    scratch = scratch_path(parent, name, PART)
+    scratch = scratch_path(parent, name, PART_SUFFIX)
     scratch.mkdir()
     try:
         yield scratch
@@ -198,7 +199,7 @@ def write_whole(path: Path, text: str) -> None:
     with refusals(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent, ANY_TEXT)
-        scratch = scratch_path(path.parent, ANY_TEXT, PART)
+        scratch = scratch_path(path.parent, ANY_TEXT, PART_SUFFIX)
         try:
             scratch.write_text(text, encoding="utf-8")
             os.replace(scratch, path)
@@ -249,7 +250,7 @@ def sweep(parent: Path, name: str) -> None:
     """Remove scratch files and folders of killed processes; restore a folder that one was
     replacing."""
     pattern = re.compile(
-        rf"\.{re.escape(name)}-{re.escape(platform.node())}-(\d{{1,9}})-[0-9a-f]{{8}}(\{PART}|\{OLD})"
+        rf"\.{re.escape(name)}-{re.escape(platform.node())}-(\d{{1,9}})-[0-9a-f]{{8}}(\{PART_SUFFIX}|\{OLD})"
     )
     with suppress(OSError):  # a folder that may be written but not read
         for left in map(pattern.fullmatch, os.listdir(parent)):

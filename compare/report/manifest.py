@@ -20,7 +20,7 @@ from rattle.scene.files import read_json, read_text
 VERSION = 1
 """Version of the format of manifests."""
 
-TABLES = {"table_sha256": "table.csv", "validity_sha256": "validity.csv"}
+REPEATED_TABLES = {"table_sha256": "table.csv", "validity_sha256": "validity.csv"}
 """Tables by the name of their digest, which a repeated run must share with the first; timings are
 not covered."""
 
@@ -63,7 +63,8 @@ class Recorded(NamedTuple):
     """Content of the manifest of an earlier report."""
 
     settings: ReportSettings
-    digests: dict[str, str | None]  # of its tables, by `TABLES`; None where it has no such table
+    # of its tables, by `REPEATED_TABLES`; None where it has no such table
+    digests: dict[str, str | None]
     # see `versions`; entries that an earlier version of this program did not record are missing
     versions: dict[str, str]
     tables: dict[str, str]  # texts of those that lie beside the manifest
@@ -86,12 +87,12 @@ def read_settings(path: Path) -> Recorded:
             for name in ("closures", "validity", "beside")
             if name in settings
         }
-        digests = {name: data.get(name) for name in TABLES}
+        digests = {name: data.get(name) for name in REPEATED_TABLES}
         if digests["table_sha256"] is None:
             raise KeyError("table_sha256")
         versions = {str(of): str(version) for of, version in data.get("versions", {}).items()}
         tables = {}
-        for of, file in TABLES.items():
+        for of, file in REPEATED_TABLES.items():
             with suppress(FileError):
                 tables[of] = read_text("table", path.parent / file, "a CSV file")
         settings = ReportSettings(**{**settings, "scenes": scenes, **lists})
@@ -121,11 +122,11 @@ def digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-SAME = "bit for bit"
+BIT_FOR_BIT = "bit for bit"
 ROUNDED = "but for rounding"
 DIFFERENT = "different"
 
-ROUNDING = 0.01
+SAMPLED_ROUNDING = 0.01
 """The largest difference that counts as rounding, in standard errors of the simulated number:
 another seed makes one.
 
@@ -133,14 +134,24 @@ Code for other vector instructions sums in another order (2e-14 sd between two k
 Where products are rounded differently too, one path in a million takes another itinerary: 1e-3
 standard errors (256 000 paths of DAT21).
 """
-EXACT = 1e-9
+PREDICTED_ROUNDING = 1e-9
 """The same for numbers that are not sampled, those of a closure, in sds of the quantity (measured:
 5e-15)."""
 RELATIVE = 1e-3
 """At small noise this share of a value replaces the sd as unit of differences: rounding errors
 scale with the value."""
 
-SAMPLED = {"simulated", "se", "bias", "error", "low", "high", "unit", "tolerance", "agreement"}
+SAMPLED_COLUMNS = {
+    "simulated",
+    "se",
+    "bias",
+    "error",
+    "low",
+    "high",
+    "unit",
+    "tolerance",
+    "agreement",
+}
 """Columns that are estimated from the paths."""
 DERIVED = {"paths_needed", "why", "remark"}
 """Not compared, for they follow from other columns: by a difference that may nearly cancel, or in
@@ -165,7 +176,7 @@ class Difference(NamedTuple):
 class Repeat(NamedTuple):
     """Result of comparing a repeated report with the first."""
 
-    outcome: str  # `SAME`, `ROUNDED` or `DIFFERENT`
+    outcome: str  # `BIT_FOR_BIT`, `ROUNDED` or `DIFFERENT`
     largest: Difference | None  # none if both are the same, or if only digests could be compared
     why: str  # why only digests could be compared; else empty
     # versions and properties of the processor that differ: as recorded (None if not recorded), and
@@ -175,7 +186,7 @@ class Repeat(NamedTuple):
     @property
     def sentences(self) -> list[str]:
         """The result in sentences for the user."""
-        if self.outcome == SAME:
+        if self.outcome == BIT_FOR_BIT:
             return ["Repeated bit for bit."]
         found = (
             "Repeated but for rounding"
@@ -193,8 +204,8 @@ class Repeat(NamedTuple):
         )
         size = f"the largest difference is {self.largest.sds:.2g} sd{errors} ({self.largest.where})"
         bound = (
-            f"Up to {ROUNDING:g} standard errors, or {EXACT:g} sd where nothing is sampled, counts"
-            " as rounding."
+            f"Up to {SAMPLED_ROUNDING:g} standard errors, or {PREDICTED_ROUNDING:g} sd"
+            " where nothing is sampled, counts as rounding."
         )
         return [f"{found}: {size}. {bound}", self._versions]
 
@@ -240,7 +251,7 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
     changed = {
         n: (there.get(n), here.get(n)) for n in {**here, **there} if there.get(n) != here.get(n)
     }
-    differing = [name for name in TABLES if now[name] != recorded.digests[name]]
+    differing = [name for name in REPEATED_TABLES if now[name] != recorded.digests[name]]
     altered = [
         name
         for name, text in recorded.tables.items()
@@ -248,7 +259,7 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
     ]
     found = []
     for name in differing:
-        file = TABLES[name]
+        file = REPEATED_TABLES[name]
         if now[name] is None or recorded.digests[name] is None:
             found.append(Difference(math.inf, math.inf, math.nan, f"only one of them has {file}"))
         elif name not in recorded.tables or name in altered:
@@ -260,12 +271,12 @@ def compare(recorded: Recorded, now: Mapping[str, Any], folder: Path) -> Repeat:
             one = difference(before, pd.read_csv(folder / file), recorded.settings.paths)
             found.append(one._replace(where=f"{file}, {one.where}"))
     if altered:
-        files = " and ".join(TABLES[name] for name in altered)
+        files = " and ".join(REPEATED_TABLES[name] for name in altered)
         found.append(
             Difference(math.inf, math.inf, math.nan, f"{files} beside it was changed since")
         )
     if not found:
-        return Repeat(SAME, None, "", changed)
+        return Repeat(BIT_FOR_BIT, None, "", changed)
     largest = max(found, key=lambda one: one.excess)
     return Repeat(ROUNDED if largest.excess <= 1.0 else DIFFERENT, largest, "", changed)
 
@@ -278,7 +289,9 @@ def difference(one: pd.DataFrame, other: pd.DataFrame, paths: int) -> Difference
     for name in one.columns.difference(list(DERIVED), sort=False):
         sds, errors = _differences(one, other, name, paths)
         sampled = np.isfinite(errors) & (errors > 0.0)
-        allowed = EXACT + ROUNDING * np.divide(sds, errors, out=np.zeros_like(sds), where=sampled)
+        allowed = PREDICTED_ROUNDING + SAMPLED_ROUNDING * np.divide(
+            sds, errors, out=np.zeros_like(sds), where=sampled
+        )
         excess = sds / allowed
         row = int(np.argmax(excess)) if len(excess) else 0
         if len(excess) and excess[row] > largest.excess:
@@ -307,5 +320,5 @@ def _differences(
     gap = np.where(same, 0.0, (a - b).abs())
     with np.errstate(invalid="ignore", divide="ignore"):
         sds = np.where(same, 0.0, gap / np.fmax.reduce([s.to_numpy(float) for s in sizes]))
-        errors = np.where(error > 0.0, gap / error, math.nan) if name in SAMPLED else none
+        errors = np.where(error > 0.0, gap / error, math.nan) if name in SAMPLED_COLUMNS else none
     return np.where(np.isnan(sds), math.inf, sds), errors

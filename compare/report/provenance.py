@@ -21,7 +21,7 @@ from rattle.scene.sources import PACKAGES, describe_difference, sources_in
 
 COMPILER: Any = numba.config  # numba has no type annotations
 
-DISTRIBUTIONS = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
+VERSIONED = ("rattle", "numpy", "numba", "llvmlite", "scipy", "pandas", "matplotlib", "pyarrow")
 
 
 class Stopwatch:
@@ -65,7 +65,7 @@ def versions() -> dict[str, str]:
         "compiled for": COMPILER.CPU_NAME or binding.get_host_cpu_name(),
         "vectors": _vectors(),
     }
-    for package in DISTRIBUTIONS:
+    for package in VERSIONED:
         found[package] = "not installed"
         with suppress(importlib.metadata.PackageNotFoundError):
             # another may be installed by now

@@ -233,7 +233,7 @@ def _base64(data: bytes) -> str:
 TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
 DATA = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.(csv|parquet|toml)")
 """Names of the files beside a page to which it links."""
-LONG = 40
+LONGEST_PRINTED = 40
 """Folded tables with more rows are not printed: paper cannot sort them, and the table files hold
 them."""
 
@@ -277,7 +277,7 @@ def html(report: Report, folder: Path) -> str:
         "block": lambda value: escape(harmless(value).rstrip()),
         "embed": lambda path: _data_address(folder / path),
     }
-    values = embed_files("rattle.compare.report", "page") | {"LONG": LONG}
+    values = embed_files("rattle.compare.report", "page") | {"LONG": LONGEST_PRINTED}
     return _render(report, folder, "html", plain, filters, **values)
 
 

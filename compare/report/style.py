@@ -38,12 +38,12 @@ STYLE = Styles(
     {name: {"color": closure.color, "marker": closure.marker} for name, closure in CLOSURES.items()}
 )
 STYLE["monte carlo"] = {"color": "#000000", "marker": "D"}
-ACCURATE = "#56B4E9"
+ACCURATE_COLOUR = "#56B4E9"
 FORBIDDEN = "#CC79A7"
 SYMBOL = {"tau": r"$\tau$", "flight": r"$\Delta\tau$", "rho1": r"$\rho_1$", "rho2": r"$\rho_2$"}
 SYMBOL |= {name: f"${name[0]}_{name[1]}$" for name in STATE}
 
-SETTINGS: Any = mpl.rc_params_from_file(
+FIGURE_SETTINGS: Any = mpl.rc_params_from_file(
     str(files("rattle.compare.report") / "templates" / "figures.mplstyle"),
     use_default_template=False,
 )
@@ -51,7 +51,7 @@ SETTINGS: Any = mpl.rc_params_from_file(
 
 def new_figure(width: float, height: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
     """A figure with a grid of panels."""
-    with mpl.rc_context(SETTINGS):
+    with mpl.rc_context(FIGURE_SETTINGS):
         figure = ShownFigure(figsize=(width, height), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False)
     return figure, list(axes.ravel())
@@ -88,6 +88,6 @@ def caption_of(figure: Figure, parts: Iterable[tuple[str, str]]) -> str:
 def render(figure: Figure) -> bytes:
     """Draw a figure as SVG; equal figures give equal files."""
     drawn = BytesIO()
-    with mpl.rc_context(SETTINGS):
+    with mpl.rc_context(FIGURE_SETTINGS):
         figure.savefig(drawn, format="svg", metadata={"Date": None})
     return drawn.getvalue()

@@ -14,10 +14,10 @@ NUMBER = "number"
 """Kinds of a column: text, aligned left and sorted alphabetically; numbers, aligned right and
 sorted by value."""
 
-MARKS = {"": "", "good": "✓", "bad": "✗", "open": "?", "part": "◐"}
+SIGNS_OF_MARKS = {"": "", "good": "✓", "bad": "✗", "open": "?", "part": "◐"}
 """Marks of a cell for the verdict on it, and their signs."""
 
-NOTHING = "–"  # shown in place of NaN
+NO_VALUE = "–"  # shown in place of NaN
 
 
 def leading_number(text: str) -> float | None:
@@ -31,13 +31,13 @@ class TableCell:
     """A cell of a table."""
 
     text: str
-    mark: str = ""  # the verdict on it, a key of `MARKS`
+    mark: str = ""  # the verdict on it, a key of `SIGNS_OF_MARKS`
     value: float | None = None  # number by which it is sorted; finite
 
     @property
     def display(self) -> str:
         """The text, followed by the sign of its mark if it has one."""
-        return f"{self.text} {MARKS[self.mark]}" if self.mark else self.text
+        return f"{self.text} {SIGNS_OF_MARKS[self.mark]}" if self.mark else self.text
 
     @classmethod
     def of(cls, content: "TableCell | str | float", kind: str) -> "TableCell":
@@ -47,7 +47,7 @@ class TableCell:
         elif isinstance(content, str):
             cell = cls(content)
         elif not math.isfinite(content):
-            cell = cls(NOTHING if math.isnan(content) else f"{content:g}")
+            cell = cls(NO_VALUE if math.isnan(content) else f"{content:g}")
         else:
             whole = float(content).is_integer() and abs(content) < 1e9
             cell = cls(f"{int(content):,}" if whole else f"{content:.4g}", value=float(content))

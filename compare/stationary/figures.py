@@ -14,14 +14,14 @@ from matplotlib.figure import Figure
 from rattle.closure.stationary import Law
 from rattle.compare.chaos.figures import FIELD_NAMES, field_edges, mark_values
 from rattle.compare.chaos.sweep import Bifurcation
-from rattle.compare.report.style import ACCURATE, STYLE, legend_above, new_figure
+from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.statistics.intervals import half_width
 from rattle.scene import Floats, Gears
 
-SIMULATED: Any = STYLE["monte carlo"]["color"]
+SIMULATED_COLOUR: Any = STYLE["monte carlo"]["color"]
 DEEP = 1e-3  # lower end of the colours of a density, relative to its highest
-WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
+LEGEND_WIDTH = 7.4  # inches, that the legend of a figure with one panel takes
 
 
 def draw(
@@ -44,7 +44,9 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
     """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that
     of the closures."""
     t = half_width(run.paths)
-    figure, axes = new_figure(max(4.6 * len(run.densities), WIDTH), 3.6, 1, len(run.densities))
+    figure, axes = new_figure(
+        max(4.6 * len(run.densities), LEGEND_WIDTH), 3.6, 1, len(run.densities)
+    )
     factor, unit = speed_unit(gears)
     for ax, density in zip(axes, run.densities, strict=True):
         value, se = (part / factor for part in run.velocity_density(density.mesh))
@@ -52,10 +54,10 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
         top = float((value + t * se).max())
         least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
         middle, low, high = (np.maximum(v, least) for v in (value, value - t * se, value + t * se))
-        ax.stairs(middle, edges, baseline=least, color=SIMULATED, lw=1.2, label="simulation")
+        ax.stairs(middle, edges, baseline=least, color=SIMULATED_COLOUR, lw=1.2, label="simulation")
         band: Any = {
             "fill": True,
-            "color": SIMULATED,
+            "color": SIMULATED_COLOUR,
             "alpha": 0.25,
             "lw": 0,
             "label": "simulation: 95 % interval",
@@ -171,7 +173,7 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
     names = list(dict.fromkeys(rows["quantity"]))[::-1]
     closures = list(dict.fromkeys(rows["closure"]))
     figure, (ax,) = new_figure(7.4, 1.2 + 0.17 * len(names), 1, 1)
-    ax.axvspan(-1.0, 1.0, color=ACCURATE, alpha=0.3, lw=0, label="accurate")
+    ax.axvspan(-1.0, 1.0, color=ACCURATE_COLOUR, alpha=0.3, lw=0, label="accurate")
     for i, closure in enumerate(closures):
         own = rows[rows["closure"] == closure]
         at = np.array([names.index(n) for n in own["quantity"]]) + 0.25 * (

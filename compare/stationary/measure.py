@@ -12,7 +12,7 @@ from rattle.compare.stationary.result import Stationary
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, law_of, values_of
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import groups, most_unseen
-from rattle.montecarlo.long_run.run import ASKED, PATHS
+from rattle.montecarlo.long_run.run import ASKED, LONG_RUN_PATHS
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
 from rattle.scene import Scene, check_scene, choice, compile_ahead
@@ -20,8 +20,16 @@ from rattle.scene.long_orbit import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import do
 
-STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
-COLUMNS = ["value", "se", "low", "high", "autocorrelation", "se_batches", "effective_paths"]
+ATTRACTOR_STARTS = 12  # orbits that are followed to find the attractors of a scene without noise
+ESTIMATE_COLUMNS = [
+    "value",
+    "se",
+    "low",
+    "high",
+    "autocorrelation",
+    "se_batches",
+    "effective_paths",
+]
 
 
 @numpy_defaults
@@ -31,7 +39,7 @@ def stationary(
     accuracy: float | None = None,
     periods: int | None = None,
     quantities: Sequence[str] = ASKED,
-    paths: int = PATHS,
+    paths: int = LONG_RUN_PATHS,
     burn_in: int | None = None,
     slow: float = 0.1,
     budget: float | None = None,
@@ -129,7 +137,9 @@ def stationary(
         raise BurnInError("burn_in", refused.value, why) from refused
     do("stationary: the errors of all quantities")
     rows = [tuple(e) for e in run.estimates.values()]
-    table = pd.DataFrame(rows, columns=COLUMNS, index=pd.Index(run.estimates, name="quantity"))
+    table = pd.DataFrame(
+        rows, columns=ESTIMATE_COLUMNS, index=pd.Index(run.estimates, name="quantity")
+    )
     said = (
         f"{run.impacts:,} impacts on {run.paths} paths of {run.periods:,} periods each, after a"
         f" burn-in of {run.burn_in.periods:,}; the orbit without noise {own.reason}."
@@ -143,7 +153,7 @@ def _exact_table(values: dict[str, float]) -> pd.DataFrame:
     table = pd.DataFrame(
         {"value": value, "se": se, "low": value, "high": value}, index=pd.Index(values)
     )
-    return table.reindex(columns=COLUMNS).rename_axis("quantity")
+    return table.reindex(columns=ESTIMATE_COLUMNS).rename_axis("quantity")
 
 
 def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary:
@@ -203,7 +213,7 @@ def _attractors(scene: Scene, own: Attractor) -> list[list[Attractor]]:
     """The attractors without noise, each as found from some of the starts, that of the scene's own
     start first."""
     kinds: list[list[Attractor]] = []
-    for end in (own, *(attractor(scene, n) for n in range(1, STARTS))):
+    for end in (own, *(attractor(scene, n) for n in range(1, ATTRACTOR_STARTS))):
         if same := [kind for kind in kinds if kind[0].same(end)]:
             same[0].append(end)
         else:
@@ -214,10 +224,10 @@ def _attractors(scene: Scene, own: Attractor) -> list[list[Attractor]]:
 def _describe(kinds: list[list[Attractor]], scene: Scene) -> str:
     said = []
     for a, *others in kinds:
-        said.append(f"the motion of {(1 + len(others)) / STARTS:.0%} {a.reason}")
+        said.append(f"the motion of {(1 + len(others)) / ATTRACTOR_STARTS:.0%} {a.reason}")
         if a.kind == PERIODIC:
             found = values_of(law_of(a), scene, 0.1)
             said[-1] += (
                 f" (rate {found['rate']:.4g}, energy per period {found['energy_per_period']:.4g})"
             )
-    return f"of {STARTS} starts, {'; '.join(said)}"
+    return f"of {ATTRACTOR_STARTS} starts, {'; '.join(said)}"

@@ -12,7 +12,7 @@ from rattle.compare.report.table import Table
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
-from rattle.compare.stationary.verdicts import TEXTS, TOLERANCES
+from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.compare.validation.transient import drag_text
 from rattle.compare.validation.verdict import JUDGED, MARKS, Verdict
 from rattle.montecarlo.long_run import LongRun
@@ -21,7 +21,7 @@ from rattle.scene.gear_values import UNIT_VALUES
 from rattle.scene.text import percent
 from rattle.scene.threshold import rattle_threshold
 
-WORDS: tuple[str, ...] = (
+STATIONARY_WORDS: tuple[str, ...] = (
     *CLOSURE_TERMS,
     *VERDICT_TERMS,
     "exact flight",
@@ -32,14 +32,14 @@ WORDS: tuple[str, ...] = (
     "y1, y2",
     "E, sd",
 )
-WORDS += ("orbit", "mean map", "sticking")
-MASS = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
-BY_MESH: dict[str, str] = TEXTS["by_mesh"]
-MAIN = ("rate_above", "speed_above", "energy_per_period")
+STATIONARY_WORDS += ("orbit", "mean map", "sticking")
+MASS_UNIT = ", in units of the mass of wheel 1 at its rim times the square of the unit of speed"
+BY_MESH: dict[str, str] = STATIONARY_TEXTS["by_mesh"]
+MAIN_QUANTITIES = ("rate_above", "speed_above", "energy_per_period")
 NAMED = 4  # quantities with few effective paths that are named
 # share of slow impacts from which on they are called chatter, although no mesh closes
-CHATTER = 0.5
-FEW = 0.5  # ratio of standard errors, from paths and from batches, from which both disagree
+CHATTER_SHARE = 0.5
+ERROR_RATIO = 0.5  # ratio of standard errors, from paths and from batches, from which both disagree
 
 
 def _units(found: Stationary) -> str:
@@ -76,7 +76,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
         "by_mesh": _tabulate_meshes(found, shown),
         "quantities": quantities,
         "slow": speed_text(found.slow, gears, units),
-        "mass": "" if gears else MASS,
+        "mass": "" if gears else MASS_UNIT,
         "field": record["field"],
         "tolerances": TOLERANCES,
     }
@@ -99,7 +99,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
         answer(found),
         record | found.to_dict(),
         content,
-        glossary(*WORDS, gears=gears),
+        glossary(*STATIONARY_WORDS, gears=gears),
         figures=figures,
         tables=tables,
         digits="%.8g",
@@ -218,7 +218,7 @@ def _slow(found: Stationary, value: dict[str, float], second: str) -> str:
         )
     return (
         f"The others are chatter that closes no mesh: {each}."
-        if share > CHATTER
+        if share > CHATTER_SHARE
         else f"There are {each}."
     )
 
@@ -272,7 +272,7 @@ def _compare_errors(table: pd.DataFrame) -> str:
         f"Standard errors from batch means are {ratio.min():.2f} to {ratio.max():.2f} times those"
         " between paths"
     )
-    if ratio.min() < FEW:
+    if ratio.min() < ERROR_RATIO:
         said += (
             ": paths differ more than batches of one path do, so some correlations last longer than"
             " a batch"
@@ -294,7 +294,7 @@ def _closures(found: Stationary) -> list[str]:
             f"{quantity} {row['predicted']:.4g} against "
             + f"{row['simulated']:.4g} {row['unit']}".rstrip()
             + f" ({row['verdict']})"
-            for quantity, row in rows.set_index("quantity").loc[list(MAIN)].iterrows()
+            for quantity, row in rows.set_index("quantity").loc[list(MAIN_QUANTITIES)].iterrows()
         ]
         counts = f"{good} quantities accurate, {bad} inaccurate, {undecided} undecided"
         said.append(f"{name}: {counts}; {', '.join(each)}.")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LEAST_EFFECTIVE = 16.0
 """Effective paths below which an interval is a tenth wider for that, or more."""
 LEAST_SHARE = 0.25  # of the paths, where there are few
-SPREAD = ("", "sd_", "rms_", *(f"q{percent:02d}_" for percent in QUANTILES))
+SPREAD_PREFIXES = ("", "sd_", "rms_", *(f"q{percent:02d}_" for percent in QUANTILES))
 NUMERIC = [
     "value",
     "se",
@@ -39,7 +39,7 @@ NUMERIC = [
 ]
 
 
-UNITS: dict[str, tuple[str, Callable[[Units], float], str]] = {
+QUANTITY_UNITS: dict[str, tuple[str, Callable[[Units], float], str]] = {
     "rate": ("1/s", lambda u: 1000.0 / u.time, "omega"),
     "flight": ("ms", lambda u: u.time, DIMENSIONLESS["ms"]),
     "speed": ("mm/s", lambda u: u.speed, DIMENSIONLESS["mm_per_s"]),
@@ -55,14 +55,14 @@ in."""
 def plain_unit(quantity: str) -> str:
     """What a dimensionless quantity counts in; "1" without a unit."""
     kind = kind_of(quantity)
-    return UNITS[kind][2] if kind in UNITS else "1"
+    return QUANTITY_UNITS[kind][2] if kind in QUANTITY_UNITS else "1"
 
 
 def kind_of(quantity: str) -> str:
     """Which of the kinds of quantities it is, whatever its mesh, and its mean, sd or quantile."""
     what = quantity.split("_mesh")[0]
     return next(
-        (name for name in NAMES.values() if what in {p + name for p in SPREAD}), what
+        (name for name in NAMES.values() if what in {p + name for p in SPREAD_PREFIXES}), what
     ).removesuffix("_above")
 
 
@@ -74,9 +74,9 @@ def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]
     wheels counts.
     """
     kind = kind_of(quantity)
-    if gears is None or check_units(units, gears) == "dimensionless" or kind not in UNITS:
+    if gears is None or check_units(units, gears) == "dimensionless" or kind not in QUANTITY_UNITS:
         return "", 1.0
-    unit, factor, _ = UNITS[kind]
+    unit, factor, _ = QUANTITY_UNITS[kind]
     return unit, factor(gears.units)
 
 

@@ -13,12 +13,12 @@ from rattle.compare.engine.store import Cell, Content
 from rattle.compare.report.style import STYLE, new_figure
 from rattle.compare.report.table import Column, Table, of_numbers
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS
-from rattle.compare.stationary.measure import COLUMNS, stationary
+from rattle.compare.stationary.measure import ESTIMATE_COLUMNS, stationary
 from rattle.compare.stationary.result import plain_unit
 from rattle.compare.stationary.verdicts import (
     CLOSURES_JUDGED,
     PREDICTED,
-    TEXTS,
+    STATIONARY_TEXTS,
     TOLERANCES,
     judge_predictions,
     predictions,
@@ -29,24 +29,24 @@ from rattle.compare.study.folder import Drawing
 from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
-from rattle.montecarlo.long_run.run import ACCURACY, PATHS, check_long_run
+from rattle.montecarlo.long_run.run import LONG_RUN_ACCURACY, LONG_RUN_PATHS, check_long_run
 from rattle.scene import InputError, Scene, choice
 
 if TYPE_CHECKING:
     import xarray as xr
 
 # of the simulation, besides its seed
-SETTINGS = ("accuracy", "periods", "paths", "burn_in", "slow")
+LONG_RUN_SETTINGS = ("accuracy", "periods", "paths", "burn_in", "slow")
 FACTS = ("kind", "said", "periods", "paths", "impacts", "burn_in", "seconds")
 TABLES = ("quantities", "verdicts", "cost", "reasons")
 """Tables of such a study, each a Parquet file."""
 SMALL = ("cost", "reasons")  # those of them that are written as CSV too
-KEYS = ("closures", *SETTINGS, "seed")
+KEYS = ("closures", *LONG_RUN_SETTINGS, "seed")
 TITLE = "study of the long run"
 PAGE = "rattle.compare.stationary.study"
 TEMPLATE = "stationary/study.j2"
-WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
-SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
+LONG_STUDY_WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
+TYPICAL_SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
 @dataclass(frozen=True)
@@ -77,28 +77,28 @@ class LongCell(Cell):
     closures: tuple[str, ...]
     accuracy: float | None = None
     periods: int | None = None
-    paths: int = PATHS
+    paths: int = LONG_RUN_PATHS
     burn_in: int | None = None
     slow: float = 0.1
 
     @property
     def asked(self) -> dict[str, Any]:
-        """The `SETTINGS` of the simulation."""
-        return {name: getattr(self, name) for name in SETTINGS}
+        """The `LONG_RUN_SETTINGS` of the simulation."""
+        return {name: getattr(self, name) for name in LONG_RUN_SETTINGS}
 
     @property
     def settings(self) -> dict[str, Any]:
         """Everything that determines the result besides the scene, and the columns that are
         stored."""
         settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "scene"}
-        return {"kind": "stationary", **settings, "columns": [*COLUMNS, *PREDICTED]}
+        return {"kind": "stationary", **settings, "columns": [*ESTIMATE_COLUMNS, *PREDICTED]}
 
     @property
     def core_seconds(self) -> float:
         """Rough estimate of the cost."""
         impacts = (self.periods or 0) * self.paths * 12.0
         if self.periods is None:
-            impacts = (2.0 * SPREAD / (self.accuracy or ACCURACY)) ** 2
+            impacts = (2.0 * TYPICAL_SPREAD / (self.accuracy or LONG_RUN_ACCURACY)) ** 2
         return IMPACT_SECONDS * (impacts + 60.0 * 12.0 * self.paths) + 2.5 * (
             "branching" in self.closures
         )
@@ -125,7 +125,7 @@ class LongCell(Cell):
         """Turn a stored result back into tables."""
         own = content.table["closure"] == ""
         names = [c for c in PREDICTED if c in content.table]
-        table = content.table[own].set_index("quantity")[COLUMNS]
+        table = content.table[own].set_index("quantity")[ESTIMATE_COLUMNS]
         return LongResult(
             table, content.table.loc[~own, names], {name: content.facts[name] for name in FACTS}
         )
@@ -204,7 +204,7 @@ def combine(study: Study, found: Mapping[str, LongResult]) -> LongTables:
 
 def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
     """Read the fields of `Study` that ``[study]`` gives."""
-    settings = {name: given[name] for name in (*SETTINGS, "seed") if name in given}
+    settings = {name: given[name] for name in (*LONG_RUN_SETTINGS, "seed") if name in given}
     for name in varying & {"scheme", "dt", *settings}:
         raise InputError(
             f"study.{name}", name, "cannot vary in a study of the long run, or varies twice"
@@ -363,7 +363,7 @@ def draw(r: LongTables) -> list[Drawing]:
     for number, (fixed, _) in enumerate(panels(r.study, r.quantities), 1):
         own = f"figures/long-run-{number}" if fixed else "figures/long-run"
         at = "".join(f" {field} = {v}." for field, v in fixed.items())
-        drawn.append(Drawing(own, r.plot(**fixed), TEXTS["study"] + at))
+        drawn.append(Drawing(own, r.plot(**fixed), STATIONARY_TEXTS["study"] + at))
     return drawn
 
 

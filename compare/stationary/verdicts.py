@@ -29,14 +29,14 @@ CLOSURES_JUDGED = {
 }
 """The closures, and what each takes for the stationary law."""
 
-TEXTS = read_texts("stationary")
-TOLERANCES: str = TEXTS["tolerances"]
+STATIONARY_TEXTS = read_texts("stationary")
+TOLERANCES: str = STATIONARY_TEXTS["tolerances"]
 """What counts as accurate, as pages state it."""
 
 RATES = ("rate", "energy", "power")
 PREDICTED = ["closure", "kind", "quantity", "predicted", "se_predicted", "reason"]
 """Columns of `predictions`, and below of `judge_predictions`."""
-COLUMNS = [
+VERDICT_COLUMNS = [
     "closure",
     "kind",
     "quantity",
@@ -49,7 +49,7 @@ COLUMNS = [
     "tolerance",
     "verdict",
 ]
-COLUMNS += ["periods_needed", "reason"]
+VERDICT_COLUMNS += ["periods_needed", "reason"]
 HALVINGS = 80  # of an interval that holds a quantile
 
 
@@ -113,7 +113,9 @@ def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame
     sides.
     """
     rows = predicted[predicted["quantity"].isin(table.index)].reset_index(drop=True)
-    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[COLUMNS]
+    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[
+        VERDICT_COLUMNS
+    ]
 
 
 def judge_rows(

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from rattle.compare.report.style import STYLE, SYMBOL, legend_above, new_figure, whole_impacts
 from rattle.compare.study.design import Study
-from rattle.compare.validation.verdict import ACCURATE, ENDED, NOT_WRONG, WRONG, Verdict, want
+from rattle.compare.validation.verdict import ACCURATE_UP_TO, ENDED, NOT_WRONG, WRONG, Verdict, want
 
 GREEK = {
     "sigma": r"noise intensity $\sigma$",
@@ -131,7 +131,7 @@ def validity(r: Any, rows: pd.DataFrame) -> Figure:
             what = ENDED if group["ended"].all() else WRONG
             ax.plot([], [], label=f"{closure}: {what} at the smallest", **style)
             continue
-        ax.plot(impact, accurate, label=f"{closure}: {ACCURATE}", lw=1.5, ms=5, **style)
+        ax.plot(impact, accurate, label=f"{closure}: {ACCURATE_UP_TO}", lw=1.5, ms=5, **style)
         ax.plot(impact, not_wrong, color=style["color"], ls=":", lw=1.5)
         ax.fill_between(
             impact, accurate.fillna(min(values)), not_wrong, color=style["color"], alpha=BAND, lw=0

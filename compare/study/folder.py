@@ -16,7 +16,7 @@ from rattle.compare.engine.run import check_cells, has_cells
 from rattle.compare.engine.store import numerical_version
 from rattle.compare.report import manifest
 from rattle.compare.report.folder import (
-    FIGURES,
+    FIGURES_FOLDER,
     MANIFEST,
     page_files,
     read_own_manifest,
@@ -60,12 +60,12 @@ def check_folder(study: Study, folder: Path, overwrite: bool) -> None:
     kinds = [kind_of(name) for name in STUDY_KINDS]
     small = {f"{name}.csv" for kind in kinds for name in kind.SMALL}
     large = {f"{name}.parquet" for kind in kinds for name in kind.TABLES}
-    files = {FILE, FIGURES, *report_files("study"), *small, *large}
+    files = {FILE, FIGURES_FOLDER, *report_files("study"), *small, *large}
     inside = {path for path in folder.iterdir() if path.name in files}
     record = read_own_manifest(folder)
     if record["kind"] == "study" if record and "kind" in record else has_cells(folder):
         refuse_foreign(
-            folder, {path.name for path in inside if path.is_dir() != (path.name == FIGURES)}
+            folder, {path.name for path in inside if path.is_dir() != (path.name == FIGURES_FOLDER)}
         )
     else:
         ours = {FILE} if is_current_file(study, folder) else set()

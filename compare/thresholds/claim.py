@@ -28,9 +28,9 @@ from rattle.scene.text import show
 
 PROFILES = {"quick": 32_768, "full": 1_048_576}
 """Simulated paths of the first look, unless the marker gives a number."""
-TIMES = 8
+BUDGET_FACTOR = 8
 """Default budget of an undecided test, as a multiple of the paths of its first look."""
-UNDECIDED = ("fail", "skip")
+UNDECIDED_CHOICES = ("fail", "skip")
 BASELINES = ("compare", "record", "regenerate")
 
 
@@ -41,7 +41,7 @@ class Settings(NamedTuple):
     # outcome of a test that its budget does not decide, ``fail`` or ``skip``
     undecided: str = "fail"
     profile: str = "quick"  # key of `PROFILES`
-    # largest number of paths of an undecided test; None for `TIMES` those of its first look
+    # largest number of paths of an undecided test; None for `BUDGET_FACTOR` those of its first look
     budget: int | None = None
     cache: Path | None = None  # folder of the simulations; None for pytest's own cache
     seed: int = 0  # seed, workers: seed and threads of the simulations
@@ -56,7 +56,7 @@ class Settings(NamedTuple):
         simultaneous coverage.
         """
         first = first or PROFILES[self.profile]
-        return ladder(first, most or self.budget or TIMES * first)
+        return ladder(first, most or self.budget or BUDGET_FACTOR * first)
 
 
 def read_settings(chosen: Mapping[str, str]) -> Settings:
@@ -67,7 +67,7 @@ def read_settings(chosen: Mapping[str, str]) -> Settings:
         raise InputError("rattle-false-alarm", rate, "must lie between 0 and 1, both excluded")
     return Settings(
         rate,
-        choice("rattle-undecided", given.get("undecided", "fail"), UNDECIDED),
+        choice("rattle-undecided", given.get("undecided", "fail"), UNDECIDED_CHOICES),
         choice("rattle-profile", given.get("profile", "quick"), PROFILES),
         (
             count("rattle-budget", _parse("rattle-budget", given["budget"]))
@@ -88,15 +88,15 @@ def _parse(field: str, text: str, kind: type = int) -> Any:
         raise InputError(field, text, f"give a{' whole' if kind is int else ''} number") from None
 
 
-MOMENTS = ("mean", "sd")
-KINDS = ("section", ON_ITINERARY)
-OPTIONS = (
+CLAIMED_MOMENTS = ("mean", "sd")
+CLAIM_KINDS = ("section", ON_ITINERARY)
+CLAIM_OPTIONS = (
     *("scene", "impacts", "kind", "quantities", "moments", "within", "absolute"),  # what is claimed
     *("paths", "budget", "accuracy", "scheme", "undecided"),  # how it is decided
 )
 RIVALS = ({"within", "absolute"}, {"paths", "accuracy"}, {"budget", "accuracy"})
 """Sets of mutually exclusive options."""
-FEWEST = 1024
+FEWEST_CLAIM_PATHS = 1024
 """Smallest admissible number of paths, for reliable standard errors of sds."""
 VARYING = ("tau", "y1", "y2")
 """Default quantities: they vary at every impact, unlike a displacement, which is fixed at the mesh
@@ -142,7 +142,7 @@ class Claim:
     # session's
     undecided: str | None = None
     # about all paths, or those alone that have followed the closure's itinerary
-    kind: str = KINDS[0]
+    kind: str = CLAIM_KINDS[0]
 
     @cached_property
     def rows(self) -> tuple[ClaimRow, ...]:
@@ -182,18 +182,18 @@ def merge(markers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
     """Read a claim from the options of a marker; `folder` is that of the test, to which a scene
     file is relative."""
-    check_keys("option of the marker rattle", options, OPTIONS)
+    check_keys("option of the marker rattle", options, CLAIM_OPTIONS)
     scene = _scene(options.get("scene"), folder)
     state = STATE[: 2 * scene.stages]
     valid = [q for q in SECTION if q not in STATE or q in state]
     quantities = _names(
         "quantities", options.get("quantities", [q for q in VARYING if q in valid]), valid
     )
-    moments = _names("moments", options.get("moments", MOMENTS), MOMENTS)
+    moments = _names("moments", options.get("moments", CLAIMED_MOMENTS), CLAIMED_MOMENTS)
     impacts = _impacts(options.get("impacts", 4))
     paths, budget, accuracy = (options.get(name) for name in ("paths", "budget", "accuracy"))
     for name, value, limits in (
-        ("paths", paths, {"least": FEWEST}),
+        ("paths", paths, {"least": FEWEST_CLAIM_PATHS}),
         ("budget", budget, {"most": MOST_PATHS}),
     ):
         if value is not None and accuracy is not None:
@@ -202,9 +202,9 @@ def read_claim(options: Mapping[str, Any], folder: Path) -> Claim:
         if value is not None:
             count(name, value, **limits)
     if (undecided := options.get("undecided")) is not None:
-        choice("undecided", undecided, UNDECIDED)
+        choice("undecided", undecided, UNDECIDED_CHOICES)
     scheme = options.get("scheme", "exact-flight")
-    kind = choice("kind", options.get("kind", KINDS[0]), KINDS)
+    kind = choice("kind", options.get("kind", CLAIM_KINDS[0]), CLAIM_KINDS)
     check_sample(Sample(scene, impacts[-1], 0, scheme, paths, accuracy))
     allowed = _read_tolerances(options, moments)
     return Claim(
@@ -258,7 +258,7 @@ def _read_tolerances(options: Mapping[str, Any], moments: tuple[str, ...]) -> di
     ).items():
         each = dict(value) if isinstance(value, Mapping) else dict.fromkeys(moments, value)
         for moment, error in each.items():
-            if choice(f"moment of {name}", moment, MOMENTS) not in moments:
+            if choice(f"moment of {name}", moment, CLAIMED_MOMENTS) not in moments:
                 raise InputError(
                     name,
                     value,

@@ -28,14 +28,14 @@ from rattle.compare.stationary.result import plain_unit
 from rattle.compare.stationary.study import LongCell
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, values_of
 from rattle.compare.study.cells import Sample
-from rattle.compare.thresholds.claim import KINDS, Claim, Settings
+from rattle.compare.thresholds.claim import CLAIM_KINDS, Claim, Settings
 from rattle.compare.validation import errors
 from rattle.compare.validation.errors import ON_ITINERARY, TOO_FEW_FOLLOW, NamedSection
 from rattle.compare.validation.verdict import DECIDED, RULE, Tolerances, Verdict
 from rattle.montecarlo import SCHEMES
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.estimates import all_names
-from rattle.montecarlo.long_run.run import PATHS
+from rattle.montecarlo.long_run.run import LONG_RUN_PATHS
 from rattle.montecarlo.looks import AGAIN, Looks, widest
 from rattle.montecarlo.settings import begins
 from rattle.scene import SECTION, InputError, Scene, choice
@@ -60,7 +60,7 @@ def predict(model: Model, claim: Claim) -> NamedSection:
         if not begins(found.itinerary, (orbit.mesh * orbit.side)[1:].tolist()):
             why = (
                 f"{found.closure} follows another itinerary than the noise-free path; claim"
-                f" kind={KINDS[0]!r}"
+                f" kind={CLAIM_KINDS[0]!r}"
             )
             raise InputError("kind", claim.kind, why)
     name = found.closure
@@ -139,7 +139,7 @@ def _past_capture(config: pytest.Config) -> Callable[[str], None]:
     return say
 
 
-NOTHING = Tolerances(0.0, 0.0, 0.0)  # a claim has tolerances of its own
+NO_TOLERANCE = Tolerances(0.0, 0.0, 0.0)  # a claim has tolerances of its own
 
 
 class Decision(NamedTuple):
@@ -159,15 +159,15 @@ def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> 
     """
     if claim.kind == ON_ITINERARY:
         same = np.ones(claim.impacts[-1])
-        table = errors.follower_errors(prediction, run, NOTHING, same, same)
+        table = errors.follower_errors(prediction, run, NO_TOLERANCE, same, same)
         if (few := table["remark"] == TOO_FEW_FOLLOW).any():
             why = (
                 f"{TOO_FEW_FOLLOW}; claim fewer impacts than {table['impact'][few].iloc[0]}, or"
-                f" kind={KINDS[0]!r}"
+                f" kind={CLAIM_KINDS[0]!r}"
             )
             raise InputError("kind", claim.kind, why)
     else:
-        table = errors.list_errors([prediction], run, NOTHING)
+        table = errors.list_errors([prediction], run, NO_TOLERANCE)
     places = pd.MultiIndex.from_frame(table[["moment", "quantity", "impact"]])
     rows = table.iloc[places.get_indexer(pd.MultiIndex.from_tuples(claim.rows))].reset_index(
         drop=True
@@ -264,7 +264,7 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
     return Decision(*look_until_decided(sizes, look), z)
 
 
-PERIODS = (64, 256, 1024)
+FIRST_PERIODS = (64, 256, 1024)
 """Length of the simulation at the first looks; the later ones take more paths of the last."""
 
 
@@ -329,9 +329,11 @@ def decide_long(prediction: LongPrediction, claim: Claim, session: Thresholds) -
     """
     names = list(prediction.values)
     settings = session.settings
-    longest = PERIODS[-1]
-    sizes = {periods * PATHS: (periods, PATHS) for periods in PERIODS}
-    sizes |= {longest * paths: (longest, paths) for paths in settings.sizes(PATHS, claim.budget)}
+    longest = FIRST_PERIODS[-1]
+    sizes = {periods * LONG_RUN_PATHS: (periods, LONG_RUN_PATHS) for periods in FIRST_PERIODS}
+    sizes |= {
+        longest * paths: (longest, paths) for paths in settings.sizes(LONG_RUN_PATHS, claim.budget)
+    }
     z = widest(len(names) * len(sizes), settings.false_alarm)
 
     def look(size: int) -> tuple[pd.DataFrame, TimedRun]:

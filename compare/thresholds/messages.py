@@ -21,7 +21,7 @@ WIDER = 1.1
 """Ratio of an interval to that of all paths above which it is said what widened it."""
 
 
-MOST_PATHS = {"check": 1e8, "long check": 1e5}
+PATHS_OF_AN_HOUR = {"check": 1e8, "long check": 1e5}
 """Paths that take about an hour of one core, of a few impacts or of 1,024 periods: more are no
 remedy."""
 
@@ -30,8 +30,8 @@ def describe_remedy(paths: float, kind: str) -> str:
     """Describe what would decide an undecided test."""
     if not math.isfinite(paths):
         return "no number of paths would decide; a smaller step may, or another tolerance"
-    if paths > MOST_PATHS[kind]:
-        least = f"more than {MOST_PATHS[kind]:,.0f} paths, an hour or more of one core"
+    if paths > PATHS_OF_AN_HOUR[kind]:
+        least = f"more than {PATHS_OF_AN_HOUR[kind]:,.0f} paths, an hour or more of one core"
         return (
             f"its error is so close to what is allowed that it takes {least}: another tolerance"
             " decides sooner"
@@ -114,17 +114,17 @@ def _check_lines(
             )
 
 
-MARGIN = 2.0
+PATHS_MARGIN = 2.0
 """Factor on the number of paths that should decide a test, since it is computed from an error that
 is itself random."""
 
-MARKS = {
+VERDICT_MARKERS = {
     Verdict.ACCURATE: ("#009E73", "o"),
     Verdict.INACCURATE: ("#D55E00", "X"),
     Verdict.UNDECIDED: ("#000000", "$?$"),
 }
 """Colour and marker of each verdict in the figure."""
-MOST = 60
+MOST_ROWS_DRAWN = 60
 """Largest number of rows in the figure; the worst are shown."""
 WIDE = 12.0  # ratio of the largest error to the admissible one above which the axis is logarithmic
 
@@ -213,11 +213,11 @@ def describe_undecided(
 
 def remedies(table: pd.DataFrame, claim: Claim) -> str:
     """Describe what can be done about undecided rows."""
-    needed = MARGIN * paths_to_decide(table)
+    needed = PATHS_MARGIN * paths_to_decide(table)
     options = []
     if claim.accuracy is not None and "moment" in table:
         options.append(f"ask for a smaller accuracy than {claim.accuracy:g}")
-    elif needed <= MOST_PATHS[kind_of(table)]:
+    elif needed <= PATHS_OF_AN_HOUR[kind_of(table)]:
         options.append(
             f"give it more paths (budget={float(f'{needed:.2g}'):_.0f} in its marker, or"
             " --rattle-budget)"
@@ -239,19 +239,21 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from rattle.compare.report.style import ACCURATE, STYLE, SYMBOL, new_figure
+    from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, new_figure
 
     excess = (table["error"] / table["tolerance"]).abs()
-    rows = table.loc[excess.nlargest(MOST).index.sort_values()]
+    rows = table.loc[excess.nlargest(MOST_ROWS_DRAWN).index.sort_values()]
     unit = rows["unit"].to_numpy()
     error, low, high, allowed = (
         rows[c].to_numpy() / unit for c in ("error", "low", "high", "tolerance")
     )
     place = np.arange(len(rows))[::-1]
     figure, (ax,) = new_figure(6.4, 1.5 + 0.2 * len(rows), 1, 1)
-    ax.barh(place, 2.0 * allowed, left=-allowed, height=0.9, color=ACCURATE, alpha=0.35, lw=0)
+    ax.barh(
+        place, 2.0 * allowed, left=-allowed, height=0.9, color=ACCURATE_COLOUR, alpha=0.35, lw=0
+    )
     verdicts = rows["verdict"].where(rows["verdict"].isin(DECIDED), Verdict.UNDECIDED)
-    for verdict, (colour, marker) in MARKS.items():
+    for verdict, (colour, marker) in VERDICT_MARKERS.items():
         own = (verdicts == verdict).to_numpy()
         ax.hlines(place[own], low[own], high[own], color=colour, lw=1.6)
         ax.plot(error[own], place[own], ls="none", marker=marker, ms=6, color=colour)
@@ -268,16 +270,20 @@ def error_figure(table: pd.DataFrame, model: str) -> "Figure":
     ax.set(xlim=(-room * reach, room * reach), ylim=(-0.7, len(rows) - 0.3))
     ax.grid(False, axis="y")
     ax.set_xlabel("error and its interval, in sds of the quantity")
-    worst = f" (the worst {MOST} of {len(table)} rows)" if len(table) > MOST else ""
+    worst = (
+        f" (the worst {MOST_ROWS_DRAWN} of {len(table)} rows)"
+        if len(table) > MOST_ROWS_DRAWN
+        else ""
+    )
     colour = STYLE[model]["color"]
     ax.set_title(
         f"{line(model)[:60]}{worst}", loc="left", fontweight="bold", parse_math=False, color=colour
     )
     handles = [
         Line2D([], [], color=colour, marker=marker, ms=6, label=verdict)
-        for verdict, (colour, marker) in MARKS.items()
+        for verdict, (colour, marker) in VERDICT_MARKERS.items()
         if (verdicts == verdict).any()
     ]
-    allowance = Patch(color=ACCURATE, alpha=0.35, lw=0, label="allowed")
+    allowance = Patch(color=ACCURATE_COLOUR, alpha=0.35, lw=0, label="allowed")
     figure.legend(handles=[*handles, allowance], loc="outside upper center", ncols=4, frameon=False)
     return figure

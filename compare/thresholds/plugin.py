@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
 CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
-REFUSED: pytest.StashKey[Exception] = pytest.StashKey()
+REFUSED_KEY: pytest.StashKey[Exception] = pytest.StashKey()
 
-TEXTS = tomllib.loads(
+PLUGIN_TEXTS = tomllib.loads(
     files("rattle.compare.thresholds").joinpath("texts.toml").read_text(encoding="utf-8")
 )
-OPTIONS: dict[str, dict[str, Any]] = TEXTS["options"]
+PLUGIN_OPTIONS: dict[str, dict[str, Any]] = PLUGIN_TEXTS["options"]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Options on the command line and in the configuration file, where the command line wins."""
     group = parser.getgroup("rattle", "accuracy thresholds")
-    for key, option in OPTIONS.items():
+    for key, option in PLUGIN_OPTIONS.items():
         name = key.replace("_", "-")
         default = option["default"]
         text = f"{option['help']} [default: {default}]" if default else option["help"]
@@ -46,7 +46,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def read_options(config: pytest.Config) -> dict[str, str]:
     """The user's choice of every option as text, by key."""
     chosen = {}
-    for key, option in OPTIONS.items():
+    for key, option in PLUGIN_OPTIONS.items():
         kept = config.getini(key) if option.get("lasts", True) else option["default"]
         given = config.getoption(key)
         chosen[key] = str(kept if given is None else given)
@@ -55,8 +55,8 @@ def read_options(config: pytest.Config) -> dict[str, str]:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marker, and refuse an invalid option before anything is collected."""
-    config.addinivalue_line("markers", TEXTS["marker"])
-    if read_options(config) != {key: option["default"] for key, option in OPTIONS.items()}:
+    config.addinivalue_line("markers", PLUGIN_TEXTS["marker"])
+    if read_options(config) != {key: option["default"] for key, option in PLUGIN_OPTIONS.items()}:
         from rattle.compare.thresholds.claim import read_settings
         from rattle.scene.errors import InputError
 
@@ -87,9 +87,9 @@ def pytest_collection_finish(session: pytest.Session) -> None:
             try:
                 item.stash[CLAIM] = read_markers(item.iter_markers("rattle"), item.path.parent)
             except Exception as error:  # any error in reading a marker belongs to this test alone
-                item.stash[REFUSED] = error
+                item.stash[REFUSED_KEY] = error
         elif any(mark.name == "rattle" for mark in item.own_markers):
-            item.stash[REFUSED] = RattleError(
+            item.stash[REFUSED_KEY] = RattleError(
                 "its marker has no effect; let the test take the fixture 'rattle'"
             )
 
@@ -98,16 +98,18 @@ def pytest_report_collectionfinish(
     config: pytest.Config, items: Sequence[pytest.Item]
 ) -> list[str]:
     """Report invalid markers with --collect-only, when no test runs that would report them."""
-    refused = [item for item in items if REFUSED in item.stash] if config.option.collectonly else []
-    return [f"rattle: {item.nodeid}: {item.stash[REFUSED]}" for item in refused]
+    refused = (
+        [item for item in items if REFUSED_KEY in item.stash] if config.option.collectonly else []
+    )
+    return [f"rattle: {item.nodeid}: {item.stash[REFUSED_KEY]}" for item in refused]
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Fail a test whose own marker is not valid."""
-    if REFUSED in item.stash:
+    if REFUSED_KEY in item.stash:
         from rattle.scene.errors import RattleError
 
-        if isinstance(error := item.stash[REFUSED], RattleError):
+        if isinstance(error := item.stash[REFUSED_KEY], RattleError):
             pytest.fail(f"rattle: {error}", pytrace=False)
         raise error
 

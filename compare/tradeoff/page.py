@@ -29,8 +29,8 @@ from rattle.compare.validation.answer import explain_missing
 from rattle.compare.validation.verdict import join_words, span
 from rattle.scene import duration_text
 
-EXACT = "exact-flight"
-PLAIN = "euler-maruyama"
+EXACT_FLIGHT = "exact-flight"
+EULER_MARUYAMA = "euler-maruyama"
 
 
 def cheapest(points: pd.DataFrame, accuracy: float) -> dict[str, Any]:
@@ -67,8 +67,8 @@ def advice(m: Tradeoff) -> str:
 def answer(m: Tradeoff) -> list[str]:
     """What to take, where a closure is cheapest, and the cost of plain Euler-Maruyama."""
     p = m.points
-    exact = m.models[EXACT]
-    plain = m.models[PLAIN]
+    exact = m.models[EXACT_FLIGHT]
+    plain = m.models[EULER_MARUYAMA]
     finest = m.accuracies[-1]
     predictions = p[p["kind"] == "closure"]
     wins = []
@@ -109,7 +109,7 @@ def answer(m: Tradeoff) -> list[str]:
 def verdict(m: Tradeoff) -> str:
     """Whether multilevel Monte Carlo over the step is anywhere cheaper than exact flights, for the
     section means."""
-    exact = m.models[EXACT]
+    exact = m.models[EXACT_FLIGHT]
     factors = []
     typical = []
     for a in m.accuracies:
@@ -134,12 +134,12 @@ def verdict(m: Tradeoff) -> str:
     )
 
 
-WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
+TRADEOFF_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *SCHEME_TERMS, "standard error", "σ")
 
 
 def _parts(m: Tradeoff) -> dict[str, Any]:
     """The tables and words of the page, by name."""
-    exact = m.models[EXACT]
+    exact = m.models[EXACT_FLIGHT]
     p = m.points
     p = p.assign(
         found=np.select([p["missed"], p["measured"]], ["missed", "measured"], "extrapolated"),
@@ -161,8 +161,8 @@ def _parts(m: Tradeoff) -> dict[str, Any]:
     heads = [
         "standard error",
         *(f"multilevel {n}" for n in m.levels),
-        f"{EXACT} {how}",
-        f"{EXACT} without",
+        f"{EXACT_FLIGHT} {how}",
+        f"{EXACT_FLIGHT} without",
     ]
     rates = ("alpha", "beta", "typical_beta", "gamma")
     parts: dict[str, Any] = {
@@ -267,7 +267,7 @@ def make_report(m: Tradeoff, record: dict[str, Any]) -> Report:
     *sentences, multilevel = answer(m)
     scene = m.reference.scene
     impacts = m.reference.impacts
-    exact = m.models[EXACT]
+    exact = m.models[EXACT_FLIGHT]
     means = [
         (bound_of_means(a, scene, impacts), means_seconds(exact, a, control=True))
         for a in m.accuracies
@@ -296,7 +296,7 @@ def make_report(m: Tradeoff, record: dict[str, Any]) -> Report:
         sentences,
         record,
         content | _parts(m),
-        glossary(*WORDS, gears=scene.gears),
+        glossary(*TRADEOFF_WORDS, gears=scene.gears),
         figures=figures,
         tables=tables,
         more={"all points": "`tradeoff.csv`"},

@@ -15,7 +15,7 @@ from rattle.closure import refusals
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation import comparison
 from rattle.compare.validation.comparison import Comparison, Sweep
-from rattle.compare.validation.errors import BY_SIZE, HALF, SIMULATED, first_failure
+from rattle.compare.validation.errors import BY_SIZE, HALF_OF_PATHS, SIMULATED, first_failure
 from rattle.compare.validation.tables import duration_words, motion_sentence
 from rattle.compare.validation.transient import describe_transient
 from rattle.compare.validation.verdict import JUDGED, in_words, join_words, span, unbroken
@@ -25,7 +25,7 @@ from rattle.montecarlo.diagnostics.reach import near_text
 from rattle.scene import Scene, duration_text
 from rattle.scene.text import percent
 
-SECTION = " (Poincaré section at the impacts)"
+SECTION_EXPLAINED = " (Poincaré section at the impacts)"
 """Explains the word section at its first use on a page."""
 
 
@@ -146,7 +146,8 @@ def validity_sentence(validity: pd.DataFrame, impacts: int) -> str:
     shares = [f"{join_words(closures)}: {said}" for said, closures in found.items()]
     sigmas = validity["sigma"]
     return (
-        f"Range of validity, for every section mean and sd{SECTION} of {impacts} impacts at"
+        f"Range of validity, for every section mean and sd{SECTION_EXPLAINED}"
+        f" of {impacts} impacts at"
         f" {sigmas.nunique()} noise intensities ({span(sigmas, '.4g')}) — {'; '.join(shares)}."
     )
 
@@ -169,7 +170,7 @@ def itinerary_sentence(validity: pd.DataFrame, impacts: int) -> list[str]:
             share = f"On the itinerary, which {_all_but(float(at['leaving'].loc[on]))} paths follow"
             said.append(f"{share}, `{closure}` is accurate{reach}; all paths together: {together}.")
     least = validity.groupby("sigma")["leaving"].min()
-    lost = least.index[least > 1.0 - HALF]
+    lost = least.index[least > 1.0 - HALF_OF_PATHS]
     if len(lost):
         where = "F" if alone else f"At σ = {join_words([f'{sigma:.4g}' for sigma in lost])} f"
         said.append(
@@ -255,7 +256,8 @@ def answer(validations: Sequence[Comparison], swept: Sweep | None = None) -> lis
         ),
         *motion_sentence(validations),
         (
-            f"Accurate section moments{'' if swept else SECTION} among those that a closure"
+            f"Accurate section moments{'' if swept else SECTION_EXPLAINED}"
+            " among those that a closure"
             f" predicts over {impacts} impacts (within {first.tolerances.mean:.0%} of an sd for"
             f" means and {first.tolerances.sd:.0%} for sds, with the whole interval):"
             f" {'; '.join(map(_shares, validations))}."

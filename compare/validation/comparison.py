@@ -33,7 +33,7 @@ from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.accuracy.pilots import PilotRun, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS
 from rattle.montecarlo.diagnostics.reach import Candidate
-from rattle.montecarlo.ensemble.leaving import KNOWN, expect_leaving, interval
+from rattle.montecarlo.ensemble.leaving import ENOUGH_EXITS, expect_leaving, interval
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.looks import widest
@@ -97,7 +97,7 @@ class Comparison:
         if not is_random(run.scene):
             return 0.0, 0.0, 0.0
         noise_free = begins(own, run.plan.itineraries[NOISE_FREE])
-        if not noise_free or run.paths * expect_leaving(run, impacts) >= KNOWN:
+        if not noise_free or run.paths * expect_leaving(run, impacts) >= ENOUGH_EXITS:
             left = run.paths * (1.0 - float(run.agreement[closure].loc[impacts]))
             low, high = interval(left, left, 1.0)
             return left / run.paths, low / run.paths, min(high / run.paths, 1.0)
@@ -129,7 +129,7 @@ DIVERGED = 0.99  # agreement below which no closure along a single orbit can be 
 OFF_ITINERARY = 0.9999
 # mean impact speed, in its sds, below which a Gaussian has a part of the paths miss the wall
 # (grazing)
-SLOW = 3.0
+SLOW_SPEED = 3.0
 
 
 class Validity(NamedTuple):
@@ -246,13 +246,13 @@ def _worst(v: Comparison, closure: str, impact: int) -> str:
 
 
 def _slowest(prediction: MeanMap, impact: int) -> tuple[int, float] | None:
-    """The first impact up to a given one whose mean speed is below `SLOW` of its own sds, and that
-    ratio."""
+    """The first impact up to a given one whose mean speed is below `SLOW_SPEED` of its own sds, and
+    that ratio."""
     each = range(1, impact + 1)
     column = np.where(prediction.trace.mesh[each] == 1, 1, 3)
     speed = np.abs(prediction.trace.mean[each, column])
     sd = prediction.trace.sd[each, column + 2]
-    slow = np.flatnonzero((speed < SLOW * sd) & (SLOW * sd < np.inf))
+    slow = np.flatnonzero((speed < SLOW_SPEED * sd) & (SLOW_SPEED * sd < np.inf))
     return (int(slow[0]) + 1, float(speed[slow[0]] / sd[slow[0]])) if slow.size else None
 
 

@@ -35,17 +35,17 @@ from rattle.scene.moments import Realizability, realizability
 WORTH_A_WORD = 0.05
 """Share of a tolerance from which on what a branch could change is told."""
 
-FEWEST = 32
+FEWEST_FOR_SD = 32
 """Least number of paths from which an sd is judged: the fourth moment of fewer says too little
 about its error."""
 
-TOO_FEW = f"too few paths for an interval; that of an sd needs {FEWEST}"
+TOO_FEW_FOR_INTERVAL = f"too few paths for an interval; that of an sd needs {FEWEST_FOR_SD}"
 """Remark on a row whose interval the sample cannot have."""
 
 ON_ITINERARY = "itinerary"
 """The kind of the rows on the paths that have followed a closure's itinerary so far."""
 
-HALF = 0.5
+HALF_OF_PATHS = 0.5
 """Share of all paths that must follow an itinerary for these paths to be judged alone."""
 
 TOO_FEW_FOLLOW = (
@@ -73,7 +73,7 @@ BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the
 NEAR_BRANCHES = "decided by other paths, a part of them near rare branches"
 """Remark on rows of `decide_near_branches`."""
 
-SPARE = 2.0
+SPARE_PATHS = 2.0
 """How many times the paths that are expected to decide its rows `judge_again` takes: a branch
 widens their errors."""
 
@@ -199,7 +199,9 @@ def _simulated_rows(run: Simulated, tolerances: Tolerances) -> pd.DataFrame:
     }
     size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
     columns = {str(name): section[name].to_numpy() for name in section}
-    few = ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST)
+    few = (
+        ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST_FOR_SD)
+    )
     least = pd.DataFrame(smallest_sd(columns), index=section.index)
     still = np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size)
     up, down, needed, chance = _shift_unseen(
@@ -232,7 +234,7 @@ def _simulated_rows(run: Simulated, tolerances: Tolerances) -> pd.DataFrame:
             "unseen_low": up,
             "unseen_high": down,
             "unseen_share": chance,
-            "unseen_paths": np.where(few, np.fmax(needed, FEWEST), needed),
+            "unseen_paths": np.where(few, np.fmax(needed, FEWEST_FOR_SD), needed),
             "remark": "",
         }
     )
@@ -245,7 +247,7 @@ def itinerary_errors(
     impact.
 
     Returns: Rows as of `section_errors`, of kind ``itinerary``.  They are excluded where fewer
-    than `HALF` of the paths follow it, and their remark says so.
+    than `HALF_OF_PATHS` of the paths follow it, and their remark says so.
     """
     name = prediction.closure
     on = followers_of(run, name)
@@ -272,7 +274,7 @@ def follower_errors(
     table = list_errors([prediction], on, tolerances).assign(kind=ON_ITINERARY)
     at = table["impact"] - 1
     other = np.logical_or.accumulate((own != followed) & (own != 0))
-    few = (table["agreement"] < HALF) | other[at]
+    few = (table["agreement"] < HALF_OF_PATHS) | other[at]
     table["judged"] &= ~few | table["predicted"].isna()
     why = np.select([own[at] == 0, other[at]], [NO_ITINERARY, OTHER_ITINERARY], TOO_FEW_FOLLOW)
     table["remark"] = np.where(few, why, "")
@@ -286,7 +288,7 @@ def remarks(table: pd.DataFrame) -> NDArray[Any]:
     by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
     few = table["low"].isna() & (table["verdict"] == Verdict.UNDECIDED)
     said = waits_for_branch(table)
-    out = np.select([few, by_size], [TOO_FEW, BY_SIZE], "").astype(object)
+    out = np.select([few, by_size], [TOO_FEW_FOR_INTERVAL, BY_SIZE], "").astype(object)
     columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
     out[said] = list(map(unseen_text, *(column[said] for column in columns)))
     return out
@@ -332,7 +334,7 @@ def _count_again(rows: pd.DataFrame, paths: int) -> int:
     `FEWEST_PATHS`.
     """
     margin = (rows["tolerance"] - rows["error"].abs()).abs()
-    needed = SPARE * paths * ((rows["noise"] + rows["rest"]) / margin) ** 2
+    needed = SPARE_PATHS * paths * ((rows["noise"] + rows["rest"]) / margin) ** 2
     most = float(needed.where(needed <= paths, 0.0).max())
     return max(math.ceil(most), FEWEST_PATHS)
 
@@ -415,7 +417,7 @@ def _number(quantity: pd.Series) -> NDArray[np.intp]:
 
 SIMULATED = "monte carlo"
 
-COLUMNS = ["closure", "impact", "stage", *Realizability._fields[2:], "realizable", "reason"]
+RHO_COLUMNS = ["closure", "impact", "stage", *Realizability._fields[2:], "realizable", "reason"]
 
 
 def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) -> pd.DataFrame:
@@ -446,7 +448,7 @@ def judge_correlation(predictions: list[MeanMap], run: Ensemble, flights: Ints) 
     table = pd.DataFrame(found, columns=["closure", "impact", "stage", *Realizability._fields])
     table = table.astype({"realizable": bool})
     known = table[["variance_x", "variance_y", "rho"]].notna().any(axis=1)
-    return table.loc[known | ~table["realizable"], COLUMNS].reset_index(drop=True)
+    return table.loc[known | ~table["realizable"], RHO_COLUMNS].reset_index(drop=True)
 
 
 def first_failure(table: pd.DataFrame, closure: str) -> tuple[int, int, str] | None:
@@ -511,7 +513,9 @@ def mid_flight_errors(
             "high": high,
         }
         own |= {"noise": 0.5 * (high - low) - bias.abs()}
-        own["remark"] = np.where(half.isna() & value.notna() & rho.notna(), TOO_FEW, remark)
+        own["remark"] = np.where(
+            half.isna() & value.notna() & rho.notna(), TOO_FEW_FOR_INTERVAL, remark
+        )
         parts.append(pd.DataFrame(common | own))
     return judge(pd.concat(parts, ignore_index=True))
 

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from rattle.compare.report.style import (
-    ACCURATE,
+    ACCURATE_COLOUR,
     FORBIDDEN,
     STYLE,
     SYMBOL,
@@ -24,8 +24,7 @@ from rattle.compare.report.style import (
 )
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import CAUSES, Comparison
-from rattle.compare.validation.verdict import ACCURATE as ACCURATE_TO
-from rattle.compare.validation.verdict import NOT_WRONG, WRONG
+from rattle.compare.validation.verdict import ACCURATE_UP_TO, NOT_WRONG, WRONG
 from rattle.scene import Scene
 
 # the outermost bins of a histogram that are drawn have at least this share of the highest
@@ -52,7 +51,7 @@ def error_figure(v: Comparison) -> Figure:
     panels = [(moment, quantity) for moment in ("mean", "sd") for quantity in quantities]
     for ax, (moment, quantity) in zip(axes, panels, strict=True):
         share = getattr(v.tolerances, moment)
-        ax.axhspan(-share, share, color=ACCURATE, alpha=0.18, lw=0, label=accurate)
+        ax.axhspan(-share, share, color=ACCURATE_COLOUR, alpha=0.18, lw=0, label=accurate)
         ax.axhline(0.0, color="0.4", lw=0.8)
         here = section[(section["quantity"] == quantity) & (section["moment"] == moment)]
         for closure, shift in _offsets(list(v.predictions)).items():
@@ -210,12 +209,16 @@ def agreement_figure(validations: Sequence[Comparison]) -> Figure:
     return figure
 
 
-FIGURES = {"errors": error_figure, "correlation": correlation_figure, "section": section_figure}
+VALIDATION_FIGURES = {
+    "errors": error_figure,
+    "correlation": correlation_figure,
+    "section": section_figure,
+}
 """Figures of one validation, by name."""
 
 MARKER: dict[str, str] = read_texts("validation")["markers"]
 """Markers of the causes; a closure that is accurate to the last impact has none."""
-ROOM = 0.9  # height, in impacts, that a marker takes above the band that it explains
+MARKER_HEIGHT = 0.9  # height, in impacts, that a marker takes above the band that it explains
 
 
 def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
@@ -233,7 +236,7 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
     accurate = table["accurate"]
     not_inaccurate = table["not_inaccurate"]
     areas = [
-        (accurate > 0, Patch(facecolor="0.35", label=f"{ACCURATE_TO} here")),
+        (accurate > 0, Patch(facecolor="0.35", label=f"{ACCURATE_UP_TO} here")),
         (
             not_inaccurate > accurate,
             Patch(facecolor="none", edgecolor="0.35", hatch="////", label=f"{NOT_WRONG} here"),
@@ -244,7 +247,7 @@ def validity_figure(table: pd.DataFrame, impacts: int) -> Figure:
         Line2D(
             [], [], color="k", ls=":", lw=1.4, label="99 % of the paths on its itinerary up to here"
         ),
-        Line2D([], [], color="k", lw=1.0, label=f"on its itinerary: {ACCURATE_TO} here"),
+        Line2D([], [], color="k", lw=1.0, label=f"on its itinerary: {ACCURATE_UP_TO} here"),
     ]
     marked = [
         (marker, CAUSES[cause])
@@ -281,12 +284,15 @@ def _panel(ax: Axes, rows: pd.DataFrame, closure: str, impacts: int) -> None:
     ax.stairs(
         rows["itinerary_accurate"].to_numpy(), edges, baseline=None, color="k", ls="-", lw=1.0
     )
-    place = np.minimum(not_inaccurate + 0.5 * ROOM, impacts)
+    place = np.minimum(not_inaccurate + 0.5 * MARKER_HEIGHT, impacts)
     for x, y, cause in zip(sigma, place, rows["cause"], strict=True):
         if cause in MARKER:
             ax.plot(x, y, ls="none", marker=MARKER[cause], color="k", ms=5, zorder=5)
     ax.set(
-        xscale="log", xlim=(edges[0], edges[-1]), ylim=(0.0, impacts + 0.5 * ROOM), axisbelow=True
+        xscale="log",
+        xlim=(edges[0], edges[-1]),
+        ylim=(0.0, impacts + 0.5 * MARKER_HEIGHT),
+        axisbelow=True,
     )
     ax.xaxis.set_major_formatter("{x:g}")
     ax.yaxis.set_major_locator(MaxNLocator(7, integer=True))

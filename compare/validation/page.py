@@ -14,7 +14,7 @@ from rattle.compare.report.provenance import command_line, provenance
 from rattle.compare.report.report import Report
 from rattle.compare.report.save import csv_text, save
 from rattle.compare.report.style import caption_of, render
-from rattle.compare.report.table import MARKS as SIGNS
+from rattle.compare.report.table import SIGNS_OF_MARKS
 from rattle.compare.report.texts import (
     CLOSURE_TERMS,
     SECTION_TERMS,
@@ -26,7 +26,7 @@ from rattle.compare.validation import tables
 from rattle.compare.validation.answer import answer, correlation_claim, sigma_text
 from rattle.compare.validation.comparison import Comparison, Sweep
 from rattle.compare.validation.figures import (
-    FIGURES,
+    VALIDATION_FIGURES,
     agreement_figure,
     drive_figure,
     validity_figure,
@@ -34,11 +34,11 @@ from rattle.compare.validation.figures import (
 from rattle.compare.validation.verdict import MARKS, RULE, Tolerances
 from rattle.scene.parts import SINE_ALONE
 
-TABLES = {"table": "table", "correlation": "correlation", "leaving": "run.leaving"}
+VALIDATION_TABLES = {"table": "table", "correlation": "correlation", "leaving": "run.leaving"}
 """Tables of a validation by the name of their file."""
-LARGE = ("table", "validity")
+VALIDATION_PARQUET = ("table", "validity")
 """Tables that are written as Parquet too."""
-WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
+VALIDATION_WORDS = ("exact flight", "σ", "ρ1, ρ2", "stage", "agreement", "realizable")
 CAPTIONS: dict[str, dict[str, str]] = read_texts("validation")
 """Of each figure the parts of its caption, with a word of the legend that each needs."""
 
@@ -60,7 +60,7 @@ def _draw_section(v: Comparison, number: int) -> DrawnSection:
     sigma = sigma_text(v)
     figures: dict[str, bytes] = {}
     captions: dict[str, str] = {}
-    for kind, draw in FIGURES.items():
+    for kind, draw in VALIDATION_FIGURES.items():
         if figure := draw(v):
             name = f"figures/{kind}-{number}-sigma-{sigma}"
             figures[name] = render(figure)
@@ -124,7 +124,7 @@ def _fill(
 ) -> dict[str, Any]:
     """What the template of the page shows besides the figures and the noise intensities."""
     first = validations[0]
-    marks = [f"{SIGNS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items()]
+    marks = [f"{SIGNS_OF_MARKS[mark] or '–'} {verdict}" for verdict, mark in MARKS.items()]
     content: dict[str, Any] = {
         "swept": swept is not None,
         "own_closures": _describe_own_closures(first),
@@ -166,7 +166,7 @@ def write_report(
 
     `said`: Its answer in sentences. `drawn`: `draw_sections` of the validations.
     """
-    own = {name: attrgetter(place) for name, place in TABLES.items()}
+    own = {name: attrgetter(place) for name, place in VALIDATION_TABLES.items()}
     frames = {
         n: pd.concat([table(v).assign(sigma=v.scene.sigma) for v in validations])
         for n, table in own.items()
@@ -199,10 +199,16 @@ def write_report(
         said,
         record,
         content | {"captions": captions, "validations": [one.content for one in drawn]},
-        glossary(*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *WORDS, gears=first.scene.gears),
+        glossary(
+            *CLOSURE_TERMS,
+            *SECTION_TERMS,
+            *VERDICT_TERMS,
+            *VALIDATION_WORDS,
+            gears=first.scene.gears,
+        ),
         figures=figures,
         tables=frames,
-        large={name: frames[name] for name in LARGE if name in frames},
+        large={name: frames[name] for name in VALIDATION_PARQUET if name in frames},
         template="validation/page.j2",
         more={f"`{name}.csv`": f"sha256 {sha256}" for name, sha256 in files.items() if sha256},
     )

@@ -21,9 +21,9 @@ from rattle.scene import SECTION, Floats, Ints
 from rattle.scene.elementary import gauss_legendre
 from rattle.scene.moments import RHO_ROUNDING, central_from_raw, correlation
 
-CONFIDENCE = 0.95  # of the Kolmogorov floor
-REACH = 10.0  # sds on both sides of its mean over which a density is integrated
-STEP = 0.25  # width of a quadrature panel in sds of the density, where bins are wider
+KOLMOGOROV_CONFIDENCE = 0.95  # of the Kolmogorov floor
+DENSITY_REACH = 10.0  # sds on both sides of its mean over which a density is integrated
+PANEL_WIDTH = 0.25  # width of a quadrature panel in sds of the density, where bins are wider
 NODES, WEIGHTS = gauss_legendre(5)
 ATOM = 0.5  # share of the paths in one bin from which on the sample is an atom and not a density
 VARIES = 1e-6  # share of the largest sd at an impact below which a quantity's own sd is rounding
@@ -49,7 +49,7 @@ def bin_masses(
     mean; the last is the remainder, so that all sum to 1.  A mass is negative where the density is.
     Shapes: `edges` (bins + 1,); result (bins + 2,).
     """
-    own = mean + sd * np.arange(-REACH, REACH + STEP, STEP)
+    own = mean + sd * np.arange(-DENSITY_REACH, DENSITY_REACH + PANEL_WIDTH, PANEL_WIDTH)
     panels = np.union1d(edges, own)
     half = 0.5 * np.diff(panels)[:, None]
     points = panels[:-1, None] + half * (1.0 + NODES)
@@ -75,7 +75,7 @@ def distances(masses: Floats, counts: Ints) -> Distances:
     tv_floor = np.sqrt(shares * (1.0 - shares) / (2.0 * np.pi * n)).sum()
     return Distances(
         float(np.abs(np.cumsum(gap)[:-1]).max()),
-        float(kolmogi(1.0 - CONFIDENCE) / np.sqrt(n)),
+        float(kolmogi(1.0 - KOLMOGOROV_CONFIDENCE) / np.sqrt(n)),
         float(0.5 * np.abs(gap).sum()),
         float(tv_floor),
     )
@@ -151,8 +151,8 @@ sign of a variance needs none.
 """
 
 # sds on both sides of the mean, and points per axis, of the quadratures of negative parts
-SPREAD = 8.0
-POINTS = 481
+NEGATIVE_REACH = 8.0
+NEGATIVE_POINTS = 481
 
 NAN = float("nan")
 
@@ -260,7 +260,7 @@ def _series_negative_mass(prediction: MeanMap, impact: int, stage: int) -> Stati
     if not (raw[2, 0] > 0.0 and raw[0, 2] > 0.0 and np.isfinite(raw).all()):
         return Statistic(NAN)  # no series can be formed
     series = prediction.edgeworth(impact, stage)
-    z = np.linspace(-SPREAD, SPREAD, POINTS)
+    z = np.linspace(-NEGATIVE_REACH, NEGATIVE_REACH, NEGATIVE_POINTS)
     cell = (z[1] - z[0]) ** 2 * series.sd_x * series.sd_y
     return Statistic(negative_mass(series.density_on_grid(z * series.sd_x, z * series.sd_y), cell))
 
@@ -273,7 +273,7 @@ def _section_negative_mass(prediction: MeanMap, impact: int) -> Statistic:
         mean, sd, skew = (
             float(table[prefix + quantity].loc[impact]) for prefix in ("", "sd_", "skew_")
         )
-        grid = mean + sd * np.linspace(-SPREAD, SPREAD, POINTS)
+        grid = mean + sd * np.linspace(-NEGATIVE_REACH, NEGATIVE_REACH, NEGATIVE_POINTS)
         density = prediction.density(impact, quantity, grid)
         if density is not None and np.isfinite(skew):
             masses.append(negative_mass(density, float(grid[1] - grid[0])))

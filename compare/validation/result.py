@@ -120,9 +120,9 @@ class Validation(Comparison):
         >>> len(v.plot("errors").axes)
         6
         """
-        from rattle.compare.validation.figures import FIGURES
+        from rattle.compare.validation.figures import VALIDATION_FIGURES
 
-        figure = FIGURES[choice("kind", kind, FIGURES)](self)
+        figure = VALIDATION_FIGURES[choice("kind", kind, VALIDATION_FIGURES)](self)
         if figure is None:
             raise InputError("kind", kind, "needs a closure other than branching")
         return figure

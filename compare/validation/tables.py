@@ -22,7 +22,14 @@ from rattle.scene.units import PRODUCTS
 DESCRIBES = {"itinerary": "paths on its itinerary", "all paths": "all paths", None: "not stated"}
 """What the page says of `rattle.closure.Closure.describes`."""
 
-SHOWN = [("mean", "tau"), ("mean", "y1"), ("mean", "y2"), ("sd", "tau"), ("sd", "y1"), ("sd", "y2")]
+MOMENTS_SHOWN = [
+    ("mean", "tau"),
+    ("mean", "y1"),
+    ("mean", "y2"),
+    ("sd", "tau"),
+    ("sd", "y1"),
+    ("sd", "y2"),
+]
 """Section moments that the page tabulates; the table files hold all of them."""
 
 
@@ -60,7 +67,7 @@ def impact_table(v: Comparison, closure: str) -> Table:
         "impact": [str(impact) for impact in section.index],
         "agreement": [f"{share:.3f}" for share in v.run.agreement[closure][section.index]],
     }
-    for moment, quantity in SHOWN:
+    for moment, quantity in MOMENTS_SHOWN:
         if v.scene.stages == 2 or quantity != "y2":
             head = f"{'E' if moment == 'mean' else 'sd'} {'τ' if quantity == 'tau' else quantity}"
             columns[head] = [cells[moment, quantity, impact] for impact in section.index]

@@ -40,12 +40,12 @@ from rattle.scene import (
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar
 
-PILOT = 64  # paths of the pilot run that bounds the time of the last impact
+PILOT_PATHS = 64  # paths of the pilot run that bounds the time of the last impact
 # the bound is this many times the pilot's time to its last impact; later fixed times are not
 # compared
-MARGIN = 10.0
+TIME_MARGIN = 10.0
 
-COLUMNS = (
+TABLE_COLUMNS = (
     *(
         "closure",
         "kind",
@@ -187,7 +187,7 @@ def validate(
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
     parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
-    table = pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
+    table = pd.concat(parts, ignore_index=True).reindex(columns=list(TABLE_COLUMNS))
     raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
     said = zip(table["closure"], table["remark"].fillna(""), strict=True)
     table["remark"] = [raised.get(name, remark) for name, remark in said]
@@ -212,10 +212,10 @@ def _last_impact(scene: Scene, **settings: Any) -> float:
     If the noise-free orbit flies much longer than the paths do, nothing can be compared at its
     later times, and simulating up to them may take millions of steps.
     """
-    pilot = simulate(scene, paths=PILOT, **settings)
+    pilot = simulate(scene, paths=PILOT_PATHS, **settings)
     at = pilot.section.iloc[-1]
     horizon = scene.phase + (pilot.plan.most_steps - 1) * pilot.dt
-    latest = scene.phase + MARGIN * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
+    latest = scene.phase + TIME_MARGIN * (at["tau"] + 6.0 * at["sd_tau"] - scene.phase)
     return float(min(horizon, math.inf if math.isnan(latest) else latest))
 
 
@@ -232,7 +232,7 @@ SCHEME_COLUMNS = [
     "core_seconds",
 ]
 BESIDE_PATHS = 32_768  # of each scheme that is shown beside the simulation
-SCHEME = "exact-flight"
+DEFAULT_SCHEME = "exact-flight"
 """Has no step bias, which would exceed the tolerances at small sigma, as they are shares of the
 sds."""
 
@@ -264,7 +264,11 @@ def check_sweep(scene: Scene, sigmas: Sequence[float], **settings: Any) -> None:
         try:
             own = scene.with_sigma(sigma)
             check_settings(
-                own, scheme=SCHEME, dt=default_step(own, SCHEME), step_bias=False, **settings
+                own,
+                scheme=DEFAULT_SCHEME,
+                dt=default_step(own, DEFAULT_SCHEME),
+                step_bias=False,
+                **settings,
             )
         except InputError as error:
             raise InputError(
@@ -307,7 +311,7 @@ def sweep(
         for sigma in bar:
             v = validate(
                 scene.with_sigma(sigma),
-                scheme=SCHEME,
+                scheme=DEFAULT_SCHEME,
                 fixed_times=False,
                 workers=workers,
                 **settings,

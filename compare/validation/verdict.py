@@ -129,7 +129,7 @@ def judge(table: pd.DataFrame) -> pd.DataFrame:
     return out
 
 
-ACCURATE = "accurate up to"
+ACCURATE_UP_TO = "accurate up to"
 NOT_WRONG = "not shown wrong up to"
 WRONG = "shown wrong"
 ENDED = "not followed to its end"
@@ -185,7 +185,7 @@ def in_words(
     beyond = [value for value in values if not value <= not_wrong]
     parts = []
     if not math.isnan(accurate):
-        parts.append((ACCURATE, accurate, ""))
+        parts.append((ACCURATE_UP_TO, accurate, ""))
     if not math.isnan(not_wrong) and not_wrong != accurate:
         parts.append((NOT_WRONG, not_wrong, f" ({undecided})"))
     if beyond:

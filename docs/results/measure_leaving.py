@@ -24,7 +24,7 @@ from rattle.montecarlo.kernel.block import BLOCK, CODES, count_followed
 from rattle.montecarlo.kernel.mixture import mixture_of
 from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.schemes.step_size import default_step
-from rattle.montecarlo.settings import EXACT, NOISE_FREE, plan_of
+from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, plan_of
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))
 from random_gears import gear_sets, noisy
@@ -62,9 +62,9 @@ def choose_scene(number, gear_set):
     found = None
     for noise in NOISES:
         scene = noisy(gear_set, noise)
-        for one in aim.aim(scene.phase_reduced, IMPACTS, default_step(scene, EXACT)):
+        for one in aim.aim(scene.phase_reduced, IMPACTS, default_step(scene, EXACT_SCHEME)):
             off = abs(math.log(one.probability / wanted))
-            if one.effective >= aim.ENOUGH and off < best:
+            if one.effective >= aim.ENOUGH_PATHS and off < best:
                 best = off
                 found = (noise, scene)
     return found
@@ -73,14 +73,14 @@ def choose_scene(number, gear_set):
 def find_truth(scene):
     """Probabilities and their variances, from a run that is drawn otherwise; (impacts, codes)
     each."""
-    dt = default_step(scene, EXACT)
+    dt = default_step(scene, EXACT_SCHEME)
     with mock.patch.object(aim, "SEED", OTHER_SEED):
         exits = aim.aim.__wrapped__(scene.phase_reduced, IMPACTS, dt)
     points, shares = aim.share_out(exits)
-    scale = TRUTH_NEAR / aim.NEAR
+    scale = TRUTH_NEAR / aim.NEAR_EXITS
     shares = [scale * share for share in shares]
     mixture = mixture_of([WIDER * point for point in points], shares, np.zeros((IMPACTS, 6)), BLOCK)
-    plan = plan_of(scene.phase_reduced, BLOCK, IMPACTS, dt, EXACT, OTHER_SEED)
+    plan = plan_of(scene.phase_reduced, BLOCK, IMPACTS, dt, EXACT_SCHEME, OTHER_SEED)
     left = np.zeros((3, IMPACTS, len(CODES)))
     orbit = np.array(plan.itineraries[NOISE_FREE], dtype=float)
     for block in range(TRUTH_BLOCKS):

@@ -39,14 +39,14 @@ from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
 from rattle.montecarlo.settings import count_followed, exact_orbit, is_random
 from rattle.scene import SECTION, Floats, duration_text
 
-STEP = 8.0  # largest ratio of two bounds that is followed at once
-TOUCH = 1.02  # ratio to which the number is found
-MOST = 1e15  # paths from which on the number does not matter any longer
+RATIO_STEP = 8.0  # largest ratio of two bounds that is followed at once
+RATIO_FOUND = 1.02  # ratio to which the number is found
+ENDLESS_PATHS = 1e15  # paths from which on the number does not matter any longer
 VECTOR_GAIN = 32.0  # cost of a path-step of a single path over that in a full block of vector lanes
 STICKING_NS = 110.0  # measured time of a path-step in which a mesh sticks
 NO_SUCH_IMPACT = 1e3  # error of a path that has an impact more, or less, than it should
 MOST_OF = 0.5  # share of a bound from which on one cause is named for it
-SHARE = 0.9  # of the rows that are stated apart from the dearest
+STATED_SHARE = 0.9  # of the rows that are stated apart from the dearest
 MOST_ROOT = 1e100  # square root of the largest number of paths
 DEARER = 3.0  # times as many paths from which on the dearest row is named
 
@@ -98,14 +98,14 @@ def expect_paths(
         return find_exceedance(np.stack([mean, spread]) / size, shift / size, share), added
 
     fewer = paths = max(plain, 1.0)
-    while (found := bound(paths))[0] > TOUCH * accuracy and paths < MOST:
+    while (found := bound(paths))[0] > RATIO_FOUND * accuracy and paths < ENDLESS_PATHS:
         fewer = paths
-        paths = paths * min(found[0] / accuracy, STEP) ** 2
+        paths = paths * min(found[0] / accuracy, RATIO_STEP) ** 2
     while (
-        paths > TOUCH * fewer
+        paths > RATIO_FOUND * fewer
     ):  # branches come into reach at once: the bound is not a power of the paths
         middle = math.sqrt(paths * fewer)
-        if bound(middle)[0] > TOUCH * accuracy:
+        if bound(middle)[0] > RATIO_FOUND * accuracy:
             fewer = middle
         else:
             paths = middle
@@ -228,7 +228,7 @@ def name_dearest_row(run: Ensemble, accuracy: float, share: float) -> str:
     paths = np.where(shift > MOST_OF * accuracy, np.maximum(paths, branch), paths)
     dearest = np.unravel_index(np.argmax(np.where(varies, paths, 0.0)), paths.shape)
     with np.errstate(invalid="ignore"):  # between rows that no number of paths settles
-        most = float(np.quantile(paths[varies], SHARE))
+        most = float(np.quantile(paths[varies], STATED_SHARE))
     if not paths[dearest] > DEARER * most:
         return ""
     seconds = duration_text(cost_of(run, max(math.ceil(most), 1)).core_seconds)

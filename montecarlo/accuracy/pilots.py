@@ -24,7 +24,7 @@ from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import Blocks, Budget, clock
 from rattle.montecarlo.schemes.step_size import (
     COARSEST,
-    LEFT_OUT,
+    MOST_LEFT_OUT_NOISE,
     SCHEMES,
     largest_step,
     resolve_start,
@@ -33,14 +33,14 @@ from rattle.montecarlo.settings import Record, Sampling, count_followed, default
 from rattle.scene import SECTION, Scene
 
 # paths of the probe runs before a pilot: each shows whether the next run fits the budget
-PROBES = (
+PROBE_PATHS = (
     8,
     256,
 )
-PILOT = 4 * BLOCK  # paths of a pilot run
+PILOT_RUN_PATHS = 4 * BLOCK  # paths of a pilot run
 FIRST_STEP = 0.01  # dt of the Euler-Maruyama pilots, where it is admissible
 # core-seconds of exact flights below which no other scheme is tried: its pilot would take as long
-ENOUGH = 5.0
+CHEAP_SECONDS = 5.0
 PROBE_SPAN = 0.01  # share of the horizon over which the first probe is run
 ROUGHEST = 1e3  # the least accuracy that is considered, in sds
 # share of an accuracy that noise left out by exact flights may take, and its least
@@ -53,7 +53,7 @@ Simulate = Callable[..., Ensemble]
 def pilot(scene: Scene, scheme: str, simulate: Simulate) -> Ensemble:
     """A small run that shows what an accuracy takes: the spread, and the step bias of a scheme that
     has one."""
-    return simulate(paths=PILOT, **_pilot_settings(scene, scheme))
+    return simulate(paths=PILOT_RUN_PATHS, **_pilot_settings(scene, scheme))
 
 
 def _pilot_settings(scene: Scene, scheme: str, accuracy: float = math.inf) -> dict[str, Any]:
@@ -65,7 +65,9 @@ def _pilot_settings(scene: Scene, scheme: str, accuracy: float = math.inf) -> di
     )
     sampling = Sampling(control=exact and small_noise(scene))
     if exact:
-        dt = resolve_start(scene, dt, min(LEFT_OUT, max(NEGLECT * accuracy, LEAST_NEGLECT)))
+        dt = resolve_start(
+            scene, dt, min(MOST_LEFT_OUT_NOISE, max(NEGLECT * accuracy, LEAST_NEGLECT))
+        )
     return {"scheme": scheme, "dt": dt, "record": Record(step_bias=not exact), "sampling": sampling}
 
 
@@ -153,18 +155,18 @@ def _pilot_within(
         run.impacts, run.dt * (COARSEST if settings["record"].step_bias else 1)
     )
     early = replace(one_step, horizon=PROBE_SPAN * horizon)
-    probe, _ = time_run(paths=count_followed(scene, PROBES[0]), sampling=early)
+    probe, _ = time_run(paths=count_followed(scene, PROBE_PATHS[0]), sampling=early)
     slow = cost_of(probe, 1).core_seconds / PROBE_SPAN
     if probe.unfinished and slow * probe.paths > budget.remaining:
         return PilotRun(probe, slow, False)
     followed = 0
     found = None
-    for paths in (*PROBES, PILOT) if is_random(scene) else (1,):
+    for paths in (*PROBE_PATHS, PILOT_RUN_PATHS) if is_random(scene) else (1,):
         if found is not None and found.path_seconds * paths > budget.remaining:
             break
         run, seconds = time_run(paths=paths)
         took = max(cost_of(run, 1).core_seconds, (seconds - before) / (paths - followed))
-        found = PilotRun(run, took, run.paths == count_followed(scene, PILOT))
+        found = PilotRun(run, took, run.paths == count_followed(scene, PILOT_RUN_PATHS))
         before = seconds
         followed = paths
     assert found is not None
@@ -183,11 +185,11 @@ def choose_scheme(
     """The scheme that is expected to cost least at an accuracy, and what each that was tried is
     expected to cost.
 
-    Schemes after the first are tried only if the first is expensive (`ENOUGH`) and the budget
-    lasts.  Expensive exact flights are drawn near rare branches where that takes less.
+    Schemes after the first are tried only if the first is expensive (`CHEAP_SECONDS`) and the
+    budget lasts.  Expensive exact flights are drawn near rare branches where that takes less.
     """
     pilots = [_pilot_within(scene, names[0], accuracy, simulate, budget)]
-    if pilots[0].whole and pilots[0].at(accuracy).core_seconds > ENOUGH:
+    if pilots[0].whole and pilots[0].at(accuracy).core_seconds > CHEAP_SECONDS:
         for name in names[1:]:
             if budget.remaining > 0.0:
                 pilots.append(_pilot_within(scene, name, accuracy, simulate, budget))

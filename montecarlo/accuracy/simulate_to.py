@@ -45,7 +45,7 @@ from rattle.montecarlo.looks import grow, share_of_look
 from rattle.montecarlo.schemes.step_size import COARSEST, SCHEMES
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import (
-    MOST_STEPS,
+    MOST_STEPS_OF_A_PATH,
     Record,
     Sampling,
     check_settings,
@@ -58,12 +58,12 @@ from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ESTIMATES
 
 MOST_BIAS = 0.6  # share of an accuracy that the bias of the step may take; pilots aim at half
-SPARE = 1.05  # paths that are run over those foreseen, so that the next look is the last
+LAST_LOOK_SPARE = 1.05  # paths that are run over those foreseen, so that the next look is the last
 # nominal core-seconds of an answer in place of one that would take more than an hour
 INSTEAD = 20.0
 LEAST_ROOM = 0.2  # share that is left to the error of sampling while the step is too long
 # most by which the number of paths grows at once: the spread of heavy tails is found late
-GROWTH = 8
+MOST_GROWTH = 8
 
 
 def _expect_seconds(pilot_run: PilotRun, accuracy: float) -> float:
@@ -311,7 +311,7 @@ def _look_at(run: Ensemble, accuracy: float, look: int, grain: int) -> _Look:
     room = max(accuracy - step, LEAST_ROOM * accuracy)  # for the error of sampling
     needed = expect_paths(run, room, share_of_look(look + 1)).paths
     # more also where a bias may be noise
-    return _Look(grow(run.paths, needed, SPARE, grain), too_long)
+    return _Look(grow(run.paths, needed, LAST_LOOK_SPARE, grain), too_long)
 
 
 def _follow_up(
@@ -333,7 +333,7 @@ def _follow_up(
     fewest = count_followed(run.scene, FEWEST_PATHS)
     grain = count_followed(run.scene, BLOCK)
     horizon = default_horizon(run.impacts, run.dt * (1 if exact else COARSEST))
-    shortest = horizon / MOST_STEPS
+    shortest = horizon / MOST_STEPS_OF_A_PATH
     settings = {
         "scheme": run.scheme,
         "record": Record(step_bias=not exact),
@@ -355,7 +355,7 @@ def _follow_up(
         took = (clock() - began) / (run.paths - before) if run.paths > pilot_run.run.paths else 0.0
         seconds_per_path = took or pilot_run.path_seconds
         found = _look_at(run, accuracy, look, grain)
-        late = exact and run.plan.mixture is None and run.paths > GROWTH * tried
+        late = exact and run.plan.mixture is None and run.paths > MOST_GROWTH * tried
         if late and budget.remaining > 0.0:  # a spread that was found late
             begin = partial(begin_rare, run, run.paths, blocks)
             tried = run.paths
@@ -380,5 +380,5 @@ def _follow_up(
         if found.step_too_long:
             run = simulate(paths=run.paths, dt=shorter, **settings)
         else:
-            paths = min(run.paths + min(more, affordable), GROWTH * run.paths)
+            paths = min(run.paths + min(more, affordable), MOST_GROWTH * run.paths)
             run = _extend(run, paths, blocks, progress)

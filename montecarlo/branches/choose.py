@@ -18,28 +18,29 @@ from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.scene import SECTION, Floats
 
 # steps whose noise is searched for design points: later impacts have plain paths alone
-LONGEST = 2048
-PROBES = 12  # branches that are probed
+SEARCHED_STEPS = 2048
+PROBED_BRANCHES = 12  # branches that are probed
 LIKELY = 0.02  # probability from which plain paths take a branch often enough
-LEAST = 12.0  # kurtosis added to a row below which a branch is not worth it
+LEAST_KURTOSIS = 12.0  # kurtosis added to a row below which a branch is not worth it
 # share of the paths by which parts grow; largest of a part, and of all
 GRAIN = 0.01
 MOST_OF_ONE = 0.2
-MOST = 0.5
+MOST_NEAR_BRANCHES = 0.5
 LEAST_OF_ONE = 0.04  # share of a part: fewer paths know too little of their own error
-KNOWN = 100.0  # paths in a part from which on plain paths know what it adds
-FEW = 10.0  # paths that make up a kurtosis, below which it is known within a factor of ten alone
+KNOWN_PATHS = 100.0  # paths in a part from which on plain paths know what it adds
+# paths that make up a kurtosis, below which it is known within a factor of ten alone
+FEW_PATHS = 10.0
 # ratio of the largest kurtosis without parts to that with them from which on they are worth it
 WORTH = 1.5
 ALIKE = 0.9  # cosine from which two design points are one
-PROBE = 0x9170  # spawn key of the probes' random numbers
+PROBE_KEY = 0x9170  # spawn key of the probes' random numbers
 
 
 def steps_of(run: Any) -> int:
     """Steps of a run until most of its paths have had all their impacts."""
     last = run.phase_reduced.columns
     end = np.nan_to_num(last["tau"] + 6.0 * last["sd_tau"]).max() - run.plan.scene.phase
-    return int(min(max(end / run.plan.dt, 0.0) + 1.0, LONGEST))
+    return int(min(max(end / run.plan.dt, 0.0) + 1.0, SEARCHED_STEPS))
 
 
 def choose_mixture(run: Any) -> BranchMixture | None:
@@ -59,7 +60,7 @@ def choose_mixture(run: Any) -> BranchMixture | None:
         sd[columns["mesh"] == mesh, 2 * mesh] = 0.0  # known exactly
     sd[:, 2 + 2 * plan.scene.stages :] = 0.0
     sd[~(sd > 1e-12 * (1.0 + np.abs(centre)))] = np.inf
-    probed = list_distinct(_by_influence(found.branches, sd), PROBES)
+    probed = list_distinct(_by_influence(found.branches, sd), PROBED_BRANCHES)
     shifts = [branch.shift for branch in probed]
     added = [_probe(plan, centre, sd, branch, number) for number, branch in enumerate(probed, 1)]
     kurtosis = np.column_stack([columns["kurt_" + q] for q in SECTION]).astype(float)
@@ -87,12 +88,14 @@ def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int)
     shares = np.zeros(len(added))
     each = np.array(added).reshape(len(added), *kurtosis.shape)
     # branches that plain paths have taken: together they add at most the kurtosis that was measured
-    seen = tails * paths > KNOWN
+    seen = tails * paths > KNOWN_PATHS
     each[seen] *= np.minimum(1.0, kurtosis / np.maximum(each[seen].sum(axis=0), 1e-300))
     rest = np.maximum(kurtosis - each[seen].sum(axis=0), 3.0)
     # where the other branches are expected to make much of the measured kurtosis, it may come from
     # a few chance visits to them: the rest then counts as normal, with a kurtosis of 3
-    rest[each[~seen].sum(axis=0) > np.where(kurtosis * FEW > paths, 0.03, 0.3) * kurtosis] = 3.0
+    rest[each[~seen].sum(axis=0) > np.where(kurtosis * FEW_PATHS > paths, 0.03, 0.3) * kurtosis] = (
+        3.0
+    )
 
     def largest(shares: Floats) -> float:
         plain = 1.0 - shares.sum()
@@ -100,7 +103,7 @@ def _share_out(kurtosis: Floats, added: list[Floats], tails: Floats, paths: int)
         return float((rest / plain + np.tensordot(1.0 / often, each, 1)).max())
 
     before = best = largest(shares)
-    while added and shares.sum() < MOST:
+    while added and shares.sum() < MOST_NEAR_BRANCHES:
         tried = [
             (largest(shares + GRAIN * one), i)
             for i, one in enumerate(np.eye(len(added)))
@@ -127,7 +130,7 @@ def _by_influence(branches: tuple[Branch, ...], sd: Floats) -> list[Branch]:
     first."""
     rare = [b for b in branches if b.probability < LIKELY and b.shift.any()]
     added = [(float((np.abs(b.fourth) / sd**4).max()), b) for b in rare]
-    return [b for most, b in sorted(added, key=lambda one: -one[0]) if most > 0.1 * LEAST]
+    return [b for most, b in sorted(added, key=lambda one: -one[0]) if most > 0.1 * LEAST_KURTOSIS]
 
 
 def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, number: int) -> Floats:
@@ -138,7 +141,7 @@ def _probe(plan: Plan, centre: Floats, sd: Floats, branch: Branch, number: int) 
     """
     mixture = mixture_of([branch.shift], [0.75], centre, BLOCK)
     seed = np.random.SeedSequence(
-        plan.seed.entropy, spawn_key=(*plan.seed.spawn_key, PROBE, number)
+        plan.seed.entropy, spawn_key=(*plan.seed.spawn_key, PROBE_KEY, number)
     )
     rows, weights, _, _ = sample_mixture(plan._replace(seed=seed), mixture, 0)
     near = int(mixture.counts[:-1].sum())

@@ -29,18 +29,20 @@ FURTHEST = 6.0
 """Largest reliability index that is looked for: a probability of 1e-9."""
 NO_SD = 1e-150  # sd or speed that stands for none: a quotient by it does not overflow
 GRID = 64  # points of a flight at which the walls' distances are looked at
-PLACES = (0.5 + np.arange(1, 13) * np.array([[0.8191725134], [0.6710436067], [0.5497004779]])) % 1.0
+CUBE_POINTS = (
+    0.5 + np.arange(1, 13) * np.array([[0.8191725134], [0.6710436067], [0.5497004779]])
+) % 1.0
 """Twelve points of the unit cube, an additive recurrence of low discrepancy: time, room and speed
 of a branch."""
-TURN = 2.0  # time within which a grazing path turns
+TURN_TIME = 2.0  # time within which a grazing path turns
 SAMPLE = 2000  # Gaussian paths around the design point of a missed impact
-LONGEST = 100.0  # flight; a longer one ends the search
+LONGEST_SEARCHED_FLIGHT = 100.0  # flight; a longer one ends the search
 RAREST = math.log(1e-9)  # logarithm of a probability below which a branch is not looked for
 FAINT = -20.0  # logarithm of the flux, over that of its peak, from which on it is neglected
 NEVER = -1e300  # logarithm of no flux; differences of it are finite
-ROUNDS = 12  # of fourfold narrowing, at most, in which a peak of the flux is found
+NARROWING_ROUNDS = 12  # of fourfold narrowing, at most, in which a peak of the flux is found
 # time after the orbit's own impact up to which another may still come before that of a path
-LATEST = 1.0
+LATEST_OTHER = 1.0
 # of the depth by which a missed impact is missed; each has one representative
 STRATA = np.array([0.6, 0.35, 0.05])
 MIDDLES = np.cumsum(STRATA) - 0.5 * STRATA
@@ -160,7 +162,7 @@ class SearchedFlight:
         self.grid = grid
         after = start.mean
         self.time, self.mesh, self.side, *before = next_impact(
-            c, tau, after[0], after[1], after[2], after[3], LONGEST
+            c, tau, after[0], after[1], after[2], after[3], LONGEST_SEARCHED_FLIGHT
         )
         self.before = np.array(before)
 
@@ -242,7 +244,7 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
     """Another wall that is met before the orbit's own: an event for each peak of the flux of paths
     that meet it."""
     same = mesh == flight.mesh
-    end = flight.time if same else flight.time + min(flight.time, LATEST)
+    end = flight.time if same else flight.time + min(flight.time, LATEST_OTHER)
     times = np.linspace(0.0, end, GRID + 1)[1:]
     flux = _log_flux(flight, times, mesh, side)
     peaks = np.flatnonzero((flux[1:-1] >= flux[:-2]) & (flux[1:-1] > flux[2:])) + 1
@@ -257,7 +259,7 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
     for peak in peaks:
         at = times[peak - 1 : peak + 2]
         log = flux[peak - 1 : peak + 2]
-        for n in range(ROUNDS):  # narrow the bracket
+        for n in range(NARROWING_ROUNDS):  # narrow the bracket
             highest = 2.0 * log[1] - log.min()  # bound of a log-concave flux within it
             rare = highest + math.log(end) < RAREST
             if rare or (n > 3 and highest < log[1] + 1.0):
@@ -285,7 +287,11 @@ def _earlier(flight: SearchedFlight, mesh: int, side: int) -> list[Event]:
         if probability > ndtr(-FURTHEST):
             found.append(
                 _meet(
-                    flight, mesh, side, probability, np.interp(PLACES[0], mass / mass[-1], around)
+                    flight,
+                    mesh,
+                    side,
+                    probability,
+                    np.interp(CUBE_POINTS[0], mass / mass[-1], around),
                 )
             )
     return found
@@ -304,12 +310,12 @@ def _meet(flight: SearchedFlight, mesh: int, side: int, probability: float, time
         if own != i:
             sd = math.sqrt(max(state.spread[own, own], 0.0))
             room = (_wall(flight.c, flight.mesh) - flight.side * state.mean[own]) / max(sd, NO_SD)
-            at = float(ndtri_exp(log_ndtr(room) + math.log(PLACES[1, n])))
+            at = float(ndtri_exp(log_ndtr(room) + math.log(CUBE_POINTS[1, n])))
             state = state.given(own, state.mean[own] + flight.side * at * sd)
         sd = math.sqrt(max(state.spread[i + 1, i + 1], 0.0))
         least = -side * state.mean[i + 1] / max(sd, NO_SD)
         speed = side * state.mean[i + 1] - sd * float(
-            ndtri_exp(log_ndtr(-least) + math.log(PLACES[2, n]))
+            ndtri_exp(log_ndtr(-least) + math.log(CUBE_POINTS[2, n]))
         )
         weights[n] = max(speed, 0.0)
         states.append((float(t), state.given(i + 1, side * speed), mesh))
@@ -330,7 +336,7 @@ def _miss(flight: SearchedFlight) -> Event | None:
     side = flight.side
     i = 2 * (flight.mesh - 1)
     wall = _wall(flight.c, mesh)
-    times = flight.time + np.linspace(0.0, TURN, 2 * GRID)
+    times = flight.time + np.linspace(0.0, TURN_TIME, 2 * GRID)
     means, spread = flight.at(times)
     with np.errstate(divide="ignore", invalid="ignore"):
         beta = (side * means[:, i] - wall) / np.sqrt(np.maximum(spread[:, i, i], 0.0))

@@ -25,9 +25,9 @@ from rattle.scene import Constants, Floats, Scene
 from rattle.scene.impact import slowest_impact
 from rattle.scene.orbit import first_state
 
-MOST = 12  # paths that are searched: the orbit, and the most probable branches
+MOST_SEARCHED_PATHS = 12  # paths that are searched: the orbit, and the most probable branches
 # flights that are searched, so that orbits of many impacts take no more than about a second
-FLIGHTS = 300
+MOST_SEARCHED_FLIGHTS = 300
 SMALLEST = 1e-9
 """Probability down to which branches are known, and searched for branches of their own."""
 AT_WALL = 1e-9  # distance from a wall, over that from the middle, of what strikes it: rounding
@@ -140,7 +140,11 @@ class BranchSearch:
     def until(self, least: float) -> RareEvents:
         """Branches of the orbit, and of those of its branches that are at least so probable."""
         with self._one_at_a_time:
-            while self._queue and len(self._searched) < MOST and self._flights < FLIGHTS:
+            while (
+                self._queue
+                and len(self._searched) < MOST_SEARCHED_PATHS
+                and self._flights < MOST_SEARCHED_FLIGHTS
+            ):
                 if self._searched and self._queue[-1].probability < least:
                     break
                 parent = self._queue.pop()
@@ -149,7 +153,9 @@ class BranchSearch:
                     self._known = known
                     self._why = why
                 self._searched.append((parent.probability, len(self._branches)))
-                self._queue = sorted(self._queue, key=lambda one: one.probability)[-MOST:]
+                self._queue = sorted(self._queue, key=lambda one: one.probability)[
+                    -MOST_SEARCHED_PATHS:
+                ]
             number = max(
                 n for k, (p, n) in enumerate([*self._searched, (0.0, 0)]) if k == 0 or p >= least
             )
@@ -164,8 +170,8 @@ class BranchSearch:
         tau = parent.tau
         start = parent.start
         for k in range(parent.first, self.impacts):
-            if self._flights == FLIGHTS:
-                return k, f"{FLIGHTS} flights were searched"
+            if self._flights == MOST_SEARCHED_FLIGHTS:
+                return k, f"{MOST_SEARCHED_FLIGHTS} flights were searched"
             self._flights += 1
             flight = SearchedFlight(c, tau, start, self._grid)
             if flight.mesh <= 0:
@@ -189,7 +195,7 @@ class BranchSearch:
         rows = np.repeat(parent.rows[None], len(event.states), axis=0)
         rows[:, k:] = np.nan
         # rarer ones are never searched
-        rarest = self._queue[0].probability if len(self._queue) >= MOST else 0.0
+        rarest = self._queue[0].probability if len(self._queue) >= MOST_SEARCHED_PATHS else 0.0
         for j, (t, state, mesh) in enumerate(event.states):
             if mesh:
                 rows[j, k] = [tau + t, t, *state.mean]

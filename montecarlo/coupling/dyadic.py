@@ -36,7 +36,7 @@ TREE = BRIDGE + LEVELS
 # most levels below a step: of a random number's index 26 bits are the node, the 30 above the step
 DEEPEST = 26
 TREE_BITS = Word(DEEPEST)
-STEPS = 128  # fewest steps of a period
+STEPS_OF_A_PERIOD = 128  # fewest steps of a period
 # most wall contacts in a leaf; then the path is clipped to its walls and goes on at the next leaf
 IN_A_LEAF = 8
 HIT = 6
@@ -55,10 +55,10 @@ class Clockwork(NamedTuple):
 
 
 def step_time(scene: Scene) -> float:
-    """Step of a path: a period over a power of two of at least `STEPS`, shorter where damping is
-    strong."""
+    """Step of a path: a period over a power of two of at least `STEPS_OF_A_PERIOD`, shorter where
+    damping is strong."""
     longest = 0.5 * accurate_flight(scene)[0]
-    steps = STEPS
+    steps = STEPS_OF_A_PERIOD
     while 2.0 * math.pi / steps > longest:
         steps *= 2
     return 2.0 * math.pi / steps

@@ -25,9 +25,9 @@ from rattle.scene.tangent import Stretch, grow
 DEPTH = 12  # of the tree: leaves are 1.2e-5 long; noise changes a velocity by 3.5e-3 sigma in one
 # shares of a step between which an impact is used: the partner's is in the same step
 EARLIEST = 0.2
-LATEST = 0.6
-PATH = Word(0)  # whose random numbers both paths share
-TINY = 1e-16  # least distance of two paths, for logarithms
+LATEST_SHARE = 0.6
+PATH_NUMBER = Word(0)  # whose random numbers both paths share
+LEAST_DISTANCE = 1e-16  # least distance of two paths, for logarithms
 
 
 @jit
@@ -123,7 +123,7 @@ class LongPath:
 def _two_normals(tree: Tree, step: int) -> tuple[float, float]:
     if tree.c.sigma == 0.0:
         return 0.0, 0.0
-    z0, z1, z2, z3 = normals(tree.key, PATH, Word(step // 2), Word(STEP))
+    z0, z1, z2, z3 = normals(tree.key, PATH_NUMBER, Word(step // 2), Word(STEP))
     return (z0, z1) if step % 2 == 0 else (z2, z3)
 
 
@@ -150,18 +150,18 @@ def _after_impact(
     for k in range(steps):
         put_row(begin, state)
         z = _two_normals(tree, k)
-        found, _ = walk_step(tree, room, PATH, k, z, state, hits)
+        found, _ = walk_step(tree, room, PATH_NUMBER, k, z, state, hits)
         if k < settle or found != 1 or abs(hits[0, 1]) != 1:
             continue
         share = hits[0, 0] / w.h
         speed = abs(hits[0, 3])
-        if not (EARLIEST < share < LATEST and speed > least):
+        if not (EARLIEST < share < LATEST_SHARE and speed > least):
             continue
         whole = True
         for i in range(deltas.size):
             put_row(partner, begin)
             partner[0] -= hits[0, 1] * deltas[i]
-            met, _ = walk_step(tree, room, PATH, k, z, partner, other)
+            met, _ = walk_step(tree, room, PATH_NUMBER, k, z, partner, other)
             if met != 1 or other[0, 1] != hits[0, 1]:
                 whole = False
                 break
@@ -251,7 +251,7 @@ def _growths(
     together = True
     for k in range(steps):
         z = _two_normals(tree, k)
-        walk_step(tree, room, PATH, k, z, a, hits)
+        walk_step(tree, room, PATH_NUMBER, k, z, a, hits)
         if k < settle:
             continue
         if together:  # start anew with a partner beside the path
@@ -261,14 +261,17 @@ def _growths(
             waited = 0
             last = delta
             continue
-        walk_step(tree, room, PATH, k, z, b, hits)
+        walk_step(tree, room, PATH_NUMBER, k, z, b, hits)
         waited += 1
         now = _distance(c, a, b)
         # the smaller of two: between both paths' impacts distance does not count
         far = min(now, last)
         last = now
         if far >= ratio * delta or waited >= wait:
-            found[0, n], found[1, n] = waited * tree.clock.h, math.log(max(far, TINY) / delta)
+            found[0, n], found[1, n] = (
+                waited * tree.clock.h,
+                math.log(max(far, LEAST_DISTANCE) / delta),
+            )
             n += 1
             if n == found.shape[1]:
                 break

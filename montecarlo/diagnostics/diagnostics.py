@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rattle.montecarlo.diagnostics.accuracy import error_bound
 from rattle.montecarlo.schemes.step_size import SCHEMES, trusted_step, usual_step
 from rattle.montecarlo.schemes.step_state import MOST_IN_A_STEP
-from rattle.montecarlo.settings import STEPS, is_random, noise_free_path
+from rattle.montecarlo.settings import DEFAULT_STEPS, is_random, noise_free_path
 from rattle.scene import SECTION, Floats, Scene
 
 UNSEEN_ERROR = 0.1
@@ -155,7 +155,9 @@ def _of_step(run: Any) -> Iterator[str]:
         return
     limit, why = trusted_step(scene, scheme)
     if run.plan.dt > limit:
-        remedy = f"dt = {limit:.2g} would do" if limit * STEPS > 1.0 else f"take {WITHOUT_BIAS}"
+        remedy = (
+            f"dt = {limit:.2g} would do" if limit * DEFAULT_STEPS > 1.0 else f"take {WITHOUT_BIAS}"
+        )
         bias = f"{BIAS_TOLERANCE:.0%} of an sd"
         yield f"The step may bias moments by more than {bias}: {why}; {remedy}."
     shift, where = orbit_shift(run)

@@ -21,31 +21,31 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from rattle.montecarlo.branches.choose import LIKELY, LONGEST, list_distinct
-from rattle.montecarlo.branches.rare_events import LATEST
+from rattle.montecarlo.branches.choose import LIKELY, SEARCHED_STEPS, list_distinct
+from rattle.montecarlo.branches.rare_events import LATEST_OTHER
 from rattle.montecarlo.branches.search import SMALLEST, search_of
 from rattle.montecarlo.kernel.block import BLOCK, CODES, Plan
 from rattle.montecarlo.kernel.mixture import BEFORE, SPLIT, BranchMixture, mixture_of, tail
 from rattle.montecarlo.kernel.weighted_paths import sample_mixture
-from rattle.montecarlo.settings import EXACT, NOISE_FREE, plan_of
+from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, plan_of
 from rattle.scene import Floats, Scene
 
-MOST = 12  # exits that are aimed at, the most probable first
-NEAR = 0.8  # share of the paths that are drawn near exits
+MOST_EXITS = 12  # exits that are aimed at, the most probable first
+NEAR_EXITS = 0.8  # share of the paths that are drawn near exits
 AMPLIFIED = (1.0, 1.5, 2.0, 3.0)  # times the noise of the scene, of the first pilots
-ROUNDS = 8  # pilots, at most, each aimed by the one before
-BLOCKS = 4  # blocks of paths of a pilot, at least; one for each exit if that is more
-ENOUGH = 50.0  # effective paths of a pilot from which on an exit is aimed at
+MOST_PILOTS = 8  # pilots, at most, each aimed by the one before
+PILOT_BLOCKS = 4  # blocks of paths of a pilot, at least; one for each exit if that is more
+ENOUGH_PATHS = 50.0  # effective paths of a pilot from which on an exit is aimed at
 PLENTY = 100.0  # effective paths from which on no further pilot is wanted
 # effective paths below which probabilities are levelled, so that more than one path decides the aim
-FEW = 10.0
+LEVELLED_PATHS = 10.0
 MOST_POINTS = 3  # points of the noise of an exit near which paths are drawn
 # second moment of the weights, over that without a further point, below which that point is taken
 HELPS = 0.5
-REACH = 0.3  # share of what left that a point's distance leaves behind
+DISTANCE_SHARE = 0.3  # share of what left that a point's distance leaves behind
 # sd of a response, over its own, within the responses before it: below that it is nothing new
-SAME = 0.03
-SEED = 0xA13  # of the pilots' random numbers
+NEW_RESPONSE = 0.03
+AIM_KEY = 0xA13  # of the pilots' random numbers
 
 
 class Exit(NamedTuple):
@@ -96,15 +96,15 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
     first."""
     orbit = search_of(scene, impacts).orbit
     steps = min(
-        math.ceil((np.nanmax(orbit[:, 0], initial=scene.phase) + LATEST - scene.phase) / dt),
-        LONGEST,
+        math.ceil((np.nanmax(orbit[:, 0], initial=scene.phase) + LATEST_OTHER - scene.phase) / dt),
+        SEARCHED_STEPS,
     )
     search = search_of(scene, impacts, steps, dt)
     branches = [branch for branch in search.until(1.0).branches if branch.shift.any()]
     if not search.responses:
         return ()
     directions, known = _list_directions(search.responses)
-    plan = plan_of(scene, BLOCK, impacts, dt, EXACT, SEED)
+    plan = plan_of(scene, BLOCK, impacts, dt, EXACT_SCHEME, AIM_KEY)
     pilots = list[_Pilot]()
 
     def run_pilot(
@@ -113,7 +113,7 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
         zeros = [0.0] * len(directions)
         centre = np.zeros((impacts, 6))
         mixture = mixture_of([*points, *directions], [*shares, *zeros], centre, BLOCK)
-        seed = np.random.SeedSequence(SEED, spawn_key=(len(pilots),))
+        seed = np.random.SeedSequence(AIM_KEY, spawn_key=(len(pilots),))
         one = plan._replace(seed=seed, scene=replace(scene, sigma=amplified * scene.sigma))
         along = mixture.unit[: len(points), : directions.shape[1]] @ directions.T
         pilots.append(_Pilot(mixture, along, amplified, blocks * BLOCK, {}))
@@ -121,16 +121,18 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
             _list_left(one, pilots[-1], known, block)
 
     for amplified in AMPLIFIED:
-        run_pilot([], [], BLOCKS, amplified)
-    near = [b.shift for b in list_distinct(sorted(branches, key=lambda b: -b.probability), MOST)]
+        run_pilot([], [], PILOT_BLOCKS, amplified)
+    near = [
+        b.shift for b in list_distinct(sorted(branches, key=lambda b: -b.probability), MOST_EXITS)
+    ]
     if near:
-        run_pilot(near, [NEAR / len(near)] * len(near), max(BLOCKS, len(near)))
+        run_pilot(near, [NEAR_EXITS / len(near)] * len(near), max(PILOT_BLOCKS, len(near)))
     rare = _list_rare(pilots, directions)
-    for _ in range(ROUNDS):
+    for _ in range(MOST_PILOTS):
         wanted = [one for one in rare if one.effective < PLENTY]
         if not wanted:
             break
-        run_pilot(*share_out(wanted), max(BLOCKS, len(wanted)))
+        run_pilot(*share_out(wanted), max(PILOT_BLOCKS, len(wanted)))
         rare = _list_rare(pilots, directions)
     return tuple(one for one in rare if one.effective > 0.0)
 
@@ -138,7 +140,7 @@ def aim(scene: Scene, impacts: int, dt: float) -> tuple[Exit, ...]:
 def share_out(exits: Sequence[Exit]) -> tuple[list[Floats], list[float]]:
     """Points of the noise near which paths are drawn, and the share of the paths of each."""
     points = [point for one in exits for point in one.points]
-    return points, [NEAR / len(exits) / len(one.points) for one in exits for _ in one.points]
+    return points, [NEAR_EXITS / len(exits) / len(one.points) for one in exits for _ in one.points]
 
 
 def _list_rare(pilots: list[_Pilot], directions: Floats) -> list[Exit]:
@@ -156,13 +158,13 @@ def _list_rare(pilots: list[_Pilot], directions: Floats) -> list[Exit]:
         noise, weights = _weigh(plain, (impact, code))
         effective = _count_effective(weights)
         probability = float(weights.sum())
-        if effective < FEW:
+        if effective < LEVELLED_PATHS:
             noise, weights = _weigh(pilots, (impact, code))
             probability = probability or float(weights.sum())
         if SMALLEST <= probability < LIKELY:
             points = [point @ directions[: point.size] for point in _find_points(noise, weights)]
             exits.append(Exit(impact, code, probability, effective, points))
-    return sorted(exits, key=lambda one: -one.probability)[:MOST]
+    return sorted(exits, key=lambda one: -one.probability)[:MOST_EXITS]
 
 
 def _weigh(pilots: list[_Pilot], key: tuple[int, int]) -> tuple[Floats, Floats]:
@@ -189,7 +191,7 @@ def _list_directions(responses: Sequence[Floats]) -> tuple[Floats, list[int]]:
         own = own / np.linalg.norm(own, axis=1)[:, None]
         own = own - (own @ directions.T) @ directions
         _, size, new = np.linalg.svd(own, full_matrices=False)
-        directions = np.concatenate([directions, new[size > SAME]])
+        directions = np.concatenate([directions, new[size > NEW_RESPONSE]])
         known.append(len(directions))
     return directions, known
 
@@ -230,7 +232,9 @@ def _find_points(noise: Floats, weights: Floats) -> list[Floats]:
         along = noise @ direction
         order = np.argsort(np.where(along > 0.0, along, np.inf))
         share = np.cumsum(heavy[order] * (along[order] > 0.0))
-        distance = max(float(along[order][np.searchsorted(share, REACH * share[-1])]), BEFORE[1])
+        distance = max(
+            float(along[order][np.searchsorted(share, DISTANCE_SHARE * share[-1])]), BEFORE[1]
+        )
         point = distance * direction
         more = often + _expect_near(noise, point)
         if found and (weights / more).sum() > HELPS * heavy.sum():
@@ -246,14 +250,14 @@ def _expect_near(noise: Floats, point: Floats) -> Floats:
     level = distance - BEFORE
     rate = SPLIT / np.array([tail(one) for one in level])
     beyond = (noise @ point / distance)[:, None] > level
-    return np.asarray(NEAR / (1.0 - NEAR) * (rate * beyond).sum(axis=1))
+    return np.asarray(NEAR_EXITS / (1.0 - NEAR_EXITS) * (rate * beyond).sum(axis=1))
 
 
 def _level(weights: Floats) -> Floats:
     """Weights, levelled by a power where few paths have nearly all of them."""
     power = 1.0
     weights = weights / weights.max()
-    while _count_effective(weights**power) < min(FEW, 0.5 * weights.size):
+    while _count_effective(weights**power) < min(LEVELLED_PATHS, 0.5 * weights.size):
         power *= 0.7
     return np.asarray(weights**power)
 

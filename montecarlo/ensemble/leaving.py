@@ -22,21 +22,21 @@ from scipy.special import chdtri
 
 from rattle.montecarlo.branches.choose import LIKELY
 from rattle.montecarlo.branches.search import search_of
-from rattle.montecarlo.ensemble.aim import ENOUGH, Exit, aim, share_out
+from rattle.montecarlo.ensemble.aim import ENOUGH_PATHS, Exit, aim, share_out
 from rattle.montecarlo.kernel.block import BLOCK, CODES, Followers, count_followed
 from rattle.montecarlo.kernel.mixture import mixture_of
 from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.schemes.step_size import default_step
-from rattle.montecarlo.settings import EXACT, NOISE_FREE, begins
+from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE, begins
 from rattle.montecarlo.statistics.intervals import CONFIDENCE
 from rattle.scene import Floats
 
 # blocks of paths for each exit, and for all
-BLOCKS = 4
+BLOCKS_OF_AN_EXIT = 4
 LEAST_BLOCKS = 16
-KNOWN = 100.0  # expected paths of a run that leave by an exit from which on they are enough
-LEFT = 0x1EA  # spawn key of the random numbers of these paths
-COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "near")
+ENOUGH_EXITS = 100.0  # expected paths of a run that leave by an exit from which on they are enough
+LEAVING_KEY = 0x1EA  # spawn key of the random numbers of these paths
+LEAVING_COLUMNS = ("impact", "mesh", "side", "probability", "low", "high", "paths", "near")
 
 
 def find_leaving(run: Any, followers: Mapping[str, Followers]) -> pd.DataFrame:
@@ -51,7 +51,7 @@ def find_leaving(run: Any, followers: Mapping[str, Followers]) -> pd.DataFrame:
     aimed = [
         one
         for one in exits
-        if one.effective >= ENOUGH and one.probability < min(LIKELY, KNOWN / run.paths)
+        if one.effective >= ENOUGH_PATHS and one.probability < min(LIKELY, ENOUGH_EXITS / run.paths)
     ]
     near = _sample_near(run, aimed)
     one_path = 1.0 / run.paths
@@ -66,7 +66,7 @@ def find_leaving(run: Any, followers: Mapping[str, Followers]) -> pd.DataFrame:
         bounds = interval(total, squares, max(largest, 0.0 if is_near else one_path))
         paths = total**2 / squares if squares > 0.0 else 0.0
         rows.append((k + 1, abs(CODES[i]), int(np.sign(CODES[i])), total, *bounds, paths, is_near))
-    return pd.DataFrame(rows, columns=COLUMNS).astype({"near": bool})
+    return pd.DataFrame(rows, columns=LEAVING_COLUMNS).astype({"near": bool})
 
 
 def _share(left: Floats, paths: int) -> Floats:
@@ -108,7 +108,7 @@ def _list_exits(run: Any) -> Sequence[Exit]:
     scene = run.plan.scene
     if scene.sigma == 0.0 or scene.correlation_time:
         return ()
-    return aim(scene.phase_reduced, run.plan.impacts, default_step(scene, EXACT))
+    return aim(scene.phase_reduced, run.plan.impacts, default_step(scene, EXACT_SCHEME))
 
 
 def _sample_near(run: Any, exits: Sequence[Exit]) -> Floats:
@@ -117,13 +117,15 @@ def _sample_near(run: Any, exits: Sequence[Exit]) -> Floats:
     if not exits:
         return left
     mixture = mixture_of(*share_out(exits), np.zeros((run.plan.impacts, 6)), BLOCK)
-    seed = np.random.SeedSequence(run.plan.seed.entropy, spawn_key=(*run.plan.seed.spawn_key, LEFT))
-    dt = default_step(run.plan.scene, EXACT)
+    seed = np.random.SeedSequence(
+        run.plan.seed.entropy, spawn_key=(*run.plan.seed.spawn_key, LEAVING_KEY)
+    )
+    dt = default_step(run.plan.scene, EXACT_SCHEME)
     most = math.ceil(run.plan.most_steps * run.plan.dt / dt)
     scene = run.plan.scene.phase_reduced
-    plan = run.plan._replace(scene=scene, scheme=EXACT, dt=dt, most_steps=most, seed=seed)
+    plan = run.plan._replace(scene=scene, scheme=EXACT_SCHEME, dt=dt, most_steps=most, seed=seed)
     itinerary = np.array(run.plan.itineraries[NOISE_FREE], dtype=float)
-    blocks = max(LEAST_BLOCKS, BLOCKS * len(exits))
+    blocks = max(LEAST_BLOCKS, BLOCKS_OF_AN_EXIT * len(exits))
     for block in range(blocks):
         rows, weights, _, _ = sample_mixture(plan, mixture, block)
         count_followed(rows, weights, itinerary, np.zeros(BLOCK), left)

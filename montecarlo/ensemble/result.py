@@ -223,12 +223,12 @@ class Ensemble(SectionResult):
         Columns: the mean of ``tau, flight, x1, y1, x2, y2`` under their own names, ``mesh`` and
         ``side`` of most paths, ``sd_``, ``skew_``, ``kurt_`` (third and fourth cumulants in units
         of the sd) of each quantity, the standard error of each of these under ``se_`` + its name
-        (NaN where fewer than `rattle.montecarlo.statistics.section_statistics.FEWEST` paths tell
-        none), ``rho1, rho2``, ``paths`` that reached the impact, and ``agreement``: the share that
-        has followed the noise-free itinerary up to there.  With a control variate, means and sds
-        and their errors are the controlled ones.  Where the bias of the step was measured it stands
-        under ``bias_`` + the name of the mean or sd, which is not corrected (`step_bias`).  If
-        asked for, ``energy`` and ``se_energy``: mean loss at the impact, see
+        (NaN where fewer than `rattle.montecarlo.statistics.section_statistics.FEWEST_FOR_ERROR`
+        paths tell none), ``rho1, rho2``, ``paths`` that reached the impact, and ``agreement``: the
+        share that has followed the noise-free itinerary up to there.  With a control variate, means
+        and sds and their errors are the controlled ones.  Where the bias of the step was measured
+        it stands under ``bias_`` + the name of the mean or sd, which is not corrected
+        (`step_bias`).  If asked for, ``energy`` and ``se_energy``: mean loss at the impact, see
         `rattle.scene.impact.energy_loss`.
         """
         import pandas as pd
@@ -564,7 +564,9 @@ class Ensemble(SectionResult):
 
     def _estimable(self, paths: Floats, name: str) -> Floats:
         """NaN where so few paths cannot have a standard error of a random statistic, else 1."""
-        return np.where(is_random(self.scene) & (paths < statistics.FEWEST[name]), np.nan, 1.0)
+        return np.where(
+            is_random(self.scene) & (paths < statistics.FEWEST_FOR_ERROR[name]), np.nan, 1.0
+        )
 
     def _share(self, count: Floats) -> Floats:
         return count / (self.paths / self._copies)

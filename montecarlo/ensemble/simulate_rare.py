@@ -19,8 +19,8 @@ from rattle.montecarlo.statistics.records import Batches
 from rattle.scene import InputError, Scene, check_scene
 from rattle.scene.numpy_errors import numpy_defaults
 
-PILOT = 32 * BLOCK  # plain paths from which branches are chosen
-SAMPLED = 0x7A5  # spawn key of the random numbers of a run that samples rare branches
+CHOOSING_PATHS = 32 * BLOCK  # plain paths from which branches are chosen
+RARE_KEY = 0x7A5  # spawn key of the random numbers of a run that samples rare branches
 
 
 def begin_rare(
@@ -31,7 +31,7 @@ def begin_rare(
     mixture = choose_mixture(run)
     if mixture is None:
         return None
-    seed = np.random.SeedSequence(run.seed.entropy, spawn_key=(*run.seed.spawn_key, SAMPLED))
+    seed = np.random.SeedSequence(run.seed.entropy, spawn_key=(*run.seed.spawn_key, RARE_KEY))
     plan = run.plan._replace(mixture=mixture, seed=seed, control=no_control(), keep=False, paths=0)
     batches = None if run.batches is None else Batches.empty(run.impacts)
     return extend_rare(replace(run, plan=plan, paths=0, batches=batches), paths, blocks, progress)
@@ -94,6 +94,8 @@ def simulate_rare(
         why = "rare branches are searched for with white noise only, 0"
         raise InputError("correlation_time", scene.correlation_time, why)
     blocks = in_threads(workers)
-    run = simulate(scene, paths=min(paths, PILOT), impacts=impacts, rng=rng, workers=workers)
+    run = simulate(
+        scene, paths=min(paths, CHOOSING_PATHS), impacts=impacts, rng=rng, workers=workers
+    )
     rare = begin_rare(run, paths, blocks) if is_random(scene) and scene.sigma > 0.0 else None
-    return rare or (extend(run, paths, blocks) if paths > PILOT else run)
+    return rare or (extend(run, paths, blocks) if paths > CHOOSING_PATHS else run)

@@ -4,7 +4,12 @@ import numpy as np
 
 from rattle.montecarlo.kernel import block
 from rattle.montecarlo.kernel.mixture import BranchMixture
-from rattle.montecarlo.statistics.weighted_sums import ORDERS, WeightedSums, add, add_products
+from rattle.montecarlo.statistics.weighted_sums import (
+    WEIGHTED_ORDERS,
+    WeightedSums,
+    add,
+    add_products,
+)
 from rattle.scene import Floats
 
 
@@ -38,7 +43,7 @@ def run_mixture(
     pairs = np.array(block.SECTION_PAIRS)
 
     def weighted(weights: Floats) -> WeightedSums:
-        sums = np.zeros((mixture.counts.size, *centre.shape, ORDERS))
+        sums = np.zeros((mixture.counts.size, *centre.shape, WEIGHTED_ORDERS))
         ends = np.cumsum(mixture.counts)
         for i, (end, n) in enumerate(zip(ends, mixture.counts, strict=True)):
             add(values[end - n : end], weights[end - n : end], centre, sums[i])

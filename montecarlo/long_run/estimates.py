@@ -32,7 +32,7 @@ and speed."""
 def groups(stages: int) -> Iterator[tuple[int, str]]:
     """The groups of impacts of a scene with the suffixes of their names."""
     yield 0, ""
-    for mesh in range(1, tally.GROUPS if stages == 2 else 1):
+    for mesh in range(1, tally.MESH_GROUPS if stages == 2 else 1):
         yield mesh, f"_mesh{mesh}"
 
 
@@ -272,9 +272,9 @@ class _Maker:
         m = power.sum(axis=0)
         mean, sd, skew, rms = figures(m[None])[:, 0].tolist()
         n = float(m[0])
-        unit_powers = np.array([sd**k for k in range(tally.POWERS)])
+        unit_powers = np.array([sd**k for k in range(tally.POWER_SUMS)])
         central = (
-            _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(tally.POWERS, math.nan)
+            _central(m / n, mean) / unit_powers if sd > 0.0 else np.full(tally.POWER_SUMS, math.nan)
         )
         along = scale * mean + float(centre)  # the mean
 

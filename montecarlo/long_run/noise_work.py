@@ -18,15 +18,20 @@ from rattle.scene.impact import struck
 CONTROLS = 4
 """Work of the noise on both wheels as seen from the driver; its impulse on wheel 1, times 1, cosine
 and sine."""
-LONGEST = 16  # samples of the state in a piece
+PIECE_SAMPLES = 16  # samples of the state in a piece
 # damping from which a piece would have to be shorter than the distance of two samples
-STRONGEST = 2.5
+STRONGEST_NOISE = 2.5
 
 
 def has_controls(c: Constants) -> bool:
     """Whether a scene has these control variates: white noise, one order, and a speed known over a
     piece."""
-    return c.sigma > 0.0 and c.memory == 0.0 and not c.drive and max(c.beta1, c.beta2) <= STRONGEST
+    return (
+        c.sigma > 0.0
+        and c.memory == 0.0
+        and not c.drive
+        and max(c.beta1, c.beta2) <= STRONGEST_NOISE
+    )
 
 
 @inline
@@ -107,7 +112,7 @@ def add_noise_work(
         u1 = c.alpha * here[1] - before[p, 1]
         u2 = u1 + before[p, 3]
         k = 0
-        j = min(LONGEST - 1, last)
+        j = min(PIECE_SAMPLES - 1, last)
         sum0 = sum1 = sum2 = sum3 = 0.0
         while j <= last:
             cut = tau + j * apart
@@ -143,7 +148,7 @@ def add_noise_work(
             elif j == last:
                 break
             else:
-                j = min(j + LONGEST, last)
+                j = min(j + PIECE_SAMPLES, last)
             at = now
             here = there
             u1 = moved - y1

@@ -8,17 +8,17 @@ import numpy as np
 from rattle.montecarlo.kernel.blocks import HOUR, Budget, clock
 from rattle.montecarlo.long_run import sums as tally
 from rattle.montecarlo.long_run.sums import Collected, Scales, Sums
-from rattle.montecarlo.long_run.walk import LANES, Walk
+from rattle.montecarlo.long_run.walk import WALK_LANES, Walk
 from rattle.scene import Floats, InputError, Scene, duration_text
 from rattle.scene.progress import ProgressBar
 
-BATCHES = 64
+PATH_BATCHES = 64
 """Batches of each path; when they are full, each two become one."""
 AT_ONCE = 8  # batches between two looks at the progress
 # paths that share a histogram, and paths from which on they do
-TOGETHER = 4
-MANY = 128
-LEAST = 64  # periods of the stationary motion
+SHARING_PATHS = 4
+SHARED_FROM = 128
+STATIONARY_PERIODS = 64  # periods of the stationary motion
 IMPACT_SECONDS = 1.5e-6
 """Nominal processor time of an impact, steps included: what is refused does not depend on the
 machine."""
@@ -43,9 +43,10 @@ class LongPaths:
         bar: ProgressBar,
     ) -> None:
         self._walks = [
-            Walk(scene, seed, first, min(LANES, paths - first)) for first in range(0, paths, LANES)
+            Walk(scene, seed, first, min(WALK_LANES, paths - first))
+            for first in range(0, paths, WALK_LANES)
         ]
-        self._together = TOGETHER if paths >= MANY else 1
+        self._together = SHARING_PATHS if paths >= SHARED_FROM else 1
         self.scene = scene
         self.slow = slow
         self.limit = limit
@@ -60,7 +61,8 @@ class LongPaths:
         own = scales or tally.no_scales(self.slow)
         detail = scales is not None
         self.sums = [
-            tally.new_sums(walk.paths, BATCHES, own, detail, self._together) for walk in self._walks
+            tally.new_sums(walk.paths, PATH_BATCHES, own, detail, self._together)
+            for walk in self._walks
         ]
         self.length = 1
         self.periods = 0
@@ -72,11 +74,11 @@ class LongPaths:
         Less where the budget has no room for the next batch. `seen`: Takes every impact.
         """
         while self.periods < until:
-            if self.periods == BATCHES * self.length:
+            if self.periods == PATH_BATCHES * self.length:
                 self._merge()
             batch = self.periods // self.length
             missing = -(-(until - self.periods) // self.length)
-            batches = min(missing, BATCHES - batch, AT_ONCE, self._affordable())
+            batches = min(missing, PATH_BATCHES - batch, AT_ONCE, self._affordable())
             if batches == 0:
                 return
             began = clock()
@@ -111,8 +113,8 @@ class LongPaths:
 
     def _merge(self) -> None:
         for sums in self.sums:
-            sums.main[:, : BATCHES // 2] = sums.main[:, 0::2] + sums.main[:, 1::2]
-            sums.main[:, BATCHES // 2 :] = 0.0
+            sums.main[:, : PATH_BATCHES // 2] = sums.main[:, 0::2] + sums.main[:, 1::2]
+            sums.main[:, PATH_BATCHES // 2 :] = 0.0
         self.length *= 2
 
     def at_rest(self) -> bool:
@@ -152,7 +154,7 @@ class LongPaths:
 
     def unaffordable(self, what: str, periods: int) -> InputError:
         """The error for a budget that ends before there is an answer."""
-        more = duration_text((periods - self.periods + LEAST) * self.pace, 2)
+        more = duration_text((periods - self.periods + STATIONARY_PERIODS) * self.pace, 2)
         why = f"ends after {self.periods} of {what}; give about {more} of processor time more"
         return InputError("budget", self.limit.seconds, why)
 

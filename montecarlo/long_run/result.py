@@ -16,7 +16,7 @@ from rattle.montecarlo.long_run.sums import (
     NUMBER,
     PERIOD,
     PHASES,
-    VELOCITIES,
+    VELOCITY_CELLS,
     WORK,
     Collected,
 )
@@ -160,9 +160,12 @@ class LongRun:
             low = r.low[mesh - 1]
             high = r.high[mesh - 1]
             if n.sum() > 0.0:
-                area = PERIOD / PHASES * (high - low) / VELOCITIES
+                area = PERIOD / PHASES * (high - low) / VELOCITY_CELLS
                 share, se = _shares(self.sums.section[:, mesh - 1].astype(float), n)
-                edges = np.linspace(0.0, PERIOD, PHASES + 1), np.linspace(low, high, VELOCITIES + 1)
+                edges = (
+                    np.linspace(0.0, PERIOD, PHASES + 1),
+                    np.linspace(low, high, VELOCITY_CELLS + 1),
+                )
                 found.append(
                     SectionDensity(mesh, *edges, share / area, se / area, float(1.0 - share.sum()))
                 )
@@ -177,7 +180,7 @@ class LongRun:
         counts = self.sums.section[:, mesh - 1].sum(axis=1).astype(float)
         r = self.sums.scales
         share, se = _shares(counts, self.sums.impacts_at(mesh))
-        width = (r.high[mesh - 1] - r.low[mesh - 1]) / VELOCITIES
+        width = (r.high[mesh - 1] - r.low[mesh - 1]) / VELOCITY_CELLS
         return share / width, se / width
 
     def energy_balance(self) -> tuple[Floats, Floats]:

@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 
 from rattle.montecarlo.kernel.blocks import HOUR, clock
 from rattle.montecarlo.long_run.estimates import StationaryEstimate, all_names, estimates
-from rattle.montecarlo.long_run.paths import BATCHES, LEAST, LongPaths, warm_up
+from rattle.montecarlo.long_run.paths import PATH_BATCHES, STATIONARY_PERIODS, LongPaths, warm_up
 from rattle.montecarlo.long_run.result import BurnIn, Contrast, LongReach, LongRun
 from rattle.montecarlo.long_run.sums import CONTACT, NUMBER, new_sums, no_scales, scales_of_pilot
 from rattle.montecarlo.long_run.walk import Walk
@@ -26,28 +26,28 @@ from rattle.montecarlo.settings import check_settings
 from rattle.scene import Floats, InputError, Scene, choice, count, duration_text, positive
 from rattle.scene.progress import ESTIMATES, ProgressBar, do
 
-PATHS = 256
-ACCURACY = 0.01
+LONG_RUN_PATHS = 256
+LONG_RUN_ACCURACY = 0.01
 ASKED = ("rate_above", "speed_above", "energy_per_period")
 """Quantities whose intervals an accuracy is asked for, by default."""
 RESTARTS = 3  # most times that what was taken for stationary is taken for burn-in after all
-PILOT = 40_000  # impacts of the pilot run
+PILOT_IMPACTS = 40_000  # impacts of the pilot run
 MOST_PILOT = 64  # periods of the pilot run
 PILOT_SHARE = 0.25  # of the budget that is left, for the pilot run
-FEWEST = 8  # periods of the stationary motion, where the budget ends before more
-GROWTH = 4  # most by which a run grows at once
-SPARE = 1.1  # more than what an accuracy is expected to take
-FIRST = 32
-MOST = 2**15
+FEWEST_PERIODS = 8  # periods of the stationary motion, where the budget ends before more
+PERIODS_GROWTH = 4  # most by which a run grows at once
+PERIODS_SPARE = 1.1  # more than what an accuracy is expected to take
+FIRST_TEST = 32
+LONGEST_BURN_IN = 2**15
 """Periods after which a run is tested for the first time, and the longest burn-in that is tried."""
 # of a path in the last half, on average, without which there is nothing to compare
 LEAST_IMPACTS = 20.0
-FALSE_ALARM = 1e-3  # probability that a run that is stationary fails a test
+FALSE_TEST = 1e-3  # probability that a run that is stationary fails a test
 TOO_FAR = 4.0  # ratio of variances between and within paths from which paths count as kept apart
-PARTS = 4  # of the last half, within each path
-COMPARED = ("impacts", "speed", "energy", "slow impacts")
+PARTS_OF_HALF = 4  # of the last half, within each path
+COMPARED_SUMS = ("impacts", "speed", "energy", "slow impacts")
 PROBED = 16  # paths of a run that is timed before the others
-PROBE = 2  # its periods that are timed, after as many in which the paths leave their start
+PROBE_PERIODS = 2  # its periods that are timed, after as many in which the paths leave their start
 
 
 class BurnInError(InputError):
@@ -61,7 +61,7 @@ class AtRest(InputError):
 
 
 def _names() -> list[str]:
-    counted = [what + where for where in ("", " at mesh 1", " at mesh 2") for what in COMPARED]
+    counted = [what + where for where in ("", " at mesh 1", " at mesh 2") for what in COMPARED_SUMS]
     return [*counted, "contact at mesh 1", "contact at mesh 2"]
 
 
@@ -79,7 +79,7 @@ def drift(main: Floats, early: slice, late: slice) -> Contrast:
         z = np.where(se > 0.0, mean / se, np.where(mean == 0.0, 0.0, np.inf))
         share = mean / np.abs(b.mean(axis=0))
     k = int(np.argmax(np.abs(z)))
-    allowed = float(stdtrit(n - 1, 1.0 - 0.5 * FALSE_ALARM / z.size))
+    allowed = float(stdtrit(n - 1, 1.0 - 0.5 * FALSE_TEST / z.size))
     return Contrast(_names()[k], float(z[k]), allowed, float(share[k]))
 
 
@@ -89,8 +89,8 @@ def apart(main: Floats, late: slice) -> Contrast:
     Shapes: `main` (paths, batches, MAIN).
     """
     own = main[:, late, : CONTACT + 2]
-    parts = own.reshape(len(own), PARTS, -1, own.shape[2]).mean(axis=2)
-    within = parts.var(axis=1, ddof=1).mean(axis=0) / PARTS
+    parts = own.reshape(len(own), PARTS_OF_HALF, -1, own.shape[2]).mean(axis=2)
+    within = parts.var(axis=1, ddof=1).mean(axis=0) / PARTS_OF_HALF
     between = parts.mean(axis=1).var(axis=0, ddof=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(between > 1e-24, between / within, 0.0)
@@ -102,12 +102,12 @@ def apart(main: Floats, late: slice) -> Contrast:
 def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
     """Follow the paths until two tests say that they have forgotten their start, or for a given
     time."""
-    until = FIRST if burn_in is None else burn_in
+    until = FIRST_TEST if burn_in is None else burn_in
     paths.begin()
     before: Contrast | None = None
     while True:
         began = clock()
-        paths.expect(until - paths.periods + LEAST)
+        paths.expect(until - paths.periods + STATIONARY_PERIODS)
         paths.follow(until)
         if paths.periods < until and (before is None or burn_in is not None):
             raise paths.unaffordable(f"{until} periods of burn-in at least", until)
@@ -122,7 +122,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
         )
         differ = (
             apart(main, late)
-            if quarter * 2 % PARTS == 0 and quarter and not paths.own_walls
+            if quarter * 2 % PARTS_OF_HALF == 0 and quarter and not paths.own_walls
             else None
         )
         if burn_in is not None or (
@@ -138,7 +138,7 @@ def settle(paths: LongPaths, burn_in: int | None) -> BurnIn:
             rest.watched = len(main), 2 * quarter * paths.length
             raise rest
         if (
-            until >= MOST
+            until >= LONGEST_BURN_IN
             or paths.limit.remaining < 2.0 * (clock() - began)
             or paths.is_refused(until)
         ):
@@ -196,7 +196,7 @@ def _pilot(paths: LongPaths) -> None:
     rate = float(paths.main[:, -1, NUMBER].sum()) / paths.length  # impacts of all paths in a period
     affordable = PILOT_SHARE * paths.limit.remaining / max(paths.pace, 1e-9)
     periods = int(max(min(_pilot_periods(rate), affordable), 1.0))
-    paths.expect(periods + LEAST)
+    paths.expect(periods + STATIONARY_PERIODS)
     paths.begin()
     seen: list[Floats] = []
     paths.follow(periods, seen)
@@ -207,7 +207,7 @@ def _pilot(paths: LongPaths) -> None:
 
 def _pilot_periods(rate: float) -> float:
     """Periods of a pilot run in which so many impacts are seen in each."""
-    return min(max(PILOT / max(rate, 1e-9), 2.0), MOST_PILOT)
+    return min(max(PILOT_IMPACTS / max(rate, 1e-9), 2.0), MOST_PILOT)
 
 
 def _gather(
@@ -215,10 +215,10 @@ def _gather(
 ) -> LongReach | None:
     """Follow the stationary motion for a number of periods, or until the intervals are narrow
     enough."""
-    wanted = LEAST if periods is None else periods
+    wanted = STATIONARY_PERIODS if periods is None else periods
     paths.expect(wanted)
     paths.follow(wanted)
-    if paths.periods < (FEWEST if periods is None else periods):
+    if paths.periods < (FEWEST_PERIODS if periods is None else periods):
         raise paths.unaffordable(f"{wanted} periods after the burn-in", wanted)
     while goal is not None:
         width, worst = _find_widest(estimates(paths.collect(), asked))
@@ -238,9 +238,9 @@ def _gather(
                 " as budget"
             )
             raise InputError("accuracy", goal, why)
-        paths.expect(SPARE * more)
-        most = GROWTH * before
-        paths.follow(min(grow(before, min(need, most), SPARE), most))
+        paths.expect(PERIODS_SPARE * more)
+        most = PERIODS_GROWTH * before
+        paths.follow(min(grow(before, min(need, most), PERIODS_SPARE), most))
         if paths.periods == before:
             return LongReach(goal, worst, width, more * paths.pace)
     return None
@@ -283,20 +283,22 @@ def expect_run(
     """Expect what a long run takes at the least, from the time of a few of its paths once they have
     left their start.
 
-    It takes more where paths forget their start late, or where an accuracy needs more than `LEAST`
-    periods.
+    It takes more where paths forget their start late, or where an accuracy needs more than
+    `STATIONARY_PERIODS` periods.
     """
     warm_up(scene, slow)
     walk = Walk(scene, np.random.SeedSequence(0), 0, PROBED)
-    sums = new_sums(PROBED, PROBE, no_scales(slow), False)
-    walk.follow(sums, PROBE)
+    sums = new_sums(PROBED, PROBE_PERIODS, no_scales(slow), False)
+    walk.follow(sums, PROBE_PERIODS)
     sums.main[:] = 0.0
     began = clock()
-    walk.follow(sums, PROBE)
-    pace = (clock() - began) / PROBE * paths / PROBED
-    rate = float(sums.main[:, :, NUMBER].sum()) / PROBE * paths / PROBED
-    least = FIRST if burn_in is None else burn_in
-    every = math.ceil(least + _pilot_periods(rate) + (LEAST if periods is None else periods))
+    walk.follow(sums, PROBE_PERIODS)
+    pace = (clock() - began) / PROBE_PERIODS * paths / PROBED
+    rate = float(sums.main[:, :, NUMBER].sum()) / PROBE_PERIODS * paths / PROBED
+    least = FIRST_TEST if burn_in is None else burn_in
+    every = math.ceil(
+        least + _pilot_periods(rate) + (STATIONARY_PERIODS if periods is None else periods)
+    )
     return ExpectedRun(every, every * pace)
 
 
@@ -314,7 +316,7 @@ def check_long_run(
     accuracy: float | None,
     periods: int | None,
     quantities: Sequence[str] = ASKED,
-    paths: int = PATHS,
+    paths: int = LONG_RUN_PATHS,
     burn_in: int | None = None,
     slow: float = 0.1,
     rng: int | np.random.SeedSequence = 0,
@@ -328,7 +330,7 @@ def check_long_run(
     if accuracy is not None and periods is not None:
         raise InputError("periods", periods, "is chosen by accuracy; leave out one of them")
     if periods is not None:
-        count("periods", periods, least=BATCHES)
+        count("periods", periods, least=PATH_BATCHES)
     if burn_in is not None:
         count("burn_in", burn_in, least=1)
     if accuracy is not None:
@@ -342,7 +344,7 @@ def long_run(
     accuracy: float | None = None,
     periods: int | None = None,
     quantities: Sequence[str] = ASKED,
-    paths: int = PATHS,
+    paths: int = LONG_RUN_PATHS,
     burn_in: int | None = None,
     slow: float = 0.1,
     budget: float | None = None,
@@ -360,7 +362,9 @@ def long_run(
     The result is the same bit for bit for any number of workers.
     """
     check_long_run(scene, accuracy, periods, quantities, paths, burn_in, slow, rng, workers)
-    goal = None if periods is not None else ACCURACY if accuracy is None else float(accuracy)
+    goal = (
+        None if periods is not None else LONG_RUN_ACCURACY if accuracy is None else float(accuracy)
+    )
     limit = begin_budget(budget)
     seed = rng if isinstance(rng, np.random.SeedSequence) else np.random.SeedSequence(rng)
     began = time.perf_counter()

@@ -21,17 +21,17 @@ from rattle.scene.impact import energy_loss
 
 Counts = NDArray[np.uint32]
 
-GROUPS = 3
+MESH_GROUPS = 3
 """All impacts, those at mesh 1, those at mesh 2."""
 NUMBER, SPEED, ENERGY, SLOW = range(4)
 """Columns of a group in `Sums.main`: number of impacts, sums of speed and of energy lost, number of
 slow impacts."""
-CONTACT = 4 * GROUPS
+CONTACT = 4 * MESH_GROUPS
 """Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is closed."""
 OPEN = CONTACT + 2
 """Columns of `Sums.main` from here: samples at which mesh 1, and mesh 2, is open: no flank is as
-near as `NEAR`."""
-NEAR = 0.01  # of the backlash
+near as `NEAR_FLANK`."""
+NEAR_FLANK = 0.01  # of the backlash
 WORK = OPEN + 2
 """Columns of `Sums.main` from here: sums over the samples of y1^2, v2^2, m1 y1 and m2 v2
 (docs/model.md section 10)."""
@@ -41,33 +41,36 @@ NOISE = WORK + 4
 MAIN = NOISE + CONTROLS
 FLIGHT = 0
 ABOVE = 2
-KINDS = 3
+DISTRIBUTION_KINDS = 3
 """Distributions: flight, `SPEED` (1 there too), and the speed of impacts that are not slow; how
 many these are."""
 PERIOD = 2.0 * math.pi
 SAMPLES = 64
 """Instants of a period at which states are taken for averages over time."""
-POWERS = 7  # power sums of order 0 to 6
-BINS = 400
+POWER_SUMS = 7  # power sums of order 0 to 6
+SUM_BINS = 400
 CELLS = 2048
 """Of equal width between the outermost edges; a bin is searched only among those that begin in the
 value's cell."""
 PHASES = 64
-VELOCITIES = 64
+VELOCITY_CELLS = 64
 """Cells of the section along the phase and along the velocity."""
 TAILS = 8.0  # outermost edges at the probabilities expit(+-8), 3e-4, of the pilot run
-MARGIN = 0.05  # of the range of velocities, at each end of the section
+VELOCITY_MARGIN = 0.05  # of the range of velocities, at each end of the section
 
 
 class Scales(NamedTuple):
     """What a pilot run sets."""
 
-    centre: Floats  # centre, scale: of the power sums of flight and speeds; (GROUPS, KINDS)
+    # centre, scale: of the power sums of flight and speeds; (MESH_GROUPS, DISTRIBUTION_KINDS)
+    centre: Floats
     scale: Floats
-    # inner edges of the bins, ascending; the first and the last bin are open; (GROUPS, KINDS, BINS
+    # inner edges of the bins, ascending; the first and the last bin are open; (MESH_GROUPS,
+    # DISTRIBUTION_KINDS, SUM_BINS
     # - 1)
     edges: Floats
-    first: NDArray[np.int16]  # number of edges in lower cells; (GROUPS, KINDS, CELLS + 1)
+    # number of edges in lower cells; (MESH_GROUPS, DISTRIBUTION_KINDS, CELLS + 1)
+    first: NDArray[np.int16]
     low: Floats  # low, high: velocities between which the section of each mesh is counted; (2,)
     high: Floats
     slow: float  # speed below which an impact is slow
@@ -79,15 +82,16 @@ class Sums(NamedTuple):
 
     main: Floats  # sums in each batch of time; (paths, batches, MAIN)
     batch: Ints  # the batch that is being filled; (1,)
-    power: Floats  # power sums of flight and speeds; (paths, GROUPS, KINDS, POWERS)
+    # power sums of flight and speeds; (paths, MESH_GROUPS, DISTRIBUTION_KINDS, POWER_SUMS)
+    power: Floats
     # sums of the squared energy loss, of the energy loss times the flight, and of flights to
-    # impacts that are not slow; (paths, GROUPS, 3)
+    # impacts that are not slow; (paths, MESH_GROUPS, 3)
     products: Floats
     # counts of flight and speeds, of `together` successive paths each.  With two stages the speeds,
     # and the squared energy loss, are counted for each mesh only (also in `power` and `products`);
-    # (units, GROUPS, KINDS, BINS)
+    # (units, MESH_GROUPS, DISTRIBUTION_KINDS, SUM_BINS)
     histogram: Counts
-    # impacts at each mesh by phase and velocity before them; (units, 2, PHASES, VELOCITIES)
+    # impacts at each mesh by phase and velocity before them; (units, 2, PHASES, VELOCITY_CELLS)
     section: Counts
     together: int  # paths that share a unit: counts of fewer units stay in the cache of a core
     scales: Scales  # set by the pilot run
@@ -101,10 +105,10 @@ def new_sums(
     main = np.zeros((paths, batches, MAIN))
     batch = np.zeros(1, np.int64)
     units = -(-n // together)
-    power = np.zeros((n, GROUPS, KINDS, POWERS))
-    products = np.zeros((n, GROUPS, 3))
-    histogram = np.zeros((units, GROUPS, KINDS, BINS), np.uint32)
-    section = np.zeros((units, 2, PHASES, VELOCITIES), np.uint32)
+    power = np.zeros((n, MESH_GROUPS, DISTRIBUTION_KINDS, POWER_SUMS))
+    products = np.zeros((n, MESH_GROUPS, 3))
+    histogram = np.zeros((units, MESH_GROUPS, DISTRIBUTION_KINDS, SUM_BINS), np.uint32)
+    section = np.zeros((units, 2, PHASES, VELOCITY_CELLS), np.uint32)
     return Sums(main, batch, power, products, histogram, section, together, scales)
 
 
@@ -169,7 +173,7 @@ def _add_to_section(s: Sums, p: int, mesh: int, tau: float, y: float) -> None:
     high = s.scales.high[mesh - 1]
     place = (y - low) / (high - low)
     if 0.0 <= place < 1.0:
-        s.section[p // s.together, mesh - 1, phase, int(place * VELOCITIES)] += np.uint32(1)
+        s.section[p // s.together, mesh - 1, phase, int(place * VELOCITY_CELLS)] += np.uint32(1)
 
 
 @inline
@@ -177,8 +181,8 @@ def _add_states(
     c: Constants, states: Floats, sine: Floats, cosine: Floats, walls: Floats, p: int, main: Floats
 ) -> None:
     """Add the states of a path, and their work."""
-    near1 = 2.0 * NEAR * c.wall1
-    near2 = 2.0 * NEAR * c.wall2
+    near1 = 2.0 * NEAR_FLANK * c.wall1
+    near2 = 2.0 * NEAR_FLANK * c.wall2
     open1 = open2 = closed1 = closed2 = squared1 = squared2 = moved1 = moved2 = 0.0
     for k in range(len(states)):
         y1 = states[k, 1]
@@ -277,8 +281,8 @@ def add_stretch(
 
 def no_scales(slow: float) -> Scales:
     """Scales before there is a pilot run: nothing but means can be summed by them."""
-    shape = (GROUPS, KINDS)
-    edges = np.zeros((*shape, BINS - 1))
+    shape = (MESH_GROUPS, DISTRIBUTION_KINDS)
+    edges = np.zeros((*shape, SUM_BINS - 1))
     first = np.zeros((*shape, CELLS + 1), np.int16)
     return Scales(np.zeros(shape), np.ones(shape), edges, first, np.zeros(2), np.ones(2), slow)
 
@@ -293,8 +297,8 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
     Shapes: `seen` (impacts, 4).
     """
     s = no_scales(slow)
-    share = expit(np.linspace(-TAILS, TAILS, BINS - 1))
-    for g in range(GROUPS):
+    share = expit(np.linspace(-TAILS, TAILS, SUM_BINS - 1))
+    for g in range(MESH_GROUPS):
         own = seen if g == 0 else seen[seen[:, 0] == g]
         if len(own) == 0:
             continue
@@ -319,7 +323,7 @@ def scales_of_pilot(seen: Floats, slow: float) -> Scales:
                 s.first[g, i] = np.searchsorted(cells, np.arange(CELLS + 1))
         if g > 0:
             low, high = np.quantile(own[:, 3], [1e-4, 1.0 - 1e-4])
-            room = MARGIN * (high - low) + 1e-9 * max(abs(low), abs(high), 1e-30)
+            room = VELOCITY_MARGIN * (high - low) + 1e-9 * max(abs(low), abs(high), 1e-30)
             s.low[g - 1] = low - room
             s.high[g - 1] = high + room
     return s

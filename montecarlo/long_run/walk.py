@@ -24,13 +24,13 @@ from rattle.scene import Floats, Ints, Scene
 from rattle.scene.compiled import jit
 from rattle.scene.linear_algebra import put, put_row
 
-LANES = 128
+WALK_LANES = 128
 """Paths of a block: what all paths of a step share is computed once for so many."""
 # impacts of a path in a stretch for which there is space at first: little space stays in the cache
-ROOM = 33
-SHORTEST = 8  # stretches of a period at the most
-APART = 2**32  # between the numbers of a path in two stretches
-MANY = 256  # impacts of a path in a stretch from which on stretches become shorter
+IMPACT_ROOM = 33
+MOST_STRETCHES_OF_A_PERIOD = 8  # stretches of a period at the most
+STRETCHES_APART = 2**32  # between the numbers of a path in two stretches
+MANY_IMPACTS = 256  # impacts of a path in a stretch from which on stretches become shorter
 RUN = block_kernel(EXACT)
 BEGIN, PERIODS, STRETCHES, LONG = range(4)
 """Entries of `Block.counters`: step of the period at which the next stretch begins; periods and
@@ -102,7 +102,7 @@ def follow_stretches(
         if count[PERIODS] == until:
             break
         tau = b.job.tau + count[BEGIN] * b.job.dt
-        number = count[STRETCHES] * APART + b.first
+        number = count[STRETCHES] * STRETCHES_APART + b.first
         for i in range(b.room.path.size):
             b.room.path[i] = Word(number + i)
         walls = b.every.walls[0].copy()
@@ -141,7 +141,7 @@ def follow_stretches(
         add_stretch(b.job.c, rows[0], own, b.struck, states, b.every.walls[0], at, between, sums)
         count[STRETCHES] += 1
         count[BEGIN] += part
-        count[LONG] += most >= MANY
+        count[LONG] += most >= MANY_IMPACTS
         if count[BEGIN] == b.steps:
             count[BEGIN] = 0
             count[PERIODS] += 1
@@ -223,7 +223,10 @@ class Walk:
             none,
             counters,
         )
-        self._fixed, self._rows = self._instants(self.steps), np.empty((1, paths, ROOM, COLUMNS))
+        self._fixed, self._rows = (
+            self._instants(self.steps),
+            np.empty((1, paths, IMPACT_ROOM, COLUMNS)),
+        )
 
     @property
     def periods(self) -> int:
@@ -242,7 +245,9 @@ class Walk:
         until = self.periods + periods
         batch = sums.batch[0]
         while self.periods < until:
-            at_once = SHORTEST * periods if seen is None and rows is self._rows else 1
+            at_once = (
+                MOST_STRETCHES_OF_A_PERIOD * periods if seen is None and rows is self._rows else 1
+            )
             struck = b.struck.copy()
             most = follow_stretches(b, rows, self._fixed, at_once, until, length, sums)
             if most:  # again with the same random numbers, and space for all impacts
@@ -250,7 +255,7 @@ class Walk:
                 continue
             if seen is not None:
                 seen.append(impacts_of(rows[0], b.every.impacts[0], struck))
-            if rows.shape[2] < MANY:
+            if rows.shape[2] < MANY_IMPACTS:
                 self._rows = rows  # from now on
             rows = self._rows
             if b.counters[BEGIN] == 0:
@@ -264,7 +269,7 @@ class Walk:
         What happens in a stretch must not choose its own end.
         """
         part = int(self._fixed[-2])
-        least = self.steps // SHORTEST
+        least = self.steps // MOST_STRETCHES_OF_A_PERIOD
         for _ in range(int(self._block.counters[LONG])):
             part = part // 2 if part > least else part
         self._block.counters[LONG] = 0

@@ -8,7 +8,7 @@ from rattle.scene import Floats, Scene, Tolerance
 from rattle.scene.compiled import lean, lean_internal
 from rattle.scene.types import CUT
 
-DISTRIBUTIONS = {"fixed": 0, "uniform": 1, "normal": 2}
+DISTRIBUTION_CODES = {"fixed": 0, "uniform": 1, "normal": 2}
 ATTEMPTS = Word(64)  # rejection sampling of the truncated normal, which accepts 95 %
 
 
@@ -27,7 +27,7 @@ class Backlash(NamedTuple):
 def backlash_of(scene: Scene) -> Backlash:
     """Backlash of a scene."""
     t = scene.tolerance or Tolerance(distribution="fixed")
-    kind = DISTRIBUTIONS[t.distribution]
+    kind = DISTRIBUTION_CODES[t.distribution]
     random = t.distribution != "fixed"
     return Backlash(
         scene.gap1, scene.gap2, t.c1_max, t.c2_max, kind, random, random and t.draw == "contact"

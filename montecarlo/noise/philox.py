@@ -30,7 +30,7 @@ level); noise with a memory at the start."""
 
 Word = np.uint64
 LOW = Word(0xFFFFFFFF)
-HALF = Word(32)
+HALF_WORD = Word(32)
 FACTOR_0 = Word(0xD2511F53)
 FACTOR_1 = Word(0xCD9E8D57)
 WEYL_0 = Word(0x9E3779B9)
@@ -82,7 +82,8 @@ _COSINE = (
     -2.5172218494009397e-05,
     4.492276816542459e-07,
 )
-SINE = tuple(a * 2.0 ** (-30 * (2 * i + 1)) for i, a in enumerate(_SINE))  # for t in units of 2^-30
+# for t in units of 2^-30
+SINE_SERIES = tuple(a * 2.0 ** (-30 * (2 * i + 1)) for i, a in enumerate(_SINE))
 COSINE = tuple(a * 2.0 ** (-30 * 2 * i) for i, a in enumerate(_COSINE))
 
 
@@ -104,17 +105,17 @@ def words(key: Key, path: Word, index: Word, purpose: Word) -> tuple[Word, Word,
     """Four random 32-bit words (each in a uint64): Philox 4x32-10 of the counter (path, index,
     purpose)."""
     c0 = path
-    c1 = path >> HALF
+    c1 = path >> HALF_WORD
     c2 = index
-    c3 = (index >> HALF) | (purpose << INDEX_BITS)
+    c3 = (index >> HALF_WORD) | (purpose << INDEX_BITS)
     k0 = key.low
     k1 = key.high
     for _ in range(10):
         p0 = FACTOR_0 * (c0 & LOW)
         p1 = FACTOR_1 * (c2 & LOW)
-        c0 = (p1 >> HALF) ^ c1 ^ k0
+        c0 = (p1 >> HALF_WORD) ^ c1 ^ k0
         c1 = p1
-        c2 = (p0 >> HALF) ^ c3 ^ k1
+        c2 = (p0 >> HALF_WORD) ^ c3 ^ k1
         c3 = p0
         k0 = k0 + WEYL_0
         k1 = k1 + WEYL_1
@@ -127,8 +128,8 @@ def uniforms(key: Key, path: Word, index: Word, purpose: Word) -> tuple[float, f
     a, b, c, d = words(key, path, index, purpose)
     shift = Word(11)
     return (
-        (np.float64(((a << HALF) | b) >> shift) + 0.5) * 2.0**-53,
-        (np.float64(((c << HALF) | d) >> shift) + 0.5) * 2.0**-53,
+        (np.float64(((a << HALF_WORD) | b) >> shift) + 0.5) * 2.0**-53,
+        (np.float64(((c << HALF_WORD) | d) >> shift) + 0.5) * 2.0**-53,
     )
 
 
@@ -156,10 +157,10 @@ def _half_circle(angle: Word) -> tuple[float, float]:
     below 2^23; to 3e-11."""
     t = float_of(angle | TWO_52) - (2.0**52 + 2.0**30 - 128.0)  # in units of 2^-30
     z = t * t
-    sine = SINE[-1]
+    sine = SINE_SERIES[-1]
     cosine = COSINE[-1]
-    for i in range(len(SINE) - 2, -1, -1):
-        sine = fma(z, sine, SINE[i])
+    for i in range(len(SINE_SERIES) - 2, -1, -1):
+        sine = fma(z, sine, SINE_SERIES[i])
     for i in range(len(COSINE) - 2, -1, -1):
         cosine = fma(z, cosine, COSINE[i])
     return cosine, t * sine
@@ -174,10 +175,10 @@ def _pair(high: Word, low: Word) -> tuple[float, float]:
     spaced, so that low moments of the direction are exact: 2^23 of them on the right half of the
     circle, and a bit for the left half. Normals are within 5e-10 of those of the exact functions.
     """
-    bits = (high | (low << HALF)) & RADIUS
+    bits = (high | (low << HALF_WORD)) & RADIUS
     radius = math.sqrt(_square_of_radius(bits))
     cosine, sine = _half_circle(low & ANGLE)
-    turned = float_of(word_of(cosine) ^ ((low << HALF) & SIGN))
+    turned = float_of(word_of(cosine) ^ ((low << HALF_WORD) & SIGN))
     return radius * turned, radius * sine
 
 
@@ -217,7 +218,7 @@ def fill_normals(key: Key, paths: NDArray[np.uint64], index: Word, lanes: int, z
 def bits_of(key: Key, path: Word, index: Word) -> Word:
     """Sixty-four random bits for one index of the substream `STEP`."""
     a, b, _, _ = words(key, path, index, Word(STEP))
-    return (a << HALF) | b
+    return (a << HALF_WORD) | b
 
 
 @inline

@@ -25,8 +25,8 @@ from rattle.scene.linear_algebra import product, transform
 from rattle.scene.orbit import follow
 from rattle.scene.tangent import land, saltation_matrix
 
-MOST_STEPS = 100_000  # of the linearised path; later impacts have no control variate
-FEWEST = 32  # paths of a regression; with three its residuals would be zero
+MOST_LINEAR_STEPS = 100_000  # of the linearised path; later impacts have no control variate
+FEWEST_OF_A_REGRESSION = 32  # paths of a regression; with three its residuals would be zero
 
 
 class LinearPath(NamedTuple):
@@ -129,7 +129,7 @@ def linear_path(scene: Scene, impacts: int, dt: float) -> LinearPath:
     orbit = [
         impact
         for impact in orbit_impacts(scene, impacts)
-        if impact.tau - scene.phase < MOST_STEPS * dt
+        if impact.tau - scene.phase < MOST_LINEAR_STEPS * dt
     ]
     steps = int((orbit[-1].tau - scene.phase) / dt) + 1 if orbit else 0
     program = _blank_path(steps, len(orbit), impacts)
@@ -237,9 +237,10 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
 
     The quantity and its square are regressed on the control variate l and on ``l^2``, whose
     expectations are known (Glasserman 2003, section 4.1), but not in cells where l does not vary,
-    which some paths have not reached, or which fewer than `FEWEST` have.  Nor where that gives
-    something impossible, as it may with few paths: a variance that is not positive, or (then for
-    all times and flights together) mean impact times out of order or negative mean flights.
+    which some paths have not reached, or which fewer than `FEWEST_OF_A_REGRESSION` have.  Nor where
+    that gives something impossible, as it may with few paths: a variance that is not positive, or
+    (then for all times and flights together) mean impact times out of order or negative mean
+    flights.
 
     `sums`: Of the quantity (first) and the control variate (second), orders `PAIR`, shape (impacts,
     quantities of `SECTION`). Shapes: `variance` (impacts, quantities); result (impacts,
@@ -248,7 +249,7 @@ def estimate_controlled(sums: CentralSums, variance: Floats) -> dict[str, Floats
     n = sums.n
     m = sums.moment
     reached = n == n.max()
-    usable = (variance > 0.0) & reached & (n >= FEWEST) & (m(0, 2) > 0.0)
+    usable = (variance > 0.0) & reached & (n >= FEWEST_OF_A_REGRESSION) & (m(0, 2) > 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         m02 = m(0, 2)
         m03 = m(0, 3)

@@ -24,12 +24,13 @@ from rattle.scene.drive import (
 
 # bound on a path's deviation from the cubic, in sds; exceeded in 2e-9 of the steps near a wall
 MARGIN_SDS = 6.0
-CLOSE = 1e-10  # distance to the wall, in half gaps, at which an impact is accepted at any speed
+# distance to the wall, in half gaps, at which an impact is accepted at any speed
+CLOSE_TO_WALL = 1e-10
 # margin on the inner Bernstein coefficients that covers (s (1-s))^1.5 / sqrt(3)
 SCALE = 1.0 / (6.0 * math.sqrt(3.0))
-SHORTEST = 1e-12  # share at which a trial is cut
-SETTLED = 1e-8  # relative change of a root at which its search ends
-PIECES = 8  # of the interval in which the first zero of a cubic that turns is looked for
+SHORTEST_TRIAL = 1e-12  # share at which a trial is cut
+SETTLED_ROOT = 1e-8  # relative change of a root at which its search ends
+CUBIC_PIECES = 8  # of the interval in which the first zero of a cubic that turns is looked for
 
 
 @lean
@@ -74,7 +75,7 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
     that ends below zero.
 
     A cubic that falls all the way, as that of a transversal impact does, has one zero and needs no
-    pieces.  The error is about the square of the last Newton step, which is below `SETTLED`.
+    pieces.  The error is about the square of the last Newton step, which is below `SETTLED_ROOT`.
     """
     p1 = 3.0 * (b - a)
     p2 = 3.0 * (a - 2.0 * b + c)
@@ -85,14 +86,16 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
     if not falling:
         part = 1
         while (
-            part <= PIECES
-            and a + part / PIECES * (p1 + part / PIECES * (p2 + part / PIECES * p3)) >= 0.0
+            part <= CUBIC_PIECES
+            and a
+            + part / CUBIC_PIECES * (p1 + part / CUBIC_PIECES * (p2 + part / CUBIC_PIECES * p3))
+            >= 0.0
         ):
             part += 1
-        if part > PIECES:
+        if part > CUBIC_PIECES:
             return 2.0
-        low = (part - 1) / PIECES
-        high = part / PIECES
+        low = (part - 1) / CUBIC_PIECES
+        high = part / CUBIC_PIECES
     guess = a / (a - d) if falling else 0.5 * (low + high)
     for _ in range(60):
         value = a + guess * (p1 + guess * (p2 + guess * p3))
@@ -104,7 +107,7 @@ def first_root(a: float, b: float, c: float, d: float) -> float:
         last = guess
         newton = guess - value / slope if slope < 0.0 else -1.0
         guess = newton if low <= newton <= high else 0.5 * (low + high)
-        if abs(guess - last) <= SETTLED * guess:
+        if abs(guess - last) <= SETTLED_ROOT * guess:
             break
     return guess
 
@@ -130,7 +133,7 @@ def _cut_at(
     ):  # `rest` lets a path at rest on its wall start
         return 1.0
     root = first_root(max(gap0, 0.0), b, c, gap1)
-    return max(root, SHORTEST) if root < 1.0 else 0.5
+    return max(root, SHORTEST_TRIAL) if root < 1.0 else 0.5
 
 
 @inline
@@ -158,7 +161,7 @@ def cut_share(
             -end[1],
             h,
             margin1,
-            CLOSE * c.wall1,
+            CLOSE_TO_WALL * c.wall1,
             close1,
         ),
         _cut_at(
@@ -168,7 +171,7 @@ def cut_share(
             end[1],
             h,
             margin1,
-            CLOSE * c.wall1,
+            CLOSE_TO_WALL * c.wall1,
             close1,
         ),
     )
@@ -182,7 +185,7 @@ def cut_share(
                 -end[3],
                 h,
                 margin2,
-                CLOSE * c.wall2,
+                CLOSE_TO_WALL * c.wall2,
                 close2,
             ),
             _cut_at(
@@ -192,7 +195,7 @@ def cut_share(
                 end[3],
                 h,
                 margin2,
-                CLOSE * c.wall2,
+                CLOSE_TO_WALL * c.wall2,
                 close2,
             ),
         )

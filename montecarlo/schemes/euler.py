@@ -16,7 +16,7 @@ from rattle.montecarlo.schemes.short_flight import Phase, no_phase
 from rattle.montecarlo.schemes.step_state import Inside, Progress, Walls
 from rattle.montecarlo.schemes.sticking import stay, stays_open
 from rattle.montecarlo.schemes.time_scales import (
-    MEMORY,
+    MEMORY_REASON,
     Limit,
     least_limit,
     memory_step,
@@ -139,7 +139,7 @@ def longest_euler_step(scene: Scene) -> Limit:
     t = time_scales(scene)
     limits = {
         "a longer step makes the damping unstable": t.damping,
-        MEMORY: memory_step(scene),
+        MEMORY_REASON: memory_step(scene),
         "a longer step cannot follow the excitation": (
             2.0 * math.pi / 20.0 / highest_order(scene.constants.drive)
         ),

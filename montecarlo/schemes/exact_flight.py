@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from rattle.montecarlo.noise.brownian import Noise, join, split
 from rattle.montecarlo.noise.philox import BRIDGE, Key, Word, normals
-from rattle.montecarlo.schemes.crossing import CLOSE, cut_share, margins, near_wall
+from rattle.montecarlo.schemes.crossing import CLOSE_TO_WALL, cut_share, margins, near_wall
 from rattle.montecarlo.schemes.lanes import Lanes, join_halves
 from rattle.montecarlo.schemes.scheme import Scheme
 from rattle.montecarlo.schemes.short_flight import (
@@ -37,7 +37,7 @@ from rattle.montecarlo.schemes.step_state import (
 )
 from rattle.montecarlo.schemes.sticking import stick_to_end, sticking_sides
 from rattle.montecarlo.schemes.time_scales import (
-    MEMORY,
+    MEMORY_REASON,
     Limit,
     least_limit,
     memory_step,
@@ -48,7 +48,7 @@ from rattle.scene.compiled import inline, lean, lean_internal, splice
 from rattle.scene.damping import pair
 from rattle.scene.drive import highest_order, most_modulation, most_velocity
 
-NEAR = 1e-6  # distance to the wall, in half gaps, that a fast path flies without noise
+NEAR_WALL = 1e-6  # distance to the wall, in half gaps, that a fast path flies without noise
 STEADY = 30.0  # least speed of such a path, in sds of what the noise makes of it on the way
 STRAIGHT = 1e-4  # and largest relative change of that speed by excitation and drag
 MOST_CUTS = 1000  # per step; then the path is clipped to its walls
@@ -173,7 +173,7 @@ def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> 
     other stage's speed.
 
     The noise left out acts later by the time of that flight, after the impact instead of before:
-    below 1e-6 of a variance at `NEAR`.
+    below 1e-6 of a variance at `NEAR_WALL`.
     """
     most = _square_modulation(c.drive, c.beta1)
     if mesh == 1:
@@ -184,7 +184,7 @@ def _close(c: Constants, mesh: int, speed: float, other: float, wall: float) -> 
     noisy = (STEADY * STEADY) * c.sigma * c.sigma * most
     bent = force / STRAIGHT
     square = speed * speed
-    near = NEAR * wall
+    near = NEAR_WALL * wall
     if square * abs(speed) < noisy * near or square < bent * near:
         near = min(
             square * abs(speed) / noisy if noisy > 0.0 else near,
@@ -199,8 +199,8 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
     wall ahead.
 
     Both times are at the present velocity.  The first is that of the flight without noise, zero for
-    a path so slow that it must come within `CLOSE` of its wall, and negative for one that is just
-    beyond it.  Mesh 1 comes before mesh 2 where both are met within `TOGETHER`.
+    a path so slow that it must come within `CLOSE_TO_WALL` of its wall, and negative for one that
+    is just beyond it.  Mesh 1 comes before mesh 2 where both are met within `TOGETHER`.
     """
     code = 0
     lead = math.inf
@@ -212,11 +212,11 @@ def _due(c: Constants, s: State, walls: Walls) -> tuple[int, float, float]:
         gap = high - x if y > 0.0 else low + x
         if y == 0.0:
             continue
-        if gap > NEAR * wall:
+        if gap > NEAR_WALL * wall:
             reach = min(reach, gap / abs(y))
             continue
         swift = abs(gap) <= _close(c, mesh, y, other, wall)
-        if swift or gap <= CLOSE * wall:
+        if swift or gap <= CLOSE_TO_WALL * wall:
             own = gap / abs(y) if swift else 0.0
             if own < lead - TOGETHER:
                 code = mesh if y > 0.0 else -mesh
@@ -404,7 +404,7 @@ def accurate_flight(scene: Scene) -> Limit:
     zero: at this limit 0.8 % of sd(x1) after a flight of 0.2 from tau = 0, at half of it 0.05 %.
     """
     limits = {
-        MEMORY: memory_step(scene),
+        MEMORY_REASON: memory_step(scene),
         "a longer step cannot follow the damping": 0.2 * time_scales(scene).damping,
         "a longer step cannot follow the noise's modulation": (
             0.1 / highest_order(scene.constants.drive)

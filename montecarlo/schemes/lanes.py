@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rattle.montecarlo.noise.philox import Word
-from rattle.montecarlo.schemes.step_state import PARTS
+from rattle.montecarlo.schemes.step_state import MOST_PARTS
 from rattle.scene import Bools, Floats, Ints
 from rattle.scene.compiled import lean_internal, splice, widest_vectors
 
@@ -16,7 +16,7 @@ from rattle.scene.compiled import lean_internal, splice, widest_vectors
 # step)
 CHUNK = 16
 ROOT_HALF = math.sqrt(0.5)
-APART = 256  # lanes beyond those in use, so that rows do not share lines of the cache
+SPARE_LANES = 256  # lanes beyond those in use, so that rows do not share lines of the cache
 
 
 class Lanes(NamedTuple):
@@ -52,7 +52,8 @@ class Room(NamedTuple):
     marks: Bools  # lanes that may have an impact in this step; (lanes,)
     groups: Ints  # groups, hits: scratch and output of `list_marked`
     hits: Ints
-    ahead: Floats  # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (PARTS, 3)
+    # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (MOST_PARTS, 3)
+    ahead: Floats
 
 
 def lanes_of(
@@ -65,7 +66,7 @@ def lanes_of(
     """
     paths = start.shape[1]
     # whole vectors; results of lanes without a path are ignored
-    lanes = (paths + 7) // 8 * 8 + APART
+    lanes = (paths + 7) // 8 * 8 + SPARE_LANES
     state = np.zeros((levels, 4, lanes))
     wall = np.ones((levels, 4, lanes))
     state[:, :, :paths] = start
@@ -81,7 +82,7 @@ def lanes_of(
     marks = np.zeros(lanes, np.bool_)
     groups = np.empty(lanes // 8 + 1, np.int64)
     hits = np.empty(lanes + 1, np.int64)
-    ahead = np.empty((PARTS, 3))
+    ahead = np.empty((MOST_PARTS, 3))
     return every, Room(path, bits, eta, z, own, marks, groups, hits, ahead)
 
 

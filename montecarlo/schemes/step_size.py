@@ -28,7 +28,7 @@ SCHEMES = {
 }
 """All schemes by name, in the order of increasing accuracy."""
 
-LEFT_OUT = 2e-4
+MOST_LEFT_OUT_NOISE = 2e-4
 """Largest share of an sd that the noise left out by a default step may have."""
 
 MOST_PER_STEP = 10**7
@@ -40,9 +40,10 @@ extrapolation)."""
 
 
 # impacts and time after the start at which noise is looked for that a step leaves out
-IMPACTS = 4
+LOOKED_AT_IMPACTS = 4
 TIME = 0.5
-STEPS = 32  # of a flight from which on it has no effect: 1 / (6 * 32^4) of the variance
+# of a flight from which on it has no effect: 1 / (6 * 32^4) of the variance
+STEPS_WITHOUT_EFFECT = 32
 
 
 @numpy_defaults
@@ -109,8 +110,8 @@ def neglected_noise(scene: Scene, dt: float) -> float:
     # covariances
     whole = np.zeros((5, 5))
     missing = np.zeros((5, 5))
-    for impact in orbit_impacts(scene, IMPACTS):
-        if impact.tau - scene.phase > min(TIME, STEPS * dt):
+    for impact in orbit_impacts(scene, LOOKED_AT_IMPACTS):
+        if impact.tau - scene.phase > min(TIME, STEPS_WITHOUT_EFFECT * dt):
             break
         while tau < impact.tau:
             end = min(
@@ -138,7 +139,7 @@ def neglected_noise(scene: Scene, dt: float) -> float:
     return worst
 
 
-def resolve_start(scene: Scene, dt: float, most: float = LEFT_OUT) -> float:
+def resolve_start(scene: Scene, dt: float, most: float = MOST_LEFT_OUT_NOISE) -> float:
     """A step of ``exact-flight``, halved until `neglected_noise` is within `most`."""
     while neglected_noise(scene, dt) > most:
         dt *= 0.5

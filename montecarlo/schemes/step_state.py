@@ -13,7 +13,7 @@ is counted."""
 SPLITS = Word(1 << 16)
 """Indices of random numbers reserved for the splits of one step."""
 
-PARTS = 200
+MOST_PARTS = 200
 """Most parts of a step that wait at once: the depth of the stack of cuts of an exact flight."""
 
 TOGETHER = 1e-12
@@ -57,4 +57,5 @@ class Inside(NamedTuple):
     step: int  # number of the step, in finest steps
     level: int  # 0 for dt, 1 for 2 dt, ...
     whole: State  # at the end of the whole step, if no wall is met
-    ahead: Floats  # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (PARTS, 3)
+    # scratch of `rattle.montecarlo.schemes.exact_flight.advance_exactly`; (MOST_PARTS, 3)
+    ahead: Floats

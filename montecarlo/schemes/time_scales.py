@@ -54,7 +54,7 @@ def time_scales(scene: Scene) -> TimeScales:
     return TimeScales(damping, _over(gap, typical), shaking, _over(_leaving(scene), noise) ** 2)
 
 
-MEMORY = "a longer step cannot follow the memory of the noise"
+MEMORY_REASON = "a longer step cannot follow the memory of the noise"
 
 
 def memory_step(scene: Scene) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rattle.scene import SECTION, Floats, Ints
 
-BATCHES = 32
+RUN_BATCHES = 32
 """Number of batches; a standard error estimated from 32 batches is itself known to 1/8 (1 / sqrt(2
 * 31))."""
 
@@ -16,7 +16,7 @@ BATCHES = 32
 @dataclass(repr=False)
 class Batches:
     """Number, mean and sum of squares of each section quantity in each batch; block b belongs to
-    batch ``b % BATCHES``.
+    batch ``b % RUN_BATCHES``.
 
     Two runs with one seed use the same noise in each batch.  The spread of the differences between
     their batches is therefore the standard error of the difference, with the correlation of the
@@ -24,21 +24,22 @@ class Batches:
     """
 
     # n, mean, squares: paths that had the impact, their mean, and the sum of squares about it;
-    # (BATCHES, impacts, 6)
+    # (RUN_BATCHES, impacts, 6)
     n: Floats
     mean: Floats
     squares: Floats
-    # mean of the control variate, whose expectation is zero; 0 without one; (BATCHES, impacts, 6)
+    # mean of the control variate, whose expectation is zero; 0 without one; (RUN_BATCHES, impacts,
+    # 6)
     control: Floats
 
     @classmethod
     def empty(cls, impacts: int) -> "Batches":
         """Batches without paths."""
-        return cls(*np.zeros((4, BATCHES, impacts, 6)))
+        return cls(*np.zeros((4, RUN_BATCHES, impacts, 6)))
 
     def add(self, block: int, sums: dict[str, Any]) -> None:
         """Add a block's sums, by the pairwise update of Chan, Golub and LeVeque (1979)."""
-        b = block % BATCHES
+        b = block % RUN_BATCHES
         s = sums.get("section")
         own, mean, squares = (s.n, s.mean[0], s.sums[0]) if s else sums["weighted"].batch()
         n = self.n[b] + own
@@ -52,15 +53,15 @@ class Batches:
 
     @property
     def sd(self) -> Floats:
-        """Standard deviation in each batch, shape (BATCHES, impacts, 6); NaN where no path had the
-        impact."""
+        """Standard deviation in each batch, shape (RUN_BATCHES, impacts, 6); NaN where no path had
+        the impact."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.sqrt(self.squares / self.n))
 
 
-# equal bins over +- REACH sds of the first block
-BINS = 240
-REACH = 6.0
+# equal bins over +- HISTOGRAM_REACH sds of the first block
+HISTOGRAM_BINS = 240
+HISTOGRAM_REACH = 6.0
 
 
 @dataclass(repr=False)
@@ -69,12 +70,13 @@ class Histograms:
 
     low: Floats  # low, width: lower edge of the first bin, and width of a bin; (impacts, 6)
     width: Floats
-    counts: Ints  # the first and last count values below and above the bins; (impacts, 6, BINS + 2)
+    # the first and last count values below and above the bins; (impacts, 6, HISTOGRAM_BINS + 2)
+    counts: Ints
 
     @classmethod
     def for_sample(cls, section: Floats) -> "Histograms":
-        """Empty histograms that reach `REACH` standard deviations of a sample to both sides of its
-        mean.
+        """Empty histograms that reach `HISTOGRAM_REACH` standard deviations of a sample to both
+        sides of its mean.
 
         Shapes: `section` (paths, impacts, 6).
         """
@@ -85,7 +87,9 @@ class Histograms:
         sd = np.sqrt((np.where(seen, section - mean, 0.0) ** 2).sum(axis=0) / n)
         sd = np.where(sd > 0.0, sd, 1e-12)
         return cls(
-            mean - REACH * sd, 2.0 * REACH * sd / BINS, np.zeros((impacts, 6, BINS + 2), np.int64)
+            mean - HISTOGRAM_REACH * sd,
+            2.0 * HISTOGRAM_REACH * sd / HISTOGRAM_BINS,
+            np.zeros((impacts, 6, HISTOGRAM_BINS + 2), np.int64),
         )
 
     def add(self, section: Floats) -> None:
@@ -96,18 +100,18 @@ class Histograms:
         _, impacts, quantities = section.shape
         seen = np.isfinite(section)
         with np.errstate(invalid="ignore"):
-            place = np.clip(np.floor((section - self.low) / self.width), -1, BINS) + 1
-        cell = np.arange(impacts * quantities).reshape(impacts, quantities) * (BINS + 2)
+            place = np.clip(np.floor((section - self.low) / self.width), -1, HISTOGRAM_BINS) + 1
+        cell = np.arange(impacts * quantities).reshape(impacts, quantities) * (HISTOGRAM_BINS + 2)
         flat = (cell + np.where(seen, place, 0)).astype(np.int64)[seen]
         self.counts += np.bincount(flat, minlength=self.counts.size).reshape(self.counts.shape)
 
     def density(self, impact: int, quantity: str) -> tuple[Floats, Floats]:
         """Probability density of a quantity at an impact, over all paths that reached it.
 
-        Shapes: `edges` (BINS + 1,); `density` (BINS,).
+        Shapes: `edges` (HISTOGRAM_BINS + 1,); `density` (HISTOGRAM_BINS,).
         """
         k = impact - 1
         i = SECTION.index(quantity)
-        edges = self.low[k, i] + self.width[k, i] * np.arange(BINS + 1)
+        edges = self.low[k, i] + self.width[k, i] * np.arange(HISTOGRAM_BINS + 1)
         counts = self.counts[k, i]
         return edges, counts[1:-1] / max(counts.sum(), 1) / self.width[k, i]

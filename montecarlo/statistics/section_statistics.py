@@ -10,9 +10,10 @@ from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import Floats
 from rattle.scene.elementary import powers
 
-TINY = float(np.finfo(float).tiny)  # smallest normal float; smaller ones have fewer digits
+# smallest normal float; smaller ones have fewer digits
+SMALLEST_NORMAL = float(np.finfo(float).tiny)
 
-FEWEST = {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
+FEWEST_FOR_ERROR = {"mean": 2, "sd": 3, "cov": 3, "rho": 3, "skew": 3, "kurt": 4}
 """Least number of paths from which the standard error of a statistic can be estimated.
 
 With fewer, the statistic or its error is a constant whatever the data: the sd of one value is 0,
@@ -89,7 +90,7 @@ def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
         a = sums.moment(2, 0)
         b = sums.moment(0, 2)
         c = sums.moment(1, 1)
-        root = np.sqrt(np.where(a * b >= TINY, a * b, np.nan))
+        root = np.sqrt(np.where(a * b >= SMALLEST_NORMAL, a * b, np.nan))
         rho = np.clip(c / root, -1.0, 1.0)  # rounding can pass 1
         m22 = sums.moment(2, 2) / (a * b)
         m31 = sums.moment(3, 1) / (a * root)
@@ -110,12 +111,12 @@ def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
 
 # standard errors by which changes must fall more slowly than first order, to be taken for slow
 BEYOND = 3.0
-SLOW = (
+SLOW_RATIO = (
     2.0**0.9
     # ratio of two changes below which they are; above it is first order with a remainder of second
     # order
 )
-SLOWEST = 2.0**0.5
+SLOWEST_RATIO = 2.0**0.5
 """Ratio that is assumed of changes that fall more slowly still, or turn their sign.  The half order
 of impacts that a discrete path misses is the slowest that is known; beside first order it leaves as
 much at any ratio."""
@@ -176,8 +177,8 @@ def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
     missing = 2.0 * change - before
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = before / change
-        slow = (np.abs(missing) > 3.0 * BEYOND * se) & (ratio < SLOW)
-    return np.abs(missing) / (np.where(slow, np.maximum(ratio, SLOWEST), 4.0) - 1.0)
+        slow = (np.abs(missing) > 3.0 * BEYOND * se) & (ratio < SLOW_RATIO)
+    return np.abs(missing) / (np.where(slow, np.maximum(ratio, SLOWEST_RATIO), 4.0) - 1.0)
 
 
 def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:

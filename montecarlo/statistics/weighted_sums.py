@@ -13,9 +13,9 @@ from rattle.scene.compiled import lean
 ONCE = 5
 TWICE = 9
 THRICE = 7
-ORDERS = ONCE + TWICE + THRICE
+WEIGHTED_ORDERS = ONCE + TWICE + THRICE
 # variance of what does not vary but by rounding: the displacement at a wall that all paths strike
-NOTHING = 1e-60
+ROUNDING_VARIANCE = 1e-60
 
 
 @lean
@@ -24,7 +24,7 @@ def add(rows: Floats, weights: Floats, centre: Floats, sums: Floats) -> None:
     nothing.
 
     Shapes: `rows` (paths, impacts, columns); `weights` (paths, impacts); `centre` (impacts,
-    variables); `sums` (impacts, variables, ORDERS).
+    variables); `sums` (impacts, variables, WEIGHTED_ORDERS).
     """
     for p in range(rows.shape[0]):
         for k in range(rows.shape[1]):
@@ -78,7 +78,7 @@ class WeightedSums:
 
     paths: Floats  # of each part; (parts,)
     centre: Floats  # about which the deviations are; (impacts, variables)
-    sums: Floats  # (parts, impacts, variables, ORDERS)
+    sums: Floats  # (parts, impacts, variables, WEIGHTED_ORDERS)
     products: Floats  # weighted products of the deviations of pairs; (impacts, pairs)
 
     def merge(self, other: "WeightedSums") -> "WeightedSums":
@@ -122,7 +122,7 @@ class WeightedSums:
             off = self.sums[..., 1].sum(axis=0) / self.weight
             about = _shift(self.sums, off)
             m2, m3, m4 = (about[..., o].sum(axis=0) / self.weight for o in (2, 3, 4))
-            m2 = np.where(m2 > NOTHING, m2, np.nan)
+            m2 = np.where(m2 > ROUNDING_VARIANCE, m2, np.nan)
             one = np.ones_like(m2)
             nil = np.zeros_like(m2)
             of_mean = [nil, one]

@@ -118,7 +118,7 @@ def test_one_gaussian_in_place_of_the_distribution_is_detected(monkeypatch):
     """Its tails reach walls that no gear has."""
     scene, impacts = SCENES["no noise, path, uniform"]
     run = flown(scene, impacts)
-    monkeypatch.setattr(section_map, "PIECES", 1)
+    monkeypatch.setattr(section_map, "DEVIATION_PIECES", 1)
     assert outside(scene, impacts, run)
 
 

@@ -96,7 +96,7 @@ def test_the_time_of_an_estimate_is_that_of_the_paths(monkeypatch):
     ticks = iter(range(100))
     monkeypatch.setattr(run, "clock", lambda: float(next(ticks)))
     few, many = (expect_run(SCENE, paths, periods=64, burn_in=36) for paths in (16, 256))
-    assert few.core_seconds == few.periods / run.PROBE
+    assert few.core_seconds == few.periods / run.PROBE_PERIODS
     assert many.core_seconds / many.periods == 16.0 * few.core_seconds / few.periods
 
 
@@ -113,6 +113,6 @@ def test_a_bar_of_a_long_run_knows_how_many_periods_are_expected(monkeypatch):
 
     monkeypatch.setattr(run, "ProgressBar", Watched)
     found = long_run(SCENE, periods=64, paths=64)
-    assert totals[0] == run.FIRST + 64
+    assert totals[0] == run.FIRST_TEST + 64
     assert totals == sorted(totals)
     assert totals[-1] == found.burn_in.periods + found.periods

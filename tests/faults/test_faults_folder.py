@@ -73,7 +73,7 @@ def test_two_runs_into_one_folder_lose_nothing(tmp_path):
 
 
 def test_a_full_disk_keeps_the_old_report(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "ROOM", 0)
+    monkeypatch.setattr(module, "BYTES_FREE", 0)
     with disk(tmp_path / "disk", "64k") as place:
         written(place / "report", "old")
         with pytest.raises(OutputError, match=r"disk is full.*make room"):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from rattle import Scene
-from rattle.compare.validation.errors import TOO_FEW
+from rattle.compare.validation.errors import TOO_FEW_FOR_INTERVAL
 from rattle.compare.validation.verdict import Verdict
 from rattle.scene import SECTION, STATE, RattleError
 
@@ -68,7 +68,7 @@ def has_verdicts(table: Any) -> None:
     interval = ["se", "low", "high"]
     must(np.isfinite(judged[numbers].to_numpy(float)), "judged without a number\n", judged[numbers])
     must(judged["tolerance"] >= 0.0, "tolerance\n", judged[numbers])
-    told = judged[~judged["remark"].str.contains(TOO_FEW, regex=False)]
+    told = judged[~judged["remark"].str.contains(TOO_FEW_FOR_INTERVAL, regex=False)]
     must(
         np.isfinite(told[interval].to_numpy(float)), "judged without an interval\n", told[interval]
     )

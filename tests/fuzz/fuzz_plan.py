@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from fuzz_space import LEAST, Numbers, any_scene
 
 from rattle.montecarlo import SCHEMES, default_step, largest_step
-from rattle.montecarlo.settings import HORIZON_PER_IMPACT, STEPS, is_random
+from rattle.montecarlo.settings import DEFAULT_STEPS, HORIZON_PER_IMPACT, is_random
 from rattle.scene import RattleError, Scene
 
 WORK = 1e6  # steps of all paths
@@ -64,7 +64,7 @@ def _run(scheme: str) -> Callable[[Numbers, Scene], Settings]:
         }
         out["horizon"] = None if waits else step * n.size(1.0, WORK / paths, False)
         longest = (
-            min(HORIZON_PER_IMPACT * impacts, STEPS * step)
+            min(HORIZON_PER_IMPACT * impacts, DEFAULT_STEPS * step)
             if out["horizon"] is None
             else out["horizon"]
         )
@@ -114,7 +114,7 @@ def _command(n: Numbers, scene: Scene) -> Settings:
     scheme = n.one(*SCHEMES)
     dt, step = _step(n, scene, scheme, False, USUAL * default_step(scene, scheme))
     impacts = n.one(1, 2, n.count(64))
-    steps = min(HORIZON_PER_IMPACT * impacts / step, STEPS)
+    steps = min(HORIZON_PER_IMPACT * impacts / step, DEFAULT_STEPS)
     given: Settings = {"impacts": impacts, "seed": n.seed()}
     if n.often(0.25):
         return given | {"accuracy": n.size(1e-9, 0.9, False), "budget": n.size(1e-2, 0.3, False)}
@@ -152,7 +152,7 @@ def _study(n: Numbers, scene: Scene) -> Settings:
 
 def _soon(scene: Scene) -> bool:
     """Whether the default horizon of a scene has few steps."""
-    return min(HORIZON_PER_IMPACT / default_step(scene, "exact-flight"), STEPS) < SOON
+    return min(HORIZON_PER_IMPACT / default_step(scene, "exact-flight"), DEFAULT_STEPS) < SOON
 
 
 class Tried(NamedTuple):

@@ -64,14 +64,14 @@ def test_a_run_that_goes_on_is_the_run_that_began_with_all_its_paths(sigma, cont
 def test_other_schemes_are_tried_only_where_exact_flights_take_long(monkeypatch):
     ask = {"impacts": 3, "accuracy": 0.05, "rng": 5}
     assert list(simulate_to(dat21(0.5), **ask).reach.schemes.index) == ["exact-flight"]
-    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.ENOUGH", 0.0)
+    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.CHEAP_SECONDS", 0.0)
     run = simulate_to(dat21(0.5), **ask)
     assert set(run.reach.schemes.index) == set(SCHEMES)
     assert run.scheme == run.reach.schemes["core_seconds"].idxmin()
 
 
 def test_choice_of_scheme_does_not_depend_on_the_clock(monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.ENOUGH", 0.0)
+    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.CHEAP_SECONDS", 0.0)
     first = simulate_to(dat21(0.5), 0.05, impacts=3, rng=5).reach.schemes
     ticks = iter(np.arange(1e6) ** 1.1)
     monkeypatch.setattr("rattle.montecarlo.kernel.blocks.time.process_time", lambda: next(ticks))

@@ -130,7 +130,7 @@ def test_slow_paths_are_refused_before_a_pilot(monkeypatch):
 
 
 def test_other_schemes_are_not_tried_without_a_budget_for_them(monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.ENOUGH", 0.0)
+    monkeypatch.setattr("rattle.montecarlo.accuracy.pilots.CHEAP_SECONDS", 0.0)
     watched = Watched(monkeypatch, lambda paths: 3.0)
     with pytest.warns(AccuracyWarning):
         run = ask(watched, 1e-3, budget=20.0)

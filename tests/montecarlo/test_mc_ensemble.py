@@ -15,7 +15,7 @@ from rattle.montecarlo import simulate as simulate_exactly
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.statistics.records import BATCHES
+from rattle.montecarlo.statistics.records import RUN_BATCHES
 from rattle.montecarlo.statistics.section_statistics import estimate_remainder
 from rattle.scene import InputError
 from rattle.scene.orbit import follow
@@ -380,7 +380,7 @@ def test_batches_are_the_paths_of_their_blocks():
     )
     for b in (0, 1, 2, 31):
         own = np.concatenate(
-            [run.raw[i * BLOCK : (i + 1) * BLOCK, :, :6] for i in range(b, 35, BATCHES)]
+            [run.raw[i * BLOCK : (i + 1) * BLOCK, :, :6] for i in range(b, 35, RUN_BATCHES)]
         )
         assert (run.batches.n[b] == len(own)).all()
         np.testing.assert_allclose(run.batches.mean[b], own.mean(axis=0), rtol=1e-12, atol=1e-12)

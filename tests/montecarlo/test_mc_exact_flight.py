@@ -23,7 +23,7 @@ from scipy.integrate import quad_vec
 from rattle import Sampling
 from rattle.montecarlo import SCHEMES, Record, largest_step, simulate, simulate_to
 from rattle.montecarlo.diagnostics.diagnostics import diagnose_short_step
-from rattle.montecarlo.schemes.crossing import CLOSE
+from rattle.montecarlo.schemes.crossing import CLOSE_TO_WALL
 from rattle.montecarlo.schemes.exact_flight import flight_forcing
 from rattle.montecarlo.schemes.step_size import neglected_noise
 from rattle.scene import Scene, Start, Tolerance
@@ -355,5 +355,5 @@ def test_paths_that_stick_where_the_noise_vanishes_stay_within_the_gap(scene):
     raw = run.raw[np.isfinite(run.raw[:, :, 0])]
     assert len(raw) > 50_000
     assert np.isfinite(raw).all()
-    assert np.abs(raw[:, 2]).max() <= scene.gap1 * (1.0 + 2.0 * CLOSE) + c1
-    assert np.abs(raw[:, 4]).max() <= scene.gap2 * (1.0 + 2.0 * CLOSE) + c2
+    assert np.abs(raw[:, 2]).max() <= scene.gap1 * (1.0 + 2.0 * CLOSE_TO_WALL) + c1
+    assert np.abs(raw[:, 4]).max() <= scene.gap2 * (1.0 + 2.0 * CLOSE_TO_WALL) + c2

@@ -183,7 +183,7 @@ def test_run_that_could_not_end_is_refused_or_given_up_early():
     ):
         simulated(scene=narrow, horizon=600.0, scheme="euler-maruyama", dt=5e-9)
     plan = validation.plan_of(narrow, paths=1, impacts=3, dt=5e-9, scheme="euler-maruyama")
-    assert plan.most_steps == validation.STEPS
+    assert plan.most_steps == validation.DEFAULT_STEPS
 
 
 def test_paths_unfinished_at_the_horizon_are_diagnosed():

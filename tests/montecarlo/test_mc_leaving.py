@@ -15,7 +15,7 @@ from rattle.montecarlo import Record, default_step, simulate
 from rattle.montecarlo.branches.search import search_of
 from rattle.montecarlo.ensemble import leaving
 from rattle.montecarlo.ensemble.aim import Exit, aim
-from rattle.montecarlo.settings import EXACT, NOISE_FREE
+from rattle.montecarlo.settings import EXACT_SCHEME, NOISE_FREE
 from rattle.scene import DAT21, Scene, Start
 
 APART = Record(on_itinerary=True)
@@ -82,9 +82,9 @@ def test_intervals_of_a_curved_branch_hold():
 
 def test_what_is_aimed_at_depends_on_the_scene_alone():
     scene = CURVED.phase_reduced
-    one = aim(scene, 4, default_step(scene, EXACT))
+    one = aim(scene, 4, default_step(scene, EXACT_SCHEME))
     aim.cache_clear()
-    for a, b in zip(one, aim(scene, 4, default_step(scene, EXACT)), strict=True):
+    for a, b in zip(one, aim(scene, 4, default_step(scene, EXACT_SCHEME)), strict=True):
         assert a[:4] == b[:4]
         assert all(np.array_equal(p, q) for p, q in zip(a.points, b.points, strict=True))
 
@@ -92,7 +92,7 @@ def test_what_is_aimed_at_depends_on_the_scene_alone():
 def rows_of(paths, seed, monkeypatch, effective):
     """Rows of DAT21 at impact 1, where pilots know one exit by so many effective paths."""
     quiet = Scene.from_gears(DAT21, sigma=0.09)
-    (exact,) = aim(quiet.phase_reduced, 1, default_step(quiet, EXACT))
+    (exact,) = aim(quiet.phase_reduced, 1, default_step(quiet, EXACT_SCHEME))
     monkeypatch.setattr(
         leaving, "aim", lambda *_: (Exit(1, -2, exact.probability, effective, exact.points),)
     )

@@ -99,7 +99,7 @@ def test_result_does_not_depend_on_threads_or_on_room(run, monkeypatch):
     again = long_run(SCENE, periods=128, paths=128, rng=3, workers=2)
     assert again.estimates == run.estimates
     for room in (4, 24, 512):  # all paths have more impacts than that in a period, a few, none
-        monkeypatch.setattr("rattle.montecarlo.long_run.walk.ROOM", room)
+        monkeypatch.setattr("rattle.montecarlo.long_run.walk.IMPACT_ROOM", room)
         other = long_run(SCENE, periods=128, paths=128, rng=3)
         assert other.estimates == run.estimates
 
@@ -184,7 +184,7 @@ def test_burn_in_that_is_too_short_is_refused_with_a_longer_one():
 
 def test_paths_that_little_noise_does_not_mix_are_refused(monkeypatch):
     """DAT21 at a small excitation: the approach to its orbits is seen over 64 periods."""
-    monkeypatch.setattr("rattle.montecarlo.long_run.run.MOST", 64)
+    monkeypatch.setattr("rattle.montecarlo.long_run.run.LONGEST_BURN_IN", 64)
     walled = replace(SCENE.with_sigma(1e-6), alpha=0.5)
     with pytest.raises(BurnInError, match=r"burn_in = 64: .* give at least"):
         long_run(walled, periods=64, paths=64)

@@ -14,7 +14,7 @@ from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, key_of
 from rattle.montecarlo.schemes import crossing
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
-from rattle.montecarlo.schemes.step_state import PARTS, Progress, Walls
+from rattle.montecarlo.schemes.step_state import MOST_PARTS, Progress, Walls
 from rattle.scene import Scene
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
@@ -63,7 +63,7 @@ def found(distance, paths):
         alpha=0.0, epsilon=1.0, beta1=0.0, gamma1=0.0, gap1=WALL, sigma=1.0, stages=1
     ).constants
     return share_that_hits(
-        c, key_of(np.random.SeedSequence(1)), 0, paths, distance * SPREAD, np.empty((PARTS, 3))
+        c, key_of(np.random.SeedSequence(1)), 0, paths, distance * SPREAD, np.empty((MOST_PARTS, 3))
     )
 
 

@@ -18,7 +18,7 @@ from rattle.montecarlo.kernel.mixture import mixture_of, tail
 from rattle.montecarlo.kernel.weighted_paths import sample_mixture
 from rattle.montecarlo.settings import NOISE_FREE, plan_of
 from rattle.montecarlo.statistics.section_statistics import single_statistics
-from rattle.montecarlo.statistics.weighted_sums import ORDERS, WeightedSums, add
+from rattle.montecarlo.statistics.weighted_sums import WEIGHTED_ORDERS, WeightedSums, add
 from rattle.scene import DAT21, Scene, Tolerance
 
 NOISY = Scene.from_gears(DAT21, sigma=0.1)
@@ -122,7 +122,7 @@ def test_weights_of_one_give_the_statistics_of_plain_paths():
     result, rows = run(plan, 0)
     expected = single_statistics(result.sums["section"])
     centre = expected["mean"] + 0.01 * expected["sd"]
-    sums = np.zeros((1, 2, 6, ORDERS))
+    sums = np.zeros((1, 2, 6, WEIGHTED_ORDERS))
     add(rows[:, :, :6], np.ones((BLOCK, 2)), centre, sums[0])
     found = WeightedSums(np.array([float(BLOCK)]), centre, sums, np.zeros((2, 1))).moments()
     varies = expected["sd"] > 1e-9
@@ -134,7 +134,7 @@ def test_weights_of_one_give_the_statistics_of_plain_paths():
 
 def test_what_varies_by_less_than_rounding_has_no_moment_that_is_infinite():
     """The displacement at a wall that all paths strike: squares of such deviations underflow."""
-    sums = np.zeros((1, 1, 1, ORDERS))
+    sums = np.zeros((1, 1, 1, WEIGHTED_ORDERS))
     values = np.zeros((BLOCK, 1, 1))
     values[0] = 3e-80
     add(values, np.ones((BLOCK, 1)), np.zeros((1, 1)), sums[0])

@@ -112,5 +112,5 @@ def test_the_search_is_bounded_whatever_the_number_of_impacts(monkeypatch):
         search = BranchSearch(scene, impacts)
         for k in range(4, 20):
             found = search.until(2.0**-k)
-        assert len(flights) <= branches.FLIGHTS
-        assert found.known == min(impacts, branches.FLIGHTS)
+        assert len(flights) <= branches.MOST_SEARCHED_FLIGHTS
+        assert found.known == min(impacts, branches.MOST_SEARCHED_FLIGHTS)

@@ -12,7 +12,7 @@ from sample_page import NASTY, figures, sample
 
 from rattle.compare.cli.terminal import read_sections
 from rattle.compare.report.render import html, markdown
-from rattle.compare.report.table import MARKS
+from rattle.compare.report.table import SIGNS_OF_MARKS
 from rattle.scene.text import line
 
 
@@ -56,7 +56,7 @@ def said(report):
     text = report.content["text"]
     for table in (report.content["speeds"], report.content["wide"]):
         yield from (column.head for column in table.columns)
-        yield from (cell.text + MARKS[cell.mark] for row in table.rows for cell in row)
+        yield from (cell.text + SIGNS_OF_MARKS[cell.mark] for row in table.rows for cell in row)
     for pair in (*report.facts.items(), *report.words):
         yield from pair
     yield from (report.title, *report.answer, report.repeat, "A point.", "```\na\n```", "Inner")

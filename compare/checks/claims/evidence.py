@@ -19,20 +19,20 @@ from rattle.montecarlo.looks import widest
 from rattle.scene import Scene, Start
 from rattle.scene.tangent import Stretch
 
-IMPACTS = 12  # of each validation
+CLAIM_IMPACTS = 12  # of each validation
 # times after the start at which a flight without walls is compared
-FLIGHTS = np.array([0.5, 1.5, 3.0])
-STEP = 2e-3  # its time step
-LEAST = 2000  # paths whose mean velocity is followed in time, if `paths` are few
+COMPARED_TIMES = np.array([0.5, 1.5, 3.0])
+CLAIM_STEP = 2e-3  # its time step
+FEWEST_FOLLOWED = 2000  # paths whose mean velocity is followed in time, if `paths` are few
 # impacts of the orbit, and steps of a noisy path, searched for repeated flanks
-REPEATS = 100_000
-STEPS = 2_000_000
+ORBIT_IMPACTS = 100_000
+PATH_STEPS = 2_000_000
 MEAN_STEP = math.pi / 96.0  # time step of the mean motion
 EVERY = 12  # steps of it between two times: 16 a period
 # periods after which the start is forgotten, and periods compared with each other
-SETTLED = 8
-COMPARED = 3
-MOST_IMPACTS = 512  # more than any path has in these periods
+SETTLED_PERIODS = 8
+COMPARED_PERIODS = 3
+ROOM_FOR_IMPACTS = 512  # more than any path has in these periods
 
 
 class MeanMotion(NamedTuple):
@@ -87,17 +87,22 @@ def gather(
     workers = effort.workers
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]
-    settings: dict[str, Any] = {"impacts": IMPACTS, "paths": paths, "rng": seed, "workers": workers}
+    settings: dict[str, Any] = {
+        "impacts": CLAIM_IMPACTS,
+        "paths": paths,
+        "rng": seed,
+        "workers": workers,
+    }
     progress(f"closures compared with {paths:,} paths at {len(levels)} noise intensities")
     validations = [validate(scene.with_sigma(s), scheme="exact-flight", **settings) for s in levels]
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
     open_space = replace(
         scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5)
     )
-    sampling = Sampling(horizon=FLIGHTS[-1] + 1.0)
-    record = Record(step_bias=True, times=open_space.start.tau + FLIGHTS)
+    sampling = Sampling(horizon=COMPARED_TIMES[-1] + 1.0)
+    record = Record(step_bias=True, times=open_space.start.tau + COMPARED_TIMES)
     free: dict[str, Any] = {
-        "dt": STEP,
+        "dt": CLAIM_STEP,
         "scheme": "euler-maruyama",
         "sampling": sampling,
         "record": record,
@@ -109,10 +114,10 @@ def gather(
         "orbit": lyapunov(single, width=0.02),
         "noisy": drift_exponents(single, width=0.02, seed=seed),
     }
-    noisy = (s for s, _ in noisy_record(scene, STEPS, seed, Regime(), tangent=False))
-    records = {"orbit": orbit_record(scene, REPEATS, Regime(), tangent=False), "noisy": noisy}
+    noisy = (s for s, _ in noisy_record(scene, PATH_STEPS, seed, Regime(), tangent=False))
+    records = {"orbit": orbit_record(scene, ORBIT_IMPACTS, Regime(), tangent=False), "noisy": noisy}
     repeats = {of: _repeats(record, scene.stages) for of, record in records.items()}
-    mean = mean_motion(scene, max(paths // 5, LEAST), seed, workers)
+    mean = mean_motion(scene, max(paths // 5, FEWEST_FOLLOWED), seed, workers)
     return Evidence(scene, validations, chaos, alone, flight, open_space, repeats, mean)
 
 
@@ -127,7 +132,10 @@ def _repeats(stretches: Iterable[Stretch], stages: int) -> Mean:
 def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion:
     """Simulate the mean velocities after the start is forgotten."""
     period = round(2.0 * math.pi / MEAN_STEP)
-    steps = np.arange(SETTLED * period, (SETTLED + COMPARED) * period, EVERY) + EVERY
+    steps = (
+        np.arange(SETTLED_PERIODS * period, (SETTLED_PERIODS + COMPARED_PERIODS) * period, EVERY)
+        + EVERY
+    )
     times = np.asarray(scene.start.tau + MEAN_STEP * steps, dtype=float)
     chosen: dict[str, Any] = {
         "dt": MEAN_STEP,
@@ -138,17 +146,18 @@ def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion
         "sampling": Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0),
         "record": Record(times=times),
     }
-    run = simulate(scene, paths=paths, impacts=MOST_IMPACTS, workers=workers, **chosen)
+    run = simulate(scene, paths=paths, impacts=ROOM_FOR_IMPACTS, workers=workers, **chosen)
     table = run.at_times()
     largest = 0.0
     share = []
     for stage in range(1, scene.stages + 1):
         mean, se = (
-            table[f"{prefix}y{stage}"].to_numpy().reshape(COMPARED, -1) for prefix in ("", "se_")
+            table[f"{prefix}y{stage}"].to_numpy().reshape(COMPARED_PERIODS, -1)
+            for prefix in ("", "se_")
         )
         change = np.abs(np.diff(mean, axis=0)) / np.hypot(se[1:], se[:-1])
         largest = max(largest, float(change.max()))
         whole = table[f"cov_y{stage}_y{stage}"].mean() + mean.var()
         share.append(float((mean.mean(axis=0).var()) / whole))
-    compared = scene.stages * (len(steps) - len(steps) // COMPARED)
+    compared = scene.stages * (len(steps) - len(steps) // COMPARED_PERIODS)
     return MeanMotion(run.paths, largest, widest(compared), tuple(share))

@@ -32,9 +32,9 @@ from rattle.scene.moments import correlation, realizability
 
 REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
-UNDECIDED = Verdict.UNDECIDED
+CLAIM_UNDECIDED = Verdict.UNDECIDED
 HOLDS_ONLY = "holds only for {}"
-PART = "holds in part"
+HOLDS_IN_PART = "holds in part"
 
 
 class PaperClaim(NamedTuple):
@@ -49,11 +49,13 @@ class PaperClaim(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """The kind of its verdict: `REPRODUCED`, `NOT_REPRODUCED`, `UNDECIDED` or `PART`."""
-        return PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
+        """The kind of its verdict: `REPRODUCED`, `NOT_REPRODUCED`, `CLAIM_UNDECIDED` or
+        `HOLDS_IN_PART`.
+        """
+        return HOLDS_IN_PART if self.verdict.startswith(HOLDS_ONLY.format("")) else self.verdict
 
 
-TEXTS = read_texts("checks.claims")
+CLAIM_TEXTS = read_texts("checks.claims")
 """What is said of each claim, by the name of the function that judges it, in the order of the
 paper."""
 
@@ -61,7 +63,7 @@ paper."""
 def claim(judged: str, verdict: str, **found: Any) -> PaperClaim:
     """A judged claim; `found` is what its texts say."""
     return PaperClaim._make(
-        [*(TEXTS[judged][part].format(**found) for part in PaperClaim._fields[:5]), verdict]
+        [*(CLAIM_TEXTS[judged][part].format(**found) for part in PaperClaim._fields[:5]), verdict]
     )
 
 
@@ -73,7 +75,7 @@ def judge_parts(found: list[str], sought: int, otherwise: str = NOT_REPRODUCED) 
     return HOLDS_ONLY.format("; ".join(found)) if found else otherwise
 
 
-PUBLISHED = "as published"
+AS_PUBLISHED = "as published"
 MEND_15 = "Eq. 15 mended"
 MEND_17 = "Eq. 17 mended"
 MEND_BOTH = "both mended"
@@ -110,14 +112,14 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
     """Follow the second moments of both stages by the published rules and with one of them, or
     both, mended.
 
-    Returns: By `PUBLISHED`, `MEND_15`, `MEND_17` and `MEND_BOTH`: of stage 1 and of stage 2, the
+    Returns: By `AS_PUBLISHED`, `MEND_15`, `MEND_17` and `MEND_BOTH`: of stage 1 and of stage 2, the
     first to fail first.
     """
     tau = mean_map(scene, impacts=FOLLOWED, closure="published").trace.tau
     c = scene.constants
     tau = tau[np.isfinite(tau)]
     found = {}
-    for rule in (PUBLISHED, MEND_15, MEND_17, MEND_BOTH):
+    for rule in (AS_PUBLISHED, MEND_15, MEND_17, MEND_BOTH):
         one = two = np.diag([1.0, 0.0, 0.0])
         first = {stage: Failure(stage, 0, "") for stage in (1, 2)}
         for impact, (start, t) in enumerate(zip(tau, np.diff(tau), strict=False), start=1):
@@ -134,7 +136,7 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
 
 def judge(evidence: Evidence) -> list[PaperClaim]:
     """Judge all claims, in the order of the paper."""
-    return [globals()[name](evidence) for name in TEXTS]
+    return [globals()[name](evidence) for name in CLAIM_TEXTS]
 
 
 def _at(v: Comparison) -> str:
@@ -159,7 +161,7 @@ def solvable(e: Evidence) -> PaperClaim:
                 worst, float((error - step_bias / (1.0 - rho**2)) / row[f"se_z_rho{stage}"])
             )
     allowed = widest(2 * len(fixed))
-    verdict = NOT_REPRODUCED if worst <= allowed else UNDECIDED
+    verdict = NOT_REPRODUCED if worst <= allowed else CLAIM_UNDECIDED
     return claim(
         "solvable", verdict, paths=e.flight.paths, times=len(fixed), worst=worst, allowed=allowed
     )
@@ -220,7 +222,9 @@ def not_gaussian(e: Evidence) -> PaperClaim:
             f"{_at(v)}: skewness of τ significantly non-zero at {many} of {len(skew)} impacts,"
             f" largest {skew[worst]:.2f} ± {1.96 * se[worst]:.2f}"
         )
-    return claim("not_gaussian", REPRODUCED if beyond else UNDECIDED, shown="; ".join(shown), z=z)
+    return claim(
+        "not_gaussian", REPRODUCED if beyond else CLAIM_UNDECIDED, shown="; ".join(shown), z=z
+    )
 
 
 def stages_apart(e: Evidence) -> PaperClaim:
@@ -237,7 +241,9 @@ def stages_apart(e: Evidence) -> PaperClaim:
         shown.append(
             f"{_at(v)}: non-zero at {many} of {len(rho)} fixed times, largest {largest:.3f}"
         )
-    return claim("stages_apart", NOT_REPRODUCED if coupled else UNDECIDED, shown="; ".join(shown))
+    return claim(
+        "stages_apart", NOT_REPRODUCED if coupled else CLAIM_UNDECIDED, shown="; ".join(shown)
+    )
 
 
 def describes(e: Evidence) -> PaperClaim:
@@ -263,8 +269,8 @@ def describes(e: Evidence) -> PaperClaim:
     verdict = NOT_REPRODUCED
     if any(said == {Verdict.ACCURATE} for said in paper):
         verdict = REPRODUCED
-    elif any(said <= {Verdict.ACCURATE, UNDECIDED} for said in paper):
-        verdict = UNDECIDED
+    elif any(said <= {Verdict.ACCURATE, CLAIM_UNDECIDED} for said in paper):
+        verdict = CLAIM_UNDECIDED
     elif accurate:
         verdict = HOLDS_ONLY.format(
             f"closures right to first order ({accurate}), at {_at(e.validations[0])}"
@@ -290,7 +296,7 @@ def fuzzy(e: Evidence) -> PaperClaim:
     text = ", ".join(
         f"{side} {n:,} of {sections[side].counts[0].size:,} bins" for side, n in filled.items()
     )
-    verdict = UNDECIDED if orbit > FINITE else NOT_REPRODUCED
+    verdict = CLAIM_UNDECIDED if orbit > FINITE else NOT_REPRODUCED
     if orbit > max(FINITE, FUZZY * noisy):
         verdict = HOLDS_ONLY.format(
             "the orbit under the corrected map; the published map ends before it has a section"
@@ -377,7 +383,9 @@ def control(e: Evidence) -> PaperClaim:
         if positive.any() and negative.any():
             both_signs.append(f"the {of}")
         sticks |= bool(positive.any() and sticking.any())
-    transition = HOLDS_ONLY.format("the transition from sticking to chaos") if sticks else UNDECIDED
+    transition = (
+        HOLDS_ONLY.format("the transition from sticking to chaos") if sticks else CLAIM_UNDECIDED
+    )
     return claim("control", judge_parts(both_signs, 2, transition), shown="; ".join(shown))
 
 
@@ -400,7 +408,7 @@ def _judge_spectra(
     their mean show it."""
     summary = spectra_tables(e.chaos.spectra)[2]
     rows = summary[summary["kind"] == VELOCITY_IN_TIME]
-    shown = "; ".join(map(TEXTS[judged]["spectrum"].format_map, rows.to_dict("records")))
+    shown = "; ".join(map(CLAIM_TEXTS[judged]["spectrum"].format_map, rows.to_dict("records")))
     shows = has(rows).groupby(rows["side"], sort=False).all()
     found = [
         "single noisy paths" if side == NOISY else f"the {side}" for side in shows.index[shows]
@@ -411,7 +419,7 @@ def _judge_spectra(
     ends = f"ends at impact {published['ends']:g} and has no spectrum"
     said = ends if ended else "does not end; its spectrum is not measured here"
     if not found:
-        verdict = NOT_REPRODUCED if ended else UNDECIDED
+        verdict = NOT_REPRODUCED if ended else CLAIM_UNDECIDED
     elif not ended and len(found) > len(shows):
         verdict = REPRODUCED
     else:

@@ -8,14 +8,13 @@ from matplotlib.figure import Figure as Drawing
 
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
-from rattle.compare.chaos.page import FIGURES
-from rattle.compare.chaos.page import WORDS as CHAOS_WORDS
+from rattle.compare.chaos.page import CHAOS_CAPTIONS, CHAOS_WORDS
 from rattle.compare.checks.claims.judges import (
+    CLAIM_TEXTS,
+    CLAIM_UNDECIDED,
+    HOLDS_IN_PART,
     NOT_REPRODUCED,
-    PART,
     REPRODUCED,
-    TEXTS,
-    UNDECIDED,
     PaperClaim,
 )
 from rattle.compare.report.report import Report
@@ -23,18 +22,18 @@ from rattle.compare.report.style import new_figure
 from rattle.compare.report.texts import glossary
 from rattle.compare.validation.verdict import join_words
 
-SHOWN = [text.get("figure", "") for text in TEXTS.values()]
+EVIDENCE_FIGURES = [text.get("figure", "") for text in CLAIM_TEXTS.values()]
 """Figure of the study of chaos that shows the evidence of each claim, if there is one."""
-KINDS = {
+VERDICT_KINDS = {
     NOT_REPRODUCED: ("is not reproduced", "are not reproduced", "bad", "X", "#D55E00"),
-    UNDECIDED: ("is undecided", "are undecided", "open", "^", "#999999"),
-    PART: ("holds only in part", "hold only in part", "part", "D", "#E69F00"),
+    CLAIM_UNDECIDED: ("is undecided", "are undecided", "open", "^", "#999999"),
+    HOLDS_IN_PART: ("holds only in part", "hold only in part", "part", "D", "#E69F00"),
     REPRODUCED: ("is reproduced", "are reproduced", "good", "o", "#009E73"),
 }
 """Kinds of verdicts, from the worst to the best for the claim: in words, of one claim and of
 several; mark of the cell; marker and colour in the figure, from Okabe and Ito's palette (place and
 marker tell them without colour as well)."""
-WORDS = (
+CLAIM_WORDS = (
     *CHAOS_WORDS,
     "ρ1, ρ2",
     "stage",
@@ -49,7 +48,11 @@ def answer(claims: list[PaperClaim]) -> list[str]:
     """Summarise how many claims have which verdict, and which are not reproduced."""
     counts = Counter(c.kind for c in claims)
     said = join_words(
-        [f"{n} {KINDS[kind][n > 1]}" for kind in reversed(KINDS) if (n := counts[kind])]
+        [
+            f"{n} {VERDICT_KINDS[kind][n > 1]}"
+            for kind in reversed(VERDICT_KINDS)
+            if (n := counts[kind])
+        ]
     )
     failed = [f"“{c.name}”" for c in claims if c.kind == NOT_REPRODUCED]
     return [
@@ -61,10 +64,10 @@ def answer(claims: list[PaperClaim]) -> list[str]:
 def verdict_figure(claims: list[PaperClaim]) -> Drawing:
     """Draw the verdict on each claim: a row for each claim, a column for each kind of verdict that
     occurs."""
-    kinds = [kind for kind in KINDS if any(c.kind == kind for c in claims)]
+    kinds = [kind for kind in VERDICT_KINDS if any(c.kind == kind for c in claims)]
     figure, (ax,) = new_figure(8.6, 0.27 * len(claims) + 0.7, 1, 1)
     for row, claim in enumerate(claims):
-        marker, colour = KINDS[claim.kind][3:]
+        marker, colour = VERDICT_KINDS[claim.kind][3:]
         ax.plot(kinds.index(claim.kind), row, ms=10, ls="none", marker=marker, color=colour)
     ax.set_xticks(
         range(len(kinds)), [f"{kind}: {sum(c.kind == kind for c in claims)}" for kind in kinds]
@@ -80,9 +83,9 @@ def verdict_figure(claims: list[PaperClaim]) -> Drawing:
 
 def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: dict[str, Any]) -> Report:
     """The report on the claims."""
-    drawn = {name: figure for name, figure in draw(chaos).items() if name in SHOWN}
+    drawn = {name: figure for name, figure in draw(chaos).items() if name in EVIDENCE_FIGURES}
     numbered = pd.DataFrame({"claim": range(1, len(claims) + 1)}).join(pd.DataFrame(claims))
-    marks = [KINDS[claim.kind][2] for claim in claims]
+    marks = [VERDICT_KINDS[claim.kind][2] for claim in claims]
     return Report(
         "claims",
         "The paper's claims, judged",
@@ -90,10 +93,10 @@ def make_report(claims: list[PaperClaim], chaos: ChaosStudy, record: dict[str, A
         record,
         {
             "rows": numbered.assign(mark=marks),
-            "claims": list(zip(claims, SHOWN, strict=True)),
-            "captions": FIGURES,
+            "claims": list(zip(claims, EVIDENCE_FIGURES, strict=True)),
+            "captions": CHAOS_CAPTIONS,
         },
-        glossary(*WORDS, gears=chaos.scene.gears),
+        glossary(*CLAIM_WORDS, gears=chaos.scene.gears),
         figures=drawn | {"verdicts": verdict_figure(claims)},
         tables={"claims": numbered},
         template="checks/claims/page.j2",

@@ -26,12 +26,12 @@ from rattle.scene import (
     orbit,
     tangent,
 )
-from rattle.scene.impact import TOUCH
+from rattle.scene.impact import TOUCH_STEP
 
 BETAS = spread(1e-14, 1e3, 7, 0.0)
-TIMES = spread(1e-12, 1e6, 10)
-POINTS = 120  # random grid points of each row
-ORDER = 6  # of the Edgeworth series
+TIME_GRID = spread(1e-12, 1e6, 10)
+POINTS_OF_A_ROW = 120  # random grid points of each row
+SERIES_ORDER = 6  # of the Edgeworth series
 
 
 def constants(**fields: float) -> Constants:
@@ -60,13 +60,13 @@ def _pairs(rng: np.random.Generator) -> tuple[float, float]:
 def _draw(seed: int, points: int | None = None) -> Iterator[tuple[Constants, float, float]]:
     """Random scenes, each with a phase and a flight time."""
     rng = np.random.default_rng(seed)
-    for _ in range(points or POINTS):
+    for _ in range(points or POINTS_OF_A_ROW):
         beta1, beta2 = _pairs(rng)
         alpha = float(rng.choice(spread(1e-8, 1e4, 4, 0.0)))
         gamma1, gamma2 = (float(v) for v in rng.choice(spread(1e-8, 1e6, 4, 0.0), 2))
         tau = float(rng.choice([0.0, math.pi, 0.5 * math.pi, rng.uniform(-3.0, 3.0)]))
         c = constants(alpha=alpha, beta1=beta1, beta2=beta2, gamma1=gamma1, gamma2=gamma2)
-        yield c, tau, float(rng.choice(TIMES))
+        yield c, tau, float(rng.choice(TIME_GRID))
 
 
 @extreme()
@@ -84,7 +84,7 @@ def flight_state() -> Iterator[float]:
 @extreme()
 def phi_functions() -> Iterator[float]:
     """``t phi1(-beta t)`` and ``t^2 phi2(-beta t)``."""
-    for beta, t in product(BETAS, TIMES):
+    for beta, t in product(BETAS, TIME_GRID):
         values, _ = truth.flight(constants(alpha=0.0, beta1=beta, gamma1=1.0), 0.0, 0.0, 0.0, t)
         (_, e, _, _), *_ = truth.jacobian(constants(beta1=beta), t)
         yield farthest(damping.phi1(beta, t), e, e)
@@ -115,7 +115,7 @@ def flight_noise() -> Iterator[float]:
 @extreme(allowed=1e-11)
 def noise_phase_derivative() -> Iterator[float]:
     """Derivative of that covariance by the phase of the start."""
-    for c, tau, t in _draw(4, POINTS // 3):
+    for c, tau, t in _draw(4, POINTS_OF_A_ROW // 3):
         h = 1e-3
         ahead, behind = (np.array(truth.noise(c, tau + k * h, t)) for k in (1.0, -1.0))
         # exact derivative of A + B cos 2 tau + C sin 2 tau
@@ -130,10 +130,10 @@ def noise_phase_derivative() -> Iterator[float]:
 
 
 def _series(seed: int) -> np.ndarray:
-    a = np.zeros((ORDER + 1, ORDER + 1))
+    a = np.zeros((SERIES_ORDER + 1, SERIES_ORDER + 1))
     rng = np.random.default_rng(seed)
-    for i in range(ORDER + 1):
-        a[i, : ORDER + 1 - i] = rng.normal(size=ORDER + 1 - i) * 0.3 ** (i + 1)
+    for i in range(SERIES_ORDER + 1):
+        a[i, : SERIES_ORDER + 1 - i] = rng.normal(size=SERIES_ORDER + 1 - i) * 0.3 ** (i + 1)
     a[0, 0] = 1.0
     return a
 
@@ -158,11 +158,11 @@ def edgeworth_windows() -> Iterator[float]:
 
 @truth.in_digits
 def _by_parts(a: np.ndarray, low: float, high: float) -> tuple[list[float], list[float]]:
-    integral, size = truth.normal_integrals(low, high, ORDER + 1)
+    integral, size = truth.normal_integrals(low, high, SERIES_ORDER + 1)
     values = []
     sizes = []
     for column, power in ((0, 1), (1, 0)):  # of the position, and of the velocity
-        weights = a[:, column, None] * edgeworth.HERMITE[: ORDER + 1, : ORDER + 1]
+        weights = a[:, column, None] * edgeworth.HERMITE[: SERIES_ORDER + 1, : SERIES_ORDER + 1]
         terms = [(n + power, w) for (_, n), w in np.ndenumerate(weights)]
         values.append(float(sum(w * integral[n] for n, w in terms)))
         sizes.append(float(sum(abs(w) * size[n] for n, w in terms)))
@@ -362,7 +362,7 @@ def chatter_time() -> Iterator[float]:
         yield farthest(closed, exact, exact)
 
 
-@extreme(allowed=2.0 * TOUCH)
+@extreme(allowed=2.0 * TOUCH_STEP)
 def sticking_end() -> Iterator[float]:
     """A mesh that drag keeps closed opens when the driver's acceleration exceeds the drag."""
     shares = (0.3, 0.9, 0.999)  # drag over the largest acceleration of the driver

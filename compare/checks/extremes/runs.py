@@ -22,16 +22,16 @@ from rattle.montecarlo import SCHEMES, Record, Sampling
 from rattle.montecarlo.coupling.paths import LongPath
 from rattle.scene import DAT21, Scene, Start, Tolerance, long_orbit
 
-IMPACTS = 3
+EXTREME_IMPACTS = 3
 # powers of two as factors on the lengths of DAT21: half gaps of 7e-9, 6e-5 and 8e3
-POWERS = (-26, -13, 14)
-STARTS = (1e4, 1e8, 1e12, -1e12)
-SIGMAS = (0.0, 1e-30, 1e-8, 1e4)
+LENGTH_POWERS = (-26, -13, 14)
+START_TIMES = (1e4, 1e8, 1e12, -1e12)
+EXTREME_SIGMAS = (0.0, 1e-30, 1e-8, 1e4)
 LENGTHS = ("x1", "y1", "x2", "y2")
 # impacts of a long run
-LONG = 10_000_000
-STRETCH = 500_000
-PERIODS = 1_000_000
+LONG_RUN_IMPACTS = 10_000_000
+STRETCH_IMPACTS = 500_000
+LONG_RUN_PERIODS = 1_000_000
 
 
 def _scene(tau: float = 0.0) -> Scene:
@@ -45,15 +45,15 @@ def _tables(scene: Scene) -> list[pd.DataFrame]:
     loose = replace(
         scene, tolerance=Tolerance(scene.gap1 / 64.0, scene.gap2 / 64.0, draw="contact")
     )
-    chosen: dict[str, Any] = {"paths": 64, "impacts": IMPACTS, "rng": 3}
+    chosen: dict[str, Any] = {"paths": 64, "impacts": EXTREME_IMPACTS, "rng": 3}
     results: list[Any] = [
-        closure.mean_map(scene, impacts=IMPACTS, closure=name) for name in CLOSURES
+        closure.mean_map(scene, impacts=EXTREME_IMPACTS, closure=name) for name in CLOSURES
     ]
     results += [
         montecarlo.simulate(scene, scheme=s, record=Record(step_bias=False), **chosen)
         for s in SCHEMES
     ]
-    results.append(closure.mean_map(loose, impacts=IMPACTS, closure="saltation"))
+    results.append(closure.mean_map(loose, impacts=EXTREME_IMPACTS, closure="saltation"))
     results.append(montecarlo.simulate(loose, scheme="exact-flight", **chosen))
     path, _ = LongPath(scene, seed=3).stretch(500)
     stretches = (long_orbit.LongOrbit(scene).stretch(50), path)
@@ -76,7 +76,7 @@ def unit_of_length() -> Iterator[float]:
     for bit."""
     tables = _tables(_scene())
     verdicts = _verdicts(_scene())
-    for power in POWERS:
+    for power in LENGTH_POWERS:
         factor = 2.0**power
         scene = _scene().scaled(factor)
         for found, table in zip(_tables(scene), tables, strict=True):
@@ -92,7 +92,7 @@ def unit_of_length() -> Iterator[float]:
 def whole_periods() -> Iterator[float]:
     """A start so late that its absolute time lacks the digits of a flight, compared with the same
     phase near 0."""
-    for tau in STARTS:
+    for tau in START_TIMES:
         for found, table in zip(
             _tables(_scene(tau)), _tables(_scene(truth.phase(tau))), strict=True
         ):
@@ -107,9 +107,9 @@ def proportional_sds() -> Iterator[float]:
             closure.mean_map(_scene().with_sigma(sigma), impacts=6, closure=name).section.filter(
                 like="sd_"
             )
-            for sigma in (1.0, *SIGMAS)
+            for sigma in (1.0, *EXTREME_SIGMAS)
         )
-        for sigma, table in zip(SIGMAS, others, strict=True):
+        for sigma, table in zip(EXTREME_SIGMAS, others, strict=True):
             exact = sigma * one.to_numpy()
             yield farthest(table, exact, np.maximum(exact, 1e-13 * sigma))
 
@@ -126,9 +126,9 @@ def phases() -> Iterator[float]:
 def absolute_times() -> Iterator[float]:
     """Absolute times are the local ones plus that of the start, rounded once; verdicts do not
     depend on the start."""
-    for tau in STARTS:
+    for tau in START_TIMES:
         late = _scene(tau)
-        m = closure.mean_map(late, impacts=IMPACTS)
+        m = closure.mean_map(late, impacts=EXTREME_IMPACTS)
         since = m.phase_reduced.section["tau"].to_numpy() - late.phase
         exact = [float(Fraction(tau) + Fraction(s)) for s in since]
         yield farthest(m.section["tau"], exact, np.spacing(abs(tau)))
@@ -153,12 +153,12 @@ def energy() -> Iterator[float]:
     orbit = long_orbit.LongOrbit(bare(epsilon=1.0, mu=mu, gap2=0.7, start=start, stages=2))
     heavy = mu / (1.0 - mu)  # mass of wheel 2 over that of wheel 1
     most = 0.5 * (speed1**2 + heavy * (speed2 - speed1) ** 2)
-    for _ in range(LONG // STRETCH):
-        s = orbit.stretch(STRETCH, tangent=False)
+    for _ in range(LONG_RUN_IMPACTS // STRETCH_IMPACTS):
+        s = orbit.stretch(STRETCH_IMPACTS, tangent=False)
         y1 = s.before[:, 1]
         y2 = s.before[:, 3]
         yield farthest(0.5 * (y1**2 + heavy * (y2 - y1) ** 2), most, most)
-        yield 0.0 if len(s.flight) == STRETCH else math.inf
+        yield 0.0 if len(s.flight) == STRETCH_IMPACTS else math.inf
 
 
 @extreme(allowed=1e-6)
@@ -170,11 +170,11 @@ def elastic_flights() -> Iterator[float]:
     start = Start(0.0, gap, speed, mesh=1)
     orbit = long_orbit.LongOrbit(bare(epsilon=1.0, gap1=gap, start=start))
     flight = 2.0 * gap / speed
-    for k in range(LONG // STRETCH):
-        s = orbit.stretch(STRETCH, tangent=False)
+    for k in range(LONG_RUN_IMPACTS // STRETCH_IMPACTS):
+        s = orbit.stretch(STRETCH_IMPACTS, tangent=False)
         yield farthest(s.flight, flight, flight)
         yield farthest(np.abs(s.before[:, :2]), [gap, speed], [gap, speed])
-        yield abs(math.remainder((k + 1) * STRETCH * flight - s.phase[-1], 2.0 * math.pi))
+        yield abs(math.remainder((k + 1) * STRETCH_IMPACTS * flight - s.phase[-1], 2.0 * math.pi))
 
 
 @extreme(allowed=1e-12)
@@ -195,15 +195,15 @@ def periodic_motion() -> Iterator[float]:
     start = Start(phase, gap, -y0 / epsilon, mesh=1)
     scene = bare(alpha=alpha, epsilon=epsilon, gamma1=gamma, gap1=gap, start=start)
     orbit = long_orbit.LongOrbit(scene)
-    for _ in range(PERIODS // STRETCH):
-        s = orbit.stretch(STRETCH, tangent=False)
+    for _ in range(LONG_RUN_PERIODS // STRETCH_IMPACTS):
+        s = orbit.stretch(STRETCH_IMPACTS, tangent=False)
         yield float(np.abs(np.angle(np.exp(1j * (s.phase - phase)))).max())
         yield farthest(s.before[:, 1], -y0 / epsilon, 1.0)
         yield farthest(s.flight, 2.0 * math.pi)
-        yield 0.0 if len(s.flight) == STRETCH else math.inf
+        yield 0.0 if len(s.flight) == STRETCH_IMPACTS else math.inf
 
 
-PATHS = 3_000
+EXTREME_PATHS = 3_000
 Z = 4.5
 """Admissible standard errors in a row; 40 checks of a correct program exceed them with a
 probability of 3e-4."""
@@ -255,7 +255,7 @@ def collapse_drift() -> Iterator[float]:
     """Drift of ln speed per bounce, below and above the restitution at which a noisy particle
     collapses."""
     for n, epsilon in enumerate((1e-9, 0.1, math.exp(-noise.MEAN), 1.0)):
-        drift, se = noise.mean_drift(epsilon, PATHS, 6, n)
+        drift, se = noise.mean_drift(epsilon, EXTREME_PATHS, 6, n)
         yield abs(drift - math.log(epsilon) - noise.MEAN) / se
 
 

@@ -29,7 +29,7 @@ from rattle.montecarlo.long_run import LongRun, long_run
 from rattle.montecarlo.long_run.estimates import corrections
 from rattle.montecarlo.long_run.noise_work import CONTROLS
 from rattle.montecarlo.long_run.sums import NOISE
-from rattle.montecarlo.schemes.crossing import CLOSE
+from rattle.montecarlo.schemes.crossing import CLOSE_TO_WALL
 from rattle.scene import DAT21, Floats, Ints, Scene, Start
 from rattle.scene.impact import energy_loss
 from rattle.scene.long_orbit import PERIOD, LongOrbit, attractor
@@ -37,18 +37,21 @@ from rattle.scene.orbit import follow
 
 TWO_STAGES = replace(DAT21, backlash2=0.3, epsilon=0.8)
 # of the rims
-MASS = TWO_STAGES.inertia1 / TWO_STAGES.radius1**2, TWO_STAGES.inertia2 / TWO_STAGES.radius2**2
-IMPACTS = 24  # of the orbit whose laws are checked
+RIM_MASSES = (
+    TWO_STAGES.inertia1 / TWO_STAGES.radius1**2,
+    TWO_STAGES.inertia2 / TWO_STAGES.radius2**2,
+)
+CHECKED_IMPACTS = 24  # of the orbit whose laws are checked
 COASTING = 8  # impacts without forces, by the schemes of the simulation
-ROUNDING = 1e-11  # of the laws of impact
+LAW_ROUNDING = 1e-11  # of the laws of impact
 
 # of the ball
 GAMMA = 1.0
 EPSILON = 0.7
-SPEED = 1.0
-HALF = 0.5
-BOUNCES = 12  # impacts of its simulated path
-WITHIN = 1e-15 + 4e-16 * HALF  # distance within which the orbit locates a wall
+START_SPEED = 1.0
+PAIR_HALF_GAP = 0.5
+SIMULATED_BOUNCES = 12  # impacts of its simulated path
+WITHIN = 1e-15 + 4e-16 * PAIR_HALF_GAP  # distance within which the orbit locates a wall
 
 SCENES = {
     "one stage, eps 0.3": (bare(epsilon=0.3, gap1=1.0, sigma=1.0), 64),
@@ -85,7 +88,7 @@ def _rims(driver: Floats, y1: Floats, y2: Floats) -> Floats:
 def _follow_orbit() -> tuple[ImpactSpeeds, Floats]:
     """Impacts of the orbit with all forces; and the energy that the program says each has taken."""
     scene = Scene.from_gears(TWO_STAGES)
-    orbit = follow(scene, IMPACTS)
+    orbit = follow(scene, CHECKED_IMPACTS)
     before = orbit.before[1:]
     after = orbit.after[1:]
     mesh = orbit.mesh[1:]
@@ -139,7 +142,7 @@ def _laws(who: str, i: ImpactSpeeds, mass: tuple[float, float], epsilon: float) 
             float(np.abs(wrong).max(initial=0.0)) if wrong.size else math.nan,
             0.0,
             0.0,
-            ROUNDING,
+            LAW_ROUNDING,
         )
         for law, wrong in laws.items()
     ]
@@ -154,7 +157,8 @@ def _energy(i: ImpactSpeeds, lost: Floats, mass: tuple[float, float]) -> list[Ch
     )
     sums = {k: (float(lost[i.mesh == k].sum()), float(gone[i.mesh == k].sum())) for k in (1, 2)}
     return [
-        Check(f"energy lost at mesh {k}, orbit", *sums[k], 0.0, ROUNDING * IMPACTS) for k in sums
+        Check(f"energy lost at mesh {k}, orbit", *sums[k], 0.0, LAW_ROUNDING * CHECKED_IMPACTS)
+        for k in sums
     ]
 
 
@@ -166,7 +170,7 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     sides = {"orbit": orbit} | {scheme: _coast(scheme) for scheme in SCHEMES}
 
     def checks(
-        mass: tuple[float, float] = MASS, epsilon: float = TWO_STAGES.epsilon
+        mass: tuple[float, float] = RIM_MASSES, epsilon: float = TWO_STAGES.epsilon
     ) -> list[Check]:
         laws = [
             check for who, impacts in sides.items() for check in _laws(who, impacts, mass, epsilon)
@@ -174,7 +178,7 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
         return laws + _energy(orbit, lost, mass)
 
     return checks(), {
-        "masses of the wheels interchanged": checks(mass=MASS[::-1]),
+        "masses of the wheels interchanged": checks(mass=RIM_MASSES[::-1]),
         "restitution 0.1 % larger": checks(epsilon=1.001 * TWO_STAGES.epsilon),
     }
 
@@ -188,20 +192,22 @@ def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
     flight of ``2 epsilon v / gamma`` and an impact at ``epsilon v``, so that all flights add up to
     ``t1 / (1 - epsilon)``.
     """
-    start = Start(0.0, HALF, SPEED, mesh=1)
-    scene = bare(epsilon=EPSILON, gamma1=GAMMA, gap1=HALF, start=start)
+    start = Start(0.0, PAIR_HALF_GAP, START_SPEED, mesh=1)
+    scene = bare(epsilon=EPSILON, gamma1=GAMMA, gap1=PAIR_HALF_GAP, start=start)
     orbit = follow(scene, 40)
-    run = simulate(scene, paths=1, impacts=BOUNCES, scheme="exact-flight", record=Record(raw=True))
+    run = simulate(
+        scene, paths=1, impacts=SIMULATED_BOUNCES, scheme="exact-flight", record=Record(raw=True)
+    )
     assert run.raw is not None
     # times of the impacts, each located within a distance of its wall
     sides = {
         "orbit": (orbit.tau, WITHIN),
-        "exact-flight": (np.append(0.0, run.raw[0, :, 0]), CLOSE * HALF),
+        "exact-flight": (np.append(0.0, run.raw[0, :, 0]), CLOSE_TO_WALL * PAIR_HALF_GAP),
     }
 
     def checks(epsilon: float = EPSILON) -> Iterator[Check]:
         """Worst flight time, and the time to rest."""
-        first = 2.0 * epsilon * SPEED / GAMMA
+        first = 2.0 * epsilon * START_SPEED / GAMMA
         for who, (tau, close) in sides.items():
             flights = np.diff(tau)
             exact = first * epsilon ** np.arange(flights.size)
@@ -268,14 +274,14 @@ def energy_law(seed: int = 0, workers: int = 2) -> Found:
 CASES = ((0.25, 0.5), (0.2, 0.6), (0.3, 0.4))
 # noise and periods of the noisy run, of the first case
 WEAK = 1e-3
-PERIODS = 256
+CHECKED_PERIODS = 256
 SLACK = 2e-6  # orbits are found to 1e-8 of their state
 
 # of the sum of the exponents, and of its noisy path
-LONG = 20_000
-SIGMA = 0.1
+LONG_ORBIT = 20_000
+PATH_SIGMA = 0.1
 # alpha, epsilon; stable, with two different exponents each
-PAIRS = ((0.35, 0.4), (0.35, 0.25), (0.15, 0.35))
+IMPACT_PAIRS = ((0.35, 0.4), (0.35, 0.25), (0.15, 0.35))
 PAIR_IMPACTS = 10_000
 EXPONENT_ROUNDING = 1e-10
 
@@ -288,7 +294,7 @@ def symmetric_orbit(alpha: float, epsilon: float, gap: float) -> tuple[float, fl
 
 
 def _pair(alpha: float, epsilon: float, sigma: float = 0.0) -> Scene:
-    return bare(alpha=alpha, epsilon=epsilon, gap1=HALF, sigma=sigma)
+    return bare(alpha=alpha, epsilon=epsilon, gap1=PAIR_HALF_GAP, sigma=sigma)
 
 
 @self_test
@@ -298,12 +304,12 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
     orbits = {case: attractor(_pair(*case)) for case in CASES}
     noisy = _pair(*CASES[0], WEAK)
     law = linear_law(noisy, orbits[CASES[0]])
-    found = long_run(noisy, periods=PERIODS, rng=seed, workers=workers).estimates
+    found = long_run(noisy, periods=CHECKED_PERIODS, rng=seed, workers=workers).estimates
 
     def states(factor: float = 1.0) -> Iterator[Check]:
         """Phase (modulo half a period) and speed of the impacts."""
         for (alpha, epsilon), a in orbits.items():
-            tau, speed = symmetric_orbit(alpha, factor * epsilon, HALF)
+            tau, speed = symmetric_orbit(alpha, factor * epsilon, PAIR_HALF_GAP)
             phase = float((a.tau[-1] - tau + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
             name = f"alpha {alpha}, eps {epsilon}"
             yield Check(f"phase less its truth, {name}", phase, 0.0, 0.0, 2e-7)
@@ -329,8 +335,8 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
     path."""
     scene = Scene.from_gears(DAT21)
     records = (
-        lyapunov(scene, impacts=LONG),
-        drift_exponents(scene.with_sigma(SIGMA), impacts=LONG, seed=seed),
+        lyapunov(scene, impacts=LONG_ORBIT),
+        drift_exponents(scene.with_sigma(PATH_SIGMA), impacts=LONG_ORBIT, seed=seed),
     )
     both = scene.beta1 + scene.beta2
 
@@ -359,7 +365,7 @@ def _exponents(alpha: float, epsilon: float) -> tuple[float, float]:
     A flight of pi takes dx to dx + pi dy.  An impact at the speed v and the acceleration a towards
     the gap takes (dx, dy) to -(epsilon dx, epsilon dy - (1 + epsilon) a dx / v).
     """
-    tau, speed = symmetric_orbit(alpha, epsilon, HALF)
+    tau, speed = symmetric_orbit(alpha, epsilon, PAIR_HALF_GAP)
     half = 0.5 * math.pi * (1.0 + epsilon) * -alpha * math.sin(tau) / speed - epsilon
     split = math.sqrt(half**2 - epsilon**2)
     first, second = sorted((abs(half + split), abs(half - split)), reverse=True)
@@ -375,7 +381,7 @@ def _without_saltation(alpha: float, epsilon: float) -> tuple[float, float]:
 def orbit_exponents(seed: int = 0, workers: int = 2) -> Found:
     """Check both exponents of three symmetric orbits: the tangent frames through flights and
     impacts."""
-    found = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in PAIRS}
+    found = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in IMPACT_PAIRS}
 
     def checks(truth: Callable[[float, float], tuple[float, float]]) -> Iterator[Check]:
         for (a, e), exponents in found.items():
@@ -402,13 +408,13 @@ FRAME = (-0.99, -0.02), (-1.0, 1.0)
 FIGURE = read_file("checks.published", "basins.md")
 """The figure: impacts a period of the motion at each place whose surroundings have one colour."""
 # of the coloured pixels of the figure as printed; a side of it
-SHARE = 0.3821
+COLOURED_SHARE = 0.3821
 PIXELS = 334
-STARTS = 6000
+BASIN_STARTS = 6000
 # impacts of a stretch, and the most stretches until an orbit repeats
-STRETCH = 120
-LONGEST = 24
-SAME = 1e-6
+REPEAT_IMPACTS = 120
+MOST_STRETCHES = 24
+SAME_ORBIT = 1e-6
 
 
 def _impacts_a_period(scene: Scene, starts: Iterable[Any], phase: float = math.pi) -> Floats:
@@ -418,12 +424,12 @@ def _impacts_a_period(scene: Scene, starts: Iterable[Any], phase: float = math.p
     for s, velocity in starts:
         orbit = LongOrbit(replace(scene, start=Start(phase, s + 0.5, velocity)))
         found.append(math.nan)
-        for _ in range(LONGEST):
-            flight = orbit.stretch(STRETCH, tangent=False).flight
-            if flight.size < STRETCH:  # at rest
+        for _ in range(MOST_STRETCHES):
+            flight = orbit.stretch(REPEAT_IMPACTS, tangent=False).flight
+            if flight.size < REPEAT_IMPACTS:  # at rest
                 break
-            number = STRETCH / 2 * PERIOD / flight[STRETCH // 2 :].sum()
-            if abs(number - round(number)) < SAME:
+            number = REPEAT_IMPACTS / 2 * PERIOD / flight[REPEAT_IMPACTS // 2 :].sum()
+            if abs(number - round(number)) < SAME_ORBIT:
                 found[-1] = round(number)
                 break
     return np.array(found)
@@ -451,10 +457,13 @@ def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
         ]
 
     rng = np.random.default_rng(seed)
-    three = _impacts_a_period(GEARS, _in_frame(*rng.uniform(size=(2, STARTS)))) == 3.0
-    se = float(three.std()) * math.sqrt(1.0 / STARTS + 1.0 / PIXELS**2)
+    three = _impacts_a_period(GEARS, _in_frame(*rng.uniform(size=(2, BASIN_STARTS)))) == 3.0
+    se = float(three.std()) * math.sqrt(1.0 / BASIN_STARTS + 1.0 / PIXELS**2)
     share = Check(
-        "share of starts that end in three impacts a period", float(three.mean()), SHARE, se
+        "share of starts that end in three impacts a period",
+        float(three.mean()),
+        COLOURED_SHARE,
+        se,
     )
     return [*differ(), share], {
         "restitution 0.88": differ(replace(GEARS, epsilon=0.88)),

@@ -5,10 +5,10 @@ A randomly accelerated particle leaves a gap after a mean time and to a side tha
 returns to a wall with a known distribution of its speed; below a critical restitution it collapses.
 Return times are heavy-tailed, ``P(T > t) ~ t^(-1/4)``, but ``x'' = sigma eta`` is self-similar
 under ``(t, y, x) -> (s^2 t, s y, s^3 x)``: the state is rescaled before each step such that the
-step is `GROWTH` times the particle's time scale ``max(y^2, d^(2/3)) / sigma^2``, d the distance to
-the wall.  The step is one of `rattle.montecarlo.coupling.dyadic.walk_step`, at the phase where the
-modulation of the noise is stationary; it fails to return with a probability of about
-``GROWTH^(-1/4)``.
+step is `RESTART_GROWTH` times the particle's time scale ``max(y^2, d^(2/3)) / sigma^2``, d the
+distance to the wall.  The step is one of `rattle.montecarlo.coupling.dyadic.walk_step`, at the
+phase where the modulation of the noise is stationary; it fails to return with a probability of
+about ``RESTART_GROWTH^(-1/4)``.
 
 Between elastic walls an impact changes the sign of y, and damping and white noise are symmetric
 under this reflection: ``x = fold(X), y = +-Y`` in distribution, exactly and at any time, with the
@@ -39,13 +39,13 @@ from rattle.scene.impact import struck
 
 # half gap; an exit takes about 0.02, in which the modulation of the noise (1 at -pi/2) falls by
 # 3e-4
-HALF = 1e-3
-PATHS = 20_000
+EXIT_HALF_GAP = 1e-3
+EXIT_PATHS = 20_000
 STRONGER = 1.05  # factor on the noise in the negative control
 
 # time step, and bound of the relative error of the mean time: by step and modulation for the Euler
 # schemes, by the modulation alone for exact flights
-SCHEMES = {
+EXIT_STEPS = {
     "euler-maruyama": (1e-5, 2e-3),
     "euler-maruyama-located": (2e-5, 2e-3),
     "exact-flight": (1e-2, 3e-4),
@@ -53,11 +53,11 @@ SCHEMES = {
 
 # which turns the orbit without noise to one side; a random path moves by 2e-5 of the gap for it
 DRAG = 1e-4
-LEFT = 1e-4  # share of paths that this may change
+MOST_CHANGED = 1e-4  # share of paths that this may change
 # starting points of exits whose side is checked, as fractions of the gap
 SIDES = (0.1, 0.25, 0.5, 0.75)
 
-WIDTH = 0.1  # of the tolerance
+TOLERANCE_WIDTH = 0.1  # of the tolerance
 SPREADS = {"uniform": 1.0 / math.sqrt(3.0), "normal": 0.5 * float(truncnorm(-2.0, 2.0).std())}
 """Sd of a gap by its distribution, in widths of the tolerance; normal ones are cut at two sds."""
 
@@ -87,8 +87,8 @@ def exit_time(seed: int = 0, workers: int = 2) -> Found:
     `montecarlo.simulate`."""
 
     def check(scheme: str, share: float, sigma: float = 1.0) -> Check:
-        dt, left = SCHEMES[scheme]
-        scene = particle(share, HALF, sigma)
+        dt, left = EXIT_STEPS[scheme]
+        scene = particle(share, EXIT_HALF_GAP, sigma)
         rng = np.random.SeedSequence([seed, 1])
         sampling = Sampling(horizon=1.0)
         chosen = {
@@ -97,10 +97,10 @@ def exit_time(seed: int = 0, workers: int = 2) -> Found:
             "sampling": sampling,
             "record": Record(step_bias=False),
         }
-        run = simulate(scene, paths=PATHS, impacts=1, rng=rng, workers=workers, **chosen)  # type: ignore[arg-type]
+        run = simulate(scene, paths=EXIT_PATHS, impacts=1, rng=rng, workers=workers, **chosen)  # type: ignore[arg-type]
         tau = float(run.columns["tau"][0])
         se = float(run.columns["se_tau"][0])
-        truth = mean_exit_time(2.0 * HALF * share, 2.0 * HALF, 1.0)
+        truth = mean_exit_time(2.0 * EXIT_HALF_GAP * share, 2.0 * EXIT_HALF_GAP, 1.0)
         return Check(
             f"mean exit time from {share:g}, {scheme}",
             tau - scene.start.tau,
@@ -109,9 +109,9 @@ def exit_time(seed: int = 0, workers: int = 2) -> Found:
             left * truth,
         )
 
-    return [check(scheme, share) for scheme in SCHEMES for share in (0.1, 0.25, 0.5)], {
+    return [check(scheme, share) for scheme in EXIT_STEPS for share in (0.1, 0.25, 0.5)], {
         f"{STRONGER - 1.0:.0%} more noise, {scheme}": [check(scheme, 0.5, STRONGER)]
-        for scheme in SCHEMES
+        for scheme in EXIT_STEPS
     }
 
 
@@ -122,14 +122,22 @@ def exit_side(seed: int = 0, workers: int = 2) -> Found:
     found = {}
     for i, share in enumerate(SIDES):
         run = simulate(
-            particle(share, HALF, 1.0, DRAG), paths=PATHS, impacts=1, rng=seed + i, workers=workers
+            particle(share, EXIT_HALF_GAP, 1.0, DRAG),
+            paths=EXIT_PATHS,
+            impacts=1,
+            rng=seed + i,
+            workers=workers,
         )
         found[share] = float(run.columns["agreement"][0])
 
     def checks(truth: dict[float, float]) -> Iterator[Check]:
         for z, p in truth.items():
             yield Check(
-                f"agreement from {z:g}", found[z], p, math.sqrt(p * (1.0 - p) / PATHS), LEFT
+                f"agreement from {z:g}",
+                found[z],
+                p,
+                math.sqrt(p * (1.0 - p) / EXIT_PATHS),
+                MOST_CHANGED,
             )
 
     side = {z: float(betainc(1.0 / 6.0, 1.0 / 6.0, z)) for z in SIDES}
@@ -146,10 +154,12 @@ def random_gap(seed: int = 0, workers: int = 2) -> Found:
     coasting = bare(start=Start(0.0, 0.0, 1.0))
     found = {}
     for name in SPREADS:
-        scene = replace(coasting, tolerance=Tolerance(WIDTH, distribution=name))
-        found[name] = simulate(scene, paths=PATHS, impacts=1, rng=seed, workers=workers).columns
+        scene = replace(coasting, tolerance=Tolerance(TOLERANCE_WIDTH, distribution=name))
+        found[name] = simulate(
+            scene, paths=EXIT_PATHS, impacts=1, rng=seed, workers=workers
+        ).columns
 
-    def checks(spreads: dict[str, float], width: float = WIDTH) -> Iterator[Check]:
+    def checks(spreads: dict[str, float], width: float = TOLERANCE_WIDTH) -> Iterator[Check]:
         for name, columns in found.items():
             mean, se_mean, sd, se_sd = (
                 float(columns[c][0]) for c in ("x1", "se_x1", "sd_x1", "se_sd_x1")
@@ -161,17 +171,18 @@ def random_gap(seed: int = 0, workers: int = 2) -> Found:
         "the other distribution": checks(
             dict(zip(SPREADS, reversed(SPREADS.values()), strict=True))
         ),
-        "a tolerance 5 % wider": checks(SPREADS, 1.05 * WIDTH),
+        "a tolerance 5 % wider": checks(SPREADS, 1.05 * TOLERANCE_WIDTH),
     }
 
 
-GROWTH = 64.0
+RESTART_GROWTH = 64.0
 # index of the step, such that it begins at 3 pi / 2; the modulation, 1 there, varies by 7e-7 in the
 # step
 ROW = 4096
 STEP_TIME = 1.5 * math.pi / ROW
-MOST = 200  # steps after which a flight counts as lost; a correct program never needs as many
-APART = Word(2**24)  # distance of the random-number counters of two paths
+# steps after which a flight counts as lost; a correct program never needs as many
+MOST_FLIGHT_STEPS = 200
+COUNTERS_APART = Word(2**24)  # distance of the random-number counters of two paths
 
 
 @jit
@@ -186,7 +197,7 @@ def _bounce(tree: Tree, log_speed: Floats) -> int:
     room = new_room(w.depth)
     lost = 0
     for p in range(len(log_speed)):
-        n = Word(p) * APART
+        n = Word(p) * COUNTERS_APART
         scale = 0.0
         y = 1.0
         for bounce in range(log_speed.shape[1]):
@@ -194,9 +205,11 @@ def _bounce(tree: Tree, log_speed: Floats) -> int:
             distance = 0.0
             y = -y
             met = 0
-            for _ in range(MOST):
+            for _ in range(MOST_FLIGHT_STEPS):
                 s = math.sqrt(
-                    w.h * c.sigma**2 / (GROWTH * max(y * y, (distance * c.sigma**2) ** (2.0 / 3.0)))
+                    w.h
+                    * c.sigma**2
+                    / (RESTART_GROWTH * max(y * y, (distance * c.sigma**2) ** (2.0 / 3.0)))
                 )
                 scale -= math.log(s)
                 state[0] = c.wall1 - s**3 * distance
@@ -222,7 +235,7 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     Shapes: result (paths, bounces).
     """
     start = Start(0.0, 0.0, -1.0)
-    scene = bare(epsilon=epsilon, gap1=HALF, sigma=1.0, start=start)
+    scene = bare(epsilon=epsilon, gap1=EXIT_HALF_GAP, sigma=1.0, start=start)
     # of the single step, at the phase 3 pi / 2
     whole = flight_forcing(scene.constants, ROW * STEP_TIME, STEP_TIME)
     clock = clockwork_of([whole] * (ROW + 1), STEP_TIME, DEEPEST)
@@ -230,7 +243,8 @@ def log_speeds(epsilon: float, paths: int, bounces: int, seed: int) -> Floats:
     lost = _bounce(Tree(scene.constants, clock, key_of(np.random.SeedSequence([seed, 2]))), out)
     if lost:
         raise RattleError(
-            f"{lost} of {out.size} flights did not return in {MOST} steps, or reached the far wall"
+            f"{lost} of {out.size} flights did not return in {MOST_FLIGHT_STEPS} steps,"
+            " or reached the far wall"
         )
     return out
 
@@ -239,17 +253,17 @@ MEAN = math.pi / math.sqrt(3.0)
 """E ln rho, rho being the ratio of consecutive speeds, with the density ``3 / (2 pi) rho^(3/2) / (1
 + rho^3)``."""
 
-VARIANCE = 4.0 * math.pi**2 / 9.0
+LOG_RATIO_VARIANCE = 4.0 * math.pi**2 / 9.0
 """Var ln rho."""
 
 RETURNS = 300_000
-ORDERS = (-0.6, -0.3, 0.1)
+RATIO_ORDERS = (-0.6, -0.3, 0.1)
 """Orders s of the moments E rho^s; E rho^(4 s) is finite too, so that standard errors can be
 estimated."""
 # restitutions below and above the critical one, exp(-MEAN) = 0.163
-BELOW = 0.12
-ABOVE = 0.22
-BOUNCES = 8
+BELOW_CRITICAL = 0.12
+ABOVE_CRITICAL = 0.22
+NOISY_BOUNCES = 8
 
 
 @self_test
@@ -260,7 +274,7 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
     slower = quad(lambda r: 1.5 / math.pi * r**1.5 / (1.0 + r**3), 0.0, 1.0)[0]
 
     def checks(
-        mean: float = MEAN, variance: float = VARIANCE, ln: Floats = flights
+        mean: float = MEAN, variance: float = LOG_RATIO_VARIANCE, ln: Floats = flights
     ) -> Iterator[Check]:
         own = float(ln.var())
         share = float((ln < 0.0).mean())
@@ -271,7 +285,7 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
 
     return checks(), {
         "mean 3 % larger": checks(mean=1.03 * MEAN),
-        "variance 3 % smaller": checks(variance=0.97 * VARIANCE),
+        "variance 3 % smaller": checks(variance=0.97 * LOG_RATIO_VARIANCE),
         "an impact that keeps 97 %": checks(ln=flights + math.log(0.97)),
     }
 
@@ -283,7 +297,7 @@ def return_moments(seed: int = 0, workers: int = 2) -> Found:
     ln = log_speeds(1.0, RETURNS, 1, seed + 2)[:, 0]
 
     def checks(wrong: float = 1.0, shifted: float = 0.0) -> Iterator[Check]:
-        for s in ORDERS:
+        for s in RATIO_ORDERS:
             power = np.exp(s * ln)
             truth = wrong / (2.0 * math.cos(math.pi * (1.0 + s + shifted) / 3.0))
             yield Check(
@@ -307,19 +321,26 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
     """Check the drift of ln speed per bounce below and above the critical restitution, and where it
     is zero."""
     (d0, s0), (d1, s1) = (
-        mean_drift(eps, PATHS, BOUNCES, seed + i) for i, eps in enumerate((BELOW, ABOVE))
+        mean_drift(eps, EXIT_PATHS, NOISY_BOUNCES, seed + i)
+        for i, eps in enumerate((BELOW_CRITICAL, ABOVE_CRITICAL))
     )
-    span = math.log(ABOVE / BELOW)
+    span = math.log(ABOVE_CRITICAL / BELOW_CRITICAL)
     share = -d0 / (d1 - d0)  # linear interpolation in ln epsilon to zero drift
-    zero = BELOW * math.exp(span * share)
+    zero = BELOW_CRITICAL * math.exp(span * share)
     se = zero * span / (d1 - d0) * float(np.hypot((1.0 - share) * s0, share * s1))
 
     def checks(power: float = 1.0, mean: float = MEAN) -> Iterator[Check]:
         yield Check(
-            f"drift per bounce at epsilon {BELOW:g}", d0, power * math.log(BELOW) + mean, s0
+            f"drift per bounce at epsilon {BELOW_CRITICAL:g}",
+            d0,
+            power * math.log(BELOW_CRITICAL) + mean,
+            s0,
         )
         yield Check(
-            f"drift per bounce at epsilon {ABOVE:g}", d1, power * math.log(ABOVE) + mean, s1
+            f"drift per bounce at epsilon {ABOVE_CRITICAL:g}",
+            d1,
+            power * math.log(ABOVE_CRITICAL) + mean,
+            s1,
         )
         yield Check(
             "critical restitution", zero if d0 < 0.0 < d1 else math.nan, math.exp(-mean / power), se
@@ -332,12 +353,13 @@ def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
 
 
 GAUSSIAN_PATHS = 100_000
-FLIGHT = 3.3  # time of the flight without walls
+FREE_FLIGHT = 3.3  # time of the flight without walls
 # error of a simulated moment by the step: h^4 / 720 at the default step of exact flights, and
 # rounding
-LEFT_OUT = 1e-6
+STEP_ERROR = 1e-6
 START = Start(0.3, 0.1, -0.4, -0.2, 0.5)
-OPEN: dict[str, Any] = {"gap1": 1e6, "gap2": 1e6, "start": START}  # half gaps that no path crosses
+# half gaps that no path crosses
+OPEN_GAPS: dict[str, Any] = {"gap1": 1e6, "gap2": 1e6, "start": START}
 SCENE = Scene(
     alpha=1.5,
     epsilon=0.9,
@@ -347,17 +369,17 @@ SCENE = Scene(
     gamma2=0.029,
     mu=0.6,
     sigma=0.4,
-    **OPEN,
+    **OPEN_GAPS,
 )
 """Two stages that are driven by the same noise with different modulations."""
 
 # damping, noise and half width of the box
 BETA = 0.5
-SIGMA = 1.0
+UNIT_SIGMA = 1.0
 BOX = 0.5
-IMPACTS = 64
+NOISY_IMPACTS = 64
 # by then X has an sd of 4 boxes, and the folded density is uniform up to exp(-80)
-TIMES = (8.0, 8.8, 9.6)
+FOLDED_TIMES = (8.0, 8.8, 9.6)
 LOSSY = 0.97  # restitution of the negative control
 
 
@@ -394,7 +416,7 @@ def _central(run: Ensemble, quantity: str, power: int) -> Floats:
 @self_test
 def free_flight(seed: int = 0, workers: int = 2) -> Found:
     """Check the first four moments of `montecarlo.simulate` against the flow and its covariance."""
-    run = _follow(SCENE, [START.tau + FLIGHT], 1, [seed, 7], workers)
+    run = _follow(SCENE, [START.tau + FREE_FLIGHT], 1, [seed, 7], workers)
     row = run.at_times().iloc[0]
     t = float(run.fixed_times[0]) - START.tau
 
@@ -406,7 +428,7 @@ def free_flight(seed: int = 0, workers: int = 2) -> Found:
         for i, j in CROSS:
             name = f"cov {STATE[i]} {STATE[j]}"
             truths[name.replace(" ", "_")] = name, float(covariance[i, j])
-        return _compare(row, truths, LEFT_OUT)
+        return _compare(row, truths, STEP_ERROR)
 
     def shape(skewness: float, kurtosis: float) -> Iterator[Check]:
         for q in STATE:
@@ -442,12 +464,15 @@ def speed_variance(tau: float, beta: float, sigma: float) -> float:
 def elastic_box(seed: int = 0, workers: int = 2) -> Found:
     """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at
     three fixed times."""
-    scene = bare(epsilon=1.0, beta1=BETA, gap1=BOX, sigma=SIGMA, start=Start())
+    scene = bare(epsilon=1.0, beta1=BETA, gap1=BOX, sigma=UNIT_SIGMA, start=Start())
     run, lossy = (
-        _follow(replace(scene, epsilon=e), TIMES, IMPACTS, [seed, 5], workers) for e in (1.0, LOSSY)
+        _follow(replace(scene, epsilon=e), FOLDED_TIMES, NOISY_IMPACTS, [seed, 5], workers)
+        for e in (1.0, LOSSY)
     )
 
-    def checks(run: Ensemble = run, sigma: float = SIGMA, phase: float = 0.0) -> Iterator[Check]:
+    def checks(
+        run: Ensemble = run, sigma: float = UNIT_SIGMA, phase: float = 0.0
+    ) -> Iterator[Check]:
         followed = run.result.sums["fixed"].n[:, CROSS.index((1, 1))]
         yield Check("paths followed to the end", float(followed.min()), GAUSSIAN_PATHS)
         kurtosis = _central(run, "y1", 4) / _central(run, "y1", 2) ** 2 - 3.0
@@ -473,6 +498,6 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
 
     return checks(), {
         f"restitution {LOSSY:g}": checks(lossy),
-        "2 % more noise": checks(sigma=1.02 * SIGMA),
+        "2 % more noise": checks(sigma=1.02 * UNIT_SIGMA),
         "modulation 0.1 late": checks(phase=-0.1),
     }

@@ -35,16 +35,20 @@ from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.long_orbit import LongOrbit
 
-SIGMA = 0.3
+CHART_SIGMA = 0.3
 HALF_GAP = 0.5
 # of the start: its phase, and x2 over the half gap
 PHASE = 1.0
 INSIDE = 0.2
-SPEED = 2.0  # speed of the start in the half gap of DAT21
+CHART_SPEED = 2.0  # speed of the start in the half gap of DAT21
 
 
 def moderate(
-    *, beta: float | None = None, gap: float = HALF_GAP, sigma: float = SIGMA, epsilon: float = 0.9
+    *,
+    beta: float | None = None,
+    gap: float = HALF_GAP,
+    sigma: float = CHART_SIGMA,
+    epsilon: float = 0.9,
 ) -> Scene:
     """Build DAT21 with some fields changed, and a start at a matching speed.
 
@@ -55,7 +59,7 @@ def moderate(
     crossed before the velocity is damped.
     """
     pair = Scene.from_gears(DAT21)
-    speed = max(SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
+    speed = max(CHART_SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
     beta1, beta2 = (
         (pair.beta1, pair.beta2) if beta is None else (beta, beta * pair.beta2 / pair.beta1)
     )
@@ -100,7 +104,7 @@ AXES = {
 """All axes by name."""
 
 
-IMPACTS = 4
+CHART_IMPACTS = 4
 FINER = 4.0  # the default step of exact flights over the step of the reference
 # excess kurtosis above which too few paths contribute to an sd for a reliable error
 MOST_KURTOSIS = 30.0
@@ -139,7 +143,7 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
         run = simulate(
             scene,
             paths=paths,
-            impacts=IMPACTS,
+            impacts=CHART_IMPACTS,
             dt=step,
             rng=seed,
             sampling=sampling,
@@ -158,14 +162,14 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
 
 def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
     """The noise-free path by root finding, in the columns of an ensemble."""
-    s = LongOrbit(scene).stretch(IMPACTS, tangent=False)
+    s = LongOrbit(scene).stretch(CHART_IMPACTS, tangent=False)
     columns = {
         "tau": np.cumsum([scene.start.tau, *s.flight])[1:],
         "flight": s.flight,
         "mesh": np.abs(s.code),
     }
     columns |= dict(zip(STATE, s.before.T, strict=True))
-    nothing = np.zeros(IMPACTS)
+    nothing = np.zeros(CHART_IMPACTS)
     return columns | {
         prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")
     }
@@ -173,11 +177,11 @@ def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
 
 UNBIASED = "unbiased"
 BIASED = "biased"
-UNDECIDED = Verdict.UNDECIDED
+CHART_UNDECIDED = Verdict.UNDECIDED
 UNSTABLE = "unstable"
 COLLAPSING = "no limit"
-FIRST = 2 * BLOCK  # paths of the first attempt at a verdict
-GROWTH = 8  # factor on the number of paths while the verdict is undecided
+FIRST_PATHS = 2 * BLOCK  # paths of the first attempt at a verdict
+PATHS_GROWTH = 8  # factor on the number of paths while the verdict is undecided
 LATE = 0.05  # admissible excess of the share of abandoned paths over that of the reference
 FAST = 10.0  # speeds above so many times those of the reference count as unstable
 
@@ -204,7 +208,7 @@ class Judged(NamedTuple):
 
 def sizes(paths: int) -> tuple[int, ...]:
     """Numbers of paths after which a verdict is attempted."""
-    return ladder(min(paths, FIRST), paths, GROWTH)
+    return ladder(min(paths, FIRST_PATHS), paths, PATHS_GROWTH)
 
 
 def judge(
@@ -223,11 +227,13 @@ def judge(
     sampling = Sampling(horizon=max(horizon_of(scene), 4.0 * dt))
     first, *later = sizes(paths)
     with np.errstate(all="ignore"):  # unstable runs overflow
-        plan = plan_of(scene, first, IMPACTS, dt, scheme, seed, sampling=sampling, any_step=True)
+        plan = plan_of(
+            scene, first, CHART_IMPACTS, dt, scheme, seed, sampling=sampling, any_step=True
+        )
         merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
         run = Ensemble(plan, first, merged, None, None, 0.0)
         found = _verdict(run, beside, z)
-        while later and found[0] == UNDECIDED and is_random(scene):
+        while later and found[0] == CHART_UNDECIDED and is_random(scene):
             run = extend(run, later.pop(0), in_threads(workers))
             found = _verdict(run, beside, z)
         diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(
@@ -265,7 +271,7 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
         return UNSTABLE, *at(error)[:2], wrong
     if (error - half > 1.0).any():
         return BIASED, *at(error - half)
-    return (UNBIASED if (error + half <= 1.0).all() else UNDECIDED, *at(error + half))
+    return (UNBIASED if (error + half <= 1.0).all() else CHART_UNDECIDED, *at(error + half))
 
 
 def _describe_instability(run: Ensemble, beside: Reference) -> str:
@@ -301,7 +307,7 @@ class Chart(NamedTuple):
     # attributes of `Judged`
     table: pd.DataFrame
     z: float  # half width of the intervals in standard errors, for 95 % simultaneous coverage
-    impacts: int = IMPACTS  # of each path
+    impacts: int = CHART_IMPACTS  # of each path
 
     @property
     def admissible(self) -> pd.DataFrame:
@@ -399,7 +405,7 @@ def chart(
     # of the seven values of an axis
     chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]
     places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
-    rows = 2 * len(SECTION) * IMPACTS
+    rows = 2 * len(SECTION) * CHART_IMPACTS
     cells_of_a_place = len(schemes) * (len(SHARES) + 1)
     z = widest(len(places) * cells_of_a_place * rows * len(sizes(paths)))
     asked = {"schemes": list(schemes), "paths": paths, "seed": seed, "z": z}
@@ -413,9 +419,9 @@ def chart(
 
 
 # flight time from tau = 0, where the noise has no modulation yet: the most demanding flight
-FLIGHT = 0.2
-OPEN = 1e6  # half gap that no path crosses
-STEPS = (1 / 8, 1.0)  # time steps, in units of the longest admissible one
+CHART_FLIGHT = 0.2
+UNREACHED_GAP = 1e6  # half gap that no path crosses
+CHART_STEPS = (1 / 8, 1.0)  # time steps, in units of the longest admissible one
 TOLERANCE = 0.10  # admissible relative error of an sd, as for the sds of the map
 
 
@@ -428,22 +434,24 @@ def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) ->
     interval); ``holds`` (whether all quantities are within 10 %).
     """
     values = AXES["beta"].values[:points]
-    z = widest(len(values) * len(STEPS) * len(STATE))
+    z = widest(len(values) * len(CHART_STEPS) * len(STATE))
     rows = []
     for beta in values:
         start = Start(0.0, 0.0, 0.0, 0.0, 0.0, mesh=0)
-        scene = replace(AXES["beta"].scene(beta), gap1=OPEN, gap2=OPEN, start=start)
+        scene = replace(
+            AXES["beta"].scene(beta), gap1=UNREACHED_GAP, gap2=UNREACHED_GAP, start=start
+        )
         largest, _ = largest_step(scene, "exact-flight")
-        for share in STEPS:
-            steps = np.ceil(FLIGHT / (share * largest))
-            chosen: dict[str, Any] = {"dt": FLIGHT / steps, "rng": seed, "workers": workers}
-            sampling = Sampling(horizon=1.5 * FLIGHT)
-            record = Record(times=[FLIGHT])
+        for share in CHART_STEPS:
+            steps = np.ceil(CHART_FLIGHT / (share * largest))
+            chosen: dict[str, Any] = {"dt": CHART_FLIGHT / steps, "rng": seed, "workers": workers}
+            sampling = Sampling(horizon=1.5 * CHART_FLIGHT)
+            record = Record(times=[CHART_FLIGHT])
             run = simulate(
                 scene, paths=paths, impacts=1, sampling=sampling, record=record, **chosen
             )
             table = run.at_times().iloc[0]
-            exact = np.diag(noise_covariance(scene.constants, 0.0, FLIGHT))
+            exact = np.diag(noise_covariance(scene.constants, 0.0, CHART_FLIGHT))
             found, se = (
                 table[[f"{prefix}cov_{q}_{q}" for q in STATE]].to_numpy() for prefix in ("", "se_")
             )

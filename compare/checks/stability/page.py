@@ -14,9 +14,9 @@ from rattle.compare.checks.check import Result, extreme_record
 from rattle.compare.checks.stability.chart import (
     AXES,
     BIASED,
+    CHART_UNDECIDED,
     COLLAPSING,
     UNBIASED,
-    UNDECIDED,
     UNSTABLE,
     Chart,
 )
@@ -26,15 +26,15 @@ from rattle.compare.report.texts import SCHEME_TERMS, glossary
 from rattle.compare.validation.verdict import Tolerances, join_words
 from rattle.scene import Scene
 
-MARKS: Any = {
+CHART_MARKS: Any = {
     UNBIASED: {"color": "#0072B2", "marker": "o"},
-    UNDECIDED: {"color": "#999999", "marker": "^"},
+    CHART_UNDECIDED: {"color": "#999999", "marker": "^"},
     BIASED: {"color": "#D55E00", "marker": "s"},
     UNSTABLE: {"color": "#000000", "marker": "X"},
     COLLAPSING: {"color": "#CC79A7", "marker": "D"},
 }
 """Colours of Okabe and Ito's palette; markers distinguish the verdicts without colour as well."""
-REFUSED = "#E8E8E8"
+REFUSED_COLOUR = "#E8E8E8"
 BESIDE = 0.28  # horizontal offset of the cell at the default step, in columns
 
 
@@ -47,14 +47,19 @@ def summary(table: pd.DataFrame) -> Drawing:
     shown = (("at the default step", cells[cells["default"]]), ("at every admissible step", cells))
     for (title, part), ax in zip(shown, panels, strict=True):
         left = pd.Series(0, index=schemes)
-        for verdict in [v for v in MARKS if v in set(cells["verdict"])]:
+        for verdict in [v for v in CHART_MARKS if v in set(cells["verdict"])]:
             counts = (
                 part[part["verdict"] == verdict]["scheme"]
                 .value_counts()
                 .reindex(schemes, fill_value=0)
             )
             bars = ax.barh(
-                schemes, counts, left=left, color=MARKS[verdict]["color"], height=0.7, label=verdict
+                schemes,
+                counts,
+                left=left,
+                color=CHART_MARKS[verdict]["color"],
+                height=0.7,
+                label=verdict,
             )
             if counts.any():
                 texts = [str(n) if n else "" for n in counts]
@@ -65,7 +70,7 @@ def summary(table: pd.DataFrame) -> Drawing:
         ax.set_title(title, loc="left")
         ax.set_xlabel("cells of the map")
     panels[1].set_yticklabels([])
-    legend_above(drawn, panels[:1], len(MARKS))
+    legend_above(drawn, panels[:1], len(CHART_MARKS))
     return drawn
 
 
@@ -101,10 +106,10 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
     high = 2.5 * part["dt"].max()
     edges = [-0.5, *range(len(values)), len(values) - 0.5]
     line = [longest[0], *longest, longest[-1]]
-    ax.fill_between(edges, line, high, color=REFUSED, lw=0)
+    ax.fill_between(edges, line, high, color=REFUSED_COLOUR, lw=0)
     ax.plot(edges, line, color="k", lw=1.3)
     for _, cell in part.iterrows():
-        style = MARKS[cell["verdict"]]
+        style = CHART_MARKS[cell["verdict"]]
         x = values.index(cell["value"]) + (BESIDE if cell["default"] else 0.0)
         face = "white" if cell["diagnosed"] and cell["share"] <= 1.0 else style["color"]
         size = 4.0 if cell["default"] else 5.5
@@ -119,14 +124,14 @@ def _legend(verdicts: set[str]) -> list[Line2D]:
     return [
         *(
             Line2D([], [], ls="", ms=6, label=name, **style)
-            for name, style in MARKS.items()
+            for name, style in CHART_MARKS.items()
             if name in verdicts
         ),
         Line2D(
             [], [], ls="", marker="s", ms=6, mfc="white", mec="k", label="hollow: with a diagnostic"
         ),
         Line2D([], [], color="k", lw=1.3, label="longest admissible step"),
-        Line2D([], [], ls="", marker="s", ms=9, color=REFUSED, label="refused"),
+        Line2D([], [], ls="", marker="s", ms=9, color=REFUSED_COLOUR, label="refused"),
         Line2D(
             [],
             [],
@@ -149,20 +154,30 @@ MAP_TERMS = (
     "unstable",
     "no limit",
 )
-WORDS = (*SCHEME_TERMS, *MAP_TERMS, "standard error", "σ", "ε", "E, sd", "impact", "sticking")
-MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", UNDECIDED: "open"}
+STABILITY_WORDS = (
+    *SCHEME_TERMS,
+    *MAP_TERMS,
+    "standard error",
+    "σ",
+    "ε",
+    "E, sd",
+    "impact",
+    "sticking",
+)
+MARK = {UNBIASED: "good", BIASED: "bad", UNSTABLE: "bad", CHART_UNDECIDED: "open"}
 
 
 def answer(found: Chart) -> list[str]:
     """Summarise the map in sentences."""
     cells = found.admissible
     undiagnosed = found.without_diagnostic
-    counts = {verdict: (cells["verdict"] == verdict).sum() for verdict in MARKS}
+    counts = {verdict: (cells["verdict"] == verdict).sum() for verdict in CHART_MARKS}
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
     said = [
         _advice(found),
         f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased,"
-        f" {counts[UNDECIDED]} undecided, {counts[BIASED]} biased and {counts[UNSTABLE]} unstable;"
+        f" {counts[CHART_UNDECIDED]} undecided, {counts[BIASED]} biased and"
+        f" {counts[UNSTABLE]} unstable;"
         f" diagnostics report {wrong['diagnosed'].sum()} of these {len(wrong)} biased and unstable"
         " cells.",
     ]
@@ -237,7 +252,7 @@ def make_report(
         said,
         record,
         content,
-        glossary(*WORDS, gears=Scene.from_dict(record["scene"]).gears),
+        glossary(*STABILITY_WORDS, gears=Scene.from_dict(record["scene"]).gears),
         figures={"verdicts": summary(found.table), "stability": figure(found.table)},
         tables=tables,
         digits="%.6g",

@@ -16,7 +16,7 @@ from rattle.compare.chaos.exponents import (
 )
 from rattle.compare.chaos.measure import mean_maps
 from rattle.compare.chaos.record import Regime, noisy_record
-from rattle.compare.chaos.section import NOISY, ORBIT, sections
+from rattle.compare.chaos.section import NOISY, ORBIT_SECTION, sections
 from rattle.compare.chaos.spectrum import (
     FALSE_LINE,
     SEQUENCE,
@@ -314,7 +314,7 @@ def test_spectra_integrate_to_the_variance_and_shares_add_up():
     assert len(found) == 8
     _, _, summary = spectra_tables(found)
     assert (summary["line_share"] + summary["floor_share"]).to_numpy() == pytest.approx(1.0)
-    drive = found[ORBIT, VELOCITY_IN_TIME, "y1"].lines
+    drive = found[ORBIT_SECTION, VELOCITY_IN_TIME, "y1"].lines
     assert drive["frequency"][0] == pytest.approx(1.0, abs=1e-3)  # the excitation itself
     s = found[NOISY, SEQUENCE, "y1"]
     assert s.power.sum() * (s.frequency[1] - s.frequency[0]) == pytest.approx(2.8, rel=0.1)
@@ -322,19 +322,19 @@ def test_spectra_integrate_to_the_variance_and_shares_add_up():
 
 def test_sections_hold_every_point_and_do_not_depend_on_workers():
     one, two = (sections(DAT, points=6001, workers=n) for n in (1, 2))
-    assert list(one) == [ORBIT, "mean map (corrected)", NOISY]
+    assert list(one) == [ORBIT_SECTION, "mean map (corrected)", NOISY]
     for side, s in one.items():
         assert (s.counts.sum(axis=(1, 2)) > 0.999 * s.points).all()
         assert (s.counts.sum(axis=(1, 2)) <= s.points).all()
         assert (s.counts == two[side].counts).all()
         assert s.table["count"].sum() == s.counts.sum()
-    assert one[ORBIT].points == one[NOISY].points == 6001
+    assert one[ORBIT_SECTION].points == one[NOISY].points == 6001
 
 
 def test_bifurcations_hold_every_point_of_any_field():
     b = bifurcation(vary(DAT, "epsilon", (0.5, 0.7, 0.9)), "epsilon", points=3000)
-    for side in (ORBIT, NOISY):
+    for side in (ORBIT_SECTION, NOISY):
         assert ((b.cells[side].sum(axis=1) > 2980) & (b.cells[side].sum(axis=1) <= 3000)).all()
     sticking = bifurcation(vary(DAT, "alpha", (0.05, 0.4), paper_noise), points=1000)
-    assert sticking.cells[ORBIT].sum(axis=1).tolist()[0] == 0
-    assert sticking.reasons[ORBIT] == ["sticks often", ""]
+    assert sticking.cells[ORBIT_SECTION].sum(axis=1).tolist()[0] == 0
+    assert sticking.reasons[ORBIT_SECTION] == ["sticks often", ""]

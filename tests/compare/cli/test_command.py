@@ -12,7 +12,7 @@ from commands import rattle as command
 
 from rattle.compare.cli.validate import EXIT_NOT_MET, EXIT_NOT_REPEATED
 from rattle.compare.report.manifest import digest, read_settings
-from rattle.compare.validation.verdict import ACCURATE, NOT_WRONG, RULE
+from rattle.compare.validation.verdict import ACCURATE_UP_TO, NOT_WRONG, RULE
 from rattle.scene import DAT21, Scene, Start
 
 SWEPT = [
@@ -57,7 +57,7 @@ def test_page_begins_with_the_answer_and_states_once_what_is_judged(report):
     assert len(answer) == 8
     page = (report / "report.md").read_text()
     assert page.count(RULE) == 1
-    assert f"| {ACCURATE} impact | {NOT_WRONG} |" in page
+    assert f"| {ACCURATE_UP_TO} impact | {NOT_WRONG} |" in page
     places = [answer[0], "figures/validity.svg", answer[1], answer[-1], "##"]
     assert sorted(places, key=page.index) == places
 

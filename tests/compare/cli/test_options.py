@@ -25,13 +25,13 @@ from rattle.compare.cli import shared
 from rattle.compare.cli.main import main
 from rattle.compare.cli.shared import say
 from rattle.compare.cli.show import template
-from rattle.compare.parameters.boundary import SIGMAS
+from rattle.compare.parameters.boundary import SIGMA_RANGE
 from rattle.compare.parameters.sensitivity import default_quantities
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED
 from rattle.compare.tradeoff.measure import ACCURACIES
 from rattle.montecarlo import SCHEMES, default_step, simulate
 from rattle.montecarlo.accuracy.simulate_to import INSTEAD
-from rattle.montecarlo.long_run.run import ACCURACY, ASKED
+from rattle.montecarlo.long_run.run import ASKED, LONG_RUN_ACCURACY
 from rattle.scene import DAT21, Gears, Scene, Start, Tolerance
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[3] / "examples").glob("*.toml"))
@@ -251,12 +251,12 @@ STEP = (
 REAL = {
     "animate --sigma": "the scene's; 0.1 on DAT21",
     "boundary --closure": signature(boundary).parameters["closure"].default,
-    "boundary --between": f"{SIGMAS[0]:g} {SIGMAS[1]:g} for sigma",
+    "boundary --between": f"{SIGMA_RANGE[0]:g} {SIGMA_RANGE[1]:g} for sigma",
     "claims --sigma": "0.01, 0.1",
     "simulate --accuracy": "0.01",
     "simulate --dt": STEP,
     "simulate --budget": f"an hour; beyond it the answer is what {INSTEAD:g} s give",
-    "stationary --accuracy": f"{ACCURACY:g}",
+    "stationary --accuracy": f"{LONG_RUN_ACCURACY:g}",
     "stationary --quantity": ", ".join(ASKED),
     "tradeoff --sigma": "the scene's, or 0.1",
     "tradeoff --accuracy": f"{ACCURACIES[0]:g} to {ACCURACIES[-1]:g}",

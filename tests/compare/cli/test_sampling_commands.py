@@ -85,7 +85,7 @@ def test_stars_stand_at_what_misses_in_either_units(units):
 
 
 def test_speed_has_the_floor_and_every_scheme(monkeypatch):
-    monkeypatch.setattr("rattle.montecarlo.bench.REPEATS", 1)
+    monkeypatch.setattr("rattle.montecarlo.bench.TURNS_OF_SLICES", 1)
     result = rattle("check", "speed", "--json")
     rows = {row["what"]: row for row in json.loads(result.output)}
     assert rows["one standard normal"]["ns"] > 0.1

@@ -14,8 +14,8 @@ from rattle import DAT21, Scene, Tolerances, boundary, mean_map
 from rattle.compare.parameters.boundary import _side
 from rattle.compare.parameters.page import make_report
 from rattle.compare.parameters.search import (
-    LOOKS,
-    MOST,
+    MOST_VALUES,
+    PATHS_OF_LOOKS,
     ROUGH,
     Judgement,
     Widths,
@@ -75,7 +75,7 @@ def test_what_is_undecided_is_approached_from_both_sides():
     ((accurate, wrong),), judged = search(verdicts(0.05, doubt=1.2), 1e-3, 2.0, 8, 0.05)
     assert accurate <= 0.05 / 1.2 < 0.05 * 1.2 <= wrong
     assert wrong / accurate < 1.2**2 * 1.11
-    assert judged < MOST
+    assert judged < MOST_VALUES
     assert not search(verdicts(0.05, doubt=1e9), 1e-3, 2.0, 8, 0.05)[0]
 
 
@@ -169,7 +169,9 @@ def test_a_branch_that_matters_is_sampled_on_purpose(could_change, looks, monkey
 
     def errors(paths, z):
         narrow = (
-            {"verdict": "accurate", "high": 0.9} if paths > LOOKS[0] else {"verdict": "undecided"}
+            {"verdict": "accurate", "high": 0.9}
+            if paths > PATHS_OF_LOOKS[0]
+            else {"verdict": "undecided"}
         )
         return pd.DataFrame([row | narrow])
 
@@ -197,14 +199,14 @@ def test_a_branch_that_plain_paths_miss_is_decided():
 
 
 def test_all_looks_and_values_are_counted():
-    looks = (len(LOOKS) + 1) * MOST
+    looks = (len(PATHS_OF_LOOKS) + 1) * MOST_VALUES
     assert critical(12, 2) == (widest(looks), widest(12 * 12 * looks))
 
 
 def test_one_row_shows_a_closure_wrong_and_all_rows_show_it_accurate(monkeypatch):
     """Rows at their tolerance: any is wrong, or some are accurate, no more often than in 2.5 %
     each."""
-    monkeypatch.setattr("rattle.compare.parameters.search.LOOKS", LOOKS[:1])
+    monkeypatch.setattr("rattle.compare.parameters.search.PATHS_OF_LOOKS", PATHS_OF_LOOKS[:1])
     rng = np.random.default_rng(5)
     values = 100
     rows = 20

@@ -12,10 +12,10 @@ from test_boundary import page_of
 
 from rattle import DAT21, Scene, crossing, stationary
 from rattle.compare.parameters.crossing import (
-    ABOVE,
-    BELOW,
-    LOOKS,
-    PATHS,
+    ABOVE_LEVEL,
+    BELOW_LEVEL,
+    CROSSING_PATHS,
+    PERIODS_OF_LOOKS,
     Crossing,
     SideOfLevel,
     judge_level,
@@ -35,25 +35,33 @@ SETTINGS = {
 
 
 def long_result(value, se, kind="simulated", periods=64):
-    columns = {"value": value, "se": se, "effective_paths": float(PATHS)}
+    columns = {"value": value, "se": se, "effective_paths": float(CROSSING_PATHS)}
     table = pd.DataFrame([columns], index=pd.Index(["rate_above"], name="quantity"))
-    return LongResult(table, pd.DataFrame(), {"kind": kind, "paths": PATHS, "periods": periods})
+    return LongResult(
+        table, pd.DataFrame(), {"kind": kind, "paths": CROSSING_PATHS, "periods": periods}
+    )
 
 
 @pytest.mark.parametrize(
     ("true", "verdict"),
-    [(0.7, BELOW), (0.98, BELOW), (1.02, ABOVE), (3.0, ABOVE), (1.0, Verdict.UNDECIDED)],
+    [
+        (0.7, BELOW_LEVEL),
+        (0.98, BELOW_LEVEL),
+        (1.02, ABOVE_LEVEL),
+        (3.0, ABOVE_LEVEL),
+        (1.0, Verdict.UNDECIDED),
+    ],
 )
 def test_runs_are_lengthened_until_a_value_is_decided(true, verdict):
     seen = []
 
     def run(periods):
         seen.append(periods)
-        return long_result(true, 0.02 / math.sqrt(periods / LOOKS[0]))
+        return long_result(true, 0.02 / math.sqrt(periods / PERIODS_OF_LOOKS[0]))
 
     found = judge_level(1.0, "rate_above", 1.0, run)
     assert (found.verdict, found.remark == "") == (verdict, verdict != Verdict.UNDECIDED)
-    assert seen == list(LOOKS[: len(seen)])
+    assert seen == list(PERIODS_OF_LOOKS[: len(seen)])
     assert (len(seen) == 1) == (
         abs(true - 1.0) > 0.1 or true == 1.0
     )  # far from the level, or never to be decided
@@ -68,7 +76,7 @@ def test_a_budget_that_ends_between_two_looks_is_said():
 
     found = judge_level(1.0, "rate_above", 1.01, run, time_left)
     assert (found.verdict, found.remark) == (Verdict.UNDECIDED, "the budget ended")
-    assert (found.periods, found.estimate) == (LOOKS[0], 1.0)
+    assert (found.periods, found.estimate) == (PERIODS_OF_LOOKS[0], 1.0)
 
 
 def test_the_share_of_wrong_statements_is_the_stated_one():
@@ -78,7 +86,7 @@ def test_the_share_of_wrong_statements_is_the_stated_one():
     result = long_result(1.0, 0.01)
 
     def look(periods):
-        result.table["value"] = 1.0 + 0.01 * rng.standard_t(PATHS - 1)
+        result.table["value"] = 1.0 + 0.01 * rng.standard_t(CROSSING_PATHS - 1)
         return result
 
     wrong = sum(
@@ -92,7 +100,7 @@ def test_the_share_of_wrong_statements_is_the_stated_one():
 
 def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
     found = judge_level(1.0, "rate_above", 1e-2, lambda n: long_result(0.0, 0.0, periods=n))
-    assert (found.verdict, found.estimate) == (BELOW, 0.0)
+    assert (found.verdict, found.estimate) == (BELOW_LEVEL, 0.0)
     assert 0.0 < found.high < 1e-2
     nearer = judge_level(1.0, "rate_above", 1e-9, lambda n: long_result(0.0, 0.0, periods=n))
     assert nearer.verdict == Verdict.UNDECIDED
@@ -100,7 +108,7 @@ def test_no_impact_is_a_poisson_count_and_exact_values_are_exact():
         judge_level(
             1.0, "rate_above", 0.5, lambda _: long_result(0.5000001, 0.0, "periodic")
         ).verdict
-        == ABOVE
+        == ABOVE_LEVEL
     )
 
 
@@ -157,7 +165,8 @@ def test_drag_ends_the_rattle():
 
 
 @pytest.mark.parametrize(
-    ("verdict", "level", "place"), [(ABOVE, 0.2, "above 320 N mm"), (BELOW, 0.99, "below 20 N mm")]
+    ("verdict", "level", "place"),
+    [(ABOVE_LEVEL, 0.2, "above 320 N mm"), (BELOW_LEVEL, 0.99, "below 20 N mm")],
 )
 def test_where_a_level_that_is_not_crossed_may_be_is_said(verdict, level, place):
     points = pd.DataFrame(

@@ -13,7 +13,7 @@ from commands import rattle
 
 from rattle.compare.cli.validate import EXIT_NOT_REPEATED, EXIT_ROUNDED
 from rattle.compare.report import manifest, provenance
-from rattle.compare.report.manifest import EXACT, ROUNDING, difference
+from rattle.compare.report.manifest import PREDICTED_ROUNDING, SAMPLED_ROUNDING, difference
 from rattle.compare.validation import validate as work
 
 validate = partial(rattle, "validate")
@@ -220,12 +220,12 @@ def test_differences_are_in_sds_and_in_standard_errors():
 
 
 def test_the_bound_of_what_is_sampled_is_in_standard_errors_and_else_of_the_digits():
-    assert found(simulated=[2.0, -1.5 + 0.9 * ROUNDING * 0.05]).excess < 1.0
-    assert found(simulated=[2.0, -1.5 + 1.1 * ROUNDING * 0.05]).excess > 1.0
+    assert found(simulated=[2.0, -1.5 + 0.9 * SAMPLED_ROUNDING * 0.05]).excess < 1.0
+    assert found(simulated=[2.0, -1.5 + 1.1 * SAMPLED_ROUNDING * 0.05]).excess > 1.0
     assert (
-        found(predicted=[1.0 + 0.9 * EXACT * 1e-3, np.nan]).excess < 1.0
+        found(predicted=[1.0 + 0.9 * PREDICTED_ROUNDING * 1e-3, np.nan]).excess < 1.0
     )  # relative to the value, as the sd is small
-    assert found(predicted=[1.0 + 3.0 * EXACT * 1e-3, np.nan]).excess > 1.0
+    assert found(predicted=[1.0 + 3.0 * PREDICTED_ROUNDING * 1e-3, np.nan]).excess > 1.0
     assert found(simulated=[2.0 + 4.4e-16, -1.5]).excess < 1e-3  # without a standard error
     assert found(simulated=[2.0 + 1e-10, -1.5]).excess > 1.0
 

@@ -7,7 +7,7 @@ import pytest
 from rattle.compare.animation.page import Wheel
 from rattle.compare.animation.record import check_recording
 from rattle.compare.checks.check import spread
-from rattle.compare.checks.stability.chart import FIRST, GROWTH, sizes
+from rattle.compare.checks.stability.chart import FIRST_PATHS, PATHS_GROWTH, sizes
 from rattle.compare.report.provenance import command_line
 from rattle.compare.report.render import as_block, as_markdown
 from rattle.compare.report.style import caption_of, legend_above, new_figure, whole_impacts
@@ -101,7 +101,7 @@ def test_numbers_of_paths_and_steps():
     assert Settings().sizes(10_000, None) == (10_000, 20_000, 40_000, 80_000)
     assert Settings(budget=30_000).sizes(10_000, None) == (10_000, 20_000, 30_000)
     assert Settings().sizes(10_000, 1) == (10_000,)
-    most = (FIRST, FIRST + 1, FIRST * GROWTH**2)
+    most = (FIRST_PATHS, FIRST_PATHS + 1, FIRST_PATHS * PATHS_GROWTH**2)
     assert [len(sizes(paths)) for paths in most] == [1, 2, 3]
     assert spread(1e-2, 1e2, 3, 0.0) == pytest.approx([0.0, 0.01, 1.0, 100.0])
     rate = fit(np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.25, 0.125]))

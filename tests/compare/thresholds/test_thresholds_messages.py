@@ -10,7 +10,7 @@ from rattle import DAT21, InputError, Scene
 from rattle.compare.stationary.page import _off_by
 from rattle.compare.thresholds.claim import read_claim
 from rattle.compare.thresholds.decision import predict_long
-from rattle.compare.thresholds.messages import MOST_PATHS, describe_undecided, remedies
+from rattle.compare.thresholds.messages import PATHS_OF_AN_HOUR, describe_undecided, remedies
 
 SCENE = Scene.from_gears(DAT21, sigma=0.02)
 CLAIM = read_claim({"scene": SCENE, "impacts": 1}, Path())
@@ -22,7 +22,7 @@ def undecided(needed, **columns):
 
 @pytest.mark.parametrize(("columns", "kind"), [({"moment": ["mean"]}, "check"), ({}, "long check")])
 def test_a_budget_is_suggested_only_where_it_can_be_waited_for(columns, kind):
-    few = undecided(0.2 * MOST_PATHS[kind], **columns)
+    few = undecided(0.2 * PATHS_OF_AN_HOUR[kind], **columns)
     assert "give it more paths (budget=" in remedies(few, CLAIM)
     assert "paths would decide" in describe_undecided("saltation", few, lambda rows: "")
     for needed in (7e9, np.inf):

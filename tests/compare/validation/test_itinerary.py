@@ -11,7 +11,7 @@ from rattle.compare.validation.errors import NO_ITINERARY, ON_ITINERARY, TOO_FEW
 from rattle.compare.validation.tables import find_reach, list_leaving
 from rattle.compare.validation.verdict import JUDGED
 from rattle.montecarlo import Ensemble, Record, simulate
-from rattle.montecarlo.ensemble.leaving import KNOWN
+from rattle.montecarlo.ensemble.leaving import ENOUGH_EXITS
 from rattle.scene import DAT21, Scene, Start
 
 SCENE = Scene.from_gears(DAT21, sigma=0.1)
@@ -120,7 +120,9 @@ def test_without_noise_the_rows_are_those_of_all_paths():
 def test_how_it_is_known_how_many_leave_is_settled_before_they_are_counted(
     paths, pilots, monkeypatch
 ):
-    """Some of the runs count `KNOWN` paths that left, others fewer: all are treated alike."""
+    """Some of the runs count `ENOUGH_EXITS` paths that left, others fewer: all are treated
+    alike.
+    """
     asked = []
     found = validate(SCENE, impacts=IMPACTS, closures=["saltation"], paths=1024).run.leaving
     monkeypatch.setattr(Ensemble, "leaving", property(lambda run: asked.append(run) or found))
@@ -131,5 +133,5 @@ def test_how_it_is_known_how_many_leave_is_settled_before_they_are_counted(
         )
         v.leaving("saltation")
         counts.append(paths * (1.0 - v.run.agreement["saltation"][IMPACTS]))
-    assert min(counts) < KNOWN < max(counts)
+    assert min(counts) < ENOUGH_EXITS < max(counts)
     assert len({id(run) for run in asked}) == 12 * pilots

@@ -10,9 +10,9 @@ from rattle.closure import Edgeworth, mean_map
 from rattle.closure.edgeworth import coefficients, section_density
 from rattle.compare.validation.realizability import (
     CHECKS,
-    POINTS,
+    NEGATIVE_POINTS,
+    NEGATIVE_REACH,
     QUADRATURE,
-    SPREAD,
     first_failures,
     moment_matrix_eigenvalue,
     negative_mass,
@@ -96,9 +96,9 @@ def test_closures_with_a_covariance_are_realizable(closure, sigma, order):
     assert (rows.loc[rows["holds"].notna(), "excess"] == 0.0).all()
 
 
-def series_mass(rho, order=4, points=POINTS):
+def series_mass(rho, order=4, points=NEGATIVE_POINTS):
     series = Edgeworth(coefficients(gaussian_raw_moments(1.0, rho, 1.0, order), 1.0, 1.0), 1.0, 1.0)
-    z = np.linspace(-SPREAD, SPREAD, points)
+    z = np.linspace(-NEGATIVE_REACH, NEGATIVE_REACH, points)
     return negative_mass(series.density(*np.meshgrid(z, z)), (z[1] - z[0]) ** 2)
 
 
@@ -117,7 +117,7 @@ def test_series_of_a_gaussian_is_negative_from_a_rho_of_a_quarter_on():
 def test_section_negative_mass_grows_with_sigma():
     """The skewness of the saltation closure is proportional to sigma; the series is positive up to
     about 0.08."""
-    z = np.linspace(-SPREAD, SPREAD, POINTS)
+    z = np.linspace(-NEGATIVE_REACH, NEGATIVE_REACH, NEGATIVE_POINTS)
     for skew, within in ((0.07, True), (0.1, False)):
         assert (
             negative_mass(section_density(z, 0.0, 1.0, skew), z[1] - z[0]) <= QUADRATURE

@@ -16,10 +16,10 @@ from rattle.compare.checks.claims import evidence as of_evidence
 from rattle.compare.checks.claims import judges
 from rattle.compare.checks.claims.evidence import Effort, gather
 from rattle.compare.checks.claims.judges import (
+    CLAIM_TEXTS,
+    CLAIM_UNDECIDED,
     NOT_REPRODUCED,
     REPRODUCED,
-    TEXTS,
-    UNDECIDED,
     failures,
     judge,
 )
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*too short.*")
 def evidence():
     effort = Effort(points=20_000, impacts=20_000, events=128)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(of_evidence, "IMPACTS", 6)
+        patch.setattr(of_evidence, "CLAIM_IMPACTS", 6)
         return gather(
             Scene.from_gears(DAT21), (0.02,), (0.3, 1.0, 2.0), 4000, effort, lambda part: None
         )
@@ -44,15 +44,17 @@ def evidence():
 
 @pytest.fixture(scope="module")
 def claims(evidence):
-    return dict(zip(TEXTS, judge(evidence), strict=True))
+    return dict(zip(CLAIM_TEXTS, judge(evidence), strict=True))
 
 
 def test_every_claim_has_a_test_evidence_and_one_of_the_verdicts(claims):
     for claim in claims.values():
         assert all(claim)
-        assert claim.verdict in (REPRODUCED, NOT_REPRODUCED, UNDECIDED) or claim.verdict.startswith(
-            "holds only for "
-        )
+        assert claim.verdict in (
+            REPRODUCED,
+            NOT_REPRODUCED,
+            CLAIM_UNDECIDED,
+        ) or claim.verdict.startswith("holds only for ")
         assert any(c.isdigit() for c in claim.evidence)
     assert len(claims) == 12
 
@@ -80,7 +82,7 @@ def test_verdicts_on_dat21(claims, name, verdict):
 
 def test_another_covariance_would_not_pass_for_the_solution(evidence):
     control = replace(evidence, open_space=replace(evidence.open_space, beta1=0.3))
-    assert judges.solvable(control).verdict == UNDECIDED
+    assert judges.solvable(control).verdict == CLAIM_UNDECIDED
 
 
 def test_a_corrected_correlation_beyond_one_would_reproduce_the_claim(evidence):
@@ -149,7 +151,7 @@ def test_each_rule_at_impacts_breaks_the_stage_that_it_is_for():
             rule: {f.stage: f.impact for f in at}
             for rule, at in failures(Scene.from_gears(DAT21, sigma=sigma)).items()
         }
-        assert found[judges.PUBLISHED] == {1: 2, 2: 2}
+        assert found[judges.AS_PUBLISHED] == {1: 2, 2: 2}
         assert found[judges.MEND_15] == {1: 2, 2: 0}
         assert found[judges.MEND_17] == {1: 0, 2: 2}
         assert found[judges.MEND_BOTH] == {1: 0, 2: 0}
@@ -158,7 +160,7 @@ def test_each_rule_at_impacts_breaks_the_stage_that_it_is_for():
 def test_rules_as_published_are_those_of_the_published_closure():
     scene = Scene.from_gears(DAT21, sigma=0.1)
     m = mean_map(scene, impacts=4, closure="published")
-    first, second = failures(scene)[judges.PUBLISHED]
+    first, second = failures(scene)[judges.AS_PUBLISHED]
     assert (m.breakdown.impact, m.breakdown.reason) == (first.impact, first.reason)
     assert f"variance of x = {m.trace.covariance[2, 2, 2]:.3g} < 0" == second.reason
 
@@ -185,7 +187,7 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
 
 def test_a_mean_that_still_depends_on_the_start_is_not_periodic(monkeypatch):
     scene = paper_noise(Scene.from_gears(DAT21))
-    monkeypatch.setattr(of_evidence, "SETTLED", 0)
+    monkeypatch.setattr(of_evidence, "SETTLED_PERIODS", 0)
     assert not of_evidence.mean_motion(scene, 2000, 0, 1).periodic
 
 
@@ -247,7 +249,7 @@ def test_the_page_holds_every_claim(evidence, claims, tmp_path):
 
 def test_the_answer_counts_the_verdicts_and_names_what_failed(claims):
     chosen = list(claims.values())[:4]
-    verdicts = (REPRODUCED, "holds only for the orbit", NOT_REPRODUCED, UNDECIDED)
+    verdicts = (REPRODUCED, "holds only for the orbit", NOT_REPRODUCED, CLAIM_UNDECIDED)
     said = answer(
         [c._replace(verdict=verdict) for c, verdict in zip(chosen, verdicts, strict=True)]
     )

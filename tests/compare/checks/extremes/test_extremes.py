@@ -242,10 +242,15 @@ NEGATIVE_CONTROLS = {
 @pytest.fixture
 def shorter(monkeypatch):
     """Shorter rows, which suffice for a negative control."""
-    short = {"LONG": runs.STRETCH, "PERIODS": runs.STRETCH, "POWERS": (-26,), "STARTS": (1e12,)}
+    short = {
+        "LONG": runs.STRETCH_IMPACTS,
+        "PERIODS": runs.STRETCH_IMPACTS,
+        "POWERS": (-26,),
+        "STARTS": (1e12,),
+    }
     for name, value in short.items():
         monkeypatch.setattr(runs, name, value)
-    monkeypatch.setattr(formulas, "POINTS", 60)
+    monkeypatch.setattr(formulas, "POINTS_OF_A_ROW", 60)
     monkeypatch.setattr(runs, "EXITS", ((1.0, 1e-3),))
 
 

@@ -16,7 +16,7 @@ from rattle.compare.checks.published.noise import MEAN
 from rattle.montecarlo.noise.brownian import Noise
 from rattle.montecarlo.noise.philox import BRIDGE, STEP, Word, key_of, normals
 from rattle.montecarlo.schemes.exact_flight import advance_exactly
-from rattle.montecarlo.schemes.step_state import PARTS, Progress, Walls
+from rattle.montecarlo.schemes.step_state import MOST_PARTS, Progress, Walls
 from rattle.scene import DAT21, Scene, Start
 from rattle.scene.compiled import jit
 from rattle.scene.drive import sine_cosine
@@ -121,7 +121,7 @@ def _returns(c, key, log_speed):
     walls = Walls(0.0, FAR, FAR, FAR)
     tau = -0.5 * (math.pi + STEP_TIME)
     h = STEP_TIME
-    room = np.empty((PARTS, 3))
+    room = np.empty((MOST_PARTS, 3))
     for p in range(log_speed.size):
         x = 0.0
         y = -1.0
