@@ -100,7 +100,7 @@ def rows_of(paths, seed, monkeypatch, effective):
 
 
 @pytest.mark.parametrize(
-    ("effective", "near"), [(leaving.ENOUGH, True), (0.9 * leaving.ENOUGH, False)]
+    ("effective", "near"), [(leaving.ENOUGH_PATHS, True), (0.9 * leaving.ENOUGH_PATHS, False)]
 )
 def test_a_row_is_there_and_known_from_the_same_paths_whatever_was_counted(
     monkeypatch, effective, near
