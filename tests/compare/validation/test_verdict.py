@@ -162,7 +162,7 @@ def test_few_paths_with_normal_intervals_would(few, monkeypatch):
     monkeypatch.setattr(
         "rattle.compare.validation.errors.half_width", lambda *_: widest(2 * len(SECTION) * 2)
     )
-    monkeypatch.setattr("rattle.compare.validation.errors.FEWEST_FOR_SD_FOR_SD", 0)
+    monkeypatch.setattr("rattle.compare.validation.errors.FEWEST_FOR_SD", 0)
     assert seeds_called_inaccurate(claim, runs[4]) > 30
 
 
