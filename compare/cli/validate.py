@@ -2,12 +2,12 @@
 
 import math
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import (
     EXIT_NOT_MET,
@@ -18,9 +18,12 @@ from rattle.compare.cli.shared import (
     say_json,
     say_lines,
 )
-from rattle.compare.report.folder import check_free, default_place, name_of, report_files
-from rattle.compare.report.interrupt import stored
-from rattle.scene import Scene, choice, count, positive
+from rattle.compare.report.folder import default_place, name_of
+from rattle.scene import Scene, count, positive
+
+if TYPE_CHECKING:
+    from rattle.compare.report.manifest import Repeat
+    from rattle.compare.validation.report_run import ReportRun
 
 EXIT_FAILED = 1
 EXIT_NOT_REPEATED = 4
@@ -73,8 +76,6 @@ PAPER_SIGMAS = (0.01, 0.1, PAPER_SIGMA)
 def validate(
     scene: Path | None,
     sigmas: tuple[float, ...],
-    dt: float | None,
-    closures: tuple[str, ...],
     beside: tuple[str, ...],
     workers: int,
     validity: str,
@@ -97,20 +98,9 @@ def validate(
     same but for rounding, as on another kind of processor.
     """
     # the scientific stack is imported here, so that --help and wrong options need not wait for it
-    from rattle.closure import closures_for
-    from rattle.closure.mean_map import find_closures, predict
     from rattle.compare.report import manifest
-    from rattle.compare.report.provenance import Stopwatch, command_line, provenance
-    from rattle.compare.validation.answer import (
-        SECTION_EXPLAINED,
-        UNFINISHED,
-        answer,
-        describe_left_out,
-    )
-    from rattle.compare.validation.page import all_rows, draw_sections, write_report
-    from rattle.compare.validation.transient import describe_transient
-    from rattle.compare.validation.validate import check_sweep, compare_schemes, read_grid, sweep
-    from rattle.montecarlo import SCHEMES, check_settings, default_step
+    from rattle.compare.validation.report_run import HAVE_BIAS, ReportRun, settle
+    from rattle.compare.validation.validate import read_grid
 
     positive("budget", budget)
     recorded = None
@@ -122,116 +112,81 @@ def validate(
     else:
         base = load_scene(scene, sigmas[0] if sigmas else None, 0.0)
         name = name_of(scene) if scene else "DAT21"
-        have_bias = [name for name, each in SCHEMES.items() if each.has_step_bias]
         wanted = sigmas or ((base.sigma,) if scene else PAPER_SIGMAS)
-        scenes = tuple(base.with_sigma(s) for s in dict.fromkeys(wanted))
-        steps = (default_step(s, asked["scheme"], asked["scheme"] in have_bias) for s in scenes)
-        settings = manifest.ReportSettings(
-            name=name,
-            scenes=scenes,
-            dt=min(steps) if dt is None else dt,
-            closures=closures or closures_for(base),
+        settings = settle(
+            name,
+            [base.with_sigma(sigma) for sigma in dict.fromkeys(wanted)],
             validity=() if no_validity else read_grid(validity),
             validity_paths=0 if no_validity else count("validity-paths", validity_paths),
-            beside=beside or (() if scene else tuple(have_bias)),
+            beside=beside or (() if scene else HAVE_BIAS),
             **asked,
         )
         out = out or default_place(name)
-    own = [method for method in find_closures("closures", settings.closures) if method.own]
-    check_free(out, report_files("report"), overwrite)
-    first = settings.scenes[0]
-    biased = SCHEMES[choice("scheme", settings.scheme, SCHEMES)].has_step_bias
-    for s in settings.scenes:
-        check_settings(s, **settings.simulation, workers=workers, step_bias=biased)
-    for s in (*settings.scenes[1:], *(first.with_sigma(sigma) for sigma in settings.validity)):
-        for method in own:  # what it returns is checked before anything is simulated
-            predict(s, method, settings.impacts, settings.order)
-    check_sweep(first, settings.validity, **settings.sweep, workers=workers)
-    watch = Stopwatch()
-    predictions: dict[str, Any] = {"closures": settings.closures, "order": settings.order}
-    validations = [
-        rt.validate(
-            s,
-            **settings.simulation,
-            **predictions,
-            workers=workers,
-            progress=f"sigma {s.sigma:.4g}",
-        )
-        for s in settings.scenes
-    ]
-    origin = {"repeat": command_line(["validate", "--repeat", str(out / "manifest.json")])}
-    page = out / "report.html"
-    said = answer(validations)
-    told: list[str] = []  # what is printed before the page is whole
-    if settings.validity or settings.beside:
-        told = said
+    run = ReportRun(settings, out, overwrite, workers)
+    sentences = run.judge()
+    told = sentences if run.goes_on else []  # what is printed before the page is whole
     if not as_json:
         say_lines(told)
-    drawn = draw_sections(validations)
-    if told:
-        at_once = settings._replace(validity=(), validity_paths=0, beside=())
-        unfinished = [UNFINISHED] if settings.validity else []
-        measured = origin | provenance(watch)
-        write_report(out, at_once, validations, None, said + unfinished, drawn, measured, overwrite)
-        overwrite = True
-        stored.append(lambda: f"the page is written, without the range of validity: {page}")
-    swept = None
+    run.draw()
+    if run.goes_on:
+        run.write_first()
     if settings.validity:
-        say(
-            f"Page: {page}; now the range of validity over σ, at {len(settings.validity)}"
-            " intensities",
-            err=True,
-        )
-        swept = sweep(
-            first,
-            settings.validity,
-            **settings.sweep,
-            **predictions,
-            workers=workers,
-            budget=budget,
-        )
-        settings = settings._replace(validity=tuple(sorted(swept.validity["sigma"].unique())))
-        said = answer(validations, swept) + describe_left_out(swept, budget)
-    schemes = compare_schemes(validations, settings.beside, workers) if settings.beside else None
-    measured = origin | provenance(watch)
-    record = write_report(
-        out, settings, validations, swept, said, drawn, measured, overwrite, schemes
-    )
+        intensities = f"{len(settings.validity)} intensities"
+        say(f"Page: {run.page}; now the range of validity over σ, at {intensities}", err=True)
+        run.sweep(budget)
+    record = run.write()
     repeated = None if recorded is None else manifest.compare(recorded, record, out)
-    accurate = all(v.accurate for v in validations)
     if as_json:
-        transient = describe_transient(first)
-        summary = {
-            "long_run": transient or None,
-            "report": out,
-            "answer": record["answer"],
-            "accurate": accurate,
-            "repeated": None,
-        }
-        if repeated:
-            summary |= {
-                "repeated": repeated.outcome == manifest.BIT_FOR_BIT,
-                "repeat": repeated.to_dict(),
-            }
-        say_json(summary | {"table": all_rows(validations).to_dict("records")})
+        _say_as_json(run, record, repeated)
     else:
         comparison = repeated.sentences if repeated else []
-        # it explains a word at its first use
-        known = {sentence.replace(SECTION_EXPLAINED, "") for sentence in told}
-        new = [
-            sentence for sentence in said if sentence.replace(SECTION_EXPLAINED, "") not in known
-        ]
-        say_lines((*new, f"Report: {page}", *comparison))
-    if repeated and repeated.outcome == manifest.DIFFERENT:
+        say_lines((*_leave_out(run.sentences, told), f"Report: {run.page}", *comparison))
+    _exit(run, repeated, bool(require))
+
+
+def _leave_out(sentences: Sequence[str], told: Sequence[str]) -> list[str]:
+    """The sentences that were not told yet; one may have explained a word at its first use."""
+    from rattle.compare.validation.answer import SECTION_EXPLAINED
+
+    known = {sentence.replace(SECTION_EXPLAINED, "") for sentence in told}
+    return [
+        sentence for sentence in sentences if sentence.replace(SECTION_EXPLAINED, "") not in known
+    ]
+
+
+def _say_as_json(run: "ReportRun", record: Mapping[str, Any], repeated: "Repeat | None") -> None:
+    """Print the answer and all rows of the table."""
+    from rattle.compare.report.manifest import BIT_FOR_BIT
+    from rattle.compare.validation.page import all_rows
+    from rattle.compare.validation.transient import describe_transient
+
+    summary = {
+        "long_run": describe_transient(run.settings.scenes[0]) or None,
+        "report": run.out,
+        "answer": record["answer"],
+        "accurate": all(v.accurate for v in run.validations),
+        "repeated": None,
+    }
+    if repeated:
+        summary["repeated"] = repeated.outcome == BIT_FOR_BIT
+        summary["repeat"] = repeated.to_dict()
+    say_json(summary | {"table": all_rows(run.validations).to_dict("records")})
+
+
+def _exit(run: "ReportRun", repeated: "Repeat | None", must_be_accurate: bool) -> None:
+    """End with the exit code of what was found, where it is not 0."""
+    from rattle.compare.report.manifest import DIFFERENT, ROUNDED
+
+    if repeated and repeated.outcome == DIFFERENT:
         sys.exit(EXIT_NOT_REPEATED)
-    failed = {f"closure {name} {why}" for v in validations for name, why in v.failed.items()}
+    failed = {f"closure {name} {why}" for v in run.validations for name, why in v.failed.items()}
     for why in sorted(failed):
         say(f"rattle: {why}", err=True)
     if failed:
         sys.exit(EXIT_FAILED)
-    if require and not accurate:
+    if must_be_accurate and not all(v.accurate for v in run.validations):
         sys.exit(EXIT_NOT_MET)
-    if repeated and repeated.outcome == manifest.ROUNDED:
+    if repeated and repeated.outcome == ROUNDED:
         sys.exit(EXIT_ROUNDED)
 
 
