@@ -31,7 +31,8 @@ BENT_COLOUR = "#999999"
 def boundary_figure(over: str, unit: str, edges: Sequence[Edge], points: pd.DataFrame) -> Figure:
     """Draw the error of the worst row over its tolerance at every value, and the edges."""
     table = points[points["error"].notna()]
-    least = 0.5 * min(float(table["error"].min()), 0.1)
+    # the axis ends below the least error; there is none where a budget ended before any value
+    least = 0.5 * min([0.1, *table["error"]])
     figure, ax = _draw_values(table.assign(low=table["low"].clip(lower=least)), "error")
     for edge in edges:
         ax.axvspan(

@@ -12,6 +12,7 @@ import pytest
 
 from rattle import DAT21, Scene, Tolerances, boundary, mean_map
 from rattle.compare.parameters.boundary import _side
+from rattle.compare.parameters.figures import boundary_figure
 from rattle.compare.parameters.page import make_report
 from rattle.compare.parameters.search import (
     MOST_VALUES,
@@ -278,3 +279,9 @@ def test_a_closure_that_takes_for_ever_ends_with_the_budget():
     found = boundary(DRIVEN, closure=sleeps, impacts=2, points=2, budget=1.0)
     assert set(found.points["verdict"]) == {Verdict.UNDECIDED}
     assert set(found.points["remark"]) == {"the budget ended"}
+
+
+def test_a_boundary_of_which_no_value_was_judged_is_drawn(found):
+    points = found.points.assign(error=np.nan, low=np.nan, high=np.nan)
+    figure = boundary_figure("sigma", "", (), points)
+    assert np.isfinite(figure.axes[0].get_ylim()).all()
