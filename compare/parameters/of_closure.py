@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,11 @@ from rattle.closure.closure import Closure
 from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding
 from rattle.compare.parameters.sensitivity import factors_of, find_slopes
-from rattle.compare.study.parameters import CHANGE, PERCENT, choose_parameters
+from rattle.compare.study.parameters import CHANGE, PERCENT, Parameter, choose_parameters
 from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
-from rattle.montecarlo.kernel.blocks import clock
+from rattle.montecarlo.kernel.blocks import Budget, clock
 from rattle.montecarlo.looks import begin_budget, tail_of
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width
@@ -201,70 +202,21 @@ def closure_sensitivity(
     method.check(scene)
     allowed = Tolerances(*tolerances) if tolerances else Tolerances()
     chosen = choose_parameters(scene, parameters)
-    scenes: dict[str, list[Scene]] = {}
-    for name, parameter in chosen.items():
-        try:
-            scenes[name] = [
-                parameter.scene_at(f * parameter.value) for f in factors_of(SIMULATED_CHANGES)
-            ]
-        except InputError:  # a restitution of 1, say; left out unless it is asked for
-            if parameters is not None:
-                raise
-    every = [scene, *(one for changed in scenes.values() for one in changed)]
+    scenes = _change_scenes(chosen, leave_out=parameters is None)
+    every = [scene, *(changed for four in scenes.values() for changed in four)]
     # the same, so that random numbers are shared
     dt = min(default_step(one, PAIRED_SCHEME, False) for one in every)
-    sampling = Sampling(control=small_noise(scene))
-
-    def run(job: tuple[Scene, int]) -> Floats:
-        seed = np.random.SeedSequence([whole, job[1]])
-        found = simulate(
-            job[0].phase_reduced,
-            paths=each,
-            impacts=impacts,
-            dt=dt,
-            scheme=PAIRED_SCHEME,
-            rng=seed,
-            sampling=sampling,
-        )
-        return _moments(found.section, job[0], impacts)
-
-    if progress:
-        run((scene, 0))  # compiles
-        began = clock()
-        run((scene, 0))
-        seconds = CLOSURE_GROUPS * len(every) * (clock() - began)
-        said = f"{progress}: {CLOSURE_GROUPS * len(every)} runs of {each:,} paths"
-        ESTIMATES.info("%s", f"{said}, about {duration_text(seconds, 2)} of processor time")
-    bar = ProgressBar(label=progress, total=CLOSURE_GROUPS * len(every), unit="run")
-    done: list[list[Floats]] = []
-    with ThreadPoolExecutor(workers) as pool, bar:
-        while len(done) < FEWEST_GROUPS or (len(done) < CLOSURE_GROUPS and left.remaining > 0.0):
-            done.append([])
-            for found in pool.map(run, [(one, len(done)) for one in every]):
-                done[-1].append(found)
-                bar.update()
-    values = np.array(done).swapaxes(0, 1)  # (scenes, groups, moments, quantities, impacts)
-    mesh = (
-        simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=PAIRED_SCHEME, rng=whole)
-        .section["mesh"]
-        .to_numpy()
-    )
+    paired = _PairedRuns(every, impacts, each, dt, whole, small_noise(scene))
+    values = paired.run(left, workers, progress)
+    groups = values.shape[1]
+    run = simulate(scene, paths=each, impacts=impacts, dt=dt, scheme=PAIRED_SCHEME, rng=whole)
+    mesh = run.section["mesh"].to_numpy()
     unit = values[0, :, 1].mean(axis=0)
-    rows = []
     unit[at_wall(np.array(SECTION)[:, None], mesh)] = math.nan
+    rows = []
     for k, name in enumerate(scenes):
-        near = [
-            chosen[name].scene_at(f * chosen[name].value)
-            for f in (1.0 - PREDICTED_CHANGE, 1.0 + PREDICTED_CHANGE)
-        ]
-        ends = [
-            _moments(
-                predict(one, method, impacts, CHANGED_ORDER).phase_reduced.section, one, impacts
-            )
-            for one in near
-        ]
-        slope = (ends[1] - ends[0]) / math.log((1.0 + PREDICTED_CHANGE) / (1.0 - PREDICTED_CHANGE))
-        own = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, ...)
+        slope = _predict_slope(chosen[name], method, impacts)
+        changed = values[1 + 4 * k : 5 + 4 * k].swapaxes(0, 1)  # (groups, down and up by step, …)
         for (m, q, i), predicted in np.ndenumerate(slope):
             place = {
                 "parameter": name,
@@ -273,11 +225,90 @@ def closure_sensitivity(
                 "moment": CHANGED_MOMENTS[m],
             }
             checks = slope.size * len(scenes)
-            rows.append(
-                place | _change(predicted, own[:, :, m, q, i], unit[q, i], checks, allowed[m])
-            )
-    table = judge(pd.DataFrame(rows).assign(paths=float(len(done) * each)))
-    return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], len(done) * each)
+            change = _change(predicted, changed[:, :, m, q, i], unit[q, i], checks, allowed[m])
+            rows.append(place | change)
+    table = judge(pd.DataFrame(rows).assign(paths=float(groups * each)))
+    return ClosureSensitivity(scene, method.name, table[CHANGE_COLUMNS], groups * each)
+
+
+def _change_scenes(chosen: dict[str, Parameter], leave_out: bool) -> dict[str, list[Scene]]:
+    """The scenes with each parameter changed down and up by both steps.
+
+    `leave_out`: Whether a parameter that cannot be changed so, a restitution of 1, is left out.
+    """
+    scenes: dict[str, list[Scene]] = {}
+    for name, parameter in chosen.items():
+        try:
+            scenes[name] = [
+                parameter.scene_at(factor * parameter.value)
+                for factor in factors_of(SIMULATED_CHANGES)
+            ]
+        except InputError:
+            if not leave_out:
+                raise
+    return scenes
+
+
+@dataclass(frozen=True)
+class _PairedRuns:
+    """Simulations of several scenes with the same random numbers, in independent groups."""
+
+    scenes: list[Scene]
+    impacts: int
+    paths: int  # of each scene in each group
+    dt: float
+    seed: int
+    control: bool  # whether a control variate pays
+
+    def moments(self, scene: Scene, group: int) -> Floats:
+        """Means and sds of a scene from the paths of a group."""
+        run = simulate(
+            scene.phase_reduced,
+            paths=self.paths,
+            impacts=self.impacts,
+            dt=self.dt,
+            scheme=PAIRED_SCHEME,
+            rng=np.random.SeedSequence([self.seed, group]),
+            sampling=Sampling(control=self.control),
+        )
+        return _moments(run.section, scene, self.impacts)
+
+    def run(self, left: Budget, workers: int, progress: str | None) -> Floats:
+        """Means and sds of all scenes, from groups that are begun within a budget; shape (scenes,
+        groups, moments, quantities, impacts)."""
+        most_runs = CLOSURE_GROUPS * len(self.scenes)
+        if progress:
+            self._state_effort(progress, most_runs)
+        groups: list[list[Floats]] = []
+        bar = ProgressBar(label=progress, total=most_runs, unit="run")
+        with ThreadPoolExecutor(workers) as pool, bar:
+            while len(groups) < FEWEST_GROUPS or (
+                len(groups) < CLOSURE_GROUPS and left.remaining > 0.0
+            ):
+                groups.append([])
+                for moments in pool.map(self.moments, self.scenes, repeat(len(groups))):
+                    groups[-1].append(moments)
+                    bar.update()
+        return np.array(groups).swapaxes(0, 1)
+
+    def _state_effort(self, progress: str, most_runs: int) -> None:
+        """State how long all runs may take, from one of them."""
+        self.moments(self.scenes[0], 0)  # compiles
+        began = clock()
+        self.moments(self.scenes[0], 0)
+        seconds = most_runs * (clock() - began)
+        work = f"{progress}: {most_runs} runs of {self.paths:,} paths"
+        ESTIMATES.info("%s", f"{work}, about {duration_text(seconds, 2)} of processor time")
+
+
+def _predict_slope(parameter: Parameter, method: Closure, impacts: int) -> Floats:
+    """Derivative of a closure's section moments by the logarithm of a parameter."""
+    ends = []
+    for factor in (1.0 - PREDICTED_CHANGE, 1.0 + PREDICTED_CHANGE):
+        scene = parameter.scene_at(factor * parameter.value)
+        predicted = predict(scene, method, impacts, CHANGED_ORDER).phase_reduced
+        ends.append(_moments(predicted.section, scene, impacts))
+    return (ends[1] - ends[0]) / math.log((1.0 + PREDICTED_CHANGE) / (1.0 - PREDICTED_CHANGE))
 
 
 def _moments(section: pd.DataFrame, scene: Scene, impacts: int) -> Floats:
