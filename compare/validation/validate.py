@@ -3,14 +3,14 @@ every moment."""
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from rattle.closure import Closure, closures_for, follow
+from rattle.closure import Closure, MeanMap, Orbit, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
 from rattle.compare.validation import errors
 from rattle.compare.validation.comparison import (
@@ -22,7 +22,7 @@ from rattle.compare.validation.comparison import (
 )
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, Verdict
-from rattle.montecarlo import SCHEMES, Record, check_settings, default_step, simulate
+from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
 from rattle.montecarlo.looks import AGAIN, FAMILY_ERROR, widest
 from rattle.montecarlo.seed import Rng, read_seed
@@ -30,6 +30,7 @@ from rattle.montecarlo.settings import Sampling
 from rattle.scene import (
     SECTION,
     InputError,
+    Ints,
     Scene,
     check_scene,
     choice,
@@ -156,27 +157,7 @@ def validate(
     check_settings(scene, paths=paths, step_bias=biased, **common)
     predictions = {method.name: predict(given, method, impacts, order) for method in methods}
     maps = [m.phase_reduced for m in predictions.values()]
-    orbit = follow(scene, impacts)
-    tau = orbit.tau[: orbit.found + 1]
-    # fixed times are rounded to it; a flight shorter than it may contain none
-    grid = (4.0 if biased else 1.0) * dt
-    middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
-    last = _last_impact(scene, **common)
-    times = middle[(middle - scene.phase > grid) & (middle <= last)] if fixed_times else ()
-    shown: dict[str, Any] = {
-        "step_bias": biased,
-        "histogram": True,
-        "energy": scene.gears is not None,
-        "times": times,
-    }
-    followed = {name: m.itinerary for name, m in predictions.items()}
-    record = Record(**shown, on_itinerary=True, itineraries=followed)
-    sampling = Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last)
-    run = simulate(
-        scene, paths=paths, sampling=sampling, progress=progress, **common, record=record
-    )
-    # the impact that ends the flight of each fixed time
-    flights = np.searchsorted(tau, run.at_times().index.to_numpy(float))
+    run = _simulate(scene, predictions, paths, biased, fixed_times, progress, common)
     moments = 2 * (len(SECTION) - (0 if scene.stages == 2 else 2)) * impacts * len(predictions)
     checks = moments + scene.stages * impacts * len(predictions)
     z = widest(checks)
@@ -184,13 +165,14 @@ def validate(
     again = widest(checks, AGAIN * FAMILY_ERROR)
     section, second_look = errors.judge_again(section, maps, run, again, limits, workers)
     parts = [section]
+    flights = _flights_of_times(follow(scene, impacts), run)
     if scene.sigma > 0.0 and len(run.at_times()):
         parts += [errors.mid_flight_errors(m, run, flights, z, limits) for m in maps]
     parts += [errors.itinerary_errors(m, run, widest(moments), limits) for m in maps]
     table = pd.concat(parts, ignore_index=True).reindex(columns=list(TABLE_COLUMNS))
     raised = {name: m.stopped for name, m in predictions.items() if m.trace.raised}
-    said = zip(table["closure"], table["remark"].fillna(""), strict=True)
-    table["remark"] = [raised.get(name, remark) for name, remark in said]
+    remarks = zip(table["closure"], table["remark"].fillna(""), strict=True)
+    table["remark"] = [raised.get(name, remark) for name, remark in remarks]
     valid = errors.judge_correlation(maps, run, flights)
     run = replace(run, plan=run.plan._replace(scene=given))
     return Validation(
@@ -203,6 +185,46 @@ def validate(
         limits,
         second_look,
     )
+
+
+def _simulate(
+    scene: Scene,
+    predictions: Mapping[str, MeanMap],
+    paths: int,
+    biased: bool,
+    fixed_times: bool,
+    progress: str | None,
+    settings: dict[str, Any],
+) -> Ensemble:
+    """The simulation that closures are compared with: of all paths, of those on each closure's
+    itinerary, and at fixed times in the middle of the flights of the noise-free orbit."""
+    orbit = follow(scene, settings["impacts"])
+    tau = orbit.tau[: orbit.found + 1]
+    last = _last_impact(scene, **settings)
+    times: Any = ()
+    if fixed_times:
+        # fixed times are rounded to it; a flight shorter than it may contain none
+        grid = (4.0 if biased else 1.0) * settings["dt"]
+        middle = (0.5 * (tau[1:] + tau[:-1]))[np.diff(tau) > grid]
+        times = middle[(middle - scene.phase > grid) & (middle <= last)]
+    record = Record(
+        step_bias=biased,
+        histogram=True,
+        energy=scene.gears is not None,
+        times=times,
+        on_itinerary=True,
+        itineraries={name: m.itinerary for name, m in predictions.items()},
+    )
+    sampling = Sampling(control=not biased and not scene.correlation_time and tau[-1] <= last)
+    return simulate(
+        scene, paths=paths, sampling=sampling, progress=progress, record=record, **settings
+    )
+
+
+def _flights_of_times(orbit: Orbit, run: Ensemble) -> Ints:
+    """The impact of the noise-free orbit that ends the flight of each fixed time."""
+    tau = orbit.tau[: orbit.found + 1]
+    return np.searchsorted(tau, run.at_times().index.to_numpy(float))
 
 
 def _last_impact(scene: Scene, **settings: Any) -> float:
