@@ -184,19 +184,8 @@ def simulate_to(
     ('exact-flight', True)
     """
     record = Record() if record is None else record
-    why = (
-        "cannot be recorded by simulate_to, which chooses its own runs; leave it out, or give paths"
-        " to simulate"
-    )
-    for name in ("times", "step_bias", "itineraries", "histogram", "raw"):
-        value = getattr(record, name)
-        if len(value) if name in ("times", "itineraries") else value:
-            raise InputError(f"record.{name}", value, why)
     sampling = Sampling() if sampling is None else sampling
-    if not isinstance(sampling, Sampling) or sampling != Sampling(blocks=sampling.blocks):
-        raise InputError(
-            "sampling", sampling, "give a Sampling with blocks alone: simulate_to chooses the rest"
-        )
+    _check_choices(record, sampling)
     rng = read_seed(rng)
     check_settings(
         scene, 1, impacts, None, "exact-flight" if scheme is None else scheme, rng, workers
@@ -219,21 +208,10 @@ def simulate_to(
 
     names = [scheme] if scheme else sorted(SCHEMES, key=lambda name: SCHEMES[name].has_step_bias)
     pilot_run, candidates = choose_scheme(scene, names, accuracy, again, blocks, left, progress)
-    dearest = name_dearest_row(pilot_run.run, accuracy, share_of_look(1)) if pilot_run.whole else ""
-    said = (
-        pilot_run.at(accuracy).sentence
-        + _most_for(pilot_run, accuracy)
-        + (f"; {dearest}" if dearest else "")
-    )
     short = budget is None and _expect_seconds(pilot_run, accuracy) > HOUR
     if short and refuse:
         _refuse(pilot_run, accuracy)
-    if short:
-        said += (
-            f". That is more than an hour: the answer is what about {INSTEAD:g} s give, or give a"
-            " budget in seconds"
-        )
-    ESTIMATES.info("Accuracy %g sd: %s.", accuracy, said)
+    ESTIMATES.info("Accuracy %g sd: %s.", accuracy, _describe_effort(pilot_run, accuracy, short))
     if budget is None:
         left.ends = math.inf  # from here on no clock decides
     run, more, look = (_cut_short if short else _follow_up)(
@@ -258,6 +236,38 @@ def simulate_to(
         reach = reach._replace(missed=find_missed_rows(run, accuracy, share_of_look(look)))
         warnings.warn(reach.sentence, AccuracyWarning, stacklevel=3)
     return replace(run, reach=reach)
+
+
+def _check_choices(record: Record, sampling: Sampling) -> None:
+    """Refuse what `simulate_to` chooses itself."""
+    why = (
+        "cannot be recorded by simulate_to, which chooses its own runs; leave it out, or give paths"
+        " to simulate"
+    )
+    for name in ("times", "step_bias", "itineraries", "histogram", "raw"):
+        value = getattr(record, name)
+        if len(value) if name in ("times", "itineraries") else value:
+            raise InputError(f"record.{name}", value, why)
+    if not isinstance(sampling, Sampling) or sampling != Sampling(blocks=sampling.blocks):
+        raise InputError(
+            "sampling", sampling, "give a Sampling with blocks alone: simulate_to chooses the rest"
+        )
+
+
+def _describe_effort(pilot_run: PilotRun, accuracy: float, short: bool) -> str:
+    """What an accuracy is expected to take, and for which branch and row.
+
+    `short`: Whether that is more than an hour, so that the answer takes less.
+    """
+    effort = pilot_run.at(accuracy).sentence + _most_for(pilot_run, accuracy)
+    if pilot_run.whole and (dearest := name_dearest_row(pilot_run.run, accuracy, share_of_look(1))):
+        effort += f"; {dearest}"
+    if short:
+        effort += (
+            f". That is more than an hour: the answer is what about {INSTEAD:g} s give, or give a"
+            " budget in seconds"
+        )
+    return effort
 
 
 def _extend(run: Ensemble, paths: int, blocks: Blocks, progress: str | None) -> Ensemble:
