@@ -104,8 +104,8 @@ def animate(scene: Scene, *, impacts: int = 24, rng: Rng = 0, name: str = "scene
     Examples
     --------
     >>> from rattle import DAT21, Scene
-    >>> str(animate(Scene.from_gears(DAT21, sigma=0.1), impacts=4))[:59]
-    'Animation: 4 impacts without noise, 4 with noise in the same'
+    >>> str(animate(Scene.from_gears(DAT21, sigma=0.1), impacts=4)).split(";")[0]
+    'Animation: 4 impacts without noise, 4 with noise in the same time'
     """
     check_scene(scene)
     return Animation(record(scene, impacts=impacts, seed=read_whole_seed(rng)), name)

@@ -18,11 +18,14 @@ from importlib import metadata
 import lazy_loader
 
 _import, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
+ELSEWHERE = "what is not here is in rattle.scene, rattle.closure, rattle.montecarlo, rattle.compare"
 
 
 def __getattr__(name: str) -> object:
     if name == "__version__":
         return metadata.version("rattle")
+    if name not in __all__:
+        raise AttributeError(f"module 'rattle' has no attribute {name!r}; {ELSEWHERE}")
     return _import(name)
 
 

@@ -168,7 +168,7 @@ def test_what_cannot_be_a_closure_is_refused(arguments, message):
             "cannot be imported .ModuleNotFoundError.*; run where its module is, or set PYTHONPATH",
         ),
         ("rattle.closure.mean_map:mean_mop", "has no 'mean_mop'; did you mean 'mean_map'?"),
-        ("rattle.closure.mean_map:ORDERS", "is a tuple; name a function"),
+        ("rattle.closure.mean_map:ORDER_RANGE", "is a tuple; name a function"),
         ("saltaton", "did you mean 'saltation'"),
         (3.0, "give the name of a closure, package.module:function, or a function"),
     ],

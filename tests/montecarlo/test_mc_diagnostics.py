@@ -9,6 +9,7 @@ from mc_checks import dat21, stepped
 
 import rattle
 from rattle import Sampling
+from rattle.closure import CLOSURES
 from rattle.montecarlo import Record, simulate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.diagnostics import accuracy, diagnostics
@@ -160,7 +161,7 @@ def forbid(monkeypatch):
     ):
         monkeypatch.setattr(owner, name, fail)
     monkeypatch.setattr(branches.BranchSearch, "until", fail)
-    monkeypatch.setattr(type(rattle.CLOSURES["saltation"]), "trace", fail)
+    monkeypatch.setattr(type(CLOSURES["saltation"]), "trace", fail)
 
 
 @pytest.mark.parametrize("kind", MADE)
