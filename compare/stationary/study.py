@@ -45,7 +45,7 @@ KEYS = ("closures", *LONG_RUN_SETTINGS, "seed")
 TITLE = "study of the long run"
 PAGE = "rattle.compare.stationary.study"
 TEMPLATE = "stationary/study.j2"
-LONG_STUDY_WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
+WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
 TYPICAL_SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 

@@ -24,7 +24,7 @@ from rattle.compare.validation.verdict import (
 
 TEMPLATE = "study/impacts.j2"
 SYMBOLS = ("exact flight", "σ", "α", "ε", "ρ1, ρ2", "orbit", "agreement")
-STUDY_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *SYMBOLS)
+WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *VERDICT_TERMS, *SYMBOLS)
 # up to so many different ranges of validity of a closure are listed one by one in the answer
 MOST_RANGES_LISTED = 4
 

@@ -113,7 +113,7 @@ print(len(compile_ahead._started), count_compiled(), len(list(folder().glob("*.n
 """
 
 
-MISSING = ("closure.orbit._fly", "montecarlo.statistics.central_sums._block_sums")
+MISSING = ("scene.orbit.fly", "montecarlo.statistics.central_sums._block_sums")
 """What a session needs at once, and what it will need."""
 
 

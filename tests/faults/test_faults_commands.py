@@ -219,7 +219,7 @@ def test_an_interrupted_search_says_what_is_stored(tmp_path):
         "0.01",
         "0.02",
     ]
-    code = {"module": "rattle.compare.parameters.page", "function": "write_report"}
+    code = {"module": "rattle.compare.parameters.page", "function": "make_report"}
     done = python("-c", ENDING.format(words=[*words, "--out", "b"], **code), code=130, cwd=tmp_path)
     stored = len(list((tmp_path / "b-cells").glob("*.parquet")))
     said = f"rattle: interrupted; {stored} results stored in b-cells; {STORED}"

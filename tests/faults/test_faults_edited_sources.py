@@ -61,8 +61,9 @@ def run(tmp_path):
     """A function that runs code with a small installation of its own; returns what it prints, and
     on standard error."""
     place = tmp_path / "installed" / "rattle"
-    shutil.copytree(ROOT / "scene", place / "scene", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "src" / "rattle" / "__init__.py", place)
+    sources_alone = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "src" / "rattle", place, ignore=sources_alone)
+    shutil.copytree(ROOT / "scene", place / "scene", ignore=sources_alone)
     (place / "scene" / "inner.py").write_text(INNER)
     (place / "scene" / "outer.py").write_text(OUTER)
     environment = {"PYTHONPATH": str(place.parent), "NUMBA_CACHE_DIR": str(tmp_path / "kept")}

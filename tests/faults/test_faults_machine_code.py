@@ -149,10 +149,9 @@ def names(*nodes):
 def installed(tmp_path):
     """An installation that nobody can write, and an environment without a home."""
     place = tmp_path / "installed"
-    shutil.copytree(
-        ROOT / "scene", place / "rattle" / "scene", ignore=shutil.ignore_patterns("__pycache__")
-    )
-    shutil.copy(ROOT / "src" / "rattle" / "__init__.py", place / "rattle")
+    sources_alone = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "src" / "rattle", place / "rattle", ignore=sources_alone)
+    shutil.copytree(ROOT / "scene", place / "rattle" / "scene", ignore=sources_alone)
     (place / "rattle" / "scene" / "__pycache__").touch()
     (tmp_path / "tmp").mkdir()
     return {
