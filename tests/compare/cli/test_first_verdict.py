@@ -12,7 +12,7 @@ from commands import rattle as command
 
 from rattle import validate
 from rattle.compare.report.interrupt import EXIT_INTERRUPTED
-from rattle.compare.validation import validate as module
+from rattle.compare.validation import report_run as module
 from rattle.compare.validation.answer import UNFINISHED
 from rattle.compare.validation.validate import STRIDES, count_work, sweep
 from rattle.scene import DAT21, Scene

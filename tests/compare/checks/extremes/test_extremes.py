@@ -243,10 +243,10 @@ NEGATIVE_CONTROLS = {
 def shorter(monkeypatch):
     """Shorter rows, which suffice for a negative control."""
     short = {
-        "LONG": runs.STRETCH_IMPACTS,
-        "PERIODS": runs.STRETCH_IMPACTS,
-        "POWERS": (-26,),
-        "STARTS": (1e12,),
+        "LONG_RUN_IMPACTS": runs.STRETCH_IMPACTS,
+        "LONG_RUN_PERIODS": runs.STRETCH_IMPACTS,
+        "LENGTH_POWERS": (-26,),
+        "START_TIMES": (1e12,),
     }
     for name, value in short.items():
         monkeypatch.setattr(runs, name, value)
