@@ -74,7 +74,7 @@ def find_truth(scene):
     """Probabilities and their variances, from a run that is drawn otherwise; (impacts, codes)
     each."""
     dt = default_step(scene, EXACT_SCHEME)
-    with mock.patch.object(aim, "SEED", OTHER_SEED):
+    with mock.patch.object(aim, "AIM_KEY", OTHER_SEED):
         exits = aim.aim.__wrapped__(scene.phase_reduced, IMPACTS, dt)
     points, shares = aim.share_out(exits)
     scale = TRUTH_NEAR / aim.NEAR_EXITS

@@ -112,7 +112,7 @@ def predicted(scene, closure, impacts, order=4):
 def in_few_components(scene):
     """The branching closure, its mixture kept small."""
     with mock.patch.multiple(
-        "rattle.closure.branching", LEVELS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))
+        "rattle.closure.branching", RESOLUTIONS=(Level(4, 8, 1e-4, 1e-6), Level(4, 12, 1e-4, 1e-6))
     ):
         yield from predicted(scene, "branching", 3)
 
