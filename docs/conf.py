@@ -52,7 +52,7 @@ nitpick_ignore = [  # modules and functions that are no part of the reference
         "compare.validation.errors.judge_correlation",
         "montecarlo.diagnostics.diagnostics",
         "montecarlo.schemes.sticking",
-        "montecarlo.statistics.section_statistics.FEWEST",
+        "montecarlo.statistics.section_statistics.FEWEST_FOR_ERROR",
         "scene.gears_table",
         "scene.impact.energy_loss",
         "scene.plausible",
