@@ -7,9 +7,9 @@ from math import erf, erfc, exp, factorial, pi, sqrt
 import numpy as np
 from numpy.polynomial import hermite_e
 
+from rattle.closure.exponentials import exponentials
 from rattle.scene import Floats
 from rattle.scene.compiled import jit, shared
-from rattle.scene.elementary import exponentials
 from rattle.scene.flight import NODES, WEIGHTS
 from rattle.scene.moments import SMALLEST_DIVISOR
 from rattle.scene.numpy_errors import numpy_defaults

@@ -18,9 +18,10 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from rattle.closure.exponentials import exponentials
 from rattle.scene import Constants, Floats, Ints, Scene, Tolerance, memory
 from rattle.scene.compiled import internal, jit, shared
-from rattle.scene.elementary import each, exponentials, gauss_legendre
+from rattle.scene.elementary import each, gauss_legendre
 from rattle.scene.flight import field, field_rate, jacobian, system_matrix
 from rattle.scene.linear_algebra import add_outer, apply, put_scaled, times, transform
 from rattle.scene.orbit import Impacts

@@ -28,7 +28,7 @@ from kept_tables import Table, columns, place_of, read, short
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 
 __all__ = ["TABLES", "setup"]
 

@@ -10,18 +10,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from scipy.special import ndtri
-
 from rattle.montecarlo.kernel.blocks import Budget
-from rattle.montecarlo.statistics.intervals import CONFIDENCE
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, TOO_FEW
 from rattle.scene import positive
-
-FAMILY_ERROR = 0.05
-"""Probability that anything of all that is said together is wrong, unless another one is given."""
-
-AGAIN = 0.25
-"""Share of the probability of a wrong statement that a second look may add, which decides rows that
-wait for a rare branch by other paths, a part of them near it."""
 
 USUAL_LOOKS = 2
 """Looks after which a run to an accuracy ends as a rule."""
@@ -29,19 +20,7 @@ USUAL_LOOKS = 2
 LEAST_GROWTH = 1.1  # factor for a sample that was expected to suffice, and did not
 
 BUDGET_ENDED = "the budget ended"
-TOO_FEW = "too few paths to decide"
-"""Why something stays undecided."""
-
-
-def tail_of(checks: int, family_error: float = FAMILY_ERROR) -> float:
-    """Probability on either side of each of some simultaneous intervals (Bonferroni)."""
-    return 0.5 * family_error / max(checks, 1)
-
-
-def widest(checks: int, family_error: float = FAMILY_ERROR) -> float:
-    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals
-    (Bonferroni)."""
-    return float(-ndtri(tail_of(checks, family_error)))
+"""Why something stays undecided, besides too few paths (`TOO_FEW`)."""
 
 
 def share_of_look(look: int) -> float:

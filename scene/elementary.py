@@ -14,7 +14,6 @@ from operator import mul
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rattle.scene.compiled import jit
 from rattle.scene.types import Floats
 
 
@@ -22,21 +21,6 @@ def each(function: Callable[[float], float], values: ArrayLike) -> Floats:
     """A function of the standard library, of each number of an array."""
     given = np.asarray(values, dtype=float)
     return np.array([function(x) for x in given.ravel().tolist()]).reshape(given.shape)
-
-
-def exponentials(values: ArrayLike) -> Floats:
-    """``e^x`` of each number of an array, as `each` gives it and a hundred times faster."""
-    given = np.asarray(values, dtype=float)
-    out = np.empty(given.shape)
-    _exponentials(given.ravel(), out.ravel())
-    return out
-
-
-@jit
-def _exponentials(values: Floats, out: Floats) -> None:
-    """Write ``e^x`` of each value into `out`; both of shape (n,)."""
-    for i, x in enumerate(values):
-        out[i] = math.exp(x)
 
 
 def powers(x: Floats, most: int) -> list[Floats]:

@@ -23,9 +23,9 @@ from rattle.compare.validation.verdict import Verdict
 from rattle.montecarlo.kernel.blocks import Budget
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names, most_unseen
-from rattle.montecarlo.looks import Looks, tail_of
+from rattle.montecarlo.looks import Looks
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.montecarlo.statistics.intervals import half_width
+from rattle.montecarlo.statistics.intervals import half_width, tail_of
 from rattle.scene import InputError, Scene, choice, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import ProgressBar, do

@@ -16,13 +16,14 @@ from rattle.closure.mean_map import find_closure, predict
 from rattle.compare.parameters.finding import PARAMETER_TEXTS, Finding
 from rattle.compare.parameters.sensitivity import factors_of, find_slopes
 from rattle.compare.study.parameters import CHANGE, PERCENT, Parameter, choose_parameters
-from rattle.compare.validation.verdict import JUDGED, Tolerances, at_wall, judge
+from rattle.compare.validation.verdict import JUDGED, Tolerances, judge
 from rattle.montecarlo import Sampling, default_step, simulate
 from rattle.montecarlo.diagnostics.accuracy import small_noise
+from rattle.montecarlo.diagnostics.reference import at_wall
 from rattle.montecarlo.kernel.blocks import Budget, clock
-from rattle.montecarlo.looks import begin_budget, tail_of
+from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
-from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of
 from rattle.scene import (
     SECTION,
     Floats,

@@ -14,15 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from rattle.compare.validation.errors import (
-    Claimed,
-    Simulated,
-    judge_errors,
-    list_errors,
-    waits_for_branch,
-)
+from rattle.compare.judge.rows import Claimed, judge_errors, waits_for_branch
+from rattle.compare.validation.errors import list_errors
 from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, is_accurate
-from rattle.montecarlo.looks import Looks, widest
+from rattle.montecarlo.diagnostics.reference import Simulated
+from rattle.montecarlo.looks import Looks
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import SECTION, Scene, duration_text
 from rattle.scene.progress import ESTIMATES
 

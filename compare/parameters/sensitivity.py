@@ -24,10 +24,10 @@ from rattle.compare.study.parameters import (
 )
 from rattle.montecarlo.long_run import expect_run
 from rattle.montecarlo.long_run.estimates import all_names
-from rattle.montecarlo.looks import begin_budget, tail_of
+from rattle.montecarlo.looks import begin_budget
 from rattle.montecarlo.seed import Rng, read_whole_seed
 from rattle.montecarlo.settings import is_random
-from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of
 from rattle.scene import (
     Floats,
     InputError,

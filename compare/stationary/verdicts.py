@@ -16,8 +16,7 @@ from rattle.closure.stationary import Law, NotPredicted, branching_law, linear_l
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.verdict import judge
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
-from rattle.montecarlo.looks import widest
-from rattle.montecarlo.statistics.intervals import half_width
+from rattle.montecarlo.statistics.intervals import half_width, widest
 from rattle.scene import Floats, Scene
 from rattle.scene.long_orbit import Attractor, attractor
 

@@ -12,6 +12,7 @@ import pandas as pd
 
 from rattle.closure import CLOSURES
 from rattle.closure.mean_map import ORDER_RANGE, find_closures
+from rattle.compare.judge.rows import judge_errors
 from rattle.compare.study.cells import (
     BATCH,
     FACTS_STORED,
@@ -25,7 +26,6 @@ from rattle.compare.study.design import SETTING_NAMES, Point, Study, list_reason
 from rattle.compare.validation.errors import (
     ON_ITINERARY,
     follower_errors,
-    judge_errors,
     list_errors,
     to_absolute_time,
 )
@@ -37,7 +37,7 @@ from rattle.compare.validation.verdict import (
     judge,
     unbroken,
 )
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import (
     SECTION,
     STATE,

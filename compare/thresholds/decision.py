@@ -24,20 +24,23 @@ from rattle.closure.closure import name_of
 from rattle.closure.mean_map import find_closure
 from rattle.closure.stationary import Law
 from rattle.compare.engine.store import Cell, Content, Store
+from rattle.compare.judge.rows import NamedSection, judge_errors
 from rattle.compare.stationary.result import plain_unit
 from rattle.compare.stationary.study import LongCell
 from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, judge_rows, laws, values_of
 from rattle.compare.study.cells import Sample
 from rattle.compare.thresholds.claim import CLAIM_KINDS, Claim, Settings
 from rattle.compare.validation import errors
-from rattle.compare.validation.errors import ON_ITINERARY, TOO_FEW_FOLLOW, NamedSection
+from rattle.compare.validation.errors import ON_ITINERARY, TOO_FEW_FOLLOW
 from rattle.compare.validation.verdict import DECIDED, RULE, Tolerances, Verdict
 from rattle.montecarlo import SCHEMES
+from rattle.montecarlo.diagnostics.reference import Simulated
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.long_run.estimates import all_names
 from rattle.montecarlo.long_run.run import LONG_RUN_PATHS
-from rattle.montecarlo.looks import AGAIN, Looks, widest
+from rattle.montecarlo.looks import Looks
 from rattle.montecarlo.settings import begins
+from rattle.montecarlo.statistics.intervals import AGAIN, widest
 from rattle.scene import SECTION, InputError, Scene, choice
 from rattle.scene.numpy_errors import call_users
 from rattle.scene.progress import print_on_stderr
@@ -150,7 +153,7 @@ class Decision(NamedTuple):
     z: float  # half width of the intervals in standard errors
 
 
-def errors_of(prediction: NamedSection, run: errors.Simulated, claim: Claim) -> pd.DataFrame:
+def errors_of(prediction: NamedSection, run: Simulated, claim: Claim) -> pd.DataFrame:
     """The error of every row of a claim that is judged, ``noise`` of one standard error, as
     `list_errors` has them.
 
@@ -253,10 +256,10 @@ def decide(prediction: NamedSection, claim: Claim, session: Thresholds) -> Decis
             nonlocal seconds
             near = session.simulate(replace(cell, near_branches=True))
             seconds += near.seconds
-            return errors.judge_errors(errors_of(prediction, near.run, claim), z_again)
+            return judge_errors(errors_of(prediction, near.run, claim), z_again)
 
         sampled = run.run.followers if apart else run.run
-        table = errors.judge_errors(errors_of(prediction, sampled, claim), z)
+        table = judge_errors(errors_of(prediction, sampled, claim), z)
         if not (given or apart or SCHEMES[claim.scheme].has_step_bias):
             table = errors.decide_near_branches(table, claim.scene, judge_near, sizes[-1])
         return table, run._replace(seconds=seconds)

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 import tomli_w
 
+from rattle.compare.judge.rows import NamedSection
 from rattle.compare.report.folder import write_whole
 from rattle.compare.thresholds import messages
 from rattle.compare.thresholds.claim import Claim
@@ -24,7 +25,6 @@ from rattle.compare.thresholds.decision import (
     predict,
     predict_long,
 )
-from rattle.compare.validation.errors import NamedSection
 from rattle.compare.validation.verdict import Verdict
 from rattle.scene import FileError, RattleError, harmless, line
 from rattle.scene.files import parse_toml, read_text

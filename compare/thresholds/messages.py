@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from rattle.compare.judge.rows import BY_SIZE
 from rattle.compare.study.cells import Sampled
 from rattle.compare.thresholds.claim import Claim
-from rattle.compare.validation.errors import BY_SIZE
 from rattle.compare.validation.verdict import DECIDED, Verdict, span
 from rattle.scene import line
 

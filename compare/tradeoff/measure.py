@@ -34,7 +34,7 @@ from rattle.montecarlo.accuracy.pilots import PilotRun, pilot, sample_branches
 from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, sampling_error, units
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import SECTION, Floats, Scene, positive
 from rattle.scene.progress import ProgressBar
 

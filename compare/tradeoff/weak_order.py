@@ -18,9 +18,8 @@ import pandas as pd
 from scipy.special import stdtrit
 
 from rattle.montecarlo import SCHEMES, Ensemble, Record, simulate
-from rattle.montecarlo.diagnostics.accuracy import ROUNDED_SD, units
-from rattle.montecarlo.looks import widest
-from rattle.montecarlo.statistics.intervals import CONFIDENCE
+from rattle.montecarlo.diagnostics.accuracy import units
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, ROUNDED_SD, widest
 from rattle.scene import Bools, Floats, Scene
 from rattle.scene.progress import ProgressBar
 

@@ -36,8 +36,8 @@ from rattle.montecarlo.diagnostics.reach import Candidate
 from rattle.montecarlo.ensemble.leaving import ENOUGH_EXITS, expect_leaving, interval
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
-from rattle.montecarlo.looks import widest
 from rattle.montecarlo.settings import NOISE_FREE, begins, is_random
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import Scene
 from rattle.scene.numpy_errors import numpy_defaults
 

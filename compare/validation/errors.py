@@ -2,45 +2,36 @@
 verdicts."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from rattle.closure import MeanMap
 from rattle.closure.closure import describe_error
-from rattle.compare.validation.verdict import DECIDED, JUDGED, Tolerances, Verdict, at_wall, judge
-from rattle.montecarlo import Ensemble
-from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS, skewness_gain, smallest_sd
-from rattle.montecarlo.diagnostics.unseen import (
-    Unseen,
-    find_unseen,
-    unseen,
-    unseen_columns,
-    unseen_text,
+from rattle.compare.judge.rows import (
+    TOO_FEW_FOR_INTERVAL,
+    Claimed,
+    compare_rows,
+    judge_errors,
+    waits_for_branch,
 )
+from rattle.compare.validation.verdict import DECIDED, Tolerances, judge
+from rattle.montecarlo import Ensemble
+from rattle.montecarlo.diagnostics.accuracy import FEWEST_PATHS
+from rattle.montecarlo.diagnostics.reference import Simulated, list_reference
+from rattle.montecarlo.diagnostics.unseen import find_unseen, unseen_columns
 from rattle.montecarlo.ensemble.simulate_rare import begin_rare
 from rattle.montecarlo.kernel.blocks import in_threads
 from rattle.montecarlo.schemes.step_size import SCHEMES
-from rattle.montecarlo.settings import NOISE_FREE, is_random
+from rattle.montecarlo.settings import NOISE_FREE
 from rattle.montecarlo.statistics.intervals import half_width
-from rattle.scene import SECTION, Floats, Ints, Scene
+from rattle.scene import Floats, Ints, Scene
 from rattle.scene.elementary import each
 from rattle.scene.moments import Realizability, realizability
-
-WORTH_A_WORD = 0.05
-"""Share of a tolerance from which on what a branch could change is told."""
-
-FEWEST_FOR_SD = 32
-"""Least number of paths from which an sd is judged: the fourth moment of fewer says too little
-about its error."""
-
-TOO_FEW_FOR_INTERVAL = f"too few paths for an interval; that of an sd needs {FEWEST_FOR_SD}"
-"""Remark on a row whose interval the sample cannot have."""
 
 ON_ITINERARY = "itinerary"
 """The kind of the rows on the paths that have followed a closure's itinerary so far."""
@@ -62,61 +53,12 @@ OTHER_ITINERARY = (
 """Remark where the paths apart are those of the noise-free itinerary, and the closure has left it.
 """
 
-ABSOLUTE = 1e-6
-"""Tolerance, relative to size, where nothing varies
-(`rattle.montecarlo.diagnostics.accuracy.smallest_sd`)."""
-
-BY_SIZE = f"sd is 0, or too small for doubles: compared with {ABSOLUTE:g} of the quantity's size"
-"""Remark on the rows of such quantities."""
-
-
 NEAR_BRANCHES = "decided by other paths, a part of them near rare branches"
 """Remark on rows of `decide_near_branches`."""
 
 SPARE_PATHS = 2.0
 """How many times the paths that are expected to decide its rows `judge_again` takes: a branch
 widens their errors."""
-
-
-class Claimed(Protocol):
-    """Section moments of a closure or of a user's own model, in the columns of
-    `rattle.closure.MeanMap.section`."""
-
-    @property
-    def closure(self) -> str:
-        """Its name; a run may have the agreement with its itinerary under this name."""
-
-    @property
-    def section(self) -> pd.DataFrame:
-        """A row for each impact (index ``impact``); NaN where a moment is not predicted."""
-
-
-class NamedSection(NamedTuple):
-    """Section moments under a name, to be judged as those of a closure are."""
-
-    closure: str
-    section: pd.DataFrame
-
-
-class Simulated(Protocol):
-    """Section moments of a simulation: a `rattle.montecarlo.Ensemble`, or the tables stored of
-    one."""
-
-    @property
-    def scene(self) -> Scene:
-        """What was modelled."""
-
-    @property
-    def section(self) -> pd.DataFrame:
-        """As `Ensemble.section`."""
-
-    @property
-    def step_bias(self) -> pd.DataFrame:
-        """As `Ensemble.step_bias`."""
-
-    @property
-    def agreement(self) -> pd.DataFrame:
-        """As `Ensemble.agreement`."""
 
 
 def section_errors(
@@ -150,94 +92,11 @@ def list_errors(
     predictions: Sequence[Claimed], run: Simulated, tolerances: Tolerances
 ) -> pd.DataFrame:
     """The rows of `section_errors` before they are judged: ``noise`` is one standard error."""
-    section = run.section
-    steps = run.step_bias
-    impact = steps["impact"]
-    moment = steps["quantity"].where(steps["moment"] == "mean", "sd_" + steps["quantity"])
-    simulated = _simulated_rows(run, tolerances)
-    parts = []
-    for prediction in predictions:
-        predicted = _pick(prediction.section, impact, moment)
-        agreement = run.agreement.get(prediction.closure, section["agreement"])
-        rows = simulated.assign(closure=prediction.closure, predicted=predicted)
-        rows["error"] = predicted - steps["corrected"]
-        rows["agreement"] = agreement.loc[impact].to_numpy()
-        parts.append(rows)
-    return pd.concat(parts, ignore_index=True)
-
-
-def judge_errors(table: pd.DataFrame, z: float) -> pd.DataFrame:
-    """Give each row of `list_errors` its interval of `z` standard errors, its verdict, and a remark
-    where it has none."""
-    rows = table.assign(noise=z * table["noise"])
-    student = half_width(rows["paths"], float(ndtr(-z))) * table["noise"]
-    half = student + rows["rest"]
-    # Hall's correction, see `skewness_gain`
-    lean = student * rows["lean"] * (2.0 * z**2 + 1.0) / (6.0 * z)
-    rows["low"] = rows["error"] - half - lean.clip(lower=0.0) - rows["unseen_low"]
-    rows["high"] = rows["error"] + half - lean.clip(upper=0.0) + rows["unseen_high"]
-    rows = judge(rows)
-    rows["remark"] = rows["remark"].where(rows["remark"] != "", remarks(rows))
+    rows = compare_rows(predictions, list_reference(run), tolerances, "impact")
+    for name, agreement in run.agreement.items():
+        of_closure = rows["closure"] == name
+        rows.loc[of_closure, "agreement"] = agreement.loc[rows.loc[of_closure, "impact"]].to_numpy()
     return rows
-
-
-def _simulated_rows(run: Simulated, tolerances: Tolerances) -> pd.DataFrame:
-    """The rows of `list_errors` without a prediction."""
-    section = run.section
-    steps = run.step_bias
-    impact = steps["impact"]
-    quantity = steps["quantity"]
-    is_mean = steps["moment"] == "mean"
-    name = quantity.where(is_mean, "sd_" + quantity)
-    sd = steps[~is_mean].set_index(["impact", "quantity"])
-    own = sd.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
-    unit = own["corrected"].where(own["corrected"] > 0.0, _pick(section, impact, "sd_" + quantity))
-    sizes = {
-        q: float(np.hypot(section[q], section["sd_" + q]).max())
-        for q in quantity.unique()
-        if q != "tau"
-    }
-    size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
-    columns = {str(name): section[name].to_numpy() for name in section}
-    few = (
-        ~is_mean & is_random(run.scene) & (section["paths"].loc[impact].to_numpy() < FEWEST_FOR_SD)
-    )
-    least = pd.DataFrame(smallest_sd(columns), index=section.index)
-    still = np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size)
-    up, down, needed, chance = _shift_unseen(
-        unseen(run.scene, columns, int(section["paths"].max())), steps
-    )
-    return pd.DataFrame(
-        {
-            "closure": "",
-            "kind": "section",
-            "impact": impact,
-            "quantity": quantity,
-            "moment": steps["moment"],
-            "predicted": np.nan,
-            "simulated": _pick(section, impact, name),
-            "se": _pick(section, impact, "se_" + name),
-            "bias": steps["bias"],
-            "error": np.nan,
-            "noise": steps["se_corrected"].where(~few),
-            "rest": steps["rest"],
-            "unit": unit,
-            "se_unit": own["se_corrected"],
-            "tolerance": np.maximum(
-                np.where(is_mean, tolerances.mean, tolerances.sd) * unit, still
-            ),
-            "still": still,
-            "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
-            "agreement": np.nan,
-            "paths": section["paths"].loc[impact].to_numpy(),
-            "lean": find_lean(columns, steps),
-            "unseen_low": up,
-            "unseen_high": down,
-            "unseen_share": chance,
-            "unseen_paths": np.where(few, np.fmax(needed, FEWEST_FOR_SD), needed),
-            "remark": "",
-        }
-    )
 
 
 def itinerary_errors(
@@ -279,26 +138,6 @@ def follower_errors(
     why = np.select([own[at] == 0, other[at]], [NO_ITINERARY, OTHER_ITINERARY], TOO_FEW_FOLLOW)
     table["remark"] = np.where(few, why, "")
     return table
-
-
-def remarks(table: pd.DataFrame) -> NDArray[Any]:
-    """What decides a row besides its sd, in words: the size of what does not vary, and what the
-    sample has not seen."""
-    shift = np.maximum(table["unseen_low"], table["unseen_high"])
-    by_size = (table["still"] > 0.0) & table["verdict"].isin(JUDGED)
-    few = table["low"].isna() & (table["verdict"] == Verdict.UNDECIDED)
-    said = waits_for_branch(table)
-    out = np.select([few, by_size], [TOO_FEW_FOR_INTERVAL, BY_SIZE], "").astype(object)
-    columns = table["moment"], table["unseen_share"], shift / table["unit"], table["unseen_paths"]
-    out[said] = list(map(unseen_text, *(column[said] for column in columns)))
-    return out
-
-
-def waits_for_branch(table: pd.DataFrame) -> "pd.Series[bool]":
-    """Whether a row is undecided for a rare branch that the sample cannot have seen."""
-    shift = np.maximum(table["unseen_low"], table["unseen_high"])
-    open_row = (table["verdict"] == Verdict.UNDECIDED) & table["low"].notna()
-    return open_row & (shift > WORTH_A_WORD * table["tolerance"])
 
 
 def judge_again(
@@ -362,29 +201,6 @@ def decide_near_branches(
     return table.where(~decided, again.assign(remark=NEAR_BRANCHES))
 
 
-def find_lean(columns: Mapping[str, NDArray[Any]], steps: pd.DataFrame) -> Floats:
-    """Skewness of what is averaged in each row of a table over sqrt(n), as `skewness_gain` has it.
-
-    Shapes: result (rows,).
-    """
-    gains = np.array(
-        [[skewness_gain(columns, q, of_sd, 1.0) for q in SECTION] for of_sd in (False, True)]
-    )
-    at = _number(steps["quantity"]), steps["impact"].to_numpy() - 1
-    # of z = 1 the gain is lean (2 + 1) / 6
-    return np.asarray(2.0 * gains[(steps["moment"] == "sd").to_numpy(int), *at])
-
-
-def _shift_unseen(hidden: Unseen, steps: pd.DataFrame) -> tuple[Floats, ...]:
-    """Shifts up and down, paths that would tell and probability of the branch, of the rows of a
-    table."""
-    at = steps["impact"].to_numpy() - 1, _number(steps["quantity"])
-    mean = (steps["moment"] == "mean").to_numpy()
-    up = np.where(mean, hidden.mean_up[at], hidden.sd_up[at])
-    down = np.where(mean, hidden.mean_down[at], hidden.sd_down[at])
-    return up, down, hidden.needed[at], hidden.probability[at]
-
-
 def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
     """Convert the times in a table of errors from phase-reduced (`Scene.phase_reduced`) to absolute
     time.
@@ -401,18 +217,6 @@ def to_absolute_time(table: pd.DataFrame, scene: Scene) -> pd.DataFrame:
     if "time" in table:
         columns["time"] = scene.to_absolute_time(table["time"].to_numpy(float))
     return table.assign(**columns)
-
-
-def _pick(table: pd.DataFrame, impact: pd.Series, column: pd.Series) -> Floats:
-    """Entries of a table by row and column; NaN where it has none."""
-    code, names = pd.factorize(column)
-    values = table.reindex(index=range(1, int(impact.max()) + 1), columns=names).to_numpy(float)
-    return np.asarray(values[impact.to_numpy() - 1, code])
-
-
-def _number(quantity: pd.Series) -> NDArray[np.intp]:
-    """Place of each quantity in `SECTION`."""
-    return np.asarray(pd.Index(SECTION).get_indexer(pd.Index(quantity)))
 
 
 SIMULATED = "monte carlo"

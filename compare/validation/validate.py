@@ -12,6 +12,7 @@ import pandas as pd
 
 from rattle.closure import Closure, MeanMap, Orbit, closures_for, follow
 from rattle.closure.mean_map import closure_seconds, find_closures, predict
+from rattle.compare.judge.rows import NamedSection
 from rattle.compare.validation import errors
 from rattle.compare.validation.comparison import (
     Comparison,
@@ -24,9 +25,9 @@ from rattle.compare.validation.result import Validation
 from rattle.compare.validation.verdict import Tolerances, Verdict
 from rattle.montecarlo import SCHEMES, Ensemble, Record, check_settings, default_step, simulate
 from rattle.montecarlo.accuracy.cost import cost_of
-from rattle.montecarlo.looks import AGAIN, FAMILY_ERROR, widest
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import Sampling
+from rattle.montecarlo.statistics.intervals import AGAIN, FAMILY_ERROR, widest
 from rattle.scene import (
     SECTION,
     InputError,
@@ -377,7 +378,7 @@ def compare_schemes(
             began = time.process_time()
             run = simulate(v.scene.phase_reduced, paths=BESIDE_PATHS, **common)
             took = time.process_time() - began
-            sampled = errors.NamedSection(scheme, run.section)
+            sampled = NamedSection(scheme, run.section)
             table = errors.section_errors([sampled], v.run.phase_reduced, v.z, v.tolerances)
             at = ["impact", "quantity", "moment"]
             bias = _largest(

@@ -11,13 +11,13 @@ from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from itertools import takewhile
 from operator import itemgetter
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
 
 from rattle.compare.report.texts import read_texts
-from rattle.montecarlo.looks import TOO_FEW
+from rattle.montecarlo.statistics.intervals import TOO_FEW
 
 
 class Verdict(StrEnum):
@@ -70,12 +70,6 @@ class Tolerances(NamedTuple):
     mean: float = 0.05
     sd: float = 0.10
     rho: float = 0.05
-
-
-def at_wall(quantity: Any, mesh: Any) -> Any:
-    """Whether a quantity is the displacement at the struck mesh, which is excluded, see
-    `RULE`."""
-    return ((quantity == "x1") & (mesh == 1)) | ((quantity == "x2") & (mesh == 2))
 
 
 def judge(table: pd.DataFrame) -> pd.DataFrame:

@@ -20,7 +20,7 @@ from rattle.compare.engine.store import Store
 from rattle.compare.study.cells import Sample
 from rattle.compare.validation.errors import section_errors
 from rattle.compare.validation.verdict import JUDGED
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).parent / "boundary_seeds.csv"

@@ -24,7 +24,7 @@ from kept_tables import Table, keep, median_and_most, short
 
 from rattle.closure import mean_map
 from rattle.montecarlo import simulate
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import Scene
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))

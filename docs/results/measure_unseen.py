@@ -25,7 +25,7 @@ from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo import AccuracyWarning, simulate, simulate_to
 from rattle.montecarlo.diagnostics.accuracy import units
 from rattle.montecarlo.diagnostics.unseen import Unseen
-from rattle.montecarlo.looks import AGAIN, widest
+from rattle.montecarlo.statistics.intervals import AGAIN, widest
 from rattle.scene import Scene, Start
 from rattle.scene.types import SECTION
 

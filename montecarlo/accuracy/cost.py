@@ -31,12 +31,14 @@ from rattle.montecarlo.diagnostics.accuracy import (
     unseen_shifts,
 )
 from rattle.montecarlo.diagnostics.reach import Candidate, Row
-from rattle.montecarlo.diagnostics.unseen import Added, branches_between, find_unseen, share_of
+from rattle.montecarlo.diagnostics.unseen import Added, branches_between, find_unseen
+from rattle.montecarlo.diagnostics.unseen_text import share_of
 from rattle.montecarlo.ensemble.result import Ensemble
 from rattle.montecarlo.kernel.block import BLOCK
-from rattle.montecarlo.looks import USUAL_LOOKS, share_of_look, widest
+from rattle.montecarlo.looks import USUAL_LOOKS, share_of_look
 from rattle.montecarlo.schemes.step_size import SCHEMES, neglected_noise
 from rattle.montecarlo.settings import count_followed, exact_orbit, is_random
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import SECTION, Floats, duration_text
 
 RATIO_STEP = 8.0  # largest ratio of two bounds that is followed at once

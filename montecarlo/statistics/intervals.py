@@ -11,12 +11,44 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from rattle.scene import Floats
 
 CONFIDENCE = 0.95
 """Probability of an interval, and of an accuracy that is said to be reached."""
+
+
+FAMILY_ERROR = 0.05
+"""Probability that anything of all that is said together is wrong, unless another one is given."""
+
+AGAIN = 0.25
+"""Share of the probability of a wrong statement that a second look may add, which decides rows that
+wait for a rare branch by other paths, a part of them near it."""
+
+TOO_FEW = "too few paths to decide"
+"""Why something stays undecided that more paths would decide."""
+
+FEWEST_FOR_SD = 32
+"""Least number of paths from which an sd is judged: the fourth moment of fewer says too little
+about its error."""
+
+ABSOLUTE = 1e-6
+"""Tolerance, relative to size, of a quantity that does not vary."""
+
+ROUNDED_SD = 2.0**-40
+"""Sd over size of a quantity below which the rounding of a path matters beside 5 % of the sd."""
+
+
+def tail_of(checks: int, family_error: float = FAMILY_ERROR) -> float:
+    """Probability on either side of each of some simultaneous intervals (Bonferroni)."""
+    return 0.5 * family_error / max(checks, 1)
+
+
+def widest(checks: int, family_error: float = FAMILY_ERROR) -> float:
+    """Half width, in standard errors, of simultaneous two-sided normal confidence intervals
+    (Bonferroni)."""
+    return float(-ndtri(tail_of(checks, family_error)))
 
 
 def half_width(effective_paths: ArrayLike, tail: float = 0.5 - 0.5 * CONFIDENCE) -> Any:

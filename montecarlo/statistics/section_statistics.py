@@ -2,13 +2,15 @@
 sums."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rattle.montecarlo.statistics.central_sums import CentralSums
 from rattle.scene import Floats
 from rattle.scene.elementary import powers
+
+if TYPE_CHECKING:  # who reduces samples of another simulator compiles nothing
+    from rattle.montecarlo.statistics.central_sums import CentralSums
 
 # smallest normal float; smaller ones have fewer digits
 SMALLEST_NORMAL = float(np.finfo(float).tiny)
@@ -34,7 +36,7 @@ def _variance_of(coefficients: list[Floats], moments: list[Floats]) -> Floats:
     return np.maximum(square - np.square(mean), 0.0)
 
 
-def single_statistics(sums: CentralSums) -> dict[str, Floats]:
+def single_statistics(sums: "CentralSums") -> dict[str, Floats]:
     """Mean, sd, skewness and excess kurtosis with standard errors.
 
     Skewness and excess kurtosis are the third and fourth cumulants in units of the sd.  Standard
@@ -78,7 +80,7 @@ def single_statistics(sums: CentralSums) -> dict[str, Floats]:
         }
 
 
-def pair_statistics(sums: CentralSums) -> dict[str, Floats]:
+def pair_statistics(sums: "CentralSums") -> dict[str, Floats]:
     """Covariance and correlation of a pair with their standard errors.
 
     ``se_z`` is the standard error of Fisher's ``artanh rho``; it is ``1 / sqrt(n)`` for a Gaussian
@@ -139,7 +141,7 @@ class StepBias(NamedTuple):
     rest: Floats
 
 
-def extrapolate(fine: CentralSums, coarse: CentralSums) -> dict[str, StepBias]:
+def extrapolate(fine: "CentralSums", coarse: "CentralSums") -> dict[str, StepBias]:
     """Step bias of the means and of the sds.
 
     `fine`, `coarse`: Joint sums of the same quantities at dt and 2 dt, and at 2 dt and 4 dt.

@@ -9,8 +9,9 @@ from common_scenes import SCENES
 from rattle import Tolerances
 from rattle.closure import follow, mean_map
 from rattle.closure.section_map import derivatives, linearise_flight
-from rattle.compare.validation.errors import ABSOLUTE, section_errors
+from rattle.compare.validation.errors import section_errors
 from rattle.montecarlo import Record, simulate
+from rattle.montecarlo.statistics.intervals import ABSOLUTE
 from rattle.scene import DAT21, SECTION, Scene, Start, Tolerance
 from rattle.scene.flight import flow, jacobian, noise_covariance
 from rattle.scene.impact import contact_matrix, next_impact, struck

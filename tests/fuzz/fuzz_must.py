@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from rattle import Scene
-from rattle.compare.validation.errors import TOO_FEW_FOR_INTERVAL
+from rattle.compare.judge.rows import TOO_FEW_FOR_INTERVAL
 from rattle.compare.validation.verdict import Verdict
 from rattle.scene import SECTION, STATE, RattleError
 

@@ -13,7 +13,7 @@ from rattle.montecarlo import simulate
 from rattle.montecarlo.branches import search as branches
 from rattle.montecarlo.branches.search import BranchSearch, rare_events
 from rattle.montecarlo.diagnostics.unseen import Unseen
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import DAT21, Scene
 
 PROBABILITY = 7.9e-6

@@ -7,8 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from rattle.closure.exponentials import exponentials
 from rattle.scene.compiled import emulate_fma, fma, jit, widest_vectors
-from rattle.scene.elementary import each, exponentials, gauss_legendre
+from rattle.scene.elementary import each, gauss_legendre
 from rattle.scene.linear_algebra import eigen, image, product, totals, transform
 from rattle.scene.moments import semidefinite
 

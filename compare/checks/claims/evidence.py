@@ -15,7 +15,7 @@ from rattle.compare.chaos.sweep import paper_noise, vary
 from rattle.compare.validation.result import Validation
 from rattle.compare.validation.validate import validate
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import Scene, Start
 from rattle.scene.tangent import Stretch
 

@@ -25,7 +25,7 @@ from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.comparison import Comparison, rows_to_judge
 from rattle.compare.validation.errors import SIMULATED, first_failure
 from rattle.compare.validation.verdict import Verdict, join_words
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import Floats, Scene
 from rattle.scene.flight import noise_covariance
 from rattle.scene.moments import correlation, realizability

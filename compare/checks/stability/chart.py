@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
-from rattle.compare.validation.verdict import Tolerances, Verdict, at_wall
+from rattle.compare.validation.verdict import Tolerances, Verdict
 from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import (
     COLLAPSE,
@@ -26,11 +26,13 @@ from rattle.montecarlo.diagnostics.diagnostics import (
     diagnose_short_step,
     motion_units,
 )
+from rattle.montecarlo.diagnostics.reference import at_wall
 from rattle.montecarlo.ensemble.simulate import extend
 from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
-from rattle.montecarlo.looks import ladder, widest
+from rattle.montecarlo.looks import ladder
 from rattle.montecarlo.settings import is_random, plan_of
+from rattle.montecarlo.statistics.intervals import widest
 from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
 from rattle.scene.flight import noise_covariance
 from rattle.scene.long_orbit import LongOrbit

@@ -26,7 +26,7 @@ from rattle.compare.parameters.search import (
 )
 from rattle.compare.report.save import save
 from rattle.compare.validation.verdict import DECIDED, Verdict
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 
 DRIVEN = Scene.from_gears(DAT21)
 

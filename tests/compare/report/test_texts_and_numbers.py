@@ -21,7 +21,7 @@ from rattle.compare.validation.realizability import (
     kurtosis_margin,
     moment_matrix_eigenvalue,
 )
-from rattle.compare.validation.verdict import at_wall
+from rattle.montecarlo.diagnostics.reference import at_wall
 from rattle.scene import DAT21, InputError, Scene
 from rattle.scene.moments import gaussian_raw_moments
 

@@ -3,7 +3,7 @@ unless allowed."""
 
 import pytest
 
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 
 SUITE = """
 SCENE = Scene.from_gears(DAT21, sigma=0.02)

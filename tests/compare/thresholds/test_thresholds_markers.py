@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 
 DAT21 = Path(__file__).resolve().parent / "example_suite" / "dat21.toml"
 HEAD = """

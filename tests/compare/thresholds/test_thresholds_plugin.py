@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from programs import python
 
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import widest
 
 HERE = Path(__file__).resolve().parent
 

@@ -9,10 +9,11 @@ from scipy import stats
 
 from rattle import Tolerances
 from rattle.closure import mean_map
-from rattle.compare.validation.errors import ABSOLUTE, judge_again, section_errors, waits_for_branch
+from rattle.compare.judge.rows import waits_for_branch
+from rattle.compare.validation.errors import judge_again, section_errors
 from rattle.compare.validation.verdict import judge
 from rattle.montecarlo import Record, simulate, simulate_rare
-from rattle.montecarlo.looks import widest
+from rattle.montecarlo.statistics.intervals import ABSOLUTE, widest
 from rattle.scene import DAT21, Scene
 from rattle.scene.types import SECTION
 

@@ -1,0 +1,12 @@
+from .accuracy.simulate_to import simulate_to as simulate_to
+from .diagnostics.reach import AccuracyWarning as AccuracyWarning
+from .diagnostics.reach import Reach as Reach
+from .ensemble.result import Ensemble as Ensemble
+from .ensemble.simulate import simulate as simulate
+from .ensemble.simulate_rare import simulate_rare as simulate_rare
+from .schemes.step_size import SCHEMES as SCHEMES
+from .schemes.step_size import default_step as default_step
+from .schemes.step_size import largest_step as largest_step
+from .settings import Record as Record
+from .settings import Sampling as Sampling
+from .settings import check_settings as check_settings

@@ -1,0 +1,136 @@
+"""What a simulation says of every section mean and sd, and of the error of what it says: the rows
+that closures are compared with."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rattle.montecarlo.diagnostics.accuracy import skewness_gain, smallest_sd
+from rattle.montecarlo.diagnostics.unseen import unseen
+from rattle.montecarlo.settings import is_random
+from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD
+from rattle.scene import SECTION, Floats, Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Simulated(Protocol):
+    """Section moments of a simulation: a `rattle.montecarlo.Ensemble`, or the tables stored of
+    one."""
+
+    @property
+    def scene(self) -> Scene:
+        """What was modelled."""
+
+    @property
+    def section(self) -> "pd.DataFrame":
+        """As `Ensemble.section`."""
+
+    @property
+    def step_bias(self) -> "pd.DataFrame":
+        """As `Ensemble.step_bias`."""
+
+    @property
+    def agreement(self) -> "pd.DataFrame":
+        """As `Ensemble.agreement`."""
+
+
+def at_wall(quantity: Any, mesh: Any) -> Any:
+    """Whether a quantity is the displacement at the struck mesh, which is the known position of the
+    wall and is not judged."""
+    return ((quantity == "x1") & (mesh == 1)) | ((quantity == "x2") & (mesh == 2))
+
+
+def list_reference(run: Simulated) -> "pd.DataFrame":
+    """Every section mean and sd of a simulation, with its error: a row for each impact, quantity
+    and moment.
+
+    Returns: The columns that `rattle.compare.judge.rows.compare_rows` takes; the rows are in the
+    order of `Ensemble.step_bias`.
+    """
+    import pandas as pd
+
+    section = run.section
+    steps = run.step_bias
+    impact = steps["impact"]
+    quantity = steps["quantity"]
+    is_mean = steps["moment"] == "mean"
+    name = quantity.where(is_mean, "sd_" + quantity)
+    sds = steps[~is_mean].set_index(["impact", "quantity"])
+    sd = sds.loc[pd.MultiIndex.from_arrays([impact, quantity])].reset_index(drop=True)
+    unit = sd["corrected"].where(sd["corrected"] > 0.0, _pick(section, impact, "sd_" + quantity))
+    sizes = {
+        q: float(np.hypot(section[q], section["sd_" + q]).max())
+        for q in quantity.unique()
+        if q != "tau"
+    }
+    size = quantity.map(sizes | {"tau": sizes["flight"]}).astype(float).fillna(0.0)
+    columns = {str(name): section[name].to_numpy() for name in section}
+    paths = section["paths"].loc[impact].to_numpy()
+    few = ~is_mean & is_random(run.scene) & (paths < FEWEST_FOR_SD)
+    least = pd.DataFrame(smallest_sd(columns), index=section.index)
+    hidden = unseen(run.scene, columns, int(section["paths"].max()))
+    at = impact.to_numpy() - 1, _number(quantity)
+    of_mean = is_mean.to_numpy()
+    needed = hidden.needed[at]
+    return pd.DataFrame(
+        {
+            "closure": "",
+            "kind": "section",
+            "impact": impact,
+            "quantity": quantity,
+            "moment": steps["moment"],
+            "predicted": np.nan,
+            "simulated": _pick(section, impact, name),
+            "se": _pick(section, impact, "se_" + name),
+            "bias": steps["bias"],
+            "error": np.nan,
+            "corrected": steps["corrected"],
+            "noise": steps["se_corrected"].where(~few),
+            "rest": steps["rest"],
+            "unit": unit,
+            "se_unit": sd["se_corrected"],
+            "still": np.where(unit > _pick(least, impact, quantity), 0.0, ABSOLUTE * size),
+            "judged": ~at_wall(quantity, section["mesh"].loc[impact].to_numpy()),
+            "agreement": section["agreement"].loc[impact].to_numpy(),
+            "paths": paths,
+            "lean": _find_lean(columns, steps),
+            "unseen_low": np.where(of_mean, hidden.mean_up[at], hidden.sd_up[at]),
+            "unseen_high": np.where(of_mean, hidden.mean_down[at], hidden.sd_down[at]),
+            "unseen_share": hidden.probability[at],
+            "unseen_paths": np.where(few, np.fmax(needed, FEWEST_FOR_SD), needed),
+            "remark": "",
+        }
+    )
+
+
+def _pick(table: "pd.DataFrame", impact: "pd.Series", column: "pd.Series") -> Floats:
+    """Entries of a table by impact and column; NaN where it has none."""
+    import pandas as pd
+
+    code, names = pd.factorize(column)
+    values = table.reindex(index=range(1, int(impact.max()) + 1), columns=names).to_numpy(float)
+    return np.asarray(values[impact.to_numpy() - 1, code])
+
+
+def _number(quantity: "pd.Series") -> NDArray[np.intp]:
+    """Place of each quantity in `SECTION`."""
+    import pandas as pd
+
+    return np.asarray(pd.Index(SECTION).get_indexer(pd.Index(quantity)))
+
+
+def _find_lean(columns: Mapping[str, NDArray[Any]], steps: "pd.DataFrame") -> Floats:
+    """Skewness of what is averaged in each row of a table over sqrt(n), as `skewness_gain` has it.
+
+    Shapes: result (rows,).
+    """
+    gains = np.array(
+        [[skewness_gain(columns, q, of_sd, 1.0) for q in SECTION] for of_sd in (False, True)]
+    )
+    at = _number(steps["quantity"]), steps["impact"].to_numpy() - 1
+    # of z = 1 the gain is lean (2 + 1) / 6
+    return np.asarray(2.0 * gains[(steps["moment"] == "sd").to_numpy(int), *at])
