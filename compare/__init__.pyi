@@ -1,5 +1,6 @@
 from .animation.animate import Animation as Animation
 from .chaos.chaos import Chaos as Chaos
+from .judge.result import Judgement as Judgement
 from .parameters.boundary import Boundary as Boundary
 from .parameters.crossing import Crossing as Crossing
 from .parameters.map import BoundaryMap as BoundaryMap

@@ -18,6 +18,7 @@ import pandas as pd
 from rattle.closure import MeanMap
 from rattle.closure.closure import RAISED
 from rattle.closure.mean_map import closure_seconds, predict
+from rattle.compare.judge.result import Verdicts
 from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.errors import ON_ITINERARY, first_failure
 from rattle.compare.validation.verdict import (
@@ -44,7 +45,7 @@ from rattle.scene.numpy_errors import numpy_defaults
 
 @numpy_defaults
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Verdicts):
     """The fields of a `Validation`, where they are explained."""
 
     scene: Scene
@@ -64,6 +65,11 @@ class Comparison:
     def of_all_paths(self) -> pd.DataFrame:
         """The rows of ``table`` that are about all paths."""
         return self.table[self.table["kind"] != ON_ITINERARY]
+
+    @property
+    def closure_names(self) -> list[str]:
+        """The closures in their order."""
+        return list(self.predictions)
 
     @property
     def failed(self) -> dict[str, str]:

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from rattle.compare.judge.figures import error_panel, offsets
 from rattle.compare.report.style import (
-    ACCURATE_COLOUR,
     FORBIDDEN,
     STYLE,
     SYMBOL,
@@ -29,14 +29,6 @@ from rattle.scene import Scene
 
 # the outermost bins of a histogram that are drawn have at least this share of the highest
 VISIBLE = 2e-3
-LINEAR = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
-
-
-def _offsets(names: Sequence[str]) -> dict[str, float]:
-    """Small sideways shifts, so that markers of one impact stand side by side."""
-    return dict(
-        zip(names, np.linspace(-0.13, 0.13, len(names)) if len(names) > 1 else [0.0], strict=True)
-    )
 
 
 def error_figure(v: Comparison) -> Figure:
@@ -49,31 +41,11 @@ def error_figure(v: Comparison) -> Figure:
         f"accurate: means within {v.tolerances.mean:.0%}, sds within {v.tolerances.sd:.0%} of an sd"
     )
     panels = [(moment, quantity) for moment in ("mean", "sd") for quantity in quantities]
+    section = section.assign(at=section["impact"])
     for ax, (moment, quantity) in zip(axes, panels, strict=True):
-        share = getattr(v.tolerances, moment)
-        ax.axhspan(-share, share, color=ACCURATE_COLOUR, alpha=0.18, lw=0, label=accurate)
-        ax.axhline(0.0, color="0.4", lw=0.8)
         here = section[(section["quantity"] == quantity) & (section["moment"] == moment)]
-        for closure, shift in _offsets(list(v.predictions)).items():
-            rows = here[here["closure"] == closure]
-            error, low, high = (rows[name] / rows["unit"] for name in ("error", "low", "high"))
-            at = rows["impact"] + shift
-            bars = [error - low, high - error]
-            ax.errorbar(
-                at, error, bars, ls="none", ms=4, capsize=2, label=closure, **STYLE[closure]
-            )
-        if here.empty:
-            ax.text(
-                0.5,
-                0.75,
-                "no closure predicts it",
-                transform=ax.transAxes,
-                ha="center",
-                color="0.35",
-            )
-        ax.set_yscale("symlog", linthresh=LINEAR)
-        limit = max(10.0, *(abs(t) for t in ax.get_ylim()))
-        ax.set(ylim=(-limit, limit), xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact")
+        error_panel(ax, here, v.closure_names, getattr(v.tolerances, moment), accurate)
+        ax.set(xlim=(0.5, len(v.run.section) + 0.5), xlabel="impact")
         whole_impacts(ax)
         ax.set_title(f"{moment} of {SYMBOL[quantity]}", loc="left")
         ax.set_ylabel("error / sd of the quantity" if quantity == "tau" else "")
@@ -100,7 +72,7 @@ def correlation_figure(v: Comparison) -> Figure | None:
     for stage, ax in zip(stages, axes, strict=True):
         for sign in (-1.0, 1.0):
             ax.axhspan(sign, sign * limit, color=FORBIDDEN, alpha=0.22, lw=0, label=impossible)
-        for closure, shift in _offsets(closures).items():
+        for closure, shift in offsets(closures).items():
             rows = v.correlation[
                 (v.correlation["closure"] == closure) & (v.correlation["stage"] == stage)
             ]

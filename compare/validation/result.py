@@ -3,10 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pandas as pd
-
 from rattle.compare.validation.comparison import Comparison
-from rattle.compare.validation.verdict import JUDGED, Verdict
 from rattle.montecarlo.diagnostics.diagnostics import list_counted
 from rattle.scene import InputError, as_html, choice
 from rattle.scene.numpy_errors import numpy_defaults
@@ -50,36 +47,15 @@ class Validation(Comparison):
     True
     """
 
-    @property
-    def accurate(self) -> bool:
-        """Whether all moments of all paths that are predicted and judged are accurate; see
-        ``verdict.RULE``."""
-        return not self.of_all_paths["verdict"].isin((Verdict.INACCURATE, Verdict.UNDECIDED)).any()
-
-    @property
-    def counts(self) -> pd.DataFrame:
-        """Number of predicted and judged moments of all paths with each verdict, by closure."""
-        verdicts = (
-            self.of_all_paths.groupby("closure", sort=False)["verdict"]
-            .value_counts()
-            .unstack(fill_value=0)
-        )
-        return verdicts.reindex(index=list(self.predictions), columns=list(JUDGED), fill_value=0)
-
     def __repr__(self) -> str:
         """What was compared, and the verdicts, on a few lines."""
         run = self.run
-        counts = self.counts
         lines = [
             (
                 f"Validation: {run.paths:,} paths, {run.impacts} impacts, sigma ="
                 f" {self.scene.sigma:.4g}, {run.scheme}"
             ),
-            *(
-                f"  {closure}: {good} of {good + bad + undecided} moments accurate, {bad}"
-                f" inaccurate, {undecided} undecided"
-                for closure, good, bad, undecided in counts.itertuples()
-            ),
+            *(f"  {sentence}" for sentence in self.list_counts()),
             *(f"  {closure} {why}" for closure, why in self.failed.items()),
             *(f"  {sentence}" for sentence in list_counted(run)),
             (

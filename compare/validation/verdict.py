@@ -60,6 +60,8 @@ class Tolerances(NamedTuple):
         Of means and of sds, in units of the quantity's sd.
     rho : float
         Of correlation coefficients, absolute.
+    skew, kurt : float
+        Of skewness and excess kurtosis, absolute; `rattle.judge` alone judges them.
 
     Examples
     --------
@@ -70,6 +72,8 @@ class Tolerances(NamedTuple):
     mean: float = 0.05
     sd: float = 0.10
     rho: float = 0.05
+    skew: float = 0.2
+    kurt: float = 0.5
 
 
 def judge(table: pd.DataFrame) -> pd.DataFrame:

@@ -152,7 +152,7 @@ def extrapolate(fine: "CentralSums", coarse: "CentralSums") -> dict[str, StepBia
     means = np.stack([fine.mean[0], fine.mean[1], coarse.mean[1]])
     # (co)variances of the influence functions at dt and 2 dt: var(dt), cov, var(2 dt), of the means
     # and of the sds
-    spread = ([v[2, 0], v[1, 1], v[0, 2]], _sd_influence(v, sd[0], sd[1]))
+    spread = ([v[2, 0], v[1, 1], v[0, 2]], sd_influence(v, sd[0], sd[1]))
     found = {}
     for moment, values, (ff, fc, cc) in (("mean", means, spread[0]), ("sd", sd, spread[1])):
         values = np.where(fine.n > 0, values, np.nan)
@@ -183,7 +183,7 @@ def estimate_remainder(change: Floats, before: Floats, se: Floats) -> Floats:
     return np.abs(missing) / (np.where(slow, np.maximum(ratio, SLOWEST_RATIO), 4.0) - 1.0)
 
 
-def _sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
+def sd_influence(v: Mapping[tuple[int, int], Floats], a: Floats, b: Floats) -> list[Floats]:
     """Variances and covariance of the influence functions ``((u - E u)^2 - a^2) / 2a`` of two
     sds."""
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -3,6 +3,7 @@ from .closure import follow as follow
 from .closure import mean_map as mean_map
 from .compare.animation.animate import animate as animate
 from .compare.chaos.chaos import chaos as chaos
+from .compare.judge.judge import judge as judge
 from .compare.parameters.boundary import boundary as boundary
 from .compare.parameters.crossing import crossing as crossing
 from .compare.parameters.map import boundary_map as boundary_map

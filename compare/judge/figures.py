@@ -1,0 +1,85 @@
+"""The figure of a judgement: errors of all moments with their intervals."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, SYMBOL, legend_above, new_figure
+from rattle.compare.validation.verdict import JUDGED
+
+if TYPE_CHECKING:
+    from rattle.compare.judge.result import Judgement
+
+LINEAR_ERRORS = 0.1  # the axis of errors is linear up to this many sds, logarithmic beyond
+PANELS_IN_A_ROW = 4
+
+
+def offsets(names: Sequence[str]) -> dict[str, float]:
+    """Small sideways shifts, so that markers of one row stand side by side."""
+    return dict(
+        zip(names, np.linspace(-0.13, 0.13, len(names)) if len(names) > 1 else [0.0], strict=True)
+    )
+
+
+def error_panel(
+    ax: Axes, rows: pd.DataFrame, closures: Sequence[str], tolerance: float, accurate: str
+) -> None:
+    """Errors with their intervals over ``at``, in units of the quantity, and the band of what is
+    accurate."""
+    ax.axhspan(-tolerance, tolerance, color=ACCURATE_COLOUR, alpha=0.18, lw=0, label=accurate)
+    ax.axhline(0.0, color="0.4", lw=0.8)
+    for closure, shift in offsets(closures).items():
+        of_closure = rows[rows["closure"] == closure]
+        error, low, high = (of_closure[n] / of_closure["unit"] for n in ("error", "low", "high"))
+        bars = [error - low, high - error]
+        ax.errorbar(
+            of_closure["at"] + shift,
+            error,
+            bars,
+            ls="none",
+            ms=4,
+            capsize=2,
+            label=closure,
+            **STYLE[closure],
+        )
+    if rows.empty:
+        ax.text(
+            0.5, 0.75, "no closure predicts it", transform=ax.transAxes, ha="center", color="0.35"
+        )
+    ax.set_yscale("symlog", linthresh=LINEAR_ERRORS)
+    limit = max(10.0, *(abs(t) for t in ax.get_ylim()))
+    ax.set_ylim(-limit, limit)
+
+
+def draw_errors(found: "Judgement") -> Figure:
+    """A panel for each quantity and moment."""
+    table = found.table[found.table["verdict"].isin(JUDGED) & (found.table["unit"] > 0.0)]
+    labels = list(dict.fromkeys(found.table[found.label]))
+    numbers = {label: number for number, label in enumerate(labels, start=1)}
+    table = table.assign(at=table[found.label].map(numbers).astype(float))
+    panels = list(dict.fromkeys(zip(table["moment"], table["quantity"], strict=True)))
+    columns = max(min(len(panels), PANELS_IN_A_ROW), 1)
+    rows = max(-(-len(panels) // columns), 1)
+    figure, axes = new_figure(3.4 * columns + 0.6, 1.0 + 2.5 * rows, rows, columns)
+    tolerances = dict(zip(("mean", "sd", "rho", "skew", "kurt"), found.tolerances, strict=True))
+    for ax, (moment, quantity) in zip(axes, panels, strict=False):
+        here = table[(table["moment"] == moment) & (table["quantity"] == quantity)]
+        error_panel(ax, here, found.closures, tolerances[moment], "counts as accurate")
+        ax.set(xlim=(0.5, len(labels) + 0.5), xlabel=found.label)
+        shown = range(0, len(labels), max(len(labels) // 6, 1))
+        ax.set_xticks([at + 1 for at in shown], [_short(labels[at]) for at in shown])
+        name = SYMBOL.get(quantity, quantity)
+        ax.set_title(name if moment == "rho" else f"{moment} of {name}", loc="left")
+        ax.set_ylabel("error / sd" if moment in ("mean", "sd") else "error")
+    for ax in axes[len(panels) :]:
+        ax.set_visible(False)
+    legend_above(figure, axes[: max(len(panels), 1)], 5)
+    return figure
+
+
+def _short(label: object) -> str:
+    return f"{label:.3g}" if isinstance(label, float) else str(label)

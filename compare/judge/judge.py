@@ -1,0 +1,324 @@
+"""Judges predicted moments by samples of any simulation."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.special import ndtri
+
+from rattle.compare.judge.predictions import (
+    check_labels,
+    check_values,
+    find_moments,
+    read_predictions,
+)
+from rattle.compare.judge.reference import (
+    FAR,
+    REST_OF_BIAS,
+    complete_reduced,
+    reduce_samples,
+)
+from rattle.compare.judge.result import Judgement
+from rattle.compare.judge.rows import (
+    PREFIX,
+    NamedSection,
+    compare_rows,
+    judge_errors,
+    waits_for_branch,
+)
+from rattle.compare.judge.samples import Samples, read_samples
+from rattle.compare.validation.verdict import Tolerances
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of, widest
+from rattle.scene import InputError, count
+from rattle.scene.numpy_errors import numpy_defaults
+from rattle.scene.text import percent
+
+KINDS = {"impact": "section", "time": "fixed time"}
+"""The kind of the rows by what numbers them, as `rattle.validate` calls it; others are called by
+their label."""
+
+POWER = 0.95
+"""Probability with which an error of twice the tolerance is found where there are enough paths."""
+
+UNSEEN_OF_TOLERANCE = 0.25
+"""Share of a tolerance that unseen paths may change at most, for so many to be called enough."""
+
+COLUMNS_BEFORE = ("closure", "kind")
+COLUMNS_AFTER = (
+    "quantity",
+    "moment",
+    "predicted",
+    "simulated",
+    "se",
+    "bias",
+    "error",
+    "low",
+    "high",
+    "unit",
+    "tolerance",
+    "verdict",
+    "paths",
+    "paths_needed",
+    "enough_paths",
+    "agreement",
+    "remark",
+)
+
+
+@numpy_defaults
+def judge(
+    predicted: Any,
+    samples: Any,
+    *,
+    coarser: Any = None,
+    tolerances: Tolerances | None = None,
+    level: float = CONFIDENCE,
+    names: Sequence[str] | None = None,
+    units: Mapping[str, str] | None = None,
+    groups: Any = None,
+    checks: int | None = None,
+) -> Judgement:
+    """Judge predicted moments by samples of any simulation.
+
+    Parameters
+    ----------
+    predicted : DataFrame, mapping, MeanMap or callable
+        Moments of each row (an impact, a time, a dose: the index): columns ``x``, ``sd_x``,
+        ``skew_x``, ``kurt_x`` (excess) and ``rho_x_y`` of quantities of any names; NaN where
+        nothing is predicted.  Several closures as a mapping of names to such tables; or a function
+        that returns one, which is called once.
+    samples : array, mapping, DataFrame, Dataset, path or iterator
+        An array (paths, rows, quantities); a mapping of names to arrays (paths, rows); a table with
+        columns ``path``, row and quantities; an xarray Dataset with a dimension ``path``, or
+        ``chain`` and ``draw``; a CSV or Parquet file, or a folder of which each file holds whole
+        paths; an iterator of blocks of paths in any of these forms, of which one at a time is in
+        memory.  Or a table that is reduced already, with columns ``x, se_x, sd_x, se_sd_x, ...,
+        paths``; standard errors of 0 are those of an exact reference.  A path that ends has no
+        values, NaN, from there on.
+    coarser : optional
+        Samples at twice the step, on the same noise or another: the bias of the step is estimated
+        from the change, and widens the intervals.
+    tolerances : Tolerances, optional
+        What counts as accurate: 5 % of an sd for means, 10 % for sds, 0.05 for correlations.
+    level : float
+        Probability with which all intervals of the table hold together.
+    names : sequence of str, optional
+        Names of the quantities of arrays that have none; of tables, which columns are meant.
+    units : mapping of str to str, optional
+        Unit of each quantity, for tables and figures.
+    groups : str or array-like, optional
+        A label for each path, or the column that has it: paths of one group may depend on each
+        other, and errors come from the groups.  Shape (paths,).
+    checks : int, optional
+        Statements that hold together, where the same samples serve for more than this table; by
+        default the rows of the table.
+
+    Returns
+    -------
+    Judgement
+        A verdict on every moment; `Judgement.answer` says them in sentences.
+
+    Raises
+    ------
+    InputError
+        For predictions and samples that do not fit together, and values that are none.
+
+    Notes
+    -----
+    Intervals are those of `rattle.validate`: Student's t, longer on the side to which the sampling
+    distribution is skewed (Hall 1992), simultaneous over all rows (Bonferroni).  Without a model,
+    rare branches cannot be searched for: n paths exclude with 95 % probability only what more than
+    3 / n of all paths do, and the intervals hold for such a share ten sds away from the mean.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(7)
+    >>> samples = {"x": rng.normal(1.0, 2.0, (20_000, 1))}
+    >>> found = judge({"x": 1.0, "sd_x": 3.0}, samples)
+    >>> found.table[["moment", "verdict"]].values.tolist()
+    [['mean', 'accurate'], ['sd', 'inaccurate']]
+    """
+    predictions = read_predictions(predicted)
+    limits = tolerances or Tolerances()
+    if not 0.0 < level < 1.0:
+        raise InputError("level", level, "must lie between 0 and 1, both excluded")
+    label = str(predictions[0].section.index.name or "row")
+    named = tuple(names) if names is not None else None
+    read = read_samples(samples, _names_for(samples, named, predictions), label, "samples")
+    quantities, moments, pairs, others = find_moments(predictions, read.names)
+    columns = [PREFIX[moment] + name for moment in moments for name in quantities]
+    check_values(predictions, [*columns, *(f"rho_{a}_{b}" for a, b in pairs)])
+    coarse = _read_coarser(coarser, read, label)
+    _check_units(units, read, predictions)
+    if read.reduced is None:
+        places = [(read.names.index(a), read.names.index(b)) for a, b in pairs]
+        of_path = _read_groups(groups, read)
+        reference = reduce_samples(read, coarse, moments, places, of_path)
+        rows = int(reference["row"].max()) + 1
+        labels = _labels_for(predictions, read, rows)
+        reference = reference.assign(row=labels[reference["row"].to_numpy()])
+        reference = reference.rename(columns={"row": label})
+    else:
+        if groups is not None:
+            raise InputError("groups", "given", "needs the paths themselves, not a reduced table")
+        reference = complete_reduced(read.reduced, read.label)
+        reference = _correct_reduced(reference, coarse, read.label)
+        reference = reference.rename(columns={read.label: label})
+        labels = reference[label].unique()
+    check_labels(predictions, list(labels), label)
+    wanted = moments if read.reduced is None else [*moments, "rho"]
+    keep = reference["moment"].isin([*wanted, "rho"])
+    keep &= reference["quantity"].isin([*quantities, *(f"rho_{a}_{b}" for a, b in pairs)])
+    reference = reference[keep].reset_index(drop=True)
+    statements = len(reference) * len(predictions) if checks is None else count("checks", checks)
+    z = widest(statements, 1.0 - level)
+    table = compare_rows(predictions, reference, limits, label)
+    table["unseen_paths"] = table["unseen_paths"].where(
+        table["unseen_share"] == 0.0, _paths_for_unseen(table)
+    )
+    table = judge_errors(table, z)
+    table["remark"] = table["remark"].where(~waits_for_branch(table), _unseen_remarks(table))
+    table["enough_paths"] = _has_enough(table, tail_of(statements, 1.0 - level))
+    table["kind"] = KINDS.get(label, label)
+    own_units = {**read.units, **(units or {})}
+    table = table[[*COLUMNS_BEFORE, label, *COLUMNS_AFTER]]
+    return Judgement(
+        table=table,
+        label=label,
+        closures=tuple(name for name, _ in predictions),
+        z=z,
+        level=level,
+        tolerances=limits,
+        units={name: own_units.get(name, "") for name in quantities},
+        searched=read.reduced is not None and "unseen_low" in read.reduced,
+        exact=bool((reference["noise"] == 0.0).all()),
+        bias_measured=bool((reference["bias"] != 0.0).any()) or coarse is not None,
+        not_compared=tuple(others),
+        unpredicted=tuple(name for name in read.names if name not in quantities),
+    )
+
+
+def _names_for(
+    samples: Any, names: tuple[str, ...] | None, predictions: Sequence[NamedSection]
+) -> tuple[str, ...] | None:
+    """Names of the quantities of an array: as given, or in the order of the predicted columns."""
+    if names is not None or not isinstance(samples, np.ndarray) or samples.ndim != 3:
+        return names
+    means = [
+        str(name)
+        for name in predictions[0].section.columns
+        if not str(name).startswith(("sd_", "skew_", "kurt_", "rho_"))
+    ]
+    return tuple(means) if len(means) == samples.shape[2] else None
+
+
+def _read_coarser(coarser: Any, read: Samples, label: str) -> Samples | None:
+    """The samples at twice the step, of the same quantities and rows."""
+    if coarser is None:
+        return None
+    coarse = read_samples(coarser, read.names, label, "coarser")
+    if coarse.names != read.names:
+        why = f"has other quantities than samples, which are {read.names}"
+        raise InputError("coarser", coarse.names, why)
+    if (coarse.reduced is None) != (read.reduced is None):
+        raise InputError("coarser", "another form", "give it in the form of samples")
+    if coarse.array is not None and read.array is not None:
+        rows = (coarse.array.shape[1], read.array.shape[1])
+        if rows[0] != rows[1]:
+            raise InputError("coarser", f"{rows[0]} rows", f"samples have {rows[1]}")
+    return coarse
+
+
+def _correct_reduced(reference: pd.DataFrame, coarse: Samples | None, label: str) -> pd.DataFrame:
+    """Reduced rows with the bias of the step, from reduced rows at twice the step."""
+    if coarse is None or coarse.reduced is None:
+        return reference
+    keys = [label, "quantity", "moment"]
+    other = coarse.reduced.rename(columns={coarse.label: label}).set_index(keys)
+    at = pd.MultiIndex.from_frame(reference[keys])
+    bias = other["simulated"].reindex(at).to_numpy() - reference["simulated"].to_numpy()
+    se = other["se"].reindex(at).to_numpy()
+    known = np.isfinite(bias)
+    return reference.assign(
+        bias=np.where(known, bias, 0.0),
+        corrected=reference["simulated"] - np.where(known, bias, 0.0),
+        noise=np.where(known, np.hypot(2.0 * reference["se"], se), reference["noise"]),
+        rest=np.where(known, REST_OF_BIAS * np.abs(bias), 0.0),
+    )
+
+
+def _read_groups(groups: Any, read: Samples) -> Any:
+    """The group of each path."""
+    if groups is None:
+        return None
+    if read.array is None:
+        why = "needs all paths in memory: read the blocks or files into one array or table first"
+        raise InputError("groups", "given", why)
+    if isinstance(groups, str):
+        if groups not in read.columns:
+            raise InputError("groups", groups, "no such column of samples")
+        return read.columns[groups]
+    values = np.asarray(groups)
+    if values.shape != (len(read.array),):
+        why = f"give a label for each of the {len(read.array)} paths"
+        raise InputError("groups", f"array of shape {values.shape}", why)
+    return values
+
+
+def _check_units(
+    units: Mapping[str, str] | None, read: Samples, predictions: Sequence[NamedSection]
+) -> None:
+    """Refuse units in which predictions and samples differ."""
+    sides = {"units": dict(units or {}), "samples": read.units}
+    sides |= {name: dict(table.attrs.get("units", {})) for name, table in predictions}
+    known: dict[str, tuple[str, str]] = {}
+    for side, of_side in sides.items():
+        for quantity, unit in of_side.items():
+            if quantity not in read.names:
+                continue
+            first, before = known.setdefault(quantity, (side, unit))
+            if before != unit:
+                why = f"{first} has {before!r}; convert one of them"
+                raise InputError(f"unit of {quantity} in {side}", unit, why)
+
+
+def _labels_for(
+    predictions: Sequence[NamedSection], read: Samples, rows: int
+) -> "np.ndarray[Any, Any]":
+    """Labels of the rows of samples: their own, or by their order those of the predictions."""
+    if read.labels is not None:
+        return np.asarray(read.labels)
+    longest = max((table.index for _, table in predictions), key=len)
+    if len(longest) != rows:
+        why = f"the samples have {rows} rows without labels, and {len(longest)} are predicted"
+        raise InputError("samples", f"{rows} rows", why)
+    return longest.to_numpy()
+
+
+def _paths_for_unseen(table: pd.DataFrame) -> pd.Series:
+    """Paths of which so small a share is unseen that it changes little of a tolerance."""
+    shift = table[["unseen_low", "unseen_high"]].max(axis=1)
+    needed = table["paths"] * shift / (UNSEEN_OF_TOLERANCE * table["tolerance"])
+    return needed.map(math.ceil, na_action="ignore")
+
+
+def _unseen_remarks(table: pd.DataFrame) -> list[str]:
+    """What an unseen share of the paths could change, in words."""
+    shift = np.maximum(table["unseen_low"], table["unseen_high"]) / table["unit"]
+    return [
+        f"fewer than {percent(share)} of the paths may be missing from these samples: {FAR:g} sds"
+        f" away they could change this {moment} by {change:.2g}"
+        for share, moment, change in zip(table["unseen_share"], table["moment"], shift, strict=True)
+    ]
+
+
+def _has_enough(table: pd.DataFrame, tail: float) -> pd.Series:
+    """Whether an error of twice the tolerance would be found with probability `POWER`."""
+    se = table["noise"] / -ndtri(tail)
+    half = half_width(table["paths"].fillna(np.inf), tail) * se
+    beside = np.maximum(table["unseen_low"], table["unseen_high"]) + table["rest"]
+    enough: pd.Series = half + ndtri(POWER) * se + beside <= table["tolerance"]
+    return enough

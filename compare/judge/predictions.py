@@ -1,0 +1,192 @@
+"""Reads predicted moments, in whichever form they come, as tables by the name of their closure."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rattle.compare.judge.rows import PREFIX, NamedSection
+from rattle.compare.judge.samples import read_table
+from rattle.scene import InputError, nearest
+
+PREDICTED_FORMS = (
+    "give a table (or a mapping of columns) with columns x, sd_x, skew_x, kurt_x, rho_x_y, a"
+    " mapping of names to such tables, a result of mean_map, or a function that returns one of them"
+)
+MOMENTS = ("mean", "sd", "skew", "kurt")
+
+
+def read_predictions(given: Any, name: str = "prediction") -> list[NamedSection]:
+    """Read predicted moments in any of their `PREDICTED_FORMS`."""
+    if callable(given) and not hasattr(given, "section"):
+        label = getattr(given, "__name__", name)
+        return read_predictions(given(), "closure" if label == "<lambda>" else label)
+    if hasattr(given, "section"):
+        return [NamedSection(str(given.closure), given.section)]
+    if isinstance(given, str | Path):
+        table = read_table(Path(given), "predicted")
+        return read_predictions(table, Path(given).stem)
+    if isinstance(given, pd.DataFrame):
+        return _read_frame(given, name)
+    if hasattr(given, "to_dataframe"):
+        frame = given.to_dataframe()
+        frame.attrs["units"] = {
+            str(n): str(v.attrs["units"])
+            for n, v in given.data_vars.items()
+            if v.attrs.get("units")
+        }
+        return [NamedSection(name, frame)]
+    if isinstance(given, Mapping) and given:
+        if all(_is_table(value) for value in given.values()):
+            return [
+                section._replace(closure=str(closure))
+                for closure, value in given.items()
+                for section in read_predictions(value, str(closure))[:1]
+            ]
+        return [NamedSection(name, _frame_of_columns(given))]
+    raise InputError("predicted", type(given).__name__, PREDICTED_FORMS)
+
+
+def _is_table(value: Any) -> bool:
+    return (
+        isinstance(value, pd.DataFrame | Mapping | Path)
+        or callable(value)
+        or hasattr(value, "section")
+        or hasattr(value, "to_dataframe")
+    )
+
+
+def _frame_of_columns(given: Mapping[Any, Any]) -> pd.DataFrame:
+    """A table from its columns; numbers are those of a single row, which is numbered from 1."""
+    columns = {str(name): np.atleast_1d(np.asarray(values)) for name, values in given.items()}
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError("predicted", lengths, "all columns need the same number of rows")
+    index = pd.RangeIndex(1, next(iter(lengths.values())) + 1)
+    return pd.DataFrame(columns, index=index)
+
+
+def _read_frame(given: pd.DataFrame, name: str) -> list[NamedSection]:
+    """A table; one with a column ``closure`` holds several."""
+    if "closure" not in given:
+        return [NamedSection(name, _numbered(given))]
+    return [
+        NamedSection(str(closure), _numbered(table.drop(columns="closure")))
+        for closure, table in given.groupby("closure", sort=False)
+    ]
+
+
+USUAL_LABELS = ("impact", "row", "time")
+
+
+def _numbered(table: pd.DataFrame) -> pd.DataFrame:
+    """A table by its label; the rows of one without any are numbered from 1."""
+    if table.index.name is not None or not isinstance(table.index, pd.RangeIndex):
+        return table
+    for name in USUAL_LABELS:
+        if name in table:
+            return table.set_index(name)
+    return table.set_axis(pd.RangeIndex(1, len(table) + 1), axis="index")
+
+
+def find_moments(
+    predictions: Sequence[NamedSection], names: Sequence[str]
+) -> tuple[list[str], list[str], list[tuple[str, str]], list[str]]:
+    """What is predicted: the quantities, the moments of them, the pairs whose correlation is, and
+    the columns that are neither.
+
+    A column whose name is nearly that of a quantity, or the moment of an unknown one, is refused.
+    """
+    columns = list(
+        dict.fromkeys(str(column) for table in predictions for column in table.section.columns)
+    )
+    quantities = []
+    moments = set()
+    pairs = []
+    others = []
+    for column in columns:
+        places = [
+            (moment, column.removeprefix(prefix))
+            for moment, prefix in PREFIX.items()
+            if column.startswith(prefix) and column.removeprefix(prefix) in names
+        ]
+        if places:
+            moment, quantity = places[0]
+            moments.add(moment)
+            quantities.append(quantity)
+            continue
+        pair = _pair_of(column, names)
+        if pair:
+            pairs.append(pair)
+            quantities.extend(pair)
+            continue
+        _check_name(column, names)
+        others.append(column)
+    ordered = [name for name in names if name in quantities]
+    if not ordered:
+        first = columns[0] if columns else ""
+        raise InputError(
+            "predicted", columns, f"no column names a quantity; {nearest(first, names)}"
+        )
+    return ordered, [m for m in MOMENTS if m in moments | {"mean", "sd"}], pairs, others
+
+
+def _pair_of(column: str, names: Sequence[str]) -> tuple[str, str] | None:
+    """The two quantities whose correlation a column is."""
+    if not column.startswith("rho_"):
+        return None
+    rest = column.removeprefix("rho_")
+    pairs = ((a, rest.removeprefix(f"{a}_")) for a in names if rest.startswith(f"{a}_"))
+    return next(((a, b) for a, b in pairs if b in names), None)
+
+
+def _check_name(column: str, names: Sequence[str]) -> None:
+    """Refuse the moment of an unknown quantity, and what looks like a misspelt one."""
+    for prefix in ("sd_", "skew_", "kurt_", "rho_"):
+        if column.startswith(prefix):
+            quantity = column.removeprefix(prefix)
+            raise InputError("predicted", column, f"no such quantity; {nearest(quantity, names)}")
+    meant = nearest(column, names)
+    if meant.startswith("did you mean"):
+        raise InputError("predicted", column, f"no such quantity; {meant}")
+
+
+def check_values(predictions: Sequence[NamedSection], columns: Iterable[str]) -> None:
+    """Refuse predicted moments that are no real numbers, and sds below zero."""
+    for closure, table in predictions:
+        for column in columns:
+            if column not in table:
+                continue
+            values = table[column]
+            place = f"predicted {column} of {closure}"
+            if values.dtype.kind not in "iuf":
+                raise InputError(place, f"values of type {values.dtype}", "give real numbers")
+            wrong = np.isinf(values.to_numpy(float))
+            if wrong.any():
+                label = table.index[wrong][0]
+                why = "is infinite; leave it out, as NaN, where nothing is predicted"
+                raise InputError(f"{place} at {label}", float(values[wrong].iloc[0]), why)
+            if column.startswith("sd_") and (values < 0.0).any():
+                label = table.index[values < 0.0][0]
+                raise InputError(
+                    f"{place} at {label}", float(values[label]), "must be 0 or greater"
+                )
+
+
+def check_labels(predictions: Sequence[NamedSection], labels: Sequence[Any], label: str) -> None:
+    """Refuse predicted rows that the samples do not have, and rows in another order."""
+    known = pd.Index(labels)
+    for closure, table in predictions:
+        if table.index.has_duplicates:
+            twice = table.index[table.index.duplicated()][0]
+            raise InputError(f"{label} of {closure}", twice, "stands twice; keep one")
+        at = known.get_indexer(table.index)
+        if (at < 0).any():
+            missing = table.index[at < 0][0]
+            span = f"{labels[0]} to {labels[-1]}, {len(labels)} rows"
+            raise InputError(f"{label} of {closure}", missing, f"the samples have {span}")
+        if (np.diff(at) <= 0).any():
+            why = f"the samples come in another order ({labels[0]} first); sort one like the other"
+            raise InputError(f"{label} of {closure}", table.index.tolist(), why)

@@ -1,0 +1,495 @@
+"""Reduces samples to the rows that predictions are compared with: every moment with its standard
+error, the bias of the step, and what so few paths cannot have seen."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from rattle.compare.judge.samples import Samples, check_block
+from rattle.compare.judge.sums import PAIR, SINGLE, SampleSums
+from rattle.montecarlo.statistics.intervals import ABSOLUTE, FEWEST_FOR_SD, ROUNDED_SD
+from rattle.montecarlo.statistics.section_statistics import (
+    pair_statistics,
+    sd_influence,
+    single_statistics,
+)
+from rattle.scene import Floats, InputError
+
+UNSEEN = 3.0
+"""Paths of which none may be in a sample although their share is this over their number: with 95 %
+probability one is (the rule of three)."""
+
+FAR = 10.0
+"""Distance from the mean, in sds, for which it is said what unseen paths could change."""
+
+REST_OF_BIAS = 1.0 / (2.0**0.5 - 1.0) - 1.0
+"""How far the value at step 0 lies from the one that is extrapolated at first order, at most, as a
+share of the change from one step to twice the step: for every order from a half on, which is that
+of impacts that a discrete path misses."""
+
+
+@dataclass
+class Moments:
+    """One moment of some quantities: arrays of a row for each cell."""
+
+    moment: str
+    value: Floats
+    se: Floats
+    lean: Floats  # skewness of the sampling distribution
+    effective: Floats  # paths that its error rests on
+
+
+def reduce_samples(
+    samples: Samples,
+    coarser: Samples | None,
+    moments: Sequence[str],
+    pairs: Sequence[tuple[int, int]],
+    groups: NDArray[Any] | None,
+) -> pd.DataFrame:
+    """The rows of samples as `rattle.compare.judge.rows.compare_rows` takes them.
+
+    `coarser`: The same at twice the step. `moments`: Which of mean, sd, skew and kurt. `pairs`:
+    Numbers of the quantities whose correlations are asked for. `groups`: Of the paths that depend
+    on each other; (paths,).
+    """
+    single, joint, both, coarse = _sum_all(samples, coarser, pairs)
+    rows = _row_count(single, len(samples.names))
+    _check_spread(single)
+    if groups is not None:
+        errors = _errors_of_groups(samples, single, joint, pairs, groups)
+    elif samples.draws:
+        errors = _errors_of_draws(samples, single)
+    else:
+        errors = {}
+    parts = [
+        _rows_of(moment, samples, rows, single) for moment in _moments_of(single, moments, errors)
+    ]
+    if coarser is not None:
+        steps = _step_changes(single, both, coarse)
+        parts = [_corrected(part, steps) for part in parts]
+    for pair, sums in zip(pairs, joint, strict=True):
+        parts.append(_rows_of_pair(samples, rows, pair, sums, errors.get(f"rho{pair}")))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _sum_all(
+    samples: Samples, coarser: Samples | None, pairs: Sequence[tuple[int, int]]
+) -> tuple[SampleSums, list[SampleSums], SampleSums | None, SampleSums | None]:
+    """One pass through all blocks: single sums, those of each pair, those of both steps together
+    where their paths go in pairs, and those of the coarser step alone where they do not."""
+    single: SampleSums | None = None
+    joint: list[SampleSums] = []
+    both: SampleSums | None = None
+    paired = coarser is not None and _same_paths(samples, coarser)
+    partners: Iterator[Floats] = iter(coarser.blocks) if paired and coarser else iter(())
+    count = 0
+    for block, partner in zip_longest(samples.blocks, partners):
+        check_block(block, count, samples.names, "samples")
+        count += len(block)
+        cells = block.reshape(len(block), -1)
+        single = _add(single, SampleSums.of_block(cells, cells, SINGLE))
+        sums = [SampleSums.of_block(block[:, :, i], block[:, :, j], PAIR) for i, j in pairs]
+        joint = [_add(a, b) for a, b in zip_longest(joint, sums)]
+        if partner is not None:
+            check_block(partner, count - len(block), samples.names, "coarser")
+            other = partner.reshape(len(partner), -1)
+            both = _add(both, SampleSums.of_block(cells, other, PAIR))
+    assert single is not None  # an iterator without a block has been refused
+    if count < 2:
+        raise InputError("samples", f"{count} path", "one path has no spread; give more")
+    coarse = None
+    if coarser is not None and not paired:
+        for block in coarser.blocks:
+            check_block(block, 0, samples.names, "coarser")
+            cells = block.reshape(len(block), -1)
+            coarse = _add(coarse, SampleSums.of_block(cells, cells, SINGLE[:3]))
+    return single, joint, both, coarse
+
+
+def _same_paths(samples: Samples, coarser: Samples) -> bool:
+    """Whether the paths of both steps go in pairs, by their number: what pairs have in common is
+    measured, so that it does not matter whether they have the same noise."""
+    arrays = (samples.array, coarser.array)
+    return all(array is not None for array in arrays) and len(arrays[0]) == len(arrays[1])
+
+
+def _add(before: SampleSums | None, now: SampleSums | None) -> SampleSums:
+    """The sums of all blocks so far."""
+    assert now is not None
+    return now if before is None else before.merge(now)
+
+
+def _row_count(single: SampleSums, quantities: int) -> int:
+    return len(single.n) // quantities
+
+
+def _check_spread(single: SampleSums) -> None:
+    """Refuse samples of which no two paths differ."""
+    if not (single.largest > single.least).any():
+        why = "all paths are equal; give each its own noise, or a reduced table with se = 0"
+        raise InputError("samples", f"{int(single.n.max()):,} paths", why)
+
+
+def _moments_of(
+    single: SampleSums, moments: Sequence[str], errors: dict[str, tuple[Floats, Floats, Floats]]
+) -> list[Moments]:
+    """The asked moments of every cell with their standard errors."""
+    values = single_statistics(single)  # type: ignore[arg-type]  # it has what is taken
+    n = single.n
+    z = _standardised(single)
+    reach = np.maximum(single.largest - single.mean[0], single.mean[0] - single.least)
+    listed = []
+    for moment in moments:
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            lean = 0.0 * n
+            effective = n
+            if moment == "mean":
+                lean = z[3] / np.sqrt(n)
+            elif moment == "sd":
+                square = np.maximum(z[4] - 1.0, 1e-12)
+                lean = (z[6] - 3.0 * z[4] + 2.0) / square**1.5 / np.sqrt(n)
+            else:
+                # the error of a third or fourth moment rests on the few largest deviations
+                power = 6 if moment == "skew" else 8
+                effective = np.minimum(n, single.sums[power, 0] / reach**power)
+        se = values[f"se_{moment}"]
+        if moment in errors:
+            se, lean, effective = errors[moment]
+        listed.append(
+            Moments(moment, values[moment], se, np.nan_to_num(lean), np.nan_to_num(effective))
+        )
+    return listed
+
+
+def _standardised(single: SampleSums) -> list[Floats]:
+    """Standardised moments, from the zeroth to the eighth."""
+    sd = np.sqrt(single.moment(2, 0))
+    one = np.ones_like(sd)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        higher = [single.moment(p, 0) / sd**p for p in range(3, 9)]
+    return [one, 0.0 * one, one, *higher]
+
+
+def _rows_of(m: Moments, samples: Samples, rows: int, single: SampleSums) -> pd.DataFrame:
+    """The rows of one moment of all quantities."""
+    quantities = len(samples.names)
+    sd = np.sqrt(single.moment(2, 0))
+    n = single.n
+    size = np.hypot(single.mean[0], sd).reshape(rows, quantities)
+    size = np.broadcast_to(np.nanmax(size, axis=0), (rows, quantities)).ravel()
+    varies = sd > ROUNDED_SD * size
+    scale = sd if m.moment in ("mean", "sd") else np.ones_like(sd)
+    fewest = 2 if m.moment == "mean" else FEWEST_FOR_SD
+    low, high = _unseen(m.moment, n)
+    table = pd.DataFrame(
+        {
+            "row": np.repeat(np.arange(rows), quantities),
+            "quantity": np.tile(samples.names, rows),
+            "moment": m.moment,
+            "simulated": m.value,
+            "se": m.se,
+            "bias": 0.0,
+            "corrected": m.value,
+            "noise": np.where(n >= fewest, m.se, np.nan),
+            "rest": 0.0,
+            "unit": scale,
+            "se_unit": single_statistics(single)["se_sd"],  # type: ignore[arg-type]
+            "still": np.where(varies, 0.0, ABSOLUTE * size) * (scale is sd),
+            "judged": True,
+            "agreement": np.nan,
+            "paths": n,
+            "effective_paths": m.effective,
+            "lean": m.lean,
+            "unseen_low": np.where(varies, low * scale, 0.0),
+            "unseen_high": np.where(varies, high * scale, 0.0),
+            "unseen_share": UNSEEN / n,
+            "unseen_paths": n,
+            "remark": "",
+        }
+    )
+    return table.iloc[np.argsort(np.tile(np.arange(quantities), rows), kind="stable")]
+
+
+def _unseen(moment: str, n: Floats) -> tuple[Floats, Floats]:
+    """How much larger and how much smaller than its sampled value a moment may be, in sds, for
+    `UNSEEN` over n of the paths at `FAR` sds from the mean, none of which is in the sample."""
+    with np.errstate(divide="ignore"):
+        share = np.minimum(UNSEEN / n, 1.0)
+    nil = 0.0 * share
+    both_ways = {"mean": share * FAR, "skew": share * FAR**3, "rho": share * FAR**2}
+    if moment in both_ways:
+        return both_ways[moment], both_ways[moment]
+    upwards = np.sqrt(1.0 + share * FAR**2) - 1.0 if moment == "sd" else share * FAR**4
+    return upwards, nil
+
+
+def _rows_of_pair(
+    samples: Samples,
+    rows: int,
+    pair: tuple[int, int],
+    sums: SampleSums,
+    of_groups: tuple[Floats, Floats, Floats] | None,
+) -> pd.DataFrame:
+    """The rows of the correlation of two quantities."""
+    values = pair_statistics(sums)  # type: ignore[arg-type]  # it has what is taken
+    a, b = (samples.names[i] for i in pair)
+    n = sums.n
+    se, lean, effective = of_groups or (values["se_rho"], 0.0 * n, n)
+    low, high = _unseen("rho", n)
+    return pd.DataFrame(
+        {
+            "row": np.arange(rows),
+            "quantity": f"rho_{a}_{b}",
+            "moment": "rho",
+            "simulated": values["rho"],
+            "se": se,
+            "bias": 0.0,
+            "corrected": values["rho"],
+            "noise": np.where(n >= FEWEST_FOR_SD, se, np.nan),
+            "rest": 0.0,
+            "unit": 1.0,
+            "se_unit": 0.0,
+            "still": 0.0,
+            "judged": True,
+            "agreement": np.nan,
+            "paths": n,
+            "effective_paths": effective,
+            "lean": lean,
+            "unseen_low": low,
+            "unseen_high": high,
+            "unseen_share": UNSEEN / n,
+            "unseen_paths": n,
+            "remark": "",
+        }
+    )
+
+
+def _step_changes(
+    single: SampleSums, both: SampleSums | None, coarse: SampleSums | None
+) -> dict[str, tuple[Floats, Floats]]:
+    """Change of each mean and sd from the step to the coarser one, and the standard error of the
+    value that is extrapolated from both."""
+    if both is not None:
+        v = {order: both.moment(*order) for order in PAIR}
+        sd = np.sqrt(np.stack([v[2, 0], v[0, 2]]))
+        spreads = {
+            "mean": (both.mean, [v[2, 0], v[1, 1], v[0, 2]]),
+            "sd": (sd, sd_influence(v, sd[0], sd[1])),
+        }
+        n = both.n
+    else:
+        assert coarse is not None
+        fine_sd = np.sqrt(single.moment(2, 0))
+        coarse_sd = np.sqrt(coarse.moment(2, 0))
+        share = single.n / coarse.n  # the spread of a value is that of one path of the finer step
+        nil = 0.0 * share
+        means = np.stack([single.mean[0], coarse.mean[0]])
+        sds = np.stack([fine_sd, coarse_sd])
+        of_sd = [
+            (sums.moment(4, 0) - sums.moment(2, 0) ** 2) / (4.0 * sums.moment(2, 0))
+            for sums in (single, coarse)
+        ]
+        spreads = {
+            "mean": (means, [fine_sd**2, nil, share * coarse_sd**2]),
+            "sd": (sds, [of_sd[0], nil, share * of_sd[1]]),
+        }
+        n = single.n
+    changes = {}
+    for moment, (values, (fine, across, other)) in spreads.items():
+        se = np.sqrt(np.maximum(4.0 * fine - 4.0 * across + other, 0.0) / n)
+        changes[moment] = (values[1] - values[0], np.nan_to_num(se))
+    return changes
+
+
+def _corrected(part: pd.DataFrame, steps: dict[str, tuple[Floats, Floats]]) -> pd.DataFrame:
+    """Rows with the measured bias of the step; of higher moments it is not measured."""
+    moment = part["moment"].iloc[0]
+    if moment not in steps:
+        return part.assign(remark="no bias of the step was measured for this moment")
+    bias, se = (values[part.index] for values in steps[moment])
+    return part.assign(
+        bias=bias,
+        corrected=part["simulated"] - bias,
+        noise=np.where(part["noise"].isna(), np.nan, se),
+        rest=REST_OF_BIAS * np.abs(bias),
+    )
+
+
+def _errors_of_groups(
+    samples: Samples,
+    single: SampleSums,
+    joint: Sequence[SampleSums],
+    pairs: Sequence[tuple[int, int]],
+    groups: NDArray[Any],
+) -> dict[str, tuple[Floats, Floats, Floats]]:
+    """Standard error, sampling skewness and number of groups for each moment, from the sums of the
+    groups alone: paths of one group may depend on each other."""
+    array = samples.array
+    code, names = pd.factorize(groups)
+    if len(names) < 2:
+        raise InputError("groups", names.tolist(), "paths of one group alone tell no error")
+    order = np.argsort(code, kind="stable")
+    starts = np.searchsorted(code[order], np.arange(len(names)))
+    rows = array.shape[1]
+    z = _standardised(single)
+    sd = np.sqrt(single.moment(2, 0))
+    found: dict[str, list[tuple[Floats, Floats]]] = {
+        moment: [] for moment in ("mean", "sd", "skew", "kurt")
+    }
+    for cell in range(len(single.n)):
+        row, quantity = divmod(cell, array.shape[2])
+        values = array[order, row, quantity].astype(float)
+        unit = sd[cell] if sd[cell] > 0.0 else 1.0
+        u = np.nan_to_num((values - single.mean[0, cell]) / unit)
+        skew = z[3][cell]
+        kurt = z[4][cell]
+        influences = {
+            "mean": unit * u,
+            "sd": 0.5 * unit * (u**2 - 1.0),
+            "skew": u**3 - skew - 3.0 * u - 1.5 * skew * (u**2 - 1.0),
+            "kurt": u**4 - kurt - 4.0 * skew * u - 2.0 * kurt * (u**2 - 1.0),
+        }
+        for moment, influence in influences.items():
+            put_in = np.where(np.isnan(values), 0.0, influence)
+            found[moment].append(_spread_of_groups(put_in, starts, single.n[cell]))
+    number = np.full(len(single.n), float(len(names)))
+    errors = {
+        moment: (np.array([se for se, _ in cells]), np.array([lean for _, lean in cells]), number)
+        for moment, cells in found.items()
+    }
+    for pair, sums in zip(pairs, joint, strict=True):
+        rho = pair_statistics(sums)["rho"]  # type: ignore[arg-type]
+        spreads = []
+        for row in range(rows):
+            u, v = (
+                (array[order, row, i] - sums.mean[side, row]) / np.sqrt(sums.moment(*power)[row])
+                for side, (i, power) in enumerate(zip(pair, ((2, 0), (0, 2)), strict=True))
+            )
+            put_in = np.nan_to_num(u * v - 0.5 * rho[row] * (u**2 + v**2))
+            spreads.append(_spread_of_groups(put_in, starts, sums.n[row]))
+        errors[f"rho{pair}"] = (
+            np.array([se for se, _ in spreads]),
+            np.array([lean for _, lean in spreads]),
+            np.full(rows, float(len(names))),
+        )
+    return errors
+
+
+def _spread_of_groups(influence: Floats, starts: NDArray[Any], n: float) -> tuple[Any, Any]:
+    """Standard error of a mean of influences, and its skewness, from the sums of the groups."""
+    total = np.add.reduceat(influence, starts)
+    groups = len(total)
+    square = float((total**2).mean())
+    if square == 0.0:
+        return 0.0, 0.0
+    se = math.sqrt(groups / (groups - 1.0) * groups * square) / n
+    return se, float((total**3).mean()) / square**1.5 / math.sqrt(groups)
+
+
+AXES: dict[str, Any] = {"chain_axis": 0, "draw_axis": 1}
+
+
+def _errors_of_draws(
+    samples: Samples, single: SampleSums
+) -> dict[str, tuple[Floats, Floats, Floats]]:
+    """Standard errors of autocorrelated draws of chains, by ArviZ."""
+    try:
+        stats: Any = import_module("arviz_stats.base").array_stats
+    except ImportError:
+        why = "draws of chains depend on each other; install arviz-stats, which knows their errors"
+        raise InputError("samples", "chains", why) from None
+    array = samples.array.astype(float)
+    chains = len(array) // samples.draws
+    cells = array.reshape(chains, samples.draws, -1)
+    errors = {}
+    for moment in ("mean", "sd"):
+        draws = [cells[:, :, cell] for cell in range(cells.shape[2])]
+        se = np.array([stats.mcse(x, method=moment, **AXES) for x in draws])
+        ess = np.array([stats.ess(x, method=moment, **AXES) for x in draws])
+        errors[moment] = (se, 0.0 * se, ess)
+    return errors
+
+
+REDUCED_DEFAULTS: dict[str, Any] = {
+    "bias": 0.0,
+    "rest": 0.0,
+    "still": 0.0,
+    "judged": True,
+    "agreement": np.nan,
+    "lean": 0.0,
+    "unseen_low": 0.0,
+    "unseen_high": 0.0,
+    "unseen_share": 0.0,
+    "unseen_paths": 0.0,
+    "remark": "",
+}
+"""What a reduced table says if it does not say it."""
+
+
+def complete_reduced(rows: pd.DataFrame, label: str) -> pd.DataFrame:
+    """The rows of a reduced table with everything that `rattle.compare.judge.rows.compare_rows`
+    takes."""
+    table = rows.copy()
+    given = set(table.columns)
+    for name, value in REDUCED_DEFAULTS.items():
+        if name not in given:
+            table[name] = value
+    if "paths" not in given:
+        table["paths"] = np.nan
+    if "corrected" not in given:
+        table["corrected"] = table["simulated"] - table["bias"]
+    if "noise" not in given:
+        table["noise"] = table["se"]
+    if "unit" not in given:
+        table = _add_units(table, label)
+    if "unseen_low" not in given:
+        table = _add_unseen(table)
+    exact = (table["noise"] == 0.0) | table["paths"].isna()
+    table["effective_paths"] = table["paths"].where(~exact, math.inf)
+    return table
+
+
+def _add_units(table: pd.DataFrame, label: str) -> pd.DataFrame:
+    """The sd of each quantity as the unit of its means and sds."""
+    sds = table[table["moment"] == "sd"].set_index([label, "quantity"])["simulated"]
+    at = pd.MultiIndex.from_frame(table[[label, "quantity"]])
+    of_sd = sds.reindex(at).to_numpy()
+    scaled = table["moment"].isin(["mean", "sd"])
+    without = table[scaled & np.isnan(of_sd)]
+    if len(without):
+        quantity = without["quantity"].iloc[0]
+        why = f"a mean is judged in units of the sd; add the column 'sd_{quantity}' with its error"
+        raise InputError("samples", quantity, why)
+    sizes = np.hypot(table["simulated"].where(table["moment"] == "mean"), of_sd)
+    size = sizes.groupby(table["quantity"]).transform("max")
+    still = scaled & ~(of_sd > ROUNDED_SD * size)
+    return table.assign(
+        unit=np.where(scaled, of_sd, 1.0),
+        se_unit=0.0,
+        still=np.where(still, ABSOLUTE * size, 0.0),
+    )
+
+
+def _add_unseen(table: pd.DataFrame) -> pd.DataFrame:
+    """What so few paths cannot have seen; nothing where the rows are exact."""
+    n = table["paths"].to_numpy(float)
+    sampled = (table["noise"] > 0.0) & (n > 0.0)
+    low = np.zeros(len(table))
+    high = np.zeros(len(table))
+    for moment in table["moment"].unique():
+        here = (sampled & (table["moment"] == moment)).to_numpy()
+        low[here], high[here] = _unseen(moment, n[here])
+    unit = table["unit"].to_numpy(float)
+    return table.assign(
+        unseen_low=low * unit,
+        unseen_high=high * unit,
+        unseen_share=np.where(sampled, UNSEEN / np.where(n > 0.0, n, 1.0), 0.0),
+        unseen_paths=np.where(sampled, n, 0.0),
+    )
