@@ -29,6 +29,13 @@ probability one is (the rule of three)."""
 FAR = 10.0
 """Distance from the mean, in sds, for which it is said what unseen paths could change."""
 
+FEWEST_EFFECTIVE = 10.0
+"""Least number of paths on which the error of a skewness or a kurtosis rests, for it to be judged:
+the largest deviation alone makes at most a tenth of its variance."""
+
+TAIL_TOO_FEW = "the few largest values make nearly all of its error: no interval can be had"
+"""Remark on the rows of such moments."""
+
 REST_OF_BIAS = 1.0 / (2.0**0.5 - 1.0) - 1.0
 """How far the value at step 0 lies from the one that is extrapolated at first order, at most, as a
 share of the change from one step to twice the step: for every order from a half on, which is that
@@ -186,7 +193,10 @@ def _rows_of(m: Moments, samples: Samples, rows: int, single: SampleSums) -> pd.
     size = np.broadcast_to(np.nanmax(size, axis=0), (rows, quantities)).ravel()
     varies = sd > ROUNDED_SD * size
     scale = sd if m.moment in ("mean", "sd") else np.ones_like(sd)
-    fewest = 2 if m.moment == "mean" else FEWEST_FOR_SD
+    known = n >= (2 if m.moment == "mean" else FEWEST_FOR_SD)
+    few = np.zeros_like(known)
+    if m.moment in ("skew", "kurt"):
+        few = known & (m.effective < FEWEST_EFFECTIVE)
     low, high = _unseen(m.moment, n)
     table = pd.DataFrame(
         {
@@ -197,7 +207,7 @@ def _rows_of(m: Moments, samples: Samples, rows: int, single: SampleSums) -> pd.
             "se": m.se,
             "bias": 0.0,
             "corrected": m.value,
-            "noise": np.where(n >= fewest, m.se, np.nan),
+            "noise": np.where(known & ~few, m.se, np.nan),
             "rest": 0.0,
             "unit": scale,
             "se_unit": single_statistics(single)["se_sd"],  # type: ignore[arg-type]
@@ -211,7 +221,7 @@ def _rows_of(m: Moments, samples: Samples, rows: int, single: SampleSums) -> pd.
             "unseen_high": np.where(varies, high * scale, 0.0),
             "unseen_share": UNSEEN / n,
             "unseen_paths": n,
-            "remark": "",
+            "remark": np.where(few, TAIL_TOO_FEW, ""),
         }
     )
     return table.iloc[np.argsort(np.tile(np.arange(quantities), rows), kind="stable")]

@@ -242,7 +242,8 @@ class Judgement(Verdicts):
     def __repr__(self) -> str:
         """What was compared, and the verdicts, on a few lines."""
         rows = self.table[self.label].nunique()
-        title = f"Judgement: {len(self.quantities)} quantities at {rows} rows"
+        named = ", ".join(self.quantities)
+        title = f"Judgement of {named} at {rows} row{'s' * (rows > 1)}"
         return "\n".join([title, *(f"  {sentence}" for sentence in self.answer)])
 
     def _repr_html_(self) -> str:

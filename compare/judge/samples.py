@@ -326,10 +326,10 @@ def check_block(block: Floats, seen_paths: int, names: Sequence[str], argument: 
 
     `seen_paths`: Paths of earlier blocks. Shapes: `block` (paths, rows, quantities).
     """
-    finite = np.asarray(np.isfinite(block))
+    finite: NDArray[Any] = np.asarray(np.isfinite(block))
     if finite.all():
         return
-    infinite = np.isinf(block)
+    infinite: NDArray[Any] = np.asarray(np.isinf(block))
     here = ~finite.all(axis=2)
     partly = here & finite.any(axis=2)
     resumed = np.zeros_like(here)
@@ -341,7 +341,7 @@ def check_block(block: Floats, seen_paths: int, names: Sequence[str], argument: 
     )
     for wrong, why in refused:
         if wrong.any():
-            path, row = np.argwhere(wrong)[0]
-            which = int(np.argmin(finite[path, row]))
+            path, row = map(int, np.argwhere(wrong)[0])
+            which = int(np.isfinite(block[path, row]).argmin())
             place = f"{argument}, path {seen_paths + path}, row {row + 1}, {names[which]}"
             raise InputError(place, float(block[path, row, which]), why)
