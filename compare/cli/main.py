@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from rattle.compare.cli.check import check, claims, warm_up
+from rattle.compare.cli.judge import judge
 from rattle.compare.cli.parameters import boundary, sensitivity
 from rattle.compare.cli.shared import CommandGroup, say
 from rattle.compare.cli.show import animate, drive, init, show
@@ -84,7 +85,7 @@ def main() -> None:
 
 
 for command in (
-    *(animate, boundary, chaos, check, claims, drive, init, order),
+    *(animate, boundary, chaos, check, claims, drive, init, judge, order),
     *(sensitivity, show, simulate, stationary, study, tradeoff, validate, warm_up),
 ):
     main.add_command(command)

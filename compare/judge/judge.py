@@ -176,11 +176,12 @@ def judge(
     statements = len(reference) * len(predictions) if checks is None else count("checks", checks)
     z = widest(statements, 1.0 - level)
     table = compare_rows(predictions, reference, limits, label)
-    table["unseen_paths"] = table["unseen_paths"].where(
-        table["unseen_share"] == 0.0, _paths_for_unseen(table)
-    )
+    searched = read.reduced is not None and "unseen_low" in read.reduced
+    if not searched:
+        table["unseen_paths"] = _paths_for_unseen(table)
     table = judge_errors(table, z)
-    table["remark"] = table["remark"].where(~waits_for_branch(table), _unseen_remarks(table))
+    if not searched:
+        table["remark"] = table["remark"].where(~waits_for_branch(table), _unseen_remarks(table))
     table["enough_paths"] = _has_enough(table, tail_of(statements, 1.0 - level))
     table["kind"] = KINDS.get(label, label)
     own_units = {**read.units, **(units or {})}
@@ -193,7 +194,7 @@ def judge(
         level=level,
         tolerances=limits,
         units={name: own_units.get(name, "") for name in quantities},
-        searched=read.reduced is not None and "unseen_low" in read.reduced,
+        searched=searched,
         exact=bool((reference["noise"] == 0.0).all()),
         bias_measured=bool((reference["bias"] != 0.0).any()) or coarse is not None,
         not_compared=tuple(others),
@@ -301,7 +302,7 @@ def _labels_for(
 def _paths_for_unseen(table: pd.DataFrame) -> pd.Series:
     """Paths of which so small a share is unseen that it changes little of a tolerance."""
     shift = table[["unseen_low", "unseen_high"]].max(axis=1)
-    needed = table["paths"] * shift / (UNSEEN_OF_TOLERANCE * table["tolerance"])
+    needed = table["paths"].fillna(0.0) * shift / (UNSEEN_OF_TOLERANCE * table["tolerance"])
     return needed.map(math.ceil, na_action="ignore")
 
 

@@ -249,6 +249,14 @@ class Judgement(Verdicts):
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.table.to_html(max_rows=40))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Answer and table as plain data."""
+        return {
+            "answer": self.answer,
+            "accurate": self.accurate,
+            "table": self.table.to_dict("records"),
+        }
+
     def plot(self) -> "Figure":
         """Draw the errors of all moments with their intervals.
 

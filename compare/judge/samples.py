@@ -341,7 +341,7 @@ def check_block(block: Floats, seen_paths: int, names: Sequence[str], argument: 
     )
     for wrong, why in refused:
         if wrong.any():
-            path, row = map(int, np.argwhere(wrong)[0])
-            which = int(np.isfinite(block[path, row]).argmin())
+            path, row = np.argwhere(wrong)[0].tolist()
+            which = int(np.argmin(np.isfinite(block[path, row])))
             place = f"{argument}, path {seen_paths + path}, row {row + 1}, {names[which]}"
             raise InputError(place, float(block[path, row, which]), why)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rattle.compare.thresholds.claim import Claim
     from rattle.compare.thresholds.decision import Thresholds
     from rattle.compare.thresholds.fixture import Rattle
+    from rattle.compare.thresholds.judged import Judge
 
 THRESHOLDS: pytest.StashKey[Thresholds] = pytest.StashKey()
 CLAIM: pytest.StashKey[Claim] = pytest.StashKey()
@@ -73,7 +74,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     A test that inherits the marker but does not use the fixture has no claim.
     """
     marked = [item for item in session.items if item.get_closest_marker("rattle")]
-    if not marked:
+    if all("judge" in getattr(item, "fixturenames", ()) for item in marked):
         return
     from rattle.compare.thresholds.claim import read_markers, read_settings
     from rattle.compare.thresholds.decision import Thresholds
@@ -83,14 +84,15 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         read_settings(read_options(session.config)), session.config
     )
     for item in marked:
-        if "rattle" in getattr(item, "fixturenames", ()):
+        fixtures = getattr(item, "fixturenames", ())
+        if "rattle" in fixtures:
             try:
                 item.stash[CLAIM] = read_markers(item.iter_markers("rattle"), item.path.parent)
             except Exception as error:  # any error in reading a marker belongs to this test alone
                 item.stash[REFUSED_KEY] = error
-        elif any(mark.name == "rattle" for mark in item.own_markers):
+        elif "judge" not in fixtures and any(m.name == "rattle" for m in item.own_markers):
             item.stash[REFUSED_KEY] = RattleError(
-                "its marker has no effect; let the test take the fixture 'rattle'"
+                "its marker has no effect; let the test take the fixture 'rattle' or 'judge'"
             )
 
 
@@ -129,6 +131,15 @@ def rattle(request: pytest.FixtureRequest) -> Rattle:
     return Rattle(request.node, request.node.stash[CLAIM], request.config.stash[THRESHOLDS])
 
 
+@pytest.fixture
+def judge(request: pytest.FixtureRequest) -> Judge:
+    """Fixture that judges predictions by samples of one's own: ``judge(predicted, samples)``."""
+    from rattle.compare.thresholds.judged import Judge
+
+    options = read_options(request.config)
+    return Judge(request.node, float(options["rattle_false_alarm"]), options["rattle_undecided"])
+
+
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     """Print what was checked and what it cost; nothing if no test used the fixture."""
     reports = [
@@ -141,11 +152,21 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
         (r.nodeid, value) for r in reports for key, value in r.user_properties if key == "rattle"
     ]
     # reports of subtests repeat them
-    records = {(test, facts["kind"]): (test, facts) for test, facts in found}
-    if records:
+    records = {(test, str(facts)): (test, facts) for test, facts in found}
+    judged = [facts for _, facts in records.values() if facts["kind"] == "judge"]
+    simulated = [record for record in records.values() if record[1]["kind"] != "judge"]
+    lines: list[str] = []
+    if judged:
+        from rattle.compare.thresholds.judged import list_judged
+
+        lines += list_judged(judged)
+    if simulated:
         from rattle.compare.thresholds.messages import summary_lines
+
+        lines += summary_lines(simulated)
+    if lines:
         from rattle.scene.text import harmless
 
         terminalreporter.section("rattle: accuracy thresholds")
-        for line in summary_lines(list(records.values())):
+        for line in lines:
             terminalreporter.write_line(harmless(line, keep=""))

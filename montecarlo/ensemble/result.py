@@ -304,6 +304,35 @@ class Ensemble(SectionResult):
         shares = {name: self._share(a) for name, a in self.result.agreeing.items()}
         return pd.DataFrame(shares, index=pd.RangeIndex(1, self.impacts + 1, name="impact"))
 
+    def to_samples(self) -> pd.DataFrame:
+        """What the paths say of every section mean and sd, as `rattle.judge` takes it.
+
+        Returns
+        -------
+        DataFrame
+            A row for each impact, quantity and moment: ``simulated`` with its standard error
+            ``se``, the measured ``bias`` of the step, and what else decides a verdict: the
+            skewness of the sampling distribution, and what rare branches that are missing from
+            these paths could change.
+
+        Raises
+        ------
+        InputError
+            If the scheme has a bias in the step, and the run was made without step bias.
+
+        Examples
+        --------
+        >>> from rattle import DAT21, Scene, judge, mean_map, simulate
+        >>> scene = Scene.from_gears(DAT21, sigma=0.01)
+        >>> run = simulate(scene, paths=20_000, impacts=2, rng=7)
+        >>> judge(mean_map(scene, impacts=2, closure="saltation"), run.to_samples()).accurate
+        True
+        """
+        from rattle.montecarlo.diagnostics.reference import list_reference
+
+        rows = list_reference(self)
+        return rows.drop(columns=["closure", "kind", "predicted", "error"])
+
     def on_itinerary(self, name: str = NOISE_FREE) -> Ensemble:
         """The same result for the paths alone that have followed an itinerary up to each impact.
 
