@@ -196,7 +196,7 @@ def judge(
         units={name: own_units.get(name, "") for name in quantities},
         searched=searched,
         exact=bool((reference["noise"] == 0.0).all()),
-        bias_measured=bool((reference["bias"] != 0.0).any()) or coarse is not None,
+        bias_measured=coarse is not None or (read.reduced is not None and "bias" in read.reduced),
         not_compared=tuple(others),
         unpredicted=tuple(name for name in read.names if name not in quantities),
     )

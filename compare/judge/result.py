@@ -154,7 +154,10 @@ class Judgement(Verdicts):
         good, bad, undecided = (int((judged["verdict"] == verdict).sum()) for verdict in JUDGED)
         sentence = f"`{name}`: {good} of {len(judged)} moments are accurate"
         sentence += f", {bad} inaccurate" * bool(bad)
-        sentence += f", {undecided} undecided" * bool(undecided)
+        if undecided:
+            needed = judged.loc[judged["verdict"] == Verdict.UNDECIDED, "paths_needed"].max()
+            would = f" ({float(f'{needed:.2g}'):,.0f} paths would decide)" if needed > 0 else ""
+            sentence += f", {undecided} undecided{would}"
         if len(labels) > 1 and good < len(judged):
             if reach is None:
                 sentence += f"; already at {self.label} {labels[0]} some are not shown to be"
@@ -199,6 +202,8 @@ class Judgement(Verdicts):
         rows = self.table[self.table["closure"] == self.closures[0]]
         share = (rows["bias"].abs() / rows["unit"]).max()
         beyond = rows[1.5 * rows["bias"].abs() > rows["tolerance"]]
+        if share == 0.0:
+            return ["The samples have no bias of the step."]
         sentence = f"The bias of the step is up to {share:.2g} sds."
         if len(beyond):
             sentence += (

@@ -330,7 +330,7 @@ def check_block(block: Floats, seen_paths: int, names: Sequence[str], argument: 
     if finite.all():
         return
     infinite: NDArray[Any] = np.asarray(np.isinf(block))
-    here = ~finite.all(axis=2)
+    here: NDArray[Any] = np.asarray(~finite.all(axis=2))
     partly = here & finite.any(axis=2)
     resumed = np.zeros_like(here)
     resumed[:, :-1] = here[:, :-1] & ~here[:, 1:]
