@@ -39,6 +39,9 @@ KINDS = {"impact": "section", "time": "fixed time"}
 """The kind of the rows by what numbers them, as `rattle.validate` calls it; others are called by
 their label."""
 
+DIGITS_OF_LEVEL = 12
+"""Digits of one less the level: 1 - 0.95 is 0.05, and not what doubles make of it."""
+
 POWER = 0.95
 """Probability with which an error of twice the tolerance is found where there are enough paths."""
 
@@ -174,7 +177,8 @@ def judge(
     keep &= reference["quantity"].isin([*quantities, *(f"rho_{a}_{b}" for a, b in pairs)])
     reference = reference[keep].reset_index(drop=True)
     statements = len(reference) * len(predictions) if checks is None else count("checks", checks)
-    z = widest(statements, 1.0 - level)
+    family_error = round(1.0 - level, DIGITS_OF_LEVEL)
+    z = widest(statements, family_error)
     table = compare_rows(predictions, reference, limits, label)
     searched = read.reduced is not None and "unseen_low" in read.reduced
     if not searched:
@@ -182,7 +186,7 @@ def judge(
     table = judge_errors(table, z)
     if not searched:
         table["remark"] = table["remark"].where(~waits_for_branch(table), _unseen_remarks(table))
-    table["enough_paths"] = _has_enough(table, tail_of(statements, 1.0 - level))
+    table["enough_paths"] = _has_enough(table, tail_of(statements, family_error))
     table["kind"] = KINDS.get(label, label)
     own_units = {**read.units, **(units or {})}
     table = table[[*COLUMNS_BEFORE, label, *COLUMNS_AFTER]]

@@ -56,6 +56,19 @@ class Verdicts:
         ]
 
 
+MOST_PATHS_TOLD = 1e8
+"""Largest number of paths that is given as a remedy."""
+
+
+def _describe_needed(paths: float) -> str:
+    """How many paths would decide, in words."""
+    if not paths > 0.0:
+        return ""
+    if paths > MOST_PATHS_TOLD:
+        return " (some so close to what is allowed that no affordable number of paths decides)"
+    return f" ({float(f'{paths:.2g}'):,.0f} paths would decide)"
+
+
 @numpy_defaults
 @dataclass(frozen=True, repr=False)
 class Judgement(Verdicts):
@@ -156,8 +169,7 @@ class Judgement(Verdicts):
         sentence += f", {bad} inaccurate" * bool(bad)
         if undecided:
             needed = judged.loc[judged["verdict"] == Verdict.UNDECIDED, "paths_needed"].max()
-            would = f" ({float(f'{needed:.2g}'):,.0f} paths would decide)" if needed > 0 else ""
-            sentence += f", {undecided} undecided{would}"
+            sentence += f", {undecided} undecided{_describe_needed(needed)}"
         if len(labels) > 1 and good < len(judged):
             if reach is None:
                 sentence += f"; already at {self.label} {labels[0]} some are not shown to be"
@@ -175,10 +187,9 @@ class Judgement(Verdicts):
         error, low, high = (row[name] / row["unit"] for name in ("error", "low", "high"))
         of = "" if row["moment"] == "rho" else f"{row['moment']} of "
         unit = " of an sd" if row["moment"] in ("mean", "sd") else ""
-        return (
-            f"{of}{row['quantity']} at {self.label} {row[self.label]} is off by {error:+.3g}{unit}"
-            f" ({low:+.3g} to {high:+.3g})"
-        )
+        place = f"{of}{row['quantity']} at {self.label} {row[self.label]}"
+        interval = f" ({low:+.3g} to {high:+.3g})" if low < high else ""
+        return f"{place} is off by {error:+.3g}{unit}{interval}"
 
     def _describe_sample(self) -> str:
         """What the predictions were compared with."""

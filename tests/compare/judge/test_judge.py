@@ -1,0 +1,371 @@
+"""judge: samples of any simulation in any form, and what is said of them."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import rattle as rt
+from rattle.scene import InputError
+
+PATHS = 4000
+ROWS = 3
+TIMES = pd.Index([0.1, 0.2, 0.3], name="time")
+
+
+@pytest.fixture(scope="module")
+def samples():
+    """Two correlated random walks, shape (paths, rows, 2)."""
+    rng = np.random.default_rng(7)
+    steps = rng.normal(size=(PATHS, ROWS, 2))
+    walks = steps.cumsum(axis=1)
+    walks[:, :, 1] += 0.5 * walks[:, :, 0]
+    return walks
+
+
+@pytest.fixture(scope="module")
+def predicted():
+    """The exact moments of these walks."""
+    k = np.arange(1.0, ROWS + 1.0)
+    columns = {"x": 0.0 * k, "sd_x": np.sqrt(k), "v": 0.0 * k, "sd_v": np.sqrt(1.25 * k)}
+    return pd.DataFrame(columns | {"rho_x_v": 0.5 / np.sqrt(1.25)}, index=TIMES)
+
+
+def as_long(samples):
+    """The samples as a long table."""
+    paths, rows, _ = samples.shape
+    table = pd.DataFrame(samples.reshape(-1, 2), columns=["x", "v"])
+    table["path"] = np.repeat(np.arange(paths), rows)
+    table["time"] = np.tile(TIMES.to_numpy(), paths)
+    return table
+
+
+def forms(samples, folder):
+    """The same samples in every form."""
+    import xarray as xr
+
+    long = as_long(samples)
+    long.to_csv(folder / "all.csv", index=False, float_format="%.17g")
+    long.to_parquet(folder / "all.parquet")
+    parts = folder / "parts"
+    parts.mkdir()
+    for number in range(4):
+        long[long["path"] % 4 == number].to_parquet(parts / f"{number}.parquet")
+    dims = ("path", "time")
+    return {
+        "array": samples,
+        "mapping": {"x": samples[:, :, 0], "v": samples[:, :, 1]},
+        "long table": long,
+        "indexed table": long.set_index(["path", "time"]),
+        "dataset": xr.Dataset(
+            {"x": (dims, samples[:, :, 0]), "v": (dims, samples[:, :, 1])}, coords={"time": TIMES}
+        ),
+        "csv": folder / "all.csv",
+        "parquet": str(folder / "all.parquet"),
+        "folder": parts,
+        "blocks": iter(np.array_split(samples, 5)),
+        "blocks of tables": (table for _, table in long.groupby(long["path"] // 1000)),
+    }
+
+
+def test_every_form_gives_the_same_verdicts(samples, predicted, tmp_path):
+    """Form by form the same table, but for the order of summation."""
+    known = None
+    for name, form in forms(samples, tmp_path).items():
+        found = rt.judge(predicted, form, names=["x", "v"])
+        table = found.table.sort_values(["moment", "quantity", "time"]).reset_index(drop=True)
+        known = table if known is None else known
+        pd.testing.assert_frame_equal(table, known, rtol=1e-9, obj=name)
+    assert set(known["verdict"]) <= {"accurate", "undecided"}
+
+
+def test_a_reduced_table_gives_the_same_means_and_sds(samples, predicted):
+    """Moments and errors alone decide as the samples do, but for the skewness of the sampling."""
+    found = rt.judge(predicted.drop(columns="rho_x_v"), samples).table
+    reduced = pd.DataFrame({"paths": PATHS}, index=TIMES)
+    for row in found.to_dict("records"):
+        name = {"mean": "", "sd": "sd_"}[row["moment"]] + row["quantity"]
+        reduced.loc[row["time"], [name, f"se_{name}"]] = row["simulated"], row["se"]
+    again = rt.judge(predicted.drop(columns="rho_x_v"), reduced).table
+    keys = ["moment", "quantity", "time"]
+    both = found.merge(again, on=keys, suffixes=("", "_again"))
+    assert len(both) == len(found)
+    np.testing.assert_allclose(both["low"], both["low_again"], atol=3e-3)
+    np.testing.assert_allclose(both["high"], both["high_again"], atol=3e-3)
+
+
+def test_an_exact_reference_decides_everything(predicted):
+    """Standard errors of 0: no interval, no sentence on paths; a planted error is found."""
+    exact = predicted.drop(columns="rho_x_v")
+    reference = exact.assign(**{f"se_{name}": 0.0 for name in exact})
+    right = rt.judge(exact, reference)
+    assert right.accurate
+    assert right.exact
+    assert "exact" in right.answer[1]
+    wrong = rt.judge(exact.assign(sd_x=1.101 * exact["sd_x"]), reference)
+    assert wrong.counts.loc["prediction"].tolist() == [9, 3, 0]
+
+
+def test_planted_errors_are_found_where_there_are_enough_paths():
+    """0.1 sd in a mean and 20 % in an sd, with the number of paths that is called enough."""
+    rng = np.random.default_rng(11)
+    replicas = 400  # rows that are judged as if each were alone
+    draws = rng.normal(size=(30_000, replicas))
+    wrong = {"x": np.full(replicas, 0.1), "sd_x": np.full(replicas, 1.2)}
+    table = rt.judge(wrong, {"x": draws}, checks=2).table
+    enough = table[table["enough_paths"]]
+    found = enough.groupby("moment")["verdict"].agg(lambda v: (v == "inaccurate").mean())
+    assert set(found.index) == {"mean", "sd"}
+    assert (found >= 0.95).all()
+
+
+DISTRIBUTIONS = {
+    "normal": (lambda r, s: r.normal(size=s), {"x": 0.0, "sd_x": 1.0, "skew_x": 0.0}),
+    "log-normal": (
+        lambda r, s: r.lognormal(size=s),
+        {
+            "x": np.exp(0.5),
+            "sd_x": np.sqrt((np.e - 1.0) * np.e),
+            "skew_x": (np.e + 2.0) * np.sqrt(np.e - 1.0),
+            "kurt_x": np.e**4 + 2.0 * np.e**3 + 3.0 * np.e**2 - 6.0,
+        },
+    ),
+    "Student's t, 3": (lambda r, s: r.standard_t(3, size=s), {"x": 0.0, "sd_x": np.sqrt(3.0)}),
+    "mixture": (
+        lambda r, s: r.normal(size=s) + 10.0 * (r.random(s) < 1e-4),
+        {
+            "x": 1e-3,
+            "sd_x": np.sqrt(1.0 + 1e-2 * (1.0 - 1e-4)),
+            "skew_x": 0.1 / 1.01**1.5,
+            "kurt_x": (3.0 + 0.06 + 1.0) / 1.01**2 - 3.0,
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
+@pytest.mark.parametrize("paths", [500, 4000])
+def test_an_exact_closure_is_seldom_called_inaccurate(name, paths):
+    """2,000 runs each: at most the stated 5 %, heavy tails included."""
+    draw, moments = DISTRIBUTIONS[name]
+    runs = 2000
+    draws = draw(np.random.default_rng(3), (paths, runs))
+    claim = {column: np.full(runs, value) for column, value in moments.items()}
+    table = rt.judge(claim, {"x": draws}, checks=len(moments)).table
+    wrong = table[table["verdict"] == "inaccurate"]["row"].nunique()
+    assert wrong <= 0.05 * runs
+
+
+def test_without_what_is_unseen_the_rate_is_not_held():
+    """Negative control: the kurtosis of the mixture, judged by its sampled error alone."""
+    draw, moments = DISTRIBUTIONS["mixture"]
+    runs = 500
+    draws = draw(np.random.default_rng(3), (4000, runs))
+    claim = {"kurt_x": np.full(runs, moments["kurt_x"]), "sd_x": np.ones(runs)}
+    table = rt.judge(claim, {"x": draws}, checks=1).table
+    rows = table[table["moment"] == "kurt"]
+    half = 0.5 * (rows["high"] - rows["low"]) - 3.0e4 / 4000 / 2.0
+    naive = (rows["error"].abs() - half > rows["tolerance"]) & half.notna()
+    assert naive.mean() > 0.05
+    assert not (rows["verdict"] == "inaccurate").any()
+
+
+def test_correlated_groups_widen_the_intervals(predicted):
+    """Paths that come in tens alike: judged as independent their error is too small by sqrt(10)."""
+    rng = np.random.default_rng(5)
+    walks = rng.normal(size=(1000, ROWS)).cumsum(axis=1)
+    alike = np.repeat(walks, 10, axis=0)
+    claim = predicted[["x", "sd_x"]]
+    groups = np.repeat(np.arange(1000), 10)
+    of_groups = rt.judge(claim, {"x": alike}, groups=groups).table
+    alone = rt.judge(claim, {"x": walks}).table
+    independent = rt.judge(claim, {"x": alike}).table
+    np.testing.assert_allclose(of_groups["se"], alone["se"], rtol=2e-3)
+    np.testing.assert_allclose(of_groups["se"] / independent["se"], np.sqrt(10.0), rtol=2e-3)
+
+
+def test_draws_of_chains_have_the_errors_of_arviz(predicted):
+    """An autoregression: its standard error is sqrt((1 + a) / (1 - a)) of an independent one's."""
+    pytest.importorskip("arviz_stats")
+    import xarray as xr
+
+    rng = np.random.default_rng(5)
+    noise = rng.normal(size=(4, 5000, 1))
+    chain = np.zeros_like(noise)
+    for i in range(1, 5000):
+        chain[:, i] = 0.8 * chain[:, i - 1] + 0.6 * noise[:, i]
+    data = xr.Dataset({"x": (("chain", "draw", "time"), chain)}, coords={"time": [0.1]})
+    claim = pd.DataFrame({"x": [0.0], "sd_x": [1.0]}, index=TIMES[:1])
+    row = rt.judge(claim, data).table.iloc[0]
+    assert row["se"] / (1.0 / np.sqrt(20_000)) == pytest.approx(3.0, rel=0.15)
+
+
+def test_a_coarser_step_shows_the_bias_and_widens_the_intervals(samples, predicted):
+    """On the same noise, on another, and reduced; its rest covers orders from a half on."""
+    bias = 0.02
+    fine = {"x": samples[:, :, 0] + bias}
+    coarse = {"x": samples[:, :, 0] + 2.0 * bias}
+    claim = predicted[["x", "sd_x"]]
+    same = rt.judge(claim, fine, coarser=coarse).table.query("moment == 'mean'")
+    np.testing.assert_allclose(same["bias"], bias, rtol=1e-9)
+    np.testing.assert_allclose(same["error"], -samples[:, :, 0].mean(axis=0), atol=1e-12)
+    other = {"x": samples[:2000, :, 1] * np.sqrt(0.8) + 2.0 * bias}
+    independent = rt.judge(claim, fine, coarser=other).table.query("moment == 'mean'")
+    wider = independent["high"] - independent["low"]
+    assert (wider > same["high"] - same["low"]).all()
+
+
+def test_a_reference_whose_step_is_too_long_cannot_be_believed(samples, predicted):
+    """A bias beyond the tolerance leaves rows undecided, and the answer says so."""
+    claim = predicted[["x", "sd_x"]]
+    found = rt.judge(claim, {"x": samples[:, :, 0] + 0.3}, coarser={"x": samples[:, :, 0] + 0.6})
+    means = found.table.query("moment == 'mean'")
+    assert set(means["verdict"]) == {"undecided"}
+    assert "cannot be believed" in "\n".join(found.answer)
+    assert set(rt.judge(claim, {"x": samples[:, :, 0] + 0.3}).table["verdict"]) >= {"inaccurate"}
+
+
+def test_paths_that_end_are_counted_by_row(samples, predicted):
+    """Half of the paths end before the last row."""
+    ended = samples.copy()
+    ended[: PATHS // 2, 2] = np.nan
+    found = rt.judge(predicted, ended)
+    paths = found.table.groupby("time")["paths"].first()
+    assert paths.tolist() == [PATHS, PATHS, PATHS // 2]
+    assert "time 0.3 is reached by 2,000 of 4,000 paths." in found.answer
+
+
+def test_several_closures_and_a_function(samples, predicted):
+    """A mapping of names, a table with a column closure, and a function that is called once."""
+    calls = []
+
+    def mine():
+        calls.append(1)
+        return predicted.assign(x=1.0)
+
+    found = rt.judge({"exact": predicted, "mine": mine}, samples)
+    assert found.closures == ("exact", "mine")
+    assert len(calls) == 1
+    assert found.counts.loc["mine", "inaccurate"] == ROWS
+    together = pd.concat([predicted.assign(closure="a"), predicted.assign(closure="b")])
+    assert rt.judge(together, samples).closures == ("a", "b")
+
+
+def test_result_as_dataset_page_and_text(samples, predicted, tmp_path):
+    """Everything that a result offers."""
+    found = rt.judge(predicted, samples, units={"x": "mm"})
+    assert found.to_xarray()["verdict"].dims == ("closure", "time", "quantity", "moment")
+    page = found.report(tmp_path / "page")
+    assert "Can the closure be believed?" in page.read_text(encoding="utf-8")
+    assert len(found.plot().axes) >= 5
+    assert repr(found).startswith("Judgement of x, v at 3 rows")
+    assert "<table" in found._repr_html_()
+    assert found.units == {"x": "mm", "v": ""}
+
+
+def test_no_compiler_is_loaded(tmp_path):
+    """On samples of one's own; shown in another process."""
+    script = (
+        "import sys, numpy as np, rattle as rt\n"
+        "x = np.random.default_rng(1).normal(size=(100, 2, 1))\n"
+        "rt.judge({'x': [0.0, 0.0], 'sd_x': [1.0, 1.0]}, x)\n"
+        "assert 'numba' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, cwd=tmp_path, timeout=120)
+
+
+def test_section_rows_of_validate_bit_for_bit():
+    """The heart is one: what validate says of section moments, judge says of the run's samples."""
+    scene = rt.Scene.from_gears(rt.DAT21, sigma=0.01)
+    run = rt.validate(scene, impacts=3, closures=["saltation"], paths=4000, rng=7)
+    found = rt.judge(run.predictions["saltation"], run.run.to_samples(), checks=2 * 6 * 3 + 2 * 3)
+    expected = run.table[run.table["kind"] == "section"].reset_index(drop=True)
+    columns = expected.columns.drop("time")
+    pd.testing.assert_frame_equal(
+        found.table[columns], expected[columns], check_exact=True, check_dtype=False
+    )
+
+
+def refusals(samples, predicted, tmp_path):
+    """Bad input: arguments, and what the message has to name."""
+    bad = tmp_path / "bad.parquet"
+    bad.write_text("no table")
+    late = samples.copy()
+    late[3, 0] = np.nan
+    infinite = samples.copy()
+    infinite[5, 1, 1] = np.inf
+    metres = predicted.copy()
+    metres.attrs["units"] = {"x": "m"}
+    alike = np.repeat(samples[:1], 10, axis=0)
+    return {
+        "misspelt": ((predicted.rename(columns={"sd_x": "sd_xx"}), samples), "did you mean 'x'"),
+        "nothing in common": (({"speed": [1.0, 2.0, 3.0]}, samples), "quantit"),
+        "other order": ((predicted[::-1], as_long(samples)), "order"),
+        "unknown row": ((predicted.set_axis(TIMES + 1.0), as_long(samples)), "samples have"),
+        "too few rows": ((predicted[:2], samples), "3 rows"),
+        "sd below zero": ((predicted.assign(sd_x=-1.0), samples), "must be 0 or greater"),
+        "complex": ((predicted, samples.astype(complex)), "real"),
+        "objects": ((predicted, samples.astype(object)), "real numbers"),
+        "one path": ((predicted, samples[:1]), "one path"),
+        "all equal": ((predicted, alike), "equal"),
+        "no table": ((predicted, bad), "is no table"),
+        "no file": ((predicted, tmp_path / "none.csv"), "does not exist"),
+        "starts late": ((predicted, late), "path 3, row 1"),
+        "infinite": ((predicted, infinite), "path 5, row 2, v"),
+        "no samples": ((predicted, 3.0), "give an array"),
+    }, {"units differ": ((metres, samples), {"units": {"x": "mm"}}, "convert one of them")}
+
+
+def test_bad_input_is_named(samples, predicted, tmp_path):
+    """Field, value and remedy, case by case."""
+    plain, with_options = refusals(samples, predicted, tmp_path)
+    cases = [(name, given, {}, part) for name, (given, part) in plain.items()]
+    cases += [(name, *case) for name, case in with_options.items()]
+    for name, given, options, part in cases:
+        names = {} if options or not isinstance(given[1], np.ndarray) else {"names": ["x", "v"]}
+        if options:
+            names = {"names": ["x", "v"]}
+        with pytest.raises(InputError) as refusal:
+            rt.judge(*given, **names, **options)
+        assert part in str(refusal.value), name
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("level", 1.0), ("checks", 0), ("names", ["x"]), ("groups", [1, 2])]
+)
+def test_bad_options_are_named(samples, predicted, option, value):
+    """Each by its name."""
+    with pytest.raises(InputError) as refusal:
+        rt.judge(predicted, samples, **{option: value})
+    assert refusal.value.field.startswith(option)
+
+
+def test_command_line(samples, predicted, tmp_path):
+    """Files in, sentences, JSON and exit codes out."""
+    import json
+
+    from click.testing import CliRunner
+
+    from rattle.compare.cli.main import main
+
+    as_long(samples).to_parquet(tmp_path / "samples.parquet")
+    predicted.to_csv(tmp_path / "good.csv")
+    predicted.assign(x=1.0).to_csv(tmp_path / "bad.csv")
+
+    def call(*words):
+        return CliRunner().invoke(main, ["judge", *map(str, words)])
+
+    files = [tmp_path / "bad.csv", tmp_path / "samples.parquet"]
+    out = call(*files, "--out", tmp_path / "page", "--require", "accurate")
+    assert out.exit_code == 3
+    assert Path(tmp_path / "page" / "judge.html").is_file()
+    data = json.loads(call(*files, "--json").stdout)
+    assert data["accurate"] is False
+    assert {row["closure"] for row in data["table"]} == {"bad"}
+    wide = ["--mean", 0.5, "--sd", 0.5, "--rho", 0.5]
+    out = call(tmp_path / "good.csv", files[1], "--require", "accurate", "--json", *wide)
+    assert out.exit_code == 0
+    assert call(tmp_path / "none.csv", files[1]).exit_code == 2
