@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from rattle import judge
+from rattle import Tolerances, judge
 
 ZETA, SIGMA, SPEED, IMPACTS = 0.05, 0.06, 2.0, 6
 DRIFT = np.array([[0.0, 1.0], [-1.0, -2.0 * ZETA]])
@@ -30,6 +30,9 @@ def sample(paths, dt, restitution, until=None):
     spread = np.linalg.cholesky(STATIONARY - step @ STATIONARY @ step.T)
     state, struck = np.zeros((2, paths)), np.zeros(paths, int)
     state[1] = SPEED
+    if until:  # from the stationary motion of r = 1: a Gaussian, cut at the wall
+        state = np.sqrt(STATIONARY.diagonal())[:, None] * rng.normal(size=(2, paths))
+        state[0] = abs(state[0])
     found = np.full((paths, IMPACTS, 2), np.nan)
     for k in range(int((until or 40.0) / dt)):
         before, state = state, step @ state + spread @ rng.normal(size=(2, paths))
@@ -70,8 +73,9 @@ def gaussian(restitution):
 fine, coarse = (sample(20_000, dt, 0.9) for dt in (0.005, 0.01))
 found = judge(gaussian(0.9), fine, coarser=coarse, names=["time", "speed"])
 print(found)
-rates = sample(400, 0.005, 1.0, until=300.0)
-error = rates.std() / np.sqrt(len(rates))
-print(f"r = 1: {rates.mean():.4f} +- {error:.4f} impacts; exactly 1/pi = {1.0 / np.pi:.4f}")
+rates = [sample(1000, dt, 1.0, until=100.0)[:, None] for dt in (0.005, 0.01)]
+limits = Tolerances(mean=0.2)  # of the sd of a path's rate: about 0.2 % of the rate
+exact = {"rate": 1.0 / np.pi}
+print(judge(exact, {"rate": rates[0]}, coarser={"rate": rates[1]}, tolerances=limits))
 found.plot()
 plt.show()
