@@ -9,6 +9,7 @@ import pandas as pd
 from scipy.special import ndtri
 
 from rattle.compare.judge.predictions import (
+    PredictedMoments,
     check_labels,
     check_values,
     find_moments,
@@ -16,13 +17,12 @@ from rattle.compare.judge.predictions import (
 )
 from rattle.compare.judge.reference import (
     FAR,
-    REST_OF_BIAS,
-    complete_reduced,
+    complete_rows,
+    correct_steps,
     reduce_samples,
 )
 from rattle.compare.judge.result import Judgement
 from rattle.compare.judge.rows import (
-    PREFIX,
     NamedSection,
     compare_rows,
     judge_errors,
@@ -149,38 +149,18 @@ def judge(
     if not 0.0 < level < 1.0:
         raise InputError("level", level, "must lie between 0 and 1, both excluded")
     label = str(predictions[0].section.index.name or "row")
-    named = tuple(names) if names is not None else None
-    read = read_samples(samples, _names_for(samples, named, predictions), label, "samples")
-    quantities, moments, pairs, others = find_moments(predictions, read.names)
-    columns = [PREFIX[moment] + name for moment in moments for name in quantities]
-    check_values(predictions, [*columns, *(f"rho_{a}_{b}" for a, b in pairs)])
+    given_names = tuple(names) if names is not None else _names_for(samples, predictions)
+    read = read_samples(samples, given_names, label, "samples")
+    moments = find_moments(predictions, read.names)
+    check_values(predictions, moments.columns)
     coarse = _read_coarser(coarser, read, label)
     _check_units(units, read, predictions)
-    if read.reduced is None:
-        places = [(read.names.index(a), read.names.index(b)) for a, b in pairs]
-        of_path = _read_groups(groups, read)
-        reference = reduce_samples(read, coarse, moments, places, of_path)
-        rows = int(reference["row"].max()) + 1
-        labels = _labels_for(predictions, read, rows)
-        reference = reference.assign(row=labels[reference["row"].to_numpy()])
-        reference = reference.rename(columns={"row": label})
-    else:
-        if groups is not None:
-            raise InputError("groups", "given", "needs the paths themselves, not a reduced table")
-        reference = complete_reduced(read.reduced, read.label)
-        reference = _correct_reduced(reference, coarse, read.label)
-        reference = reference.rename(columns={read.label: label})
-        labels = reference[label].unique()
-    check_labels(predictions, list(labels), label)
-    wanted = moments if read.reduced is None else [*moments, "rho"]
-    keep = reference["moment"].isin([*wanted, "rho"])
-    keep &= reference["quantity"].isin([*quantities, *(f"rho_{a}_{b}" for a, b in pairs)])
-    reference = reference[keep].reset_index(drop=True)
+    reference = _make_reference(read, coarse, moments, groups, predictions, label)
     statements = len(reference) * len(predictions) if checks is None else count("checks", checks)
     family_error = round(1.0 - level, DIGITS_OF_LEVEL)
     z = widest(statements, family_error)
-    table = compare_rows(predictions, reference, limits, label)
     searched = read.reduced is not None and "unseen_low" in read.reduced
+    table = compare_rows(predictions, reference, limits, label)
     if not searched:
         table["unseen_paths"] = _paths_for_unseen(table)
     table = judge_errors(table, z)
@@ -188,30 +168,56 @@ def judge(
         table["remark"] = table["remark"].where(~waits_for_branch(table), _unseen_remarks(table))
     table["enough_paths"] = _has_enough(table, tail_of(statements, family_error))
     table["kind"] = KINDS.get(label, label)
-    own_units = {**read.units, **(units or {})}
-    table = table[[*COLUMNS_BEFORE, label, *COLUMNS_AFTER]]
+    units_of_all = {**read.units, **(units or {})}
     return Judgement(
-        table=table,
+        table=table[[*COLUMNS_BEFORE, label, *COLUMNS_AFTER]],
         label=label,
         closures=tuple(name for name, _ in predictions),
         z=z,
         level=level,
         tolerances=limits,
-        units={name: own_units.get(name, "") for name in quantities},
+        units={name: units_of_all.get(name, "") for name in moments.quantities},
         searched=searched,
         exact=bool((reference["noise"] == 0.0).all()),
         bias_measured=coarse is not None or (read.reduced is not None and "bias" in read.reduced),
-        not_compared=tuple(others),
-        unpredicted=tuple(name for name in read.names if name not in quantities),
+        not_compared=tuple(moments.others),
+        unpredicted=tuple(name for name in read.names if name not in moments.quantities),
     )
 
 
-def _names_for(
-    samples: Any, names: tuple[str, ...] | None, predictions: Sequence[NamedSection]
-) -> tuple[str, ...] | None:
-    """Names of the quantities of an array: as given, or in the order of the predicted columns."""
-    if names is not None or not isinstance(samples, np.ndarray) or samples.ndim != 3:
-        return names
+def _make_reference(
+    read: Samples,
+    coarse: Samples | None,
+    moments: PredictedMoments,
+    groups: Any,
+    predictions: Sequence[NamedSection],
+    label: str,
+) -> pd.DataFrame:
+    """The rows of the samples, of the moments that are predicted."""
+    if read.reduced is None:
+        places = [(read.names.index(a), read.names.index(b)) for a, b in moments.pairs]
+        of_path = _read_groups(groups, read)
+        rows = reduce_samples(read, coarse, moments.moments, places, of_path)
+        own_labels = _labels_for(predictions, read, int(rows["row"].max()) + 1)
+        rows = rows.assign(row=own_labels[rows["row"].to_numpy()]).rename(columns={"row": label})
+    else:
+        if groups is not None:
+            raise InputError("groups", "given", "needs the paths themselves, not a reduced table")
+        rows = read.reduced.rename(columns={read.label: label})
+        rows = _correct_reduced(rows, coarse, label)
+    check_labels(predictions, rows[label].unique().tolist(), label)
+    reference = complete_rows(rows, label)
+    correlations = [f"rho_{a}_{b}" for a, b in moments.pairs]
+    keep = reference["moment"].isin([*moments.moments, "rho"])
+    keep &= reference["quantity"].isin([*moments.quantities, *correlations])
+    return reference[keep].reset_index(drop=True)
+
+
+def _names_for(samples: Any, predictions: Sequence[NamedSection]) -> tuple[str, ...] | None:
+    """Names of the quantities of an array, in the order of the predicted means; None where they do
+    not say."""
+    if not isinstance(samples, np.ndarray) or samples.ndim != 3:
+        return None
     means = [
         str(name)
         for name in predictions[0].section.columns
@@ -237,22 +243,16 @@ def _read_coarser(coarser: Any, read: Samples, label: str) -> Samples | None:
     return coarse
 
 
-def _correct_reduced(reference: pd.DataFrame, coarse: Samples | None, label: str) -> pd.DataFrame:
+def _correct_reduced(rows: pd.DataFrame, coarse: Samples | None, label: str) -> pd.DataFrame:
     """Reduced rows with the bias of the step, from reduced rows at twice the step."""
     if coarse is None or coarse.reduced is None:
-        return reference
+        return rows
     keys = [label, "quantity", "moment"]
     other = coarse.reduced.rename(columns={coarse.label: label}).set_index(keys)
-    at = pd.MultiIndex.from_frame(reference[keys])
-    bias = other["simulated"].reindex(at).to_numpy() - reference["simulated"].to_numpy()
-    se = other["se"].reindex(at).to_numpy()
-    known = np.isfinite(bias)
-    return reference.assign(
-        bias=np.where(known, bias, 0.0),
-        corrected=reference["simulated"] - np.where(known, bias, 0.0),
-        noise=np.where(known, np.hypot(2.0 * reference["se"], se), reference["noise"]),
-        rest=np.where(known, REST_OF_BIAS * np.abs(bias), 0.0),
-    )
+    at = pd.MultiIndex.from_frame(rows[keys])
+    bias = other["simulated"].reindex(at).to_numpy(float) - rows["simulated"].to_numpy(float)
+    se = np.hypot(2.0 * rows["se"].to_numpy(float), other["se"].reindex(at).to_numpy(float))
+    return correct_steps(rows.assign(noise=rows["se"], remark=""), bias, se)
 
 
 def _read_groups(groups: Any, read: Samples) -> Any:

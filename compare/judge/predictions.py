@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -91,11 +91,23 @@ def _numbered(table: pd.DataFrame) -> pd.DataFrame:
     return table.set_axis(pd.RangeIndex(1, len(table) + 1), axis="index")
 
 
-def find_moments(
-    predictions: Sequence[NamedSection], names: Sequence[str]
-) -> tuple[list[str], list[str], list[tuple[str, str]], list[str]]:
-    """What is predicted: the quantities, the moments of them, the pairs whose correlation is, and
-    the columns that are neither.
+class PredictedMoments(NamedTuple):
+    """What is predicted of the quantities of samples."""
+
+    quantities: list[str]
+    moments: list[str]  # of mean, sd, skew, kurt; mean and sd always
+    pairs: list[tuple[str, str]]  # of which a correlation is predicted
+    others: list[str]  # columns that are no moments of these quantities
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns of all these moments."""
+        single = [PREFIX[moment] + name for moment in self.moments for name in self.quantities]
+        return [*single, *(f"rho_{a}_{b}" for a, b in self.pairs)]
+
+
+def find_moments(predictions: Sequence[NamedSection], names: Sequence[str]) -> PredictedMoments:
+    """Find what is predicted of the quantities with these names.
 
     A column whose name is nearly that of a quantity, or the moment of an unknown one, is refused.
     """
@@ -130,7 +142,8 @@ def find_moments(
         raise InputError(
             "predicted", columns, f"no column names a quantity; {nearest(first, names)}"
         )
-    return ordered, [m for m in MOMENTS if m in moments | {"mean", "sd"}], pairs, others
+    listed = [m for m in MOMENTS if m in moments | {"mean", "sd"}]
+    return PredictedMoments(ordered, listed, pairs, others)
 
 
 def _pair_of(column: str, names: Sequence[str]) -> tuple[str, str] | None:

@@ -33,6 +33,9 @@ FEWEST_EFFECTIVE = 10.0
 """Least number of paths on which the error of a skewness or a kurtosis rests, for it to be judged:
 the largest deviation alone makes at most a tenth of its variance."""
 
+NO_BIAS_KNOWN = "no bias of the step was measured for this moment"
+"""Remark on the rows of which the coarser samples say nothing."""
+
 TAIL_TOO_FEW = "the few largest values make nearly all of its error: no interval can be had"
 """Remark on the rows of such moments."""
 
@@ -76,7 +79,7 @@ def reduce_samples(
     else:
         errors = {}
     parts = [
-        _rows_of(moment, samples, rows, single) for moment in _moments_of(single, moments, errors)
+        _rows_of(moment, samples, rows, single.n) for moment in _moments_of(single, moments, errors)
     ]
     if coarser is not None:
         steps = _step_changes(single, both, coarse)
@@ -184,20 +187,13 @@ def _standardised(single: SampleSums) -> list[Floats]:
     return [one, 0.0 * one, one, *higher]
 
 
-def _rows_of(m: Moments, samples: Samples, rows: int, single: SampleSums) -> pd.DataFrame:
-    """The rows of one moment of all quantities."""
+def _rows_of(m: Moments, samples: Samples, rows: int, n: Floats) -> pd.DataFrame:
+    """The rows of one moment of all quantities, quantity by quantity."""
     quantities = len(samples.names)
-    sd = np.sqrt(single.moment(2, 0))
-    n = single.n
-    size = np.hypot(single.mean[0], sd).reshape(rows, quantities)
-    size = np.broadcast_to(np.nanmax(size, axis=0), (rows, quantities)).ravel()
-    varies = sd > ROUNDED_SD * size
-    scale = sd if m.moment in ("mean", "sd") else np.ones_like(sd)
     known = n >= (2 if m.moment == "mean" else FEWEST_FOR_SD)
     few = np.zeros_like(known)
     if m.moment in ("skew", "kurt"):
         few = known & (m.effective < FEWEST_EFFECTIVE)
-    low, high = _unseen(m.moment, n)
     table = pd.DataFrame(
         {
             "row": np.repeat(np.arange(rows), quantities),
@@ -205,22 +201,10 @@ def _rows_of(m: Moments, samples: Samples, rows: int, single: SampleSums) -> pd.
             "moment": m.moment,
             "simulated": m.value,
             "se": m.se,
-            "bias": 0.0,
-            "corrected": m.value,
             "noise": np.where(known & ~few, m.se, np.nan),
-            "rest": 0.0,
-            "unit": scale,
-            "se_unit": single_statistics(single)["se_sd"],  # type: ignore[arg-type]
-            "still": np.where(varies, 0.0, ABSOLUTE * size) * (scale is sd),
-            "judged": True,
-            "agreement": np.nan,
             "paths": n,
             "effective_paths": m.effective,
             "lean": m.lean,
-            "unseen_low": np.where(varies, low * scale, 0.0),
-            "unseen_high": np.where(varies, high * scale, 0.0),
-            "unseen_share": UNSEEN / n,
-            "unseen_paths": n,
             "remark": np.where(few, TAIL_TOO_FEW, ""),
         }
     )
@@ -250,9 +234,7 @@ def _rows_of_pair(
     """The rows of the correlation of two quantities."""
     values = pair_statistics(sums)  # type: ignore[arg-type]  # it has what is taken
     a, b = (samples.names[i] for i in pair)
-    n = sums.n
-    se, lean, effective = of_groups or (values["se_rho"], 0.0 * n, n)
-    low, high = _unseen("rho", n)
+    se, lean, effective = of_groups or (values["se_rho"], 0.0 * sums.n, sums.n)
     return pd.DataFrame(
         {
             "row": np.arange(rows),
@@ -260,22 +242,10 @@ def _rows_of_pair(
             "moment": "rho",
             "simulated": values["rho"],
             "se": se,
-            "bias": 0.0,
-            "corrected": values["rho"],
-            "noise": np.where(n >= FEWEST_FOR_SD, se, np.nan),
-            "rest": 0.0,
-            "unit": 1.0,
-            "se_unit": 0.0,
-            "still": 0.0,
-            "judged": True,
-            "agreement": np.nan,
-            "paths": n,
+            "noise": np.where(sums.n >= FEWEST_FOR_SD, se, np.nan),
+            "paths": sums.n,
             "effective_paths": effective,
             "lean": lean,
-            "unseen_low": low,
-            "unseen_high": high,
-            "unseen_share": UNSEEN / n,
-            "unseen_paths": n,
             "remark": "",
         }
     )
@@ -318,18 +288,25 @@ def _step_changes(
     return changes
 
 
-def _corrected(part: pd.DataFrame, steps: dict[str, tuple[Floats, Floats]]) -> pd.DataFrame:
-    """Rows with the measured bias of the step; of higher moments it is not measured."""
-    moment = part["moment"].iloc[0]
-    if moment not in steps:
-        return part.assign(remark="no bias of the step was measured for this moment")
-    bias, se = (values[part.index] for values in steps[moment])
+def correct_steps(part: pd.DataFrame, bias: Floats, se: Floats) -> pd.DataFrame:
+    """Rows with the measured bias of the step, where it is known; `se` is that of the extrapolated
+    value."""
+    known = np.isfinite(bias)
+    change = np.where(known, bias, 0.0)
     return part.assign(
-        bias=bias,
-        corrected=part["simulated"] - bias,
-        noise=np.where(part["noise"].isna(), np.nan, se),
-        rest=REST_OF_BIAS * np.abs(bias),
+        bias=change,
+        corrected=part["simulated"] - change,
+        noise=part["noise"].where(part["noise"].isna() | ~known, se),
+        rest=REST_OF_BIAS * np.abs(change),
+        remark=part["remark"].where(known, NO_BIAS_KNOWN),
     )
+
+
+def _corrected(part: pd.DataFrame, steps: dict[str, tuple[Floats, Floats]]) -> pd.DataFrame:
+    """Rows with the bias of the step; of higher moments it is not measured."""
+    unknown = np.full(len(part), np.nan)
+    bias, se = steps.get(part["moment"].iloc[0], (unknown, unknown))
+    return correct_steps(part, bias[part.index], se[part.index])
 
 
 def _errors_of_groups(
@@ -427,42 +404,35 @@ def _errors_of_draws(
     return errors
 
 
-REDUCED_DEFAULTS: dict[str, Any] = {
+ROW_DEFAULTS: dict[str, Any] = {
+    "paths": np.nan,
     "bias": 0.0,
     "rest": 0.0,
-    "still": 0.0,
     "judged": True,
     "agreement": np.nan,
     "lean": 0.0,
-    "unseen_low": 0.0,
-    "unseen_high": 0.0,
-    "unseen_share": 0.0,
-    "unseen_paths": 0.0,
     "remark": "",
 }
-"""What a reduced table says if it does not say it."""
+"""What rows say of a moment if they do not say it."""
 
 
-def complete_reduced(rows: pd.DataFrame, label: str) -> pd.DataFrame:
-    """The rows of a reduced table with everything that `rattle.compare.judge.rows.compare_rows`
-    takes."""
+def complete_rows(rows: pd.DataFrame, label: str) -> pd.DataFrame:
+    """Reduced rows with everything that `rattle.compare.judge.rows.compare_rows` takes."""
     table = rows.copy()
-    given = set(table.columns)
-    for name, value in REDUCED_DEFAULTS.items():
-        if name not in given:
+    for name, value in ROW_DEFAULTS.items():
+        if name not in rows:
             table[name] = value
-    if "paths" not in given:
-        table["paths"] = np.nan
-    if "corrected" not in given:
+    if "corrected" not in rows:
         table["corrected"] = table["simulated"] - table["bias"]
-    if "noise" not in given:
+    if "noise" not in rows:
         table["noise"] = table["se"]
-    if "unit" not in given:
+    if "unit" not in rows:
         table = _add_units(table, label)
-    if "unseen_low" not in given:
+    if "unseen_low" not in rows:
         table = _add_unseen(table)
     exact = (table["noise"] == 0.0) | table["paths"].isna()
-    table["effective_paths"] = table["paths"].where(~exact, math.inf)
+    counted = table.get("effective_paths", table["paths"])
+    table["effective_paths"] = counted.where(~exact, math.inf)
     return table
 
 
@@ -482,7 +452,6 @@ def _add_units(table: pd.DataFrame, label: str) -> pd.DataFrame:
     still = scaled & ~(of_sd > ROUNDED_SD * size)
     return table.assign(
         unit=np.where(scaled, of_sd, 1.0),
-        se_unit=0.0,
         still=np.where(still, ABSOLUTE * size, 0.0),
     )
 
