@@ -31,7 +31,7 @@ from rattle.compare.judge.rows import (
 from rattle.compare.judge.samples import Samples, read_samples
 from rattle.compare.validation.verdict import Tolerances
 from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width, tail_of, widest
-from rattle.scene import InputError, count
+from rattle.scene import InputError, count, finite, positive
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.text import percent
 
@@ -145,8 +145,8 @@ def judge(
     [['mean', 'accurate'], ['sd', 'inaccurate']]
     """
     predictions = read_predictions(predicted)
-    limits = tolerances or Tolerances()
-    if not 0.0 < level < 1.0:
+    limits = _check_tolerances(tolerances)
+    if not 0.0 < finite("level", level) < 1.0:
         raise InputError("level", level, "must lie between 0 and 1, both excluded")
     label = str(predictions[0].section.index.name or "row")
     given_names = tuple(names) if names is not None else _names_for(samples, predictions)
@@ -183,6 +183,17 @@ def judge(
         not_compared=tuple(moments.others),
         unpredicted=tuple(name for name in read.names if name not in moments.quantities),
     )
+
+
+def _check_tolerances(given: Any) -> Tolerances:
+    """The tolerances, each above zero."""
+    if given is None:
+        return Tolerances()
+    if not isinstance(given, Tolerances):
+        raise InputError("tolerances", given, "give Tolerances(mean=0.05, sd=0.1)")
+    for moment, error in given._asdict().items():
+        positive(f"tolerances.{moment}", error)
+    return given
 
 
 def _make_reference(

@@ -39,7 +39,11 @@ def read_predictions(given: Any, name: str = "prediction") -> list[NamedSection]
         }
         return [NamedSection(name, frame)]
     if isinstance(given, Mapping) and given:
-        if all(_is_table(value) for value in given.values()):
+        tables = [_is_table(value) for value in given.values()]
+        if any(tables) and not all(tables):
+            name, value = list(given.items())[tables.index(False)]
+            raise InputError(f"predicted[{name!r}]", value, "give a table, as for the others")
+        if all(tables):
             return [
                 section._replace(closure=str(closure))
                 for closure, value in given.items()

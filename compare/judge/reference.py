@@ -71,7 +71,7 @@ def reduce_samples(
     """
     single, joint, both, coarse = _sum_all(samples, coarser, pairs)
     rows = _row_count(single, len(samples.names))
-    _check_spread(single)
+    _check_spread(single, samples.names)
     if groups is not None:
         errors = _errors_of_groups(samples, single, joint, pairs, groups)
     elif samples.draws:
@@ -104,16 +104,16 @@ def _sum_all(
         check_block(block, count, samples.names, "samples")
         count += len(block)
         cells = block.reshape(len(block), -1)
-        single = _add(single, SampleSums.of_block(cells, cells, SINGLE))
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
+            single = _add(single, SampleSums.of_block(cells, cells, SINGLE))
         sums = [SampleSums.of_block(block[:, :, i], block[:, :, j], PAIR) for i, j in pairs]
         joint = [_add(a, b) for a, b in zip_longest(joint, sums)]
         if partner is not None:
             check_block(partner, count - len(block), samples.names, "coarser")
             other = partner.reshape(len(partner), -1)
             both = _add(both, SampleSums.of_block(cells, other, PAIR))
-    assert single is not None  # an iterator without a block has been refused
-    if count < 2:
-        raise InputError("samples", f"{count} path", "one path has no spread; give more")
+    if single is None or count < 2:
+        raise InputError("samples", f"{count} paths", "one path has no spread; give more")
     coarse = None
     if coarser is not None and not paired:
         for block in coarser.blocks:
@@ -140,11 +140,23 @@ def _row_count(single: SampleSums, quantities: int) -> int:
     return len(single.n) // quantities
 
 
-def _check_spread(single: SampleSums) -> None:
-    """Refuse samples of which no two paths differ."""
-    if not (single.largest > single.least).any():
+LEAST_SPREAD = 1e-35
+LARGEST_SPREAD = 1e35
+"""Range of the spread of a quantity whose eighth power is a double."""
+
+
+def _check_spread(single: SampleSums, names: Sequence[str]) -> None:
+    """Refuse samples of which no two paths differ, and those whose moments are no doubles."""
+    spread = single.largest - single.least
+    if not (spread > 0.0).any():
         why = "all paths are equal; give each its own noise, or a reduced table with se = 0"
         raise InputError("samples", f"{int(single.n.max()):,} paths", why)
+    beyond = (spread > 0.0) & ~((spread >= LEAST_SPREAD) & (spread <= LARGEST_SPREAD))
+    if beyond.any():
+        cell = int(beyond.argmax())
+        bounds = f"{LEAST_SPREAD:g} and {LARGEST_SPREAD:g}"
+        why = f"give it in a unit in which its values spread between {bounds}"
+        raise InputError(f"samples, spread of {names[cell % len(names)]}", spread[cell], why)
 
 
 def _moments_of(

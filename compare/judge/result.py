@@ -184,9 +184,11 @@ class Judgement(Verdicts):
 
     def _describe_error(self, row: "dict[Any, Any]") -> str:
         """A row that is wrong, in words."""
-        error, low, high = (row[name] / row["unit"] for name in ("error", "low", "high"))
+        varies = row["unit"] > 0.0
+        scale = row["unit"] if varies else 1.0
+        error, low, high = (row[name] / scale for name in ("error", "low", "high"))
         of = "" if row["moment"] == "rho" else f"{row['moment']} of "
-        unit = " of an sd" if row["moment"] in ("mean", "sd") else ""
+        unit = " of an sd" if varies and row["moment"] in ("mean", "sd") else ""
         place = f"{of}{row['quantity']} at {self.label} {row[self.label]}"
         interval = f" ({low:+.3g} to {high:+.3g})" if low < high else ""
         return f"{place} is off by {error:+.3g}{unit}{interval}"
