@@ -3,9 +3,9 @@ warm-up``."""
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,18 +13,29 @@ import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import Results, say, say_json, say_lines, say_part
 from rattle.scene import OutputError, count, positive
-from rattle.scene.progress import do
+
+if TYPE_CHECKING:
+    from rattle.compare.checks.check import Subject
 
 EXIT_BROKEN = 1
 EXTREMES_HELP = "Try extreme values too (rattle check extremes), and put their table on the page."
 
 
-def show_results(results: Sequence[Any], all_checks: bool, as_json: bool, record: object) -> None:
-    """Print results as a table or as JSON, and exit with code 1 unless all hold."""
-    from rattle.compare.checks.check import result_lines
+def run_and_show(
+    subjects: Mapping[str, "Subject"],
+    names: Sequence[str] = (),
+    *,
+    all_checks: bool,
+    as_json: bool,
+    seed: int = 0,
+    workers: int = 2,
+) -> None:
+    """Run checks, print them as a table or as JSON, and exit with code 1 unless all hold."""
+    from rattle.compare.checks.check import result_lines, results_record, run_checks
 
+    results = run_checks(subjects, names, seed=seed, workers=workers)
     if as_json:
-        say_json(record)
+        say_json(results_record(results, seed))
     else:
         say_lines(result_lines(results, all_checks=all_checks))
     if not all(result.holds for result in results):
@@ -53,31 +64,26 @@ def results(
 
     Exit codes: 0 all results hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.check import results_record, run_checks
     from rattle.compare.checks.published import RESULTS
 
-    found = run_checks(RESULTS, names, seed=seed, workers=workers, progress="checks")
-    show_results(found, all_checks, as_json, results_record(found, seed))
+    run_and_show(RESULTS, names, all_checks=all_checks, as_json=as_json, seed=seed, workers=workers)
 
 
-@check.command()
+@check.command("extremes")
 @click.option(
     "--all", "ranges", is_flag=True, help="Print the range and the reference of every row."
 )
-@shared.json_flag("the rows")
-def extremes(ranges: bool, as_json: bool) -> None:
+@shared.json_flag("the record")
+def extreme_values(ranges: bool, as_json: bool) -> None:
     """Compare extreme values with independent references.
 
-    Prints the worst errors. References are formulas in 400 digits, limits, published results, and
-    exact scaling.
+    Prints the worst errors. References are limits, published results, and exact scaling.
 
     Exit codes: 0 all rows hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.check import extreme_record, run_checks
-    from rattle.compare.checks.extremes import ROWS
+    from rattle.compare.checks.extremes import EXTREMES
 
-    rows = run_checks(ROWS, progress="checks")
-    show_results(rows, ranges, as_json, [extreme_record(row) for row in rows])
+    run_and_show(EXTREMES, all_checks=ranges, as_json=as_json)
 
 
 @check.command()
@@ -110,8 +116,8 @@ def stability(
     an extreme value fails; 2 bad input.
     """
     from rattle.compare.checks.check import run_checks
-    from rattle.compare.checks.extremes import ROWS
-    from rattle.compare.checks.stability.chart import chart, covariance_table, moderate
+    from rattle.compare.checks.extremes import EXTREMES
+    from rattle.compare.checks.stability.chart import chart, moderate
 
     chosen = list(dict.fromkeys(schemes or shared.SCHEME_NAMES))
     along = list(dict.fromkeys(axes or shared.AXIS_NAMES))
@@ -124,11 +130,9 @@ def stability(
         count(name, settings[name], least=least, most=most)
     results = Results("", out, "stability", "checks.stability.page", overwrite)
     found = chart(schemes=chosen, axes=along, **settings, folder=results.cells)
-    do("covariances of each scheme")
-    covariances = covariance_table(**settings)
-    tried = run_checks(ROWS, progress="extreme values") if extreme else ()
+    tried = run_checks(EXTREMES) if extreme else ()
     asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
-    results.say(results.write(found, covariances, tried, **asked))
+    results.say(results.write(found, tried, **asked))
     if len(found.without_diagnostic) or not all(row.holds for row in tried):
         sys.exit(EXIT_BROKEN)
 

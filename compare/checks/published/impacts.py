@@ -22,7 +22,7 @@ import numpy as np
 
 from rattle.closure.stationary import linear_law
 from rattle.compare.chaos.exponents import drift_exponents, lyapunov
-from rattle.compare.checks.check import Check, Found, bare, self_test
+from rattle.compare.checks.check import Check, Found, bare
 from rattle.compare.report.texts import read_file
 from rattle.montecarlo import SCHEMES, Record, simulate
 from rattle.montecarlo.long_run import LongRun, long_run
@@ -162,7 +162,6 @@ def _energy(i: ImpactSpeeds, lost: Floats, mass: tuple[float, float]) -> list[Ch
     ]
 
 
-@self_test
 def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     """Check momentum, restitution and energy of the impacts at both meshes, of the orbit and of
     every scheme."""
@@ -183,7 +182,6 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-@self_test
 def bouncing_ball(seed: int = 0, workers: int = 2) -> Found:
     """Check flights and time to rest of one stage under constant drag, for the orbit and for a
     simulated path.
@@ -251,7 +249,6 @@ def _noise_power(scene: Scene) -> float:
     return 0.25 * scene.sigma**2 * (1.0 + scene.beta1**2 + mass * (1.0 + scene.beta2**2))
 
 
-@self_test
 def energy_law(seed: int = 0, workers: int = 2) -> Found:
     """Check the energy balance of eight long runs, driven and not, of one stage and of two."""
     runs = {
@@ -297,7 +294,6 @@ def _pair(alpha: float, epsilon: float, sigma: float = 0.0) -> Scene:
     return bare(alpha=alpha, epsilon=epsilon, gap1=PAIR_HALF_GAP, sigma=sigma)
 
 
-@self_test
 def impact_pair(seed: int = 0, workers: int = 2) -> Found:
     """Check phase and speed of the impacts of three symmetric orbits, and the sds that weak noise
     gives them."""
@@ -329,7 +325,6 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-@self_test
 def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
     """Check the sum of the four exponents of DAT21: of the orbit, and of the drift along a noisy
     path."""
@@ -377,7 +372,6 @@ def _without_saltation(alpha: float, epsilon: float) -> tuple[float, float]:
     return 0.0, math.log(epsilon) / math.pi
 
 
-@self_test
 def orbit_exponents(seed: int = 0, workers: int = 2) -> Found:
     """Check both exponents of three symmetric orbits: the tangent frames through flights and
     impacts."""
@@ -441,7 +435,6 @@ def _in_frame(across: Floats, up: Floats) -> Floats:
     return np.column_stack([left + (right - left) * across, bottom + (top - bottom) * up])
 
 
-@self_test
 def gear_rattle_basins(seed: int = 0, workers: int = 2) -> Found:
     """Check from which starts each of two coexisting motions is reached, and the share of all
     starts."""

@@ -26,7 +26,7 @@ from scipy.integrate import quad
 from scipy.special import betainc, gamma, hyp2f1
 from scipy.stats import truncnorm
 
-from rattle.compare.checks.check import Check, Found, bare, self_test
+from rattle.compare.checks.check import Check, Found, bare
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
 from rattle.montecarlo.kernel.block import CROSS
@@ -81,7 +81,6 @@ def mean_exit_time(start: float, gap: float, sigma: float) -> float:
     return float(scale * (z * (1.0 - z)) ** (1.0 / 6.0) * both)
 
 
-@self_test
 def exit_time(seed: int = 0, workers: int = 2) -> Found:
     """Check the mean exit time from three starting points, for all three schemes of
     `montecarlo.simulate`."""
@@ -115,7 +114,6 @@ def exit_time(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-@self_test
 def exit_side(seed: int = 0, workers: int = 2) -> Found:
     """Check the share of paths that leave a gap on the side of the orbit without noise (its
     agreement)."""
@@ -147,7 +145,6 @@ def exit_side(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-@self_test
 def random_gap(seed: int = 0, workers: int = 2) -> Found:
     """Check mean and sd of the wall that coasting paths strike first, for both distributions of the
     gap."""
@@ -266,7 +263,6 @@ ABOVE_CRITICAL = 0.22
 NOISY_BOUNCES = 8
 
 
-@self_test
 def return_speed(seed: int = 0, workers: int = 2) -> Found:
     """Check mean and variance of ln rho, and P(rho < 1), over `RETURNS` flights that start at speed
     1."""
@@ -290,7 +286,6 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-@self_test
 def return_moments(seed: int = 0, workers: int = 2) -> Found:
     """Check moments of the ratio of consecutive speeds, ``E rho^s = 1 / (2 cos(pi (1 + s) /
     3))``."""
@@ -316,7 +311,6 @@ def mean_drift(epsilon: float, paths: int, bounces: int, seed: int) -> tuple[flo
     return float(whole.mean()), float(whole.std()) / math.sqrt(paths)
 
 
-@self_test
 def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
     """Check the drift of ln speed per bounce below and above the critical restitution, and where it
     is zero."""
@@ -413,7 +407,6 @@ def _central(run: Ensemble, quantity: str, power: int) -> Floats:
     return np.asarray(run.result.sums["fixed"].moment(power, 0)[:, CROSS.index((i, i))])
 
 
-@self_test
 def free_flight(seed: int = 0, workers: int = 2) -> Found:
     """Check the first four moments of `montecarlo.simulate` against the flow and its covariance."""
     run = _follow(SCENE, [START.tau + FREE_FLIGHT], 1, [seed, 7], workers)
@@ -460,7 +453,6 @@ def speed_variance(tau: float, beta: float, sigma: float) -> float:
     return sigma**2 * ((1.0 + beta**2) / (4.0 * beta) + wave)
 
 
-@self_test
 def elastic_box(seed: int = 0, workers: int = 2) -> Found:
     """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at
     three fixed times."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.compare.validation.verdict import Tolerances, Verdict, at_wall
-from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
+from rattle.montecarlo import Ensemble, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import (
     COLLAPSE,
     diagnose_rare_branch,
@@ -32,7 +32,6 @@ from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.looks import ladder, widest
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
-from rattle.scene.flight import noise_covariance
 from rattle.scene.long_orbit import LongOrbit
 
 CHART_SIGMA = 0.3
@@ -416,59 +415,3 @@ def chart(
         ),
         z,
     )
-
-
-# flight time from tau = 0, where the noise has no modulation yet: the most demanding flight
-CHART_FLIGHT = 0.2
-UNREACHED_GAP = 1e6  # half gap that no path crosses
-CHART_STEPS = (1 / 8, 1.0)  # time steps, in units of the longest admissible one
-TOLERANCE = 0.10  # admissible relative error of an sd, as for the sds of the map
-
-
-def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) -> pd.DataFrame:
-    """Compare simulated sds after a flight with `rattle.scene.flight.noise_covariance`, for each
-    damping of the map.
-
-    Returns: Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity
-    with the largest error ``quantity, error`` (relative, of its sd) and ``half`` (half width of its
-    interval); ``holds`` (whether all quantities are within 10 %).
-    """
-    values = AXES["beta"].values[:points]
-    z = widest(len(values) * len(CHART_STEPS) * len(STATE))
-    rows = []
-    for beta in values:
-        start = Start(0.0, 0.0, 0.0, 0.0, 0.0, mesh=0)
-        scene = replace(
-            AXES["beta"].scene(beta), gap1=UNREACHED_GAP, gap2=UNREACHED_GAP, start=start
-        )
-        largest, _ = largest_step(scene, "exact-flight")
-        for share in CHART_STEPS:
-            steps = np.ceil(CHART_FLIGHT / (share * largest))
-            chosen: dict[str, Any] = {"dt": CHART_FLIGHT / steps, "rng": seed, "workers": workers}
-            sampling = Sampling(horizon=1.5 * CHART_FLIGHT)
-            record = Record(times=[CHART_FLIGHT])
-            run = simulate(
-                scene, paths=paths, impacts=1, sampling=sampling, record=record, **chosen
-            )
-            table = run.at_times().iloc[0]
-            exact = np.diag(noise_covariance(scene.constants, 0.0, CHART_FLIGHT))
-            found, se = (
-                table[[f"{prefix}cov_{q}_{q}" for q in STATE]].to_numpy() for prefix in ("", "se_")
-            )
-            # what does not vary has no relative error
-            exact = np.where(exact > 1e-12 * exact.max(), exact, np.nan)
-            error, half = np.nan_to_num([np.sqrt(found / exact) - 1.0, z * se / (2.0 * exact)])
-            within = np.abs(error) + half
-            k = int(within.argmax())
-            rows.append(
-                (
-                    beta,
-                    run.dt,
-                    share,
-                    STATE[k],
-                    float(error[k]),
-                    float(half[k]),
-                    bool(within[k] <= TOLERANCE),
-                )
-            )
-    return pd.DataFrame(rows, columns=["beta", "dt", "share", "quantity", "error", "half", "holds"])

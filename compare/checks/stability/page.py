@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from rattle.compare.checks.check import Result, extreme_record
+from rattle.compare.checks.check import Result
 from rattle.compare.checks.stability.chart import (
     AXES,
     BIASED,
@@ -216,9 +216,22 @@ def _advice(found: Chart) -> str:
     )
 
 
-def make_report(
-    found: Chart, covariance: pd.DataFrame, tried: Sequence[Result], record: dict[str, Any]
-) -> Report:
+def _extreme_row(result: Result) -> dict[str, Any]:
+    """A check at extreme values as a row of the page's table."""
+    about = result.subject
+    return {
+        "name": about.name,
+        "field": result.worst.quantity,
+        "tried": about.statement,
+        "truth": about.reference,
+        "worst": result.worst.found,
+        "allowed": result.worst.slack,
+        "unit": about.unit,
+        "holds": result.holds,
+    }
+
+
+def make_report(found: Chart, tried: Sequence[Result], record: dict[str, Any]) -> Report:
     """The report on the map."""
     said = answer(found)
     if tried:
@@ -236,16 +249,11 @@ def make_report(
         "within": Tolerances(),
         "worst": table.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()],
         "defaults": table[table["default"]],
-        "covariance": covariance.assign(mark=np.where(covariance["holds"], "good", "bad")),
     }
-    tables = {"stability": found.table, "covariance": covariance}
+    tables = {"stability": found.table}
     if tried:
-        extremes = tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
-        content["extremes"] = extremes.assign(
-            shown=[f"{row.worst.found:{'.2f' if row.unit == 'z' else '.1e'}}" for row in tried],
-            mark=np.where(extremes["holds"], "good", "bad"),
-            relative=extremes["unit"].replace("z", "standard errors"),
-        )
+        extremes = tables["extremes"] = pd.DataFrame([_extreme_row(result) for result in tried])
+        content["extremes"] = extremes.assign(mark=np.where(extremes["holds"], "good", "bad"))
     return Report(
         "stability",
         "Where is each scheme stable and unbiased?",
