@@ -1,13 +1,12 @@
 """The map: scenes on its axes with their references, verdicts on a scheme with a time step there,
 and the whole of it.
 
-Steps are admissible and longer ones, and the default step; beside it stand exact flights against
-their covariance.
+Steps are admissible and longer ones, and the default step.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -59,48 +58,27 @@ def moderate(
     """
     pair = Scene.from_gears(DAT21)
     speed = max(CHART_SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
-    beta1, beta2 = (
-        (pair.beta1, pair.beta2) if beta is None else (beta, beta * pair.beta2 / pair.beta1)
-    )
+    if beta is not None:
+        pair = replace(pair, beta1=beta, beta2=beta * pair.beta2 / pair.beta1)
     start = Start(PHASE, gap, speed, INSIDE * gap, speed, mesh=1)
-    return replace(
-        pair,
-        gears=None,
-        start=start,
-        beta1=beta1,
-        beta2=beta2,
-        gap1=gap,
-        gap2=gap,
-        sigma=sigma,
-        epsilon=epsilon,
-    )
+    pair = replace(pair, gears=None, start=start, gap1=gap, gap2=gap)
+    return replace(pair, sigma=sigma, epsilon=epsilon)
 
 
 class MapAxis(NamedTuple):
     """An axis of the map."""
 
     symbol: str  # for the figure
-    values: tuple[float, ...]
-    scene: Callable[[float], Scene]  # gives the scene at a value
+    values: tuple[float, ...]  # of an argument of `moderate`
 
 
 AXES = {
-    "beta": MapAxis(
-        r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3), lambda v: moderate(beta=v)
-    ),
-    "gap": MapAxis(
-        "half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4), lambda v: moderate(gap=v)
-    ),
-    "sigma": MapAxis(
-        r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4), lambda v: moderate(sigma=v)
-    ),
-    "epsilon": MapAxis(
-        r"restitution $\epsilon$",
-        (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0),
-        lambda v: moderate(epsilon=v),
-    ),
+    "beta": MapAxis(r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)),
+    "gap": MapAxis("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4)),
+    "sigma": MapAxis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4)),
+    "epsilon": MapAxis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0)),
 }
-"""All axes by name."""
+"""All axes by the argument of `moderate` that varies."""
 
 
 CHART_IMPACTS = 4
@@ -137,15 +115,13 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     columns = _orbit(scene)
     late = 0.0
     if scene.sigma > 0.0:
-        step = default_step(scene, "exact-flight") / FINER
-        sampling = Sampling(horizon=horizon_of(scene))
         run = simulate(
             scene,
             paths=paths,
             impacts=CHART_IMPACTS,
-            dt=step,
+            dt=default_step(scene, "exact-flight") / FINER,
             rng=seed,
-            sampling=sampling,
+            sampling=Sampling(horizon=horizon_of(scene)),
             workers=workers,
         )
         columns = run.columns
@@ -153,9 +129,8 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     unit = motion_units(columns, scene)
     for q in SECTION:
         rare = np.nan_to_num(columns["kurt_" + q]) > MOST_KURTOSIS
-        unit[q] = np.where(
-            at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q]), np.nan, unit[q]
-        )
+        excluded = at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q])
+        unit[q] = np.where(excluded, np.nan, unit[q])
     return Reference(columns, unit, late)
 
 
@@ -243,6 +218,7 @@ def judge(
 
 
 def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, float, str]:
+    """The first four attributes of `Judged`."""
     a = run.columns
     b = beside.columns
     rows = []
@@ -254,23 +230,21 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
             judged = np.flatnonzero(np.isfinite(unit))
             rows += [(off[k], half[k], f"{name} of {q} at impact {k + 1}") for k in judged]
     error, half = np.array([row[:2] for row in rows]).T
-
-    def at(of: Floats) -> tuple[float, float, str]:
-        k = int(np.nan_to_num(of, nan=np.inf).argmax())
-        return float(error[k]), float(half[k]), rows[k][2]
-
-    wrong = _describe_instability(run, beside)
+    where = ""
+    decisive = error
     if run.scene.sigma > 0.0 and run.scene.epsilon == 0.0:
-        return (
-            COLLAPSING,
-            *at(error)[:2],
-            "at restitution 0 noise makes infinitely many impacts in a finite time",
-        )
-    if wrong:
-        return UNSTABLE, *at(error)[:2], wrong
-    if (error - half > 1.0).any():
-        return BIASED, *at(error - half)
-    return (UNBIASED if (error + half <= 1.0).all() else CHART_UNDECIDED, *at(error + half))
+        verdict = COLLAPSING
+        where = "at restitution 0 noise makes infinitely many impacts in a finite time"
+    elif where := _describe_instability(run, beside):
+        verdict = UNSTABLE
+    elif (error - half > 1.0).any():
+        verdict = BIASED
+        decisive = error - half
+    else:
+        decisive = error + half
+        verdict = UNBIASED if (decisive <= 1.0).all() else CHART_UNDECIDED
+    k = int(np.nan_to_num(decisive, nan=np.inf).argmax())
+    return verdict, float(error[k]), float(half[k]), where or rows[k][2]
 
 
 def _describe_instability(run: Ensemble, beside: Reference) -> str:
@@ -306,7 +280,6 @@ class Chart(NamedTuple):
     # attributes of `Judged`
     table: pd.DataFrame
     z: float  # half width of the intervals in standard errors, for 95 % simultaneous coverage
-    impacts: int = CHART_IMPACTS  # of each path
 
     @property
     def admissible(self) -> pd.DataFrame:
@@ -336,7 +309,10 @@ class Place(Cell):
     scene: Scene
     axis: str
     value: float
-    asked: dict[str, Any]  # schemes, paths, seed, z
+    schemes: tuple[str, ...]
+    paths: int
+    seed: int
+    z: float
 
     @property
     def label(self) -> str:
@@ -346,43 +322,37 @@ class Place(Cell):
     @property
     def settings(self) -> dict[str, Any]:
         """Everything that determines the result besides the scene."""
-        return self.asked | {"kind": "stability", "axis": self.axis, "value": self.value}
+        asked = asdict(self) | {"kind": "stability"}
+        del asked["scene"]
+        return asked
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Judge the cells."""
         scene = self.scene
-        paths = self.asked["paths"]
-        seed = self.asked["seed"]
         rows = []
         slow = scene.sigma > 0.0 and scene.epsilon < COLLAPSE
-        enough = min(paths, (OUTSIDE if scene.epsilon > 0.0 else BLOCK)) if slow else paths
-        beside = reference(scene, paths=REFERENCE * enough, seed=seed + 1, workers=1)
-        for scheme in self.asked["schemes"]:
+        outside = min(self.paths, OUTSIDE)
+        enough = min(self.paths, OUTSIDE if scene.epsilon > 0.0 else BLOCK) if slow else self.paths
+        beside = reference(scene, paths=REFERENCE * enough, seed=self.seed + 1, workers=1)
+        for scheme in self.schemes:
             largest, why = largest_step(scene, scheme)
-            own = default_step(scene, scheme)
+            default_dt = default_step(scene, scheme)
             steps = [(share * largest, share, False) for share in SHARES]
-            for dt, share, default in (*steps, (own, own / largest, True)):
-                most = enough if share <= 1.0 else min(paths, OUTSIDE)
-                found = judge(
+            for dt, share, default in (*steps, (default_dt, default_dt / largest, True)):
+                judged = judge(
                     scene,
                     beside,
                     scheme=scheme,
                     dt=dt,
-                    paths=most,
-                    seed=seed,
+                    paths=enough if share <= 1.0 else outside,
+                    seed=self.seed,
                     workers=1,
-                    z=self.asked["z"],
+                    z=self.z,
                 )
-                cell = {
-                    "scheme": scheme,
-                    "axis": self.axis,
-                    "value": self.value,
-                    "dt": dt,
-                    "share": share,
-                    "why": why,
-                }
-                rows.append(cell | {"default": default} | found._asdict())
-        return pd.DataFrame(rows), {}
+                cell = (scheme, self.axis, self.value, dt, share, why, default)
+                rows.append((*cell, *judged))
+        names = ["scheme", "axis", "value", "dt", "share", "why", "default", *Judged._fields]
+        return pd.DataFrame(rows, columns=names), {}
 
 
 def chart(
@@ -401,17 +371,14 @@ def chart(
     number of paths of a cell; fewer are simulated if they suffice for a verdict. `folder`: Where
     results are stored: the same map continues there after an interruption.
     """
-    # of the seven values of an axis
     chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]
     places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
     rows = 2 * len(SECTION) * CHART_IMPACTS
     cells_of_a_place = len(schemes) * (len(SHARES) + 1)
     z = widest(len(places) * cells_of_a_place * rows * len(sizes(paths)))
-    asked = {"schemes": list(schemes), "paths": paths, "seed": seed, "z": z}
-    cells = [Place(AXES[axis].scene(value), axis, value, asked) for axis, value in places]
-    return Chart(
-        pd.concat(
-            [content.table for content in obtain_all(cells, folder, workers)], ignore_index=True
-        ),
-        z,
-    )
+    cells = [
+        Place(moderate(**{axis: value}), axis, value, tuple(schemes), paths, seed, z)
+        for axis, value in places
+    ]
+    tables = [content.table for content in obtain_all(cells, folder, workers)]
+    return Chart(pd.concat(tables, ignore_index=True), z)

@@ -35,7 +35,7 @@ EULER = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
 def corner():
     return {
         axis: (
-            scene := AXES[axis].scene(value),
+            scene := moderate(**{axis: value}),
             reference(scene, paths=4 * PATHS, seed=1, workers=2),
         )
         for axis, value in CORNERS.items()
@@ -131,7 +131,7 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert len(rows) == 2 * 2 * 7
     assert {row["scheme"] for row in rows} == {"euler-maruyama", "exact-flight"}
     for row in rows:
-        scene = AXES[row["axis"]].scene(float(row["value"]))
+        scene = moderate(**{row["axis"]: float(row["value"])})
         scheme = row["scheme"]
         share = float(row["share"]) * largest_step(scene, scheme)[0]
         dt = default_step(scene, scheme) if row["default"] == "True" else share
