@@ -15,7 +15,7 @@ import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
 from rattle.closure import mean_map
-from rattle.closure.published import after_flight, plain_covariance
+from rattle.closure.published import after_flight, after_impact, plain_covariance
 from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, say_crossings
 from rattle.compare.chaos.measure import CLAIMED
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
@@ -108,19 +108,16 @@ class Failure(NamedTuple):
         return f"stage {self.stage} fails at impact {self.impact} ({self.reason})"
 
 
-def _strike(scene: Scene, stages: list[Floats], rule: str) -> list[Floats]:
+def _strike(scene: Scene, raw: Floats, rule: str) -> Floats:
     """Second moments ``E[xi^n zeta^p]`` of both stages after an impact; first moments are zero."""
-    kappa = (1.0 + scene.epsilon) * scene.mu
-    e = scene.epsilon
-    one, two = (raw.copy() for raw in stages)
-    two[1, 1] *= -e
-    two[0, 2] *= e**2 if rule in (MEND_15, MEND_BOTH) else -e
+    after = after_impact(scene.constants, raw)
+    if rule in (MEND_15, MEND_BOTH):
+        after[1, 0, 2] = scene.epsilon**2 * raw[1, 0, 2]
     if rule in (MEND_17, MEND_BOTH):  # stages independent of each other, as the paper assumes
-        one[0, 2] += kappa**2 * stages[1][0, 2]
-    else:
-        one[1, 1] -= kappa * stages[1][1, 1]
-        one[0, 2] -= kappa * stages[1][0, 2]
-    return [one, two]
+        kappa = (1.0 + scene.epsilon) * scene.mu
+        after[0, 1, 1] = raw[0, 1, 1]
+        after[0, 0, 2] = raw[0, 0, 2] + kappa**2 * raw[1, 0, 2]
+    return after
 
 
 def failures(scene: Scene) -> dict[str, list[Failure]]:
@@ -135,18 +132,16 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
     tau = tau[np.isfinite(tau)]
     by_rule = {}
     for rule in (AS_PUBLISHED, MEND_15, MEND_17, MEND_BOTH):
-        stages = [np.diag([1.0, 0.0, 0.0])] * 2
+        raw = np.array([np.diag([1.0, 0.0, 0.0])] * 2)
         first = {stage: Failure(stage, 0, "") for stage in (1, 2)}
         for impact, (start, t) in enumerate(zip(tau, np.diff(tau), strict=False), start=1):
-            stages = [
-                after_flight(stages[0], c.beta1, t, noise_covariance(c, start, t)),
-                after_flight(stages[1], c.beta2, t, plain_covariance(c.beta2, c.sigma, t)),
-            ]
-            for stage, raw in enumerate(stages, start=1):
-                moments = realizability(np.array([[raw[2, 0], raw[1, 1]], [raw[1, 1], raw[0, 2]]]))
+            raw[0] = after_flight(raw[0], c.beta1, t, noise_covariance(c, start, t))
+            raw[1] = after_flight(raw[1], c.beta2, t, plain_covariance(c.beta2, c.sigma, t))
+            for stage, own in enumerate(raw, start=1):
+                moments = realizability(np.array([[own[2, 0], own[1, 1]], [own[1, 1], own[0, 2]]]))
                 if not moments.realizable and not first[stage].impact:
                     first[stage] = Failure(stage, impact, moments.reason)
-            stages = _strike(scene, stages, rule)
+            raw = _strike(scene, raw, rule)
         by_rule[rule] = sorted(first.values(), key=lambda f: f.impact or FOLLOWED + 1)
     return by_rule
 

@@ -142,18 +142,18 @@ def absolute_times() -> Iterator[float]:
 
 def energy() -> Iterator[float]:
     """Elastic impacts at both meshes without excitation, damping or drag conserve energy."""
-    speed1 = 1.3
-    speed2 = -0.7
+    start = Start(0.0, 0.1, 1.3, -0.2, -0.7)
     mu = 0.6
-    start = Start(0.0, 0.1, speed1, -0.2, speed2)
-    orbit = long_orbit.LongOrbit(bare(epsilon=1.0, mu=mu, gap2=0.7, start=start, stages=2))
     heavy = mu / (1.0 - mu)  # mass of wheel 2 over that of wheel 1
-    most = 0.5 * (speed1**2 + heavy * (speed2 - speed1) ** 2)
+
+    def energy_of(y1: Any, y2: Any) -> Any:
+        return 0.5 * (y1**2 + heavy * (y2 - y1) ** 2)
+
+    exact = energy_of(start.y1, start.y2)
+    orbit = long_orbit.LongOrbit(bare(epsilon=1.0, mu=mu, gap2=0.7, start=start, stages=2))
     for _ in range(LONG_RUN_IMPACTS // STRETCH_IMPACTS):
         s = orbit.stretch(STRETCH_IMPACTS, tangent=False)
-        y1 = s.before[:, 1]
-        y2 = s.before[:, 3]
-        yield farthest(0.5 * (y1**2 + heavy * (y2 - y1) ** 2), most, most)
+        yield farthest(energy_of(s.before[:, 1], s.before[:, 3]), exact, exact)
         yield 0.0 if len(s.flight) == STRETCH_IMPACTS else math.inf
 
 
@@ -262,10 +262,9 @@ def exit_times() -> Iterator[float]:
             sampling=Sampling(horizon=40.0 * exact),
             record=Record(step_bias=False),
         )
-        mean = float(run.columns["flight"][0])
-        se = float(run.columns["se_flight"][0])
-        beyond = max(abs(mean - exact) - EXIT_BIAS * exact, 0.0)
-        yield beyond / se if run.unfinished == 0 else math.inf
+        row = run.section.iloc[0]
+        beyond = max(abs(row["flight"] - exact) - EXIT_BIAS * exact, 0.0)
+        yield beyond / row["se_flight"] if run.unfinished == 0 else math.inf
 
 
 def collapse_drift() -> Iterator[float]:
@@ -326,9 +325,6 @@ def sticking_paths() -> Iterator[float]:
                 bounce = 2.0 * drag * dt
                 yield farthest(row["x1"], gap, gap + drag * dt * dt)
                 yield max(abs(float(row["y1"])) / bounce - 1.0, 0.0)
-            orbit = closure.follow(scene, 2000)
-            ends = "sticks" in orbit.stopped or bool((np.diff(orbit.tau) > 0.0).all())
-            yield 0.0 if ends else math.inf
             for name in ("corrected", "saltation"):
                 m = closure.mean_map(scene.with_sigma(1e-3 * gap), impacts=200, closure=name)
                 yield 0.0 if m.stopped or m.trace.found == 200 else math.inf
@@ -370,7 +366,8 @@ PULLS = (0.01, 1.0, 100.0)  # accelerations by drag, in half gaps per unit of ti
 
 
 def grazing() -> Iterator[float]:
-    """A parabolic flight whose apex passes or misses a wall by a small fraction of the gap."""
+    """A parabolic flight ``y t + drag t^2 / 2`` whose apex passes or misses a wall by a small
+    fraction of the gap."""
     shares = np.outer(np.geomspace(1e-12, 1e-1, 7), [1.0, -1.0]).ravel().tolist()
     for gap, share, pull in product((1e-8, 0.5, 1e4), shares, PULLS):
         # from 0 towards the lower wall
@@ -378,20 +375,14 @@ def grazing() -> Iterator[float]:
         y = -math.sqrt(2.0 * drag * gap * (1.0 + share))
         c = bare(beta2=0.0, gamma1=drag, gap1=gap).constants
         t, mesh, side, *_ = impact.next_impact(c, 0.0, 0.0, y, 0.0, 0.0, 1e4)
-        exact, exact_side, speed = _parabola(y, drag, gap)
+        square = Fraction(y) ** 2
+        fall = 2 * Fraction(drag) * Fraction(gap)
+        exact_side = -1 if square > fall else 1
+        speed = math.sqrt(square + exact_side * fall)  # at the wall
+        exact = (exact_side * speed - y) / drag
         # the wall is known to rounding, so the time to rounding of gap / speed
         met = (mesh, side) == (1, exact_side)
         yield farthest(t, exact, exact + gap / speed) if met else math.inf
-
-
-def _parabola(y: float, drag: float, gap: float) -> tuple[float, int, float]:
-    """Time, side and speed at which ``y t + drag t^2 / 2`` meets a wall at distance `gap`."""
-    with mp.workdps(400):
-        v = mp.mpf(y)
-        fall = 2 * mp.mpf(drag) * mp.mpf(gap)
-        side = -1 if v * v > fall else 1
-        speed = mp.sqrt(v * v + side * fall)
-        return float((side * speed - v) / mp.mpf(drag)), side, float(speed)
 
 
 def simultaneous() -> Iterator[float]:
@@ -421,10 +412,9 @@ def chatter_time() -> Iterator[float]:
         (2.0**-26, 0.5, 2.0**13), PULLS, (0.0, 1e-12, 0.1, 0.5, 0.9, 0.99)
     ):
         scene = bare(epsilon=epsilon, gamma1=pull * gap, gap1=gap, start=Start())
-        phases = orbit.follow(scene, 5000).sticking
-        closed = phases[0].closed if len(phases) == 1 and math.isinf(phases[0].opened) else math.nan
         exact = math.sqrt(2.0 / pull) * (1.0 + epsilon) / (1.0 - epsilon)
-        yield farthest(closed, exact, exact)
+        phases = [(p.closed, p.opened) for p in orbit.follow(scene, 5000).sticking]
+        yield farthest(np.ravel(phases), [exact, math.inf], exact) if phases else math.inf
 
 
 def sticking_end() -> Iterator[float]:
@@ -436,8 +426,8 @@ def sticking_end() -> Iterator[float]:
         scene = Scene(
             alpha=size, epsilon=0.2, beta1=beta, gamma1=drag, gap1=0.5 * size, stages=1, start=start
         )
-        phases = [p for p in orbit.follow(scene, 60).sticking if p.opened - p.closed > 0.1]
         # the decreasing zero of share + sin(atan beta - tau)
-        exact = [math.asin(share) + math.atan(beta) + 2.0 * math.pi * n for n in range(200)]
+        exact = math.asin(share) + math.atan(beta)
+        phases = [p for p in orbit.follow(scene, 60).sticking if p.opened - p.closed > 0.1]
         yield math.inf if not phases else 0.0
-        yield from (min(abs(p.opened - e) for e in exact) for p in phases)
+        yield from (abs(math.remainder(p.opened - exact, 2.0 * math.pi)) for p in phases)
