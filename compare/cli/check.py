@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -105,7 +105,10 @@ def stability(
     out: Path,
     extreme: bool,
     overwrite: bool,
-    **settings: int,
+    points: int,
+    paths: int,
+    seed: int,
+    workers: int,
 ) -> None:
     """Measure where each scheme is stable and unbiased.
 
@@ -121,18 +124,27 @@ def stability(
 
     chosen = list(dict.fromkeys(schemes or shared.SCHEME_NAMES))
     along = list(dict.fromkeys(axes or shared.AXIS_NAMES))
-    for name, least, most in (
-        ("points", 1, 7),
-        ("paths", 1000, None),
-        ("seed", 0, None),
-        ("workers", 1, None),
-    ):
-        count(name, settings[name], least=least, most=most)
+    count("points", points, most=7)
+    count("paths", paths, least=1000)
+    count("seed", seed, least=0)
+    count("workers", workers)
     results = Results("", out, "stability", "checks.stability.page", overwrite)
-    found = chart(schemes=chosen, axes=along, **settings, folder=results.cells)
+    found = chart(
+        chosen, along, points=points, paths=paths, seed=seed, workers=workers, folder=results.cells
+    )
     tried = run_checks(EXTREMES) if extreme else ()
-    asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
-    results.say(results.write(found, tried, **asked))
+    answer = results.write(
+        found,
+        tried,
+        scene=moderate().to_dict(),
+        schemes=chosen,
+        axes=along,
+        points=points,
+        paths=paths,
+        seed=seed,
+        workers=workers,
+    )
+    results.say(answer)
     if len(found.without_diagnostic) or not all(row.holds for row in tried):
         sys.exit(EXIT_BROKEN)
 
@@ -182,7 +194,15 @@ PER_PATH = 1e-4
 @shared.SEED_AND_WORKERS
 @shared.folder_options(Path("reports/claims"))
 def claims(
-    sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwrite: bool, **settings: int
+    sigmas: tuple[float, ...],
+    over: str,
+    paths: int,
+    points: int,
+    impacts: int,
+    seed: int,
+    workers: int,
+    out: Path,
+    overwrite: bool,
 ) -> None:
     """Judge each claim of the paper on its own example, DAT21.
 
@@ -200,34 +220,30 @@ def claims(
     levels = sigmas or (0.01, 0.1)
     for sigma in levels:
         positive("sigma", sigma)
-    shared.check_counts(
-        settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1
-    )
+    count("paths", paths, least=1000)
+    count("points", points, least=100)
+    count("impacts", impacts, least=20_000)
+    count("workers", workers)
     results = Results("DAT21", out, "claims", "checks.claims.page", overwrite)
-    minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
+    minutes = (BASE + PER_VALUE * len(at) + PER_PATH * paths * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
-    effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])
-    found = gather(
-        rt.Scene.from_gears(rt.DAT21),
-        levels,
-        at,
-        settings["paths"],
-        effort,
-        say_part,
-        results.cells,
+    effort = Effort(points, impacts, seed=seed, workers=workers)
+    scene = rt.Scene.from_gears(rt.DAT21)
+    evidence = gather(scene, levels, at, paths, effort, say_part, results.cells)
+    judged = judge(evidence)
+    answer = results.write(
+        judged,
+        evidence.chaos,
+        scene=evidence.scene.to_dict(),
+        sigmas=list(levels),
+        over=list(at),
+        impacts=impacts,
+        paths=paths,
+        points=points,
+        seed=seed,
+        workers=workers,
     )
-    judged = judge(found)
-    record: dict[str, Any] = {
-        "sigmas": list(levels),
-        "over": list(at),
-        "impacts": impacts,
-        **settings,
-    }
-    answer = results.write(judged, found.chaos, scene=found.scene.to_dict(), **record)
-    verdicts = [
-        f"{number:2d}. {claim.name}: {claim.verdict}"
-        for number, claim in enumerate(judged, start=1)
-    ]
+    verdicts = [f"{k:2d}. {claim.name}: {claim.verdict}" for k, claim in enumerate(judged, start=1)]
     results.say([*answer, *verdicts])
 
 

@@ -72,7 +72,7 @@ SCENES = {
 """Scenes, and the periods for which each is followed."""
 
 
-class Impacts(NamedTuple):
+class ImpactVelocities(NamedTuple):
     """Velocities (y1, y2) before and after impacts; shapes (impacts,) and (impacts, 2)."""
 
     mesh: Ints
@@ -87,7 +87,7 @@ class Impacts(NamedTuple):
         return before, after
 
 
-def _coast(scheme: str) -> Impacts:
+def _coast(scheme: str) -> ImpactVelocities:
     """Impacts of a path without drive, damping, drag and noise: the speeds after each are those
     before the next."""
     free = replace(TWO_STAGES, alpha=0.0, damping1=0.0, damping2=0.0, torque1=0.0, torque2=0.0)
@@ -98,10 +98,10 @@ def _coast(scheme: str) -> Impacts:
     assert run.raw is not None
     velocities = run.raw[0][:, [3, 5]]
     code = run.raw[0][:-1, 6]
-    return Impacts(np.abs(code).astype(np.int64), velocities[:-1], velocities[1:])
+    return ImpactVelocities(np.abs(code).astype(np.int64), velocities[:-1], velocities[1:])
 
 
-def _laws(who: str, i: Impacts, mass: tuple[float, float], epsilon: float) -> list[Check]:
+def _laws(who: str, i: ImpactVelocities, mass: tuple[float, float], epsilon: float) -> list[Check]:
     """Largest violation of each law over the impacts at its mesh."""
     before, after = i.rim_speeds()
     change = after - before
@@ -120,7 +120,7 @@ def _laws(who: str, i: Impacts, mass: tuple[float, float], epsilon: float) -> li
     return checks
 
 
-def _energy(i: Impacts, lost: Floats, mass: tuple[float, float]) -> list[Check]:
+def _energy(i: ImpactVelocities, lost: Floats, mass: tuple[float, float]) -> list[Check]:
     """Energy that leaves both wheels at mesh 2, and what wheel 1 loses relative to the driver at
     mesh 1."""
     before, after = i.rim_speeds()
@@ -140,7 +140,7 @@ def impact_laws(seed: int = 0, workers: int = 2) -> Found:
     every scheme."""
     scene = Scene.from_gears(TWO_STAGES)
     path = follow(scene, CHECKED_IMPACTS)
-    orbit = Impacts(path.mesh[1:], path.before[1:, 1::2], path.after[1:, 1::2])
+    orbit = ImpactVelocities(path.mesh[1:], path.before[1:, 1::2], path.after[1:, 1::2])
     lost = [
         energy_loss(scene.constants, int(mesh), *y)
         for mesh, y in zip(orbit.mesh, orbit.before, strict=True)
