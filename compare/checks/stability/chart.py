@@ -30,8 +30,8 @@ from rattle.montecarlo.kernel.block import BLOCK, BlockResult
 from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.looks import ladder, widest
 from rattle.montecarlo.settings import is_random, plan_of
-from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
-from rattle.scene.long_orbit import LongOrbit
+from rattle.scene import DAT21, SECTION, Floats, Scene, Start
+from rattle.scene.orbit import follow
 
 CHART_SIGMA = 0.3
 HALF_GAP = 0.5
@@ -136,13 +136,9 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
 
 def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
     """The noise-free path by root finding, in the columns of an ensemble."""
-    s = LongOrbit(scene).stretch(CHART_IMPACTS, tangent=False)
-    columns = {
-        "tau": np.cumsum([scene.start.tau, *s.flight])[1:],
-        "flight": s.flight,
-        "mesh": np.abs(s.code),
-    }
-    columns |= dict(zip(STATE, s.before.T, strict=True))
+    path = follow(scene, CHART_IMPACTS)
+    columns = {str(name): column.to_numpy()[1:] for name, column in path.table.items()}
+    columns["flight"] = path.flight[1:]
     nothing = np.zeros(CHART_IMPACTS)
     return columns | {
         prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")
