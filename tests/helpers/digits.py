@@ -160,10 +160,8 @@ def window_integrals(low, high, order):
 
     def by_parts(a, b):
         """Over ``a <= z <= b``, from the error function upwards."""
-        root = mp.sqrt(2)
-        edges = [mp.exp(-z * z / 2) / mp.sqrt(2 * mp.pi) for z in (a, b)]
-        out = [(mp.erfc(a / root) - mp.erfc(b / root)) / 2]
-        out.append(edges[0] - edges[1])
+        edges = [mp.npdf(a), mp.npdf(b)]
+        out = [mp.ncdf(b) - mp.ncdf(a), edges[0] - edges[1]]
         for n in range(2, order + 1):
             ends = a ** (n - 1) * edges[0] - b ** (n - 1) * edges[1]
             out.append(ends + (n - 1) * out[n - 2])
@@ -171,8 +169,6 @@ def window_integrals(low, high, order):
 
     low = mp.mpf(low)
     high = mp.mpf(high)
-    zero = mp.mpf(0)
-    below = by_parts(max(-high, zero), max(-low, zero))
-    above = by_parts(max(low, zero), max(high, zero))
-    integrals = [a + (-1) ** n * b for n, (a, b) in enumerate(zip(above, below, strict=True))]
-    return integrals, [a + b for a, b in zip(above, below, strict=True)]
+    middle = min(max(low, mp.mpf(0)), high)  # z has one sign on either side of it
+    parts = list(zip(by_parts(low, middle), by_parts(middle, high), strict=True))
+    return [a + b for a, b in parts], [abs(a) + abs(b) for a, b in parts]
