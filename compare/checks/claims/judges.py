@@ -137,10 +137,10 @@ def failures(scene: Scene) -> dict[str, list[Failure]]:
         for impact, (start, t) in enumerate(zip(tau, np.diff(tau), strict=False), start=1):
             raw[0] = after_flight(raw[0], c.beta1, t, noise_covariance(c, start, t))
             raw[1] = after_flight(raw[1], c.beta2, t, plain_covariance(c.beta2, c.sigma, t))
-            for stage, own in enumerate(raw, start=1):
-                moments = realizability(np.array([[own[2, 0], own[1, 1]], [own[1, 1], own[0, 2]]]))
-                if not moments.realizable and not first[stage].impact:
-                    first[stage] = Failure(stage, impact, moments.reason)
+            for stage, m in enumerate(raw, start=1):
+                judged = realizability(np.array([[m[2, 0], m[1, 1]], [m[1, 1], m[0, 2]]]))
+                if not judged.realizable and not first[stage].impact:
+                    first[stage] = Failure(stage, impact, judged.reason)
             raw = _strike(scene, raw, rule)
         by_rule[rule] = sorted(first.values(), key=lambda f: f.impact or FOLLOWED + 1)
     return by_rule
@@ -155,11 +155,11 @@ def solvable(e: Evidence) -> Judged:
     for time, row in fixed.iterrows():
         q = noise_covariance(c, tau, float(time) - tau)  # type: ignore[arg-type]
         for stage in (1, 2):
-            own = slice(2 * stage - 2, 2 * stage)
+            xy = slice(2 * stage - 2, 2 * stage)
             rho = row[f"rho{stage}"]
             step_bias = abs(row[f"coarse_rho{stage}"] - rho)
             # Fisher's z
-            error = abs(np.arctanh(rho) - np.arctanh(correlation(q[own, own])))
+            error = abs(np.arctanh(rho) - np.arctanh(correlation(q[xy, xy])))
             beyond = (error - step_bias / (1.0 - rho**2)) / row[f"se_z_rho{stage}"]
             worst = max(worst, float(beyond))
     allowed = widest(2 * len(fixed))

@@ -257,10 +257,10 @@ PAIR_IMPACTS = 10_000
 EXPONENT_ROUNDING = 1e-10
 
 
-def symmetric_orbit(alpha: float, epsilon: float, gap: float) -> tuple[float, float]:
+def symmetric_orbit(alpha: float, epsilon: float) -> tuple[float, float]:
     """Phase and speed of the impacts of the symmetric orbit (Masri and Caughey 1966)."""
     k = 0.5 * math.pi * (1.0 + epsilon) / (1.0 - epsilon)
-    tau = math.asin(gap / (alpha * math.hypot(1.0, k))) - math.atan(k)
+    tau = math.asin(PAIR_HALF_GAP / (alpha * math.hypot(1.0, k))) - math.atan(k)
     return tau, 2.0 * alpha * math.cos(tau) / (1.0 - epsilon)
 
 
@@ -279,7 +279,7 @@ def impact_pair(seed: int = 0, workers: int = 2) -> Found:
     def states(factor: float = 1.0) -> Iterator[Check]:
         """Phase (modulo half a period) and speed of the impacts."""
         for (alpha, epsilon), a in orbits.items():
-            tau, speed = symmetric_orbit(alpha, factor * epsilon, PAIR_HALF_GAP)
+            tau, speed = symmetric_orbit(alpha, factor * epsilon)
             phase = float((a.tau[-1] - tau + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
             name = f"alpha {alpha}, eps {epsilon}"
             yield Check(f"phase less its truth, {name}", phase, 0.0, slack=2e-7)
@@ -308,10 +308,10 @@ def exponent_sum(seed: int = 0, workers: int = 2) -> Found:
     both = scene.beta1 + scene.beta2
 
     def checks(power: float = 2.0, damping: float = both) -> Iterator[Check]:
-        for found in records:
-            truth = -damping + found.rate * power * math.log(scene.epsilon)
-            name = f"sum of exponents, {found.of}"
-            yield Check(name, float(found.value.sum()), truth, slack=EXPONENT_ROUNDING)
+        for record in records:
+            truth = -damping + record.rate * power * math.log(scene.epsilon)
+            name = f"sum of exponents, {record.of}"
+            yield Check(name, float(record.value.sum()), truth, slack=EXPONENT_ROUNDING)
 
     return checks(), {
         "epsilon to the first power": checks(power=1.0),
@@ -327,7 +327,7 @@ def _exponents(alpha: float, epsilon: float) -> tuple[float, float]:
     A flight of pi takes dx to dx + pi dy.  An impact at the speed v and the acceleration a towards
     the gap takes (dx, dy) to -(epsilon dx, epsilon dy - (1 + epsilon) a dx / v).
     """
-    tau, speed = symmetric_orbit(alpha, epsilon, PAIR_HALF_GAP)
+    tau, speed = symmetric_orbit(alpha, epsilon)
     half = 0.5 * math.pi * (1.0 + epsilon) * -alpha * math.sin(tau) / speed - epsilon
     split = math.sqrt(half**2 - epsilon**2)
     first, second = sorted((abs(half + split), abs(half - split)), reverse=True)
@@ -337,10 +337,10 @@ def _exponents(alpha: float, epsilon: float) -> tuple[float, float]:
 def orbit_exponents(seed: int = 0, workers: int = 2) -> Found:
     """Check both exponents of three symmetric orbits: the tangent frames through flights and
     impacts."""
-    found = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in IMPACT_PAIRS}
+    computed = {case: lyapunov(_pair(*case), impacts=PAIR_IMPACTS).value for case in IMPACT_PAIRS}
 
     def checks(factor: float = 1.0, saltation: bool = True) -> Iterator[Check]:
-        for (alpha, epsilon), exponents in found.items():
+        for (alpha, epsilon), exponents in computed.items():
             exact = _exponents(alpha, factor * epsilon)
             if not saltation:  # an impact takes (dx, dy) to (dx, -epsilon dy)
                 exact = 0.0, math.log(epsilon) / math.pi

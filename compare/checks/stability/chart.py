@@ -202,15 +202,15 @@ def judge(
         )
         merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
         run = Ensemble(plan, first, merged, None, None, 0.0)
-        found = _verdict(run, beside, z)
-        while later and found[0] == CHART_UNDECIDED and is_random(scene):
+        verdict = _verdict(run, beside, z)
+        while later and verdict[0] == CHART_UNDECIDED and is_random(scene):
             run = extend(run, later.pop(0), in_threads(workers))
-            found = _verdict(run, beside, z)
+            verdict = _verdict(run, beside, z)
         diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(
             diagnose_rare_branch(run)
         )
         moments = 2 * sum(int(np.isfinite(unit).sum()) for unit in beside.unit.values())
-        return Judged(*found, diagnosed, run.plan.paths, moments)
+        return Judged(*verdict, diagnosed, run.plan.paths, moments)
 
 
 def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, float, str]:
