@@ -69,7 +69,7 @@ def _in_flight(
     return mean_t, shift_t, raw_t
 
 
-def _after_impact(c: Constants, raw: Floats) -> Floats:
+def after_impact(c: Constants, raw: Floats) -> Floats:
     """Eqs. 15 and 17 for ``p != 0``; what has ``p = 0`` stays (a single stage follows Eq. 15)."""
     out = raw.copy()
     n, p = np.indices(raw.shape[1:])
@@ -175,7 +175,7 @@ def trace(scene: Scene, impacts: int, order: int) -> Trace:
         tau[found] = last[0] + t
         mesh[found] = stage
         mean[found], shift[found], before[found] = _in_flight(c, *last, t, windows)
-        after[found] = _after_impact(c, before[found])
+        after[found] = after_impact(c, before[found])
     covariance = _covariance(before)
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     sd = np.full((impacts + 1, 6), np.nan)

@@ -3,9 +3,9 @@ warm-up``."""
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,18 +13,29 @@ import rattle as rt
 from rattle.compare.cli import shared
 from rattle.compare.cli.shared import Results, say, say_json, say_lines, say_part
 from rattle.scene import OutputError, count, positive
-from rattle.scene.progress import do
+
+if TYPE_CHECKING:
+    from rattle.compare.checks.check import Subject
 
 EXIT_BROKEN = 1
 EXTREMES_HELP = "Try extreme values too (rattle check extremes), and put their table on the page."
 
 
-def show_results(results: Sequence[Any], all_checks: bool, as_json: bool, record: object) -> None:
-    """Print results as a table or as JSON, and exit with code 1 unless all hold."""
-    from rattle.compare.checks.check import result_lines
+def run_and_show(
+    subjects: Mapping[str, "Subject"],
+    names: Sequence[str] = (),
+    *,
+    all_checks: bool,
+    as_json: bool,
+    seed: int = 0,
+    workers: int = 2,
+) -> None:
+    """Run checks, print them as a table or as JSON, and exit with code 1 unless all hold."""
+    from rattle.compare.checks.check import result_lines, results_record, run_checks
 
+    results = run_checks(subjects, names, seed=seed, workers=workers)
     if as_json:
-        say_json(record)
+        say_json(results_record(results, seed))
     else:
         say_lines(result_lines(results, all_checks=all_checks))
     if not all(result.holds for result in results):
@@ -53,31 +64,26 @@ def results(
 
     Exit codes: 0 all results hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.check import results_record, run_checks
     from rattle.compare.checks.published import RESULTS
 
-    found = run_checks(RESULTS, names, seed=seed, workers=workers, progress="checks")
-    show_results(found, all_checks, as_json, results_record(found, seed))
+    run_and_show(RESULTS, names, all_checks=all_checks, as_json=as_json, seed=seed, workers=workers)
 
 
-@check.command()
+@check.command("extremes")
 @click.option(
     "--all", "ranges", is_flag=True, help="Print the range and the reference of every row."
 )
-@shared.json_flag("the rows")
-def extremes(ranges: bool, as_json: bool) -> None:
+@shared.json_flag("the record")
+def extreme_values(ranges: bool, as_json: bool) -> None:
     """Compare extreme values with independent references.
 
-    Prints the worst errors. References are formulas in 400 digits, limits, published results, and
-    exact scaling.
+    Prints the worst errors. References are limits, published results, and exact scaling.
 
     Exit codes: 0 all rows hold; 1 one does not; 2 bad input.
     """
-    from rattle.compare.checks.check import extreme_record, run_checks
-    from rattle.compare.checks.extremes import ROWS
+    from rattle.compare.checks.extremes import EXTREMES
 
-    rows = run_checks(ROWS, progress="checks")
-    show_results(rows, ranges, as_json, [extreme_record(row) for row in rows])
+    run_and_show(EXTREMES, all_checks=ranges, as_json=as_json)
 
 
 @check.command()
@@ -99,7 +105,10 @@ def stability(
     out: Path,
     extreme: bool,
     overwrite: bool,
-    **settings: int,
+    points: int,
+    paths: int,
+    seed: int,
+    workers: int,
 ) -> None:
     """Measure where each scheme is stable and unbiased.
 
@@ -110,25 +119,32 @@ def stability(
     an extreme value fails; 2 bad input.
     """
     from rattle.compare.checks.check import run_checks
-    from rattle.compare.checks.extremes import ROWS
-    from rattle.compare.checks.stability.chart import chart, covariance_table, moderate
+    from rattle.compare.checks.extremes import EXTREMES
+    from rattle.compare.checks.stability.chart import chart, moderate
 
     chosen = list(dict.fromkeys(schemes or shared.SCHEME_NAMES))
     along = list(dict.fromkeys(axes or shared.AXIS_NAMES))
-    for name, least, most in (
-        ("points", 1, 7),
-        ("paths", 1000, None),
-        ("seed", 0, None),
-        ("workers", 1, None),
-    ):
-        count(name, settings[name], least=least, most=most)
+    count("points", points, most=7)
+    count("paths", paths, least=1000)
+    count("seed", seed, least=0)
+    count("workers", workers)
     results = Results("", out, "stability", "checks.stability.page", overwrite)
-    found = chart(schemes=chosen, axes=along, **settings, folder=results.cells)
-    do("covariances of each scheme")
-    covariances = covariance_table(**settings)
-    tried = run_checks(ROWS, progress="extreme values") if extreme else ()
-    asked = {"scene": moderate().to_dict(), "schemes": chosen, "axes": along, **settings}
-    results.say(results.write(found, covariances, tried, **asked))
+    found = chart(
+        chosen, along, points=points, paths=paths, seed=seed, workers=workers, folder=results.cells
+    )
+    tried = run_checks(EXTREMES) if extreme else ()
+    answer = results.write(
+        found,
+        tried,
+        scene=moderate().to_dict(),
+        schemes=chosen,
+        axes=along,
+        points=points,
+        paths=paths,
+        seed=seed,
+        workers=workers,
+    )
+    results.say(answer)
     if len(found.without_diagnostic) or not all(row.holds for row in tried):
         sys.exit(EXIT_BROKEN)
 
@@ -178,7 +194,15 @@ PER_PATH = 1e-4
 @shared.SEED_AND_WORKERS
 @shared.folder_options(Path("reports/claims"))
 def claims(
-    sigmas: tuple[float, ...], over: str, impacts: int, out: Path, overwrite: bool, **settings: int
+    sigmas: tuple[float, ...],
+    over: str,
+    paths: int,
+    points: int,
+    impacts: int,
+    seed: int,
+    workers: int,
+    out: Path,
+    overwrite: bool,
 ) -> None:
     """Judge each claim of the paper on its own example, DAT21.
 
@@ -196,34 +220,30 @@ def claims(
     levels = sigmas or (0.01, 0.1)
     for sigma in levels:
         positive("sigma", sigma)
-    shared.check_counts(
-        settings | {"impacts": impacts}, paths=1000, points=100, impacts=20_000, workers=1
-    )
+    count("paths", paths, least=1000)
+    count("points", points, least=100)
+    count("impacts", impacts, least=20_000)
+    count("workers", workers)
     results = Results("DAT21", out, "claims", "checks.claims.page", overwrite)
-    minutes = (BASE + PER_VALUE * len(at) + PER_PATH * settings["paths"] * (len(levels) + 1)) / 60.0
+    minutes = (BASE + PER_VALUE * len(at) + PER_PATH * paths * (len(levels) + 1)) / 60.0
     say(f"About {minutes:.1g} minutes of processor time, and what has to be compiled.", err=True)
-    effort = Effort(settings["points"], impacts, seed=settings["seed"], workers=settings["workers"])
-    found = gather(
-        rt.Scene.from_gears(rt.DAT21),
-        levels,
-        at,
-        settings["paths"],
-        effort,
-        say_part,
-        results.cells,
+    effort = Effort(points, impacts, seed=seed, workers=workers)
+    scene = rt.Scene.from_gears(rt.DAT21)
+    evidence = gather(scene, levels, at, paths, effort, say_part, results.cells)
+    judged = judge(evidence)
+    answer = results.write(
+        judged,
+        evidence.chaos,
+        scene=evidence.scene.to_dict(),
+        sigmas=list(levels),
+        over=list(at),
+        impacts=impacts,
+        paths=paths,
+        points=points,
+        seed=seed,
+        workers=workers,
     )
-    judged = judge(found)
-    record: dict[str, Any] = {
-        "sigmas": list(levels),
-        "over": list(at),
-        "impacts": impacts,
-        **settings,
-    }
-    answer = results.write(judged, found.chaos, scene=found.scene.to_dict(), **record)
-    verdicts = [
-        f"{number:2d}. {claim.name}: {claim.verdict}"
-        for number, claim in enumerate(judged, start=1)
-    ]
+    verdicts = [f"{k:2d}. {claim.name}: {claim.verdict}" for k, claim in enumerate(judged, start=1)]
     results.say([*answer, *verdicts])
 
 

@@ -43,8 +43,8 @@ DIGITS_OF_LEVEL = 12
 """Digits of one less the level: 1 - 0.95 is 0.05, and not what doubles make of it."""
 
 POWER = 0.98
-"""Probability, of a normal estimate, with which an error of twice the tolerance is found where there
-are enough paths: of a skewed one it is then still 95 %."""
+"""Probability, of a normal estimate, with which an error of twice the tolerance is found where
+there are enough paths: of a skewed one it is then still 95 %."""
 
 UNSEEN_OF_TOLERANCE = 0.25
 """Share of a tolerance that unseen paths may change at most, for so many to be called enough."""

@@ -23,7 +23,7 @@ def read_texts(package: str) -> dict[str, Any]:
 def _join_lines(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _join_lines(inner) for name, inner in value.items()}
-    return " ".join(value.split())
+    return " ".join(value.split()) if isinstance(value, str) else value
 
 
 def read_file(package: str, name: str) -> str:

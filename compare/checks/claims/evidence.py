@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -87,27 +87,33 @@ def gather(
     workers = effort.workers
     scene = paper_noise(scene)
     levels = [*sorted(sigmas), scene.sigma]
-    settings: dict[str, Any] = {
-        "impacts": CLAIM_IMPACTS,
-        "paths": paths,
-        "rng": seed,
-        "workers": workers,
-    }
     progress(f"closures compared with {paths:,} paths at {len(levels)} noise intensities")
-    validations = [validate(scene.with_sigma(s), scheme="exact-flight", **settings) for s in levels]
+    validations = [
+        validate(
+            scene.with_sigma(sigma),
+            scheme="exact-flight",
+            impacts=CLAIM_IMPACTS,
+            paths=paths,
+            rng=seed,
+            workers=workers,
+        )
+        for sigma in levels
+    ]
     single = replace(scene, stages=1, start=Start(0.0, scene.gap1, 2.0, 0.0, 0.0, mesh=1))
     open_space = replace(
         scene, gap1=1e6, gap2=1e6, tolerance=None, start=Start(0.3, 0.1, -0.4, -0.2, 0.5)
     )
-    sampling = Sampling(horizon=COMPARED_TIMES[-1] + 1.0)
-    record = Record(step_bias=True, times=open_space.start.tau + COMPARED_TIMES)
-    free: dict[str, Any] = {
-        "dt": CLAIM_STEP,
-        "scheme": "euler-maruyama",
-        "sampling": sampling,
-        "record": record,
-    }
-    flight = simulate(open_space, **(settings | {"impacts": 1}), **free)
+    flight = simulate(
+        open_space,
+        paths=paths,
+        impacts=1,
+        dt=CLAIM_STEP,
+        scheme="euler-maruyama",
+        rng=seed,
+        workers=workers,
+        sampling=Sampling(horizon=COMPARED_TIMES[-1] + 1.0),
+        record=Record(step_bias=True, times=open_space.start.tau + COMPARED_TIMES),
+    )
     chaos = study(scene, vary(scene, "alpha", at, paper_noise), "alpha", effort, progress, folder)
     progress("a single stage, repeated flanks, the mean motion")
     alone = {
@@ -116,48 +122,45 @@ def gather(
     }
     noisy = (s for s, _ in noisy_record(scene, PATH_STEPS, seed, Regime(), tangent=False))
     records = {"orbit": orbit_record(scene, ORBIT_IMPACTS, Regime(), tangent=False), "noisy": noisy}
-    repeats = {of: _repeats(record, scene.stages) for of, record in records.items()}
+    repeats = {of: _repeats(record) for of, record in records.items()}
     mean = mean_motion(scene, max(paths // 5, FEWEST_FOLLOWED), seed, workers)
     return Evidence(scene, validations, chaos, alone, flight, open_space, repeats, mean)
 
 
-def _repeats(stretches: Iterable[Stretch], stages: int) -> Mean:
+def _repeats(stretches: Iterable[Stretch]) -> Mean:
     """Share of consecutive impacts at one mesh that are on the same flank."""
     code = np.concatenate([s.code for s in stretches])
-    flanks = [np.sign(code[np.abs(code) == mesh]) for mesh in range(1, stages + 1)]
-    repeated = np.concatenate([own[1:] == own[:-1] for own in flanks]).astype(float)
+    at_mesh = [code[np.abs(code) == mesh] for mesh in np.unique(np.abs(code))]
+    repeated = np.concatenate([flanks[1:] == flanks[:-1] for flanks in at_mesh]).astype(float)
     return ratio_mean(repeated, np.ones(repeated.size))
 
 
 def mean_motion(scene: Scene, paths: int, seed: int, workers: int) -> MeanMotion:
     """Simulate the mean velocities after the start is forgotten."""
     period = round(2.0 * math.pi / MEAN_STEP)
-    steps = (
-        np.arange(SETTLED_PERIODS * period, (SETTLED_PERIODS + COMPARED_PERIODS) * period, EVERY)
-        + EVERY
-    )
+    first = SETTLED_PERIODS * period + EVERY
+    steps = np.arange(first, first + COMPARED_PERIODS * period, EVERY)
     times = np.asarray(scene.start.tau + MEAN_STEP * steps, dtype=float)
-    chosen: dict[str, Any] = {
-        "dt": MEAN_STEP,
-        "scheme": "exact-flight",
-        "rng": np.random.SeedSequence([seed, 11]),
-    }
-    chosen |= {
-        "sampling": Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0),
-        "record": Record(times=times),
-    }
-    run = simulate(scene, paths=paths, impacts=ROOM_FOR_IMPACTS, workers=workers, **chosen)
+    run = simulate(
+        scene,
+        paths=paths,
+        impacts=ROOM_FOR_IMPACTS,
+        dt=MEAN_STEP,
+        scheme="exact-flight",
+        rng=np.random.SeedSequence([seed, 11]),
+        workers=workers,
+        sampling=Sampling(horizon=float(times[-1] - scene.start.tau) + 1.0),
+        record=Record(times=times),
+    )
     table = run.at_times()
     largest = 0.0
     share = []
     for stage in range(1, scene.stages + 1):
-        mean, se = (
-            table[f"{prefix}y{stage}"].to_numpy().reshape(COMPARED_PERIODS, -1)
-            for prefix in ("", "se_")
-        )
+        mean = table[f"y{stage}"].to_numpy().reshape(COMPARED_PERIODS, -1)
+        se = table[f"se_y{stage}"].to_numpy().reshape(COMPARED_PERIODS, -1)
         change = np.abs(np.diff(mean, axis=0)) / np.hypot(se[1:], se[:-1])
         largest = max(largest, float(change.max()))
         whole = table[f"cov_y{stage}_y{stage}"].mean() + mean.var()
-        share.append(float((mean.mean(axis=0).var()) / whole))
+        share.append(float(mean.mean(axis=0).var() / whole))
     compared = scene.stages * (len(steps) - len(steps) // COMPARED_PERIODS)
     return MeanMotion(run.paths, largest, widest(compared), tuple(share))

@@ -1,11 +1,28 @@
-"""Checks at extreme parameter values against independent references.
+"""Checks at extreme parameter values against independent references: limits, published results, and
+exact scaling relations."""
 
-The references are the formulas in 400 digits, limits, published results, and exact scaling
-relations.
-"""
+import math
+from collections.abc import Callable, Iterable
 
-from rattle.compare.checks.check import EXTREMES, Subject
-from rattle.compare.checks.extremes import formulas, runs
+from rattle.compare.checks.check import Check, Found, Subject
+from rattle.compare.checks.extremes import runs
+from rattle.compare.report.texts import read_texts
 
-ROWS: dict[str, Subject] = {name: (vars(formulas) | vars(runs))[name] for name in EXTREMES}
+
+def extreme(
+    errors: Callable[[], Iterable[float]], quantity: str, allowed: float, **texts: str
+) -> Subject:
+    """Make the check that the worst of some errors is admissible; NaN is the worst."""
+
+    def compute(seed: int, workers: int) -> Found:
+        sizes = (math.inf if math.isnan(error) else error for error in errors())
+        return [Check(quantity, max(sizes, default=math.inf), 0.0, slack=allowed)], {}
+
+    return Subject(compute=compute, **texts)
+
+
+EXTREMES = {
+    name: extreme(getattr(runs, name), **texts)
+    for name, texts in read_texts("checks.extremes").items()
+}
 """Every check by the name of its function."""

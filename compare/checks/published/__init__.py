@@ -4,10 +4,12 @@ properties of such systems.
 Every result has negative controls: the same checks with a deliberate error, which must be rejected.
 """
 
-from rattle.compare.checks.check import CHECK_TEXTS, Subject
+from rattle.compare.checks.check import Subject
 from rattle.compare.checks.published import impacts, noise
+from rattle.compare.report.texts import read_texts
 
-RESULTS: dict[str, Subject] = {
-    name.replace("_", "-"): (vars(impacts) | vars(noise))[name] for name in CHECK_TEXTS
+RESULTS = {
+    name.replace("_", "-"): Subject(**texts, compute=(vars(impacts) | vars(noise))[name])
+    for name, texts in read_texts("checks.published").items()
 }
-"""Every result by its name on the command line."""
+"""Every result by its name on the command line, with what is said of it."""

@@ -17,7 +17,7 @@ spread over many boxes, x is uniform and independent of y.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +26,7 @@ from scipy.integrate import quad
 from scipy.special import betainc, gamma, hyp2f1
 from scipy.stats import truncnorm
 
-from rattle.compare.checks.check import Check, Found, bare, self_test
+from rattle.compare.checks.check import Check, Found, bare
 from rattle.montecarlo import Ensemble, Record, Sampling, simulate
 from rattle.montecarlo.coupling.dyadic import DEEPEST, HIT, Tree, clockwork_of, new_room, walk_step
 from rattle.montecarlo.kernel.block import CROSS
@@ -81,32 +81,56 @@ def mean_exit_time(start: float, gap: float, sigma: float) -> float:
     return float(scale * (z * (1.0 - z)) ** (1.0 / 6.0) * both)
 
 
-@self_test
+def check_exit(
+    scheme: str,
+    share: float,
+    half: float,
+    sigma: float,
+    *,
+    dt: float,
+    left: float,
+    paths: int,
+    rng: int | np.random.SeedSequence,
+    stronger: float = 1.0,
+    workers: int = 2,
+) -> Check:
+    """Check the mean exit time from a fraction of a gap, with `left` of it as bound of the bias;
+    the noise that is simulated is `stronger` than that of the truth."""
+    truth = mean_exit_time(2.0 * half * share, 2.0 * half, sigma)
+    run = simulate(
+        particle(share, half, stronger * sigma),
+        paths=paths,
+        impacts=1,
+        scheme=scheme,
+        dt=dt,
+        rng=rng,
+        workers=workers,
+        sampling=Sampling(horizon=40.0 * truth),
+        record=Record(step_bias=False),
+    )
+    row = run.section.iloc[0]
+    found = row["flight"] if run.unfinished == 0 else math.nan
+    name = f"mean exit time from {share:g}, {scheme}"
+    return Check(name, found, truth, row["se_flight"], left * truth)
+
+
 def exit_time(seed: int = 0, workers: int = 2) -> Found:
     """Check the mean exit time from three starting points, for all three schemes of
     `montecarlo.simulate`."""
 
-    def check(scheme: str, share: float, sigma: float = 1.0) -> Check:
+    def check(scheme: str, share: float, stronger: float = 1.0) -> Check:
         dt, left = EXIT_STEPS[scheme]
-        scene = particle(share, EXIT_HALF_GAP, sigma)
-        rng = np.random.SeedSequence([seed, 1])
-        sampling = Sampling(horizon=1.0)
-        chosen = {
-            "scheme": scheme,
-            "dt": dt,
-            "sampling": sampling,
-            "record": Record(step_bias=False),
-        }
-        run = simulate(scene, paths=EXIT_PATHS, impacts=1, rng=rng, workers=workers, **chosen)  # type: ignore[arg-type]
-        tau = float(run.columns["tau"][0])
-        se = float(run.columns["se_tau"][0])
-        truth = mean_exit_time(2.0 * EXIT_HALF_GAP * share, 2.0 * EXIT_HALF_GAP, 1.0)
-        return Check(
-            f"mean exit time from {share:g}, {scheme}",
-            tau - scene.start.tau,
-            truth,
-            se,
-            left * truth,
+        return check_exit(
+            scheme,
+            share,
+            EXIT_HALF_GAP,
+            1.0,
+            dt=dt,
+            left=left,
+            paths=EXIT_PATHS,
+            rng=np.random.SeedSequence([seed, 1]),
+            stronger=stronger,
+            workers=workers,
         )
 
     return [check(scheme, share) for scheme in EXIT_STEPS for share in (0.1, 0.25, 0.5)], {
@@ -115,30 +139,19 @@ def exit_time(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-@self_test
 def exit_side(seed: int = 0, workers: int = 2) -> Found:
     """Check the share of paths that leave a gap on the side of the orbit without noise (its
     agreement)."""
-    found = {}
+    agreement = {}
     for i, share in enumerate(SIDES):
-        run = simulate(
-            particle(share, EXIT_HALF_GAP, 1.0, DRAG),
-            paths=EXIT_PATHS,
-            impacts=1,
-            rng=seed + i,
-            workers=workers,
-        )
-        found[share] = float(run.columns["agreement"][0])
+        scene = particle(share, EXIT_HALF_GAP, 1.0, DRAG)
+        run = simulate(scene, paths=EXIT_PATHS, impacts=1, rng=seed + i, workers=workers)
+        agreement[share] = float(run.columns["agreement"][0])
 
     def checks(truth: dict[float, float]) -> Iterator[Check]:
         for z, p in truth.items():
-            yield Check(
-                f"agreement from {z:g}",
-                found[z],
-                p,
-                math.sqrt(p * (1.0 - p) / EXIT_PATHS),
-                MOST_CHANGED,
-            )
+            se = math.sqrt(p * (1.0 - p) / EXIT_PATHS)
+            yield Check(f"agreement from {z:g}", agreement[z], p, se, MOST_CHANGED)
 
     side = {z: float(betainc(1.0 / 6.0, 1.0 / 6.0, z)) for z in SIDES}
     return checks(side), {
@@ -147,25 +160,21 @@ def exit_side(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-@self_test
 def random_gap(seed: int = 0, workers: int = 2) -> Found:
     """Check mean and sd of the wall that coasting paths strike first, for both distributions of the
     gap."""
     coasting = bare(start=Start(0.0, 0.0, 1.0))
-    found = {}
+    rows = {}
     for name in SPREADS:
         scene = replace(coasting, tolerance=Tolerance(TOLERANCE_WIDTH, distribution=name))
-        found[name] = simulate(
-            scene, paths=EXIT_PATHS, impacts=1, rng=seed, workers=workers
-        ).columns
+        run = simulate(scene, paths=EXIT_PATHS, impacts=1, rng=seed, workers=workers)
+        rows[name] = run.section.iloc[0]
 
     def checks(spreads: dict[str, float], width: float = TOLERANCE_WIDTH) -> Iterator[Check]:
-        for name, columns in found.items():
-            mean, se_mean, sd, se_sd = (
-                float(columns[c][0]) for c in ("x1", "se_x1", "sd_x1", "se_sd_x1")
-            )
-            yield Check(f"mean wall, {name}", mean, 0.5, se_mean)
-            yield Check(f"sd of the wall, {name}", sd, spreads[name] * width, se_sd)
+        for name, row in rows.items():
+            yield Check(f"mean wall, {name}", row["x1"], 0.5, row["se_x1"])
+            sd = spreads[name] * width
+            yield Check(f"sd of the wall, {name}", row["sd_x1"], sd, row["se_sd_x1"])
 
     return checks(SPREADS), {
         "the other distribution": checks(
@@ -266,7 +275,13 @@ ABOVE_CRITICAL = 0.22
 NOISY_BOUNCES = 8
 
 
-@self_test
+def _mean(quantity: str, values: Floats, truth: float) -> Check:
+    """Check the mean of independent values."""
+    return Check(
+        quantity, float(values.mean()), truth, float(values.std()) / math.sqrt(len(values))
+    )
+
+
 def return_speed(seed: int = 0, workers: int = 2) -> Found:
     """Check mean and variance of ln rho, and P(rho < 1), over `RETURNS` flights that start at speed
     1."""
@@ -276,12 +291,9 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
     def checks(
         mean: float = MEAN, variance: float = LOG_RATIO_VARIANCE, ln: Floats = flights
     ) -> Iterator[Check]:
-        own = float(ln.var())
-        share = float((ln < 0.0).mean())
-        fourth = float(((ln - ln.mean()) ** 4).mean())
-        yield Check("E ln rho", float(ln.mean()), mean, math.sqrt(own / RETURNS))
-        yield Check("Var ln rho", own, variance, math.sqrt((fourth - own**2) / RETURNS))
-        yield Check("P(rho < 1)", share, slower, math.sqrt(share * (1.0 - share) / RETURNS))
+        yield _mean("E ln rho", ln, mean)
+        yield _mean("Var ln rho", (ln - ln.mean()) ** 2, variance)
+        yield _mean("P(rho < 1)", (ln < 0.0).astype(float), slower)
 
     return checks(), {
         "mean 3 % larger": checks(mean=1.03 * MEAN),
@@ -290,7 +302,6 @@ def return_speed(seed: int = 0, workers: int = 2) -> Found:
     }
 
 
-@self_test
 def return_moments(seed: int = 0, workers: int = 2) -> Found:
     """Check moments of the ratio of consecutive speeds, ``E rho^s = 1 / (2 cos(pi (1 + s) /
     3))``."""
@@ -298,11 +309,8 @@ def return_moments(seed: int = 0, workers: int = 2) -> Found:
 
     def checks(wrong: float = 1.0, shifted: float = 0.0) -> Iterator[Check]:
         for s in RATIO_ORDERS:
-            power = np.exp(s * ln)
             truth = wrong / (2.0 * math.cos(math.pi * (1.0 + s + shifted) / 3.0))
-            yield Check(
-                f"E rho^{s:g}", float(power.mean()), truth, float(power.std()) / math.sqrt(RETURNS)
-            )
+            yield _mean(f"E rho^{s:g}", np.exp(s * ln), truth)
 
     return checks(), {
         "moments 1 % larger": checks(wrong=1.01),
@@ -316,35 +324,21 @@ def mean_drift(epsilon: float, paths: int, bounces: int, seed: int) -> tuple[flo
     return float(whole.mean()), float(whole.std()) / math.sqrt(paths)
 
 
-@self_test
 def critical_restitution(seed: int = 0, workers: int = 2) -> Found:
     """Check the drift of ln speed per bounce below and above the critical restitution, and where it
     is zero."""
-    (d0, s0), (d1, s1) = (
-        mean_drift(eps, EXIT_PATHS, NOISY_BOUNCES, seed + i)
-        for i, eps in enumerate((BELOW_CRITICAL, ABOVE_CRITICAL))
-    )
+    d0, s0 = mean_drift(BELOW_CRITICAL, EXIT_PATHS, NOISY_BOUNCES, seed)
+    d1, s1 = mean_drift(ABOVE_CRITICAL, EXIT_PATHS, NOISY_BOUNCES, seed + 1)
     span = math.log(ABOVE_CRITICAL / BELOW_CRITICAL)
     share = -d0 / (d1 - d0)  # linear interpolation in ln epsilon to zero drift
-    zero = BELOW_CRITICAL * math.exp(span * share)
-    se = zero * span / (d1 - d0) * float(np.hypot((1.0 - share) * s0, share * s1))
+    zero = BELOW_CRITICAL * math.exp(span * share) if d0 < 0.0 < d1 else math.nan
+    se = zero * span / (d1 - d0) * math.hypot((1.0 - share) * s0, share * s1)
 
     def checks(power: float = 1.0, mean: float = MEAN) -> Iterator[Check]:
-        yield Check(
-            f"drift per bounce at epsilon {BELOW_CRITICAL:g}",
-            d0,
-            power * math.log(BELOW_CRITICAL) + mean,
-            s0,
-        )
-        yield Check(
-            f"drift per bounce at epsilon {ABOVE_CRITICAL:g}",
-            d1,
-            power * math.log(ABOVE_CRITICAL) + mean,
-            s1,
-        )
-        yield Check(
-            "critical restitution", zero if d0 < 0.0 < d1 else math.nan, math.exp(-mean / power), se
-        )
+        for epsilon, drift, error in ((BELOW_CRITICAL, d0, s0), (ABOVE_CRITICAL, d1, s1)):
+            name = f"drift per bounce at epsilon {epsilon:g}"
+            yield Check(name, drift, power * math.log(epsilon) + mean, error)
+        yield Check("critical restitution", zero, math.exp(-mean / power), se)
 
     return checks(), {
         "mean 3 % larger": checks(mean=1.03 * MEAN),
@@ -383,28 +377,30 @@ FOLDED_TIMES = (8.0, 8.8, 9.6)
 LOSSY = 0.97  # restitution of the negative control
 
 
-def _compare(row: Any, truths: Mapping[str, tuple[str, float]], slack: float = 0.0) -> list[Check]:
-    """Check entries of a row of moments at a fixed time, each given by its column, with its name
-    and its truth."""
-    return [
-        Check(name, float(row[q]), truth, float(row["se_" + q]), slack)
-        for q, (name, truth) in truths.items()
-    ]
+def _moment(row: Any, column: str, name: str, truth: float, slack: float = 0.0) -> Check:
+    """Check a moment at a fixed time, in a row of moments."""
+    return Check(name, float(row[column]), truth, float(row["se_" + column]), slack)
+
+
+def _kurtosis(name: str, found: float, truth: float = 0.0) -> Check:
+    """Check the excess kurtosis of a Gaussian quantity."""
+    return Check(f"kurtosis of {name}", found, truth, math.sqrt(24.0 / GAUSSIAN_PATHS))
 
 
 def _follow(
     scene: Scene, times: Sequence[float], impacts: int, seeds: list[int], workers: int
 ) -> Ensemble:
-    chosen: dict[str, Any] = {
-        "sampling": Sampling(horizon=times[-1] - scene.start.tau + 0.1),
-        "workers": workers,
-    }
-    chosen |= {
-        "scheme": "exact-flight",
-        "rng": np.random.SeedSequence(seeds),
-        "record": Record(times=times),
-    }
-    return simulate(scene, paths=GAUSSIAN_PATHS, impacts=impacts, **chosen)
+    """Simulate paths by exact flights, with their moments at fixed times."""
+    return simulate(
+        scene,
+        paths=GAUSSIAN_PATHS,
+        impacts=impacts,
+        scheme="exact-flight",
+        rng=np.random.SeedSequence(seeds),
+        workers=workers,
+        sampling=Sampling(horizon=times[-1] - scene.start.tau + 0.1),
+        record=Record(times=times),
+    )
 
 
 def _central(run: Ensemble, quantity: str, power: int) -> Floats:
@@ -413,30 +409,29 @@ def _central(run: Ensemble, quantity: str, power: int) -> Floats:
     return np.asarray(run.result.sums["fixed"].moment(power, 0)[:, CROSS.index((i, i))])
 
 
-@self_test
 def free_flight(seed: int = 0, workers: int = 2) -> Found:
     """Check the first four moments of `montecarlo.simulate` against the flow and its covariance."""
     run = _follow(SCENE, [START.tau + FREE_FLIGHT], 1, [seed, 7], workers)
     row = run.at_times().iloc[0]
     t = float(run.fixed_times[0]) - START.tau
 
-    def checks(scene: Scene = SCENE) -> list[Check]:
+    def checks(scene: Scene = SCENE) -> Iterator[Check]:
         state = START.x1, START.y1, START.x2, START.y2
         mean = flow(scene.constants, START.tau, *state, t)
         covariance = noise_covariance(scene.constants, START.tau, t)
-        truths = {q: (f"E {q}", mean[i]) for i, q in enumerate(STATE)}
+        for q, truth in zip(STATE, mean, strict=True):
+            yield _moment(row, q, f"E {q}", truth, STEP_ERROR)
         for i, j in CROSS:
-            name = f"cov {STATE[i]} {STATE[j]}"
-            truths[name.replace(" ", "_")] = name, float(covariance[i, j])
-        return _compare(row, truths, STEP_ERROR)
+            column = f"cov_{STATE[i]}_{STATE[j]}"
+            truth = float(covariance[i, j])
+            yield _moment(row, column, column.replace("_", " "), truth, STEP_ERROR)
 
     def shape(skewness: float, kurtosis: float) -> Iterator[Check]:
         for q in STATE:
             m2, m3, m4 = (float(_central(run, q, power)[0]) for power in (2, 3, 4))
-            yield Check(f"skewness of {q}", m3 / m2**1.5, skewness, math.sqrt(6.0 / GAUSSIAN_PATHS))
-            yield Check(
-                f"kurtosis of {q}", m4 / m2**2 - 3.0, kurtosis, math.sqrt(24.0 / GAUSSIAN_PATHS)
-            )
+            se = math.sqrt(6.0 / GAUSSIAN_PATHS)
+            yield Check(f"skewness of {q}", m3 / m2**1.5, skewness, se)
+            yield _kurtosis(q, m4 / m2**2 - 3.0, kurtosis)
 
     return [*checks(), *shape(0.0, 0.0)], {
         "2 % more noise": checks(SCENE.with_sigma(1.02 * SCENE.sigma)),
@@ -460,7 +455,6 @@ def speed_variance(tau: float, beta: float, sigma: float) -> float:
     return sigma**2 * ((1.0 + beta**2) / (4.0 * beta) + wave)
 
 
-@self_test
 def elastic_box(seed: int = 0, workers: int = 2) -> Found:
     """Check that displacement is uniform and velocity Gaussian with a closed-form variance, at
     three fixed times."""
@@ -476,25 +470,21 @@ def elastic_box(seed: int = 0, workers: int = 2) -> Found:
         followed = run.result.sums["fixed"].n[:, CROSS.index((1, 1))]
         yield Check("paths followed to the end", float(followed.min()), GAUSSIAN_PATHS)
         kurtosis = _central(run, "y1", 4) / _central(run, "y1", 2) ** 2 - 3.0
-        for time, (_, row), excess in zip(
-            run.fixed_times.tolist(), run.at_times().iterrows(), kurtosis, strict=True
-        ):
+        at_start = speed_variance(phase, BETA, sigma)
+        rows = run.at_times().to_dict("records")
+        for time, row, excess in zip(run.fixed_times.tolist(), rows, kurtosis, strict=True):
             decay = math.exp(-2.0 * BETA * time)
-            v = speed_variance(time + phase, BETA, sigma) - decay * speed_variance(
-                phase, BETA, sigma
-            )
-            truths = {
+            variance = speed_variance(time + phase, BETA, sigma) - decay * at_start
+            moments = {
                 "x1": ("E x", 0.0),
                 "cov_x1_x1": ("E x^2", BOX**2 / 3.0),
                 "cov_x1_y1": ("E x y", 0.0),
+                "y1": ("E y", 0.0),
+                "cov_y1_y1": ("E y^2", variance),
             }
-            truths |= {"y1": ("E y", 0.0), "cov_y1_y1": ("E y^2", v)}
-            yield from _compare(
-                row, {q: (f"{name} at {time:.2f}", truth) for q, (name, truth) in truths.items()}
-            )
-            yield Check(
-                f"kurtosis of y at {time:.2f}", excess, 0.0, math.sqrt(24.0 / GAUSSIAN_PATHS)
-            )
+            for column, (name, truth) in moments.items():
+                yield _moment(row, column, f"{name} at {time:.2f}", truth)
+            yield _kurtosis(f"y at {time:.2f}", excess)
 
     return checks(), {
         f"restitution {LOSSY:g}": checks(lossy),

@@ -1,13 +1,12 @@
 """The map: scenes on its axes with their references, verdicts on a scheme with a time step there,
 and the whole of it.
 
-Steps are admissible and longer ones, and the default step; beside it stand exact flights against
-their covariance.
+Steps are admissible and longer ones, and the default step.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.compare.validation.verdict import Tolerances, Verdict
-from rattle.montecarlo import Ensemble, Record, Sampling, default_step, largest_step, simulate
+from rattle.montecarlo import Ensemble, Sampling, default_step, largest_step, simulate
 from rattle.montecarlo.diagnostics.diagnostics import (
     COLLAPSE,
     diagnose_rare_branch,
@@ -33,9 +32,8 @@ from rattle.montecarlo.kernel.blocks import Blocks, in_threads
 from rattle.montecarlo.looks import ladder
 from rattle.montecarlo.settings import is_random, plan_of
 from rattle.montecarlo.statistics.intervals import widest
-from rattle.scene import DAT21, SECTION, STATE, Floats, Scene, Start
-from rattle.scene.flight import noise_covariance
-from rattle.scene.long_orbit import LongOrbit
+from rattle.scene import DAT21, SECTION, Floats, Scene, Start
+from rattle.scene.orbit import follow
 
 CHART_SIGMA = 0.3
 HALF_GAP = 0.5
@@ -62,48 +60,27 @@ def moderate(
     """
     pair = Scene.from_gears(DAT21)
     speed = max(CHART_SPEED * math.sqrt(gap / HALF_GAP), (gap * sigma**2) ** (1.0 / 3.0), gap)
-    beta1, beta2 = (
-        (pair.beta1, pair.beta2) if beta is None else (beta, beta * pair.beta2 / pair.beta1)
-    )
+    if beta is not None:
+        pair = replace(pair, beta1=beta, beta2=beta * pair.beta2 / pair.beta1)
     start = Start(PHASE, gap, speed, INSIDE * gap, speed, mesh=1)
-    return replace(
-        pair,
-        gears=None,
-        start=start,
-        beta1=beta1,
-        beta2=beta2,
-        gap1=gap,
-        gap2=gap,
-        sigma=sigma,
-        epsilon=epsilon,
-    )
+    pair = replace(pair, gears=None, start=start, gap1=gap, gap2=gap)
+    return replace(pair, sigma=sigma, epsilon=epsilon)
 
 
 class MapAxis(NamedTuple):
     """An axis of the map."""
 
     symbol: str  # for the figure
-    values: tuple[float, ...]
-    scene: Callable[[float], Scene]  # gives the scene at a value
+    values: tuple[float, ...]  # of an argument of `moderate`
 
 
 AXES = {
-    "beta": MapAxis(
-        r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3), lambda v: moderate(beta=v)
-    ),
-    "gap": MapAxis(
-        "half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4), lambda v: moderate(gap=v)
-    ),
-    "sigma": MapAxis(
-        r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4), lambda v: moderate(sigma=v)
-    ),
-    "epsilon": MapAxis(
-        r"restitution $\epsilon$",
-        (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0),
-        lambda v: moderate(epsilon=v),
-    ),
+    "beta": MapAxis(r"damping $\beta_1$", (0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1e3)),
+    "gap": MapAxis("half gap $g$", (1e-8, 1e-6, 1e-4, 1e-2, 0.5, 30.0, 1e4)),
+    "sigma": MapAxis(r"noise $\sigma$", (0.0, 1e-3, 0.03, 0.3, 3.0, 100.0, 1e4)),
+    "epsilon": MapAxis(r"restitution $\epsilon$", (0.0, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0)),
 }
-"""All axes by name."""
+"""All axes by the argument of `moderate` that varies."""
 
 
 CHART_IMPACTS = 4
@@ -140,15 +117,13 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     columns = _orbit(scene)
     late = 0.0
     if scene.sigma > 0.0:
-        step = default_step(scene, "exact-flight") / FINER
-        sampling = Sampling(horizon=horizon_of(scene))
         run = simulate(
             scene,
             paths=paths,
             impacts=CHART_IMPACTS,
-            dt=step,
+            dt=default_step(scene, "exact-flight") / FINER,
             rng=seed,
-            sampling=sampling,
+            sampling=Sampling(horizon=horizon_of(scene)),
             workers=workers,
         )
         columns = run.columns
@@ -156,21 +131,16 @@ def reference(scene: Scene, *, paths: int, seed: int, workers: int) -> Reference
     unit = motion_units(columns, scene)
     for q in SECTION:
         rare = np.nan_to_num(columns["kurt_" + q]) > MOST_KURTOSIS
-        unit[q] = np.where(
-            at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q]), np.nan, unit[q]
-        )
+        excluded = at_wall(q, columns["mesh"]) | rare | np.isnan(columns[q])
+        unit[q] = np.where(excluded, np.nan, unit[q])
     return Reference(columns, unit, late)
 
 
 def _orbit(scene: Scene) -> Mapping[str, NDArray[Any]]:
     """The noise-free path by root finding, in the columns of an ensemble."""
-    s = LongOrbit(scene).stretch(CHART_IMPACTS, tangent=False)
-    columns = {
-        "tau": np.cumsum([scene.start.tau, *s.flight])[1:],
-        "flight": s.flight,
-        "mesh": np.abs(s.code),
-    }
-    columns |= dict(zip(STATE, s.before.T, strict=True))
+    path = follow(scene, CHART_IMPACTS)
+    columns = {str(name): column.to_numpy()[1:] for name, column in path.table.items()}
+    columns["flight"] = path.flight[1:]
     nothing = np.zeros(CHART_IMPACTS)
     return columns | {
         prefix + q: nothing for q in SECTION for prefix in ("sd_", "se_", "se_sd_", "kurt_")
@@ -234,18 +204,19 @@ def judge(
         )
         merged = reduce(BlockResult.merge, (result for result, _ in in_threads(workers)(plan, 0)))
         run = Ensemble(plan, first, merged, None, None, 0.0)
-        found = _verdict(run, beside, z)
-        while later and found[0] == CHART_UNDECIDED and is_random(scene):
+        verdict = _verdict(run, beside, z)
+        while later and verdict[0] == CHART_UNDECIDED and is_random(scene):
             run = extend(run, later.pop(0), in_threads(workers))
-            found = _verdict(run, beside, z)
+            verdict = _verdict(run, beside, z)
         diagnosed = len(run.diagnostics) > bool(diagnose_short_step(run)) + bool(
             diagnose_rare_branch(run)
         )
         moments = 2 * sum(int(np.isfinite(unit).sum()) for unit in beside.unit.values())
-        return Judged(*found, diagnosed, run.plan.paths, moments)
+        return Judged(*verdict, diagnosed, run.plan.paths, moments)
 
 
 def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, float, str]:
+    """The first four attributes of `Judged`."""
     a = run.columns
     b = beside.columns
     rows = []
@@ -257,23 +228,21 @@ def _verdict(run: Ensemble, beside: Reference, z: float) -> tuple[str, float, fl
             judged = np.flatnonzero(np.isfinite(unit))
             rows += [(off[k], half[k], f"{name} of {q} at impact {k + 1}") for k in judged]
     error, half = np.array([row[:2] for row in rows]).T
-
-    def at(of: Floats) -> tuple[float, float, str]:
-        k = int(np.nan_to_num(of, nan=np.inf).argmax())
-        return float(error[k]), float(half[k]), rows[k][2]
-
-    wrong = _describe_instability(run, beside)
+    where = ""
+    decisive = error
     if run.scene.sigma > 0.0 and run.scene.epsilon == 0.0:
-        return (
-            COLLAPSING,
-            *at(error)[:2],
-            "at restitution 0 noise makes infinitely many impacts in a finite time",
-        )
-    if wrong:
-        return UNSTABLE, *at(error)[:2], wrong
-    if (error - half > 1.0).any():
-        return BIASED, *at(error - half)
-    return (UNBIASED if (error + half <= 1.0).all() else CHART_UNDECIDED, *at(error + half))
+        verdict = COLLAPSING
+        where = "at restitution 0 noise makes infinitely many impacts in a finite time"
+    elif where := _describe_instability(run, beside):
+        verdict = UNSTABLE
+    elif (error - half > 1.0).any():
+        verdict = BIASED
+        decisive = error - half
+    else:
+        decisive = error + half
+        verdict = UNBIASED if (decisive <= 1.0).all() else CHART_UNDECIDED
+    k = int(np.nan_to_num(decisive, nan=np.inf).argmax())
+    return verdict, float(error[k]), float(half[k]), where or rows[k][2]
 
 
 def _describe_instability(run: Ensemble, beside: Reference) -> str:
@@ -309,7 +278,6 @@ class Chart(NamedTuple):
     # attributes of `Judged`
     table: pd.DataFrame
     z: float  # half width of the intervals in standard errors, for 95 % simultaneous coverage
-    impacts: int = CHART_IMPACTS  # of each path
 
     @property
     def admissible(self) -> pd.DataFrame:
@@ -339,7 +307,10 @@ class Place(Cell):
     scene: Scene
     axis: str
     value: float
-    asked: dict[str, Any]  # schemes, paths, seed, z
+    schemes: tuple[str, ...]
+    paths: int
+    seed: int
+    z: float
 
     @property
     def label(self) -> str:
@@ -349,43 +320,37 @@ class Place(Cell):
     @property
     def settings(self) -> dict[str, Any]:
         """Everything that determines the result besides the scene."""
-        return self.asked | {"kind": "stability", "axis": self.axis, "value": self.value}
+        asked = asdict(self) | {"kind": "stability"}
+        del asked["scene"]
+        return asked
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Judge the cells."""
         scene = self.scene
-        paths = self.asked["paths"]
-        seed = self.asked["seed"]
         rows = []
         slow = scene.sigma > 0.0 and scene.epsilon < COLLAPSE
-        enough = min(paths, (OUTSIDE if scene.epsilon > 0.0 else BLOCK)) if slow else paths
-        beside = reference(scene, paths=REFERENCE * enough, seed=seed + 1, workers=1)
-        for scheme in self.asked["schemes"]:
+        outside = min(self.paths, OUTSIDE)
+        enough = min(self.paths, OUTSIDE if scene.epsilon > 0.0 else BLOCK) if slow else self.paths
+        beside = reference(scene, paths=REFERENCE * enough, seed=self.seed + 1, workers=1)
+        for scheme in self.schemes:
             largest, why = largest_step(scene, scheme)
-            own = default_step(scene, scheme)
+            default_dt = default_step(scene, scheme)
             steps = [(share * largest, share, False) for share in SHARES]
-            for dt, share, default in (*steps, (own, own / largest, True)):
-                most = enough if share <= 1.0 else min(paths, OUTSIDE)
-                found = judge(
+            for dt, share, default in (*steps, (default_dt, default_dt / largest, True)):
+                judged = judge(
                     scene,
                     beside,
                     scheme=scheme,
                     dt=dt,
-                    paths=most,
-                    seed=seed,
+                    paths=enough if share <= 1.0 else outside,
+                    seed=self.seed,
                     workers=1,
-                    z=self.asked["z"],
+                    z=self.z,
                 )
-                cell = {
-                    "scheme": scheme,
-                    "axis": self.axis,
-                    "value": self.value,
-                    "dt": dt,
-                    "share": share,
-                    "why": why,
-                }
-                rows.append(cell | {"default": default} | found._asdict())
-        return pd.DataFrame(rows), {}
+                cell = (scheme, self.axis, self.value, dt, share, why, default)
+                rows.append((*cell, *judged))
+        names = ["scheme", "axis", "value", "dt", "share", "why", "default", *Judged._fields]
+        return pd.DataFrame(rows, columns=names), {}
 
 
 def chart(
@@ -404,73 +369,14 @@ def chart(
     number of paths of a cell; fewer are simulated if they suffice for a verdict. `folder`: Where
     results are stored: the same map continues there after an interruption.
     """
-    # of the seven values of an axis
     chosen = [round(i * 6 / max(points - 1, 1)) for i in range(points)]
     places = [(axis, AXES[axis].values[i]) for axis in axes for i in chosen]
     rows = 2 * len(SECTION) * CHART_IMPACTS
     cells_of_a_place = len(schemes) * (len(SHARES) + 1)
     z = widest(len(places) * cells_of_a_place * rows * len(sizes(paths)))
-    asked = {"schemes": list(schemes), "paths": paths, "seed": seed, "z": z}
-    cells = [Place(AXES[axis].scene(value), axis, value, asked) for axis, value in places]
-    return Chart(
-        pd.concat(
-            [content.table for content in obtain_all(cells, folder, workers)], ignore_index=True
-        ),
-        z,
-    )
-
-
-# flight time from tau = 0, where the noise has no modulation yet: the most demanding flight
-CHART_FLIGHT = 0.2
-UNREACHED_GAP = 1e6  # half gap that no path crosses
-CHART_STEPS = (1 / 8, 1.0)  # time steps, in units of the longest admissible one
-TOLERANCE = 0.10  # admissible relative error of an sd, as for the sds of the map
-
-
-def covariance_table(*, points: int = 7, paths: int, seed: int, workers: int) -> pd.DataFrame:
-    """Compare simulated sds after a flight with `rattle.scene.flight.noise_covariance`, for each
-    damping of the map.
-
-    Returns: Columns ``beta, dt, share`` (dt over the longest admissible step); for the quantity
-    with the largest error ``quantity, error`` (relative, of its sd) and ``half`` (half width of its
-    interval); ``holds`` (whether all quantities are within 10 %).
-    """
-    values = AXES["beta"].values[:points]
-    z = widest(len(values) * len(CHART_STEPS) * len(STATE))
-    rows = []
-    for beta in values:
-        start = Start(0.0, 0.0, 0.0, 0.0, 0.0, mesh=0)
-        scene = replace(
-            AXES["beta"].scene(beta), gap1=UNREACHED_GAP, gap2=UNREACHED_GAP, start=start
-        )
-        largest, _ = largest_step(scene, "exact-flight")
-        for share in CHART_STEPS:
-            steps = np.ceil(CHART_FLIGHT / (share * largest))
-            chosen: dict[str, Any] = {"dt": CHART_FLIGHT / steps, "rng": seed, "workers": workers}
-            sampling = Sampling(horizon=1.5 * CHART_FLIGHT)
-            record = Record(times=[CHART_FLIGHT])
-            run = simulate(
-                scene, paths=paths, impacts=1, sampling=sampling, record=record, **chosen
-            )
-            table = run.at_times().iloc[0]
-            exact = np.diag(noise_covariance(scene.constants, 0.0, CHART_FLIGHT))
-            found, se = (
-                table[[f"{prefix}cov_{q}_{q}" for q in STATE]].to_numpy() for prefix in ("", "se_")
-            )
-            # what does not vary has no relative error
-            exact = np.where(exact > 1e-12 * exact.max(), exact, np.nan)
-            error, half = np.nan_to_num([np.sqrt(found / exact) - 1.0, z * se / (2.0 * exact)])
-            within = np.abs(error) + half
-            k = int(within.argmax())
-            rows.append(
-                (
-                    beta,
-                    run.dt,
-                    share,
-                    STATE[k],
-                    float(error[k]),
-                    float(half[k]),
-                    bool(within[k] <= TOLERANCE),
-                )
-            )
-    return pd.DataFrame(rows, columns=["beta", "dt", "share", "quantity", "error", "half", "holds"])
+    cells = [
+        Place(moderate(**{axis: value}), axis, value, tuple(schemes), paths, seed, z)
+        for axis, value in places
+    ]
+    tables = [content.table for content in obtain_all(cells, folder, workers)]
+    return Chart(pd.concat(tables, ignore_index=True), z)

@@ -10,10 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from rattle.compare.checks.check import Result, extreme_record
+from rattle.compare.checks.check import Result
 from rattle.compare.checks.stability.chart import (
     AXES,
     BIASED,
+    CHART_IMPACTS,
     CHART_UNDECIDED,
     COLLAPSING,
     UNBIASED,
@@ -45,26 +46,16 @@ def summary(table: pd.DataFrame) -> Drawing:
     cells = table[table["share"] <= 1.0]
     drawn, panels = new_figure(10.0, 0.42 * len(schemes) + 1.2, 1, 2)
     shown = (("at the default step", cells[cells["default"]]), ("at every admissible step", cells))
+    verdicts = [v for v in CHART_MARKS if v in set(cells["verdict"])]
+    colours = [CHART_MARKS[v]["color"] for v in verdicts]
     for (title, part), ax in zip(shown, panels, strict=True):
-        left = pd.Series(0, index=schemes)
-        for verdict in [v for v in CHART_MARKS if v in set(cells["verdict"])]:
-            counts = (
-                part[part["verdict"] == verdict]["scheme"]
-                .value_counts()
-                .reindex(schemes, fill_value=0)
-            )
-            bars = ax.barh(
-                schemes,
-                counts,
-                left=left,
-                color=CHART_MARKS[verdict]["color"],
-                height=0.7,
-                label=verdict,
-            )
-            if counts.any():
-                texts = [str(n) if n else "" for n in counts]
-                ax.bar_label(bars, texts, label_type="center", color="white", fontsize=8)
-            left = left + counts
+        counts = pd.crosstab(part["scheme"], part["verdict"])
+        counts = counts.reindex(index=schemes, columns=verdicts, fill_value=0)
+        counts.plot.barh(stacked=True, ax=ax, color=colours, width=0.7, legend=False)
+        containers: Any = ax.containers
+        for bars in containers:
+            ax.bar_label(bars, fmt=_nonzero, label_type="center", color="white", fontsize=8)
+        ax.set_ylabel("")
         ax.invert_yaxis()
         ax.grid(visible=False)
         ax.set_title(title, loc="left")
@@ -72,6 +63,11 @@ def summary(table: pd.DataFrame) -> Drawing:
     panels[1].set_yticklabels([])
     legend_above(drawn, panels[:1], len(CHART_MARKS))
     return drawn
+
+
+def _nonzero(number: float) -> str:
+    """A number of cells as the label of a bar; none if there is no bar."""
+    return f"{number:.0f}" if number else ""
 
 
 def figure(table: pd.DataFrame) -> Drawing:
@@ -121,31 +117,20 @@ def _draw_panel(ax: Axes, part: pd.DataFrame) -> None:
 
 
 def _legend(verdicts: set[str]) -> list[Line2D]:
-    return [
-        *(
-            Line2D([], [], ls="", ms=6, label=name, **style)
-            for name, style in CHART_MARKS.items()
-            if name in verdicts
-        ),
-        Line2D(
-            [], [], ls="", marker="s", ms=6, mfc="white", mec="k", label="hollow: with a diagnostic"
-        ),
-        Line2D([], [], color="k", lw=1.3, label="longest admissible step"),
-        Line2D([], [], ls="", marker="s", ms=9, color=REFUSED_COLOUR, label="refused"),
-        Line2D(
-            [],
-            [],
-            ls="",
-            marker="o",
-            ms=4,
-            mfc="k",
-            mec="k",
-            label="small, to the right: the default step",
-        ),
-    ]
+    """The handles of the legend."""
+    marks: dict[str, dict[str, Any]] = {
+        name: {"ms": 6, **style} for name, style in CHART_MARKS.items() if name in verdicts
+    }
+    marks["hollow: with a diagnostic"] = {"marker": "s", "ms": 6, "mfc": "white", "mec": "k"}
+    marks["longest admissible step"] = {"ls": "-", "lw": 1.3, "color": "k"}
+    marks["refused"] = {"marker": "s", "ms": 9, "color": REFUSED_COLOUR}
+    small = {"marker": "o", "ms": 4, "color": "k"}
+    marks["small, to the right: the default step"] = small
+    return [Line2D([], [], label=label, **{"ls": "", **style}) for label, style in marks.items()]
 
 
-MAP_TERMS = (
+STABILITY_WORDS = (
+    *SCHEME_TERMS,
     "admissible step",
     "default step",
     "diagnostic",
@@ -153,10 +138,6 @@ MAP_TERMS = (
     "biased",
     "unstable",
     "no limit",
-)
-STABILITY_WORDS = (
-    *SCHEME_TERMS,
-    *MAP_TERMS,
     "standard error",
     "σ",
     "ε",
@@ -171,10 +152,21 @@ def answer(found: Chart) -> list[str]:
     """Summarise the map in sentences."""
     cells = found.admissible
     undiagnosed = found.without_diagnostic
-    counts = {verdict: (cells["verdict"] == verdict).sum() for verdict in CHART_MARKS}
+    counts = cells["verdict"].value_counts().reindex(CHART_MARKS, fill_value=0)
     wrong = cells[cells["verdict"].isin((BIASED, UNSTABLE))]
-    said = [
-        _advice(found),
+    default = found.table[found.table["default"]]
+    good = default["verdict"] == UNBIASED
+    by_scheme = pd.DataFrame(
+        {
+            "cells": 1,
+            "good": good,
+            "wrong": default["verdict"].isin((BIASED, UNSTABLE)),
+            "diagnosed": ~good & default["diagnosed"].astype(bool),
+        }
+    )
+    by_scheme = by_scheme.groupby(default["scheme"], sort=False).sum()
+    sentences = [
+        _advice(by_scheme),
         f"With admissible steps {counts[UNBIASED]} of {len(cells)} cells are unbiased,"
         f" {counts[CHART_UNDECIDED]} undecided, {counts[BIASED]} biased and"
         f" {counts[UNSTABLE]} unstable;"
@@ -182,47 +174,50 @@ def answer(found: Chart) -> list[str]:
         " cells.",
     ]
     if len(undiagnosed):
-        said.append(
+        sentences.append(
             f"{len(undiagnosed)} admissible cells are biased or unstable without a diagnostic: a"
             " defect."
         )
-    for scheme, own in found.table[found.table["default"]].groupby("scheme", sort=False):
-        good = own["verdict"] == UNBIASED
-        diagnosed = own["diagnosed"].astype(bool)
-        said.append(
-            f"`{scheme}` at its default step: {good.sum()} of {len(own)} cells shown to be"
-            f" unbiased, {(~good & diagnosed).sum()} others with a diagnostic."
+    for row in by_scheme.itertuples():
+        sentences.append(
+            f"`{row.Index!s}` at its default step: {row.good} of {row.cells} cells shown to be"
+            f" unbiased, {row.diagnosed} others with a diagnostic."
         )
-    return said
+    return sentences
 
 
-def _advice(found: Chart) -> str:
+def _advice(by_scheme: pd.DataFrame) -> str:
     """Which scheme to take, by the cells at the default step."""
-    own = found.table[found.table["default"]]
-    good = (
-        (own["verdict"] == UNBIASED)
-        .groupby(own["scheme"], sort=False)
-        .sum()
-        .sort_values(ascending=False)
-    )
-    wrong = own["verdict"].isin((BIASED, UNSTABLE)).groupby(own["scheme"], sort=False).sum()
-    best = good.index[0]
-    of = len(own) // len(good)
-    others = [f"{n} for `{scheme}`" for scheme, n in good.iloc[1:].items()]
-    beside = f" (unbiased: {join_words(others)})" if others else ""
+    rows: Any = by_scheme.sort_values("good", ascending=False, kind="stable").itertuples()
+    best, *others = rows
+    counts = [f"{row.good} for `{row.Index}`" for row in others]
+    beside = f" (unbiased: {join_words(counts)})" if others else ""
     return (
-        f"Take `{best}`: at its default step {good.iloc[0]} of {of} scenes, extreme ones among"
-        f" them, are shown to be unbiased and {wrong[best] or 'none'} to be biased{beside}."
+        f"Take `{best.Index}`: at its default step {best.good} of {best.cells} scenes, extreme ones"
+        f" among them, are shown to be unbiased and {best.wrong or 'none'} to be biased{beside}."
     )
 
 
-def make_report(
-    found: Chart, covariance: pd.DataFrame, tried: Sequence[Result], record: dict[str, Any]
-) -> Report:
+def _extreme_row(result: Result) -> dict[str, Any]:
+    """A check at extreme values as a row of the page's table."""
+    about = result.subject
+    return {
+        "name": about.name,
+        "field": result.worst.quantity,
+        "tried": about.statement,
+        "truth": about.reference,
+        "worst": result.worst.found,
+        "allowed": result.worst.slack,
+        "unit": about.unit,
+        "holds": result.holds,
+    }
+
+
+def make_report(found: Chart, tried: Sequence[Result], record: dict[str, Any]) -> Report:
     """The report on the map."""
-    said = answer(found)
+    sentences = answer(found)
     if tried:
-        said.append(
+        sentences.append(
             f"{sum(row.holds for row in tried)} of {len(tried)} extremes of the formulas and"
             " samplers hold."
         )
@@ -233,23 +228,19 @@ def make_report(
     )
     content: dict[str, Any] = {
         "found": found,
+        "impacts": CHART_IMPACTS,
         "within": Tolerances(),
         "worst": table.loc[cells.groupby(["scheme", "axis"], sort=False)["error"].idxmax()],
         "defaults": table[table["default"]],
-        "covariance": covariance.assign(mark=np.where(covariance["holds"], "good", "bad")),
     }
-    tables = {"stability": found.table, "covariance": covariance}
+    tables = {"stability": found.table}
     if tried:
-        extremes = tables["extremes"] = pd.DataFrame([extreme_record(row) for row in tried])
-        content["extremes"] = extremes.assign(
-            shown=[f"{row.worst.found:{'.2f' if row.unit == 'z' else '.1e'}}" for row in tried],
-            mark=np.where(extremes["holds"], "good", "bad"),
-            relative=extremes["unit"].replace("z", "standard errors"),
-        )
+        extremes = tables["extremes"] = pd.DataFrame([_extreme_row(result) for result in tried])
+        content["extremes"] = extremes.assign(mark=np.where(extremes["holds"], "good", "bad"))
     return Report(
         "stability",
         "Where is each scheme stable and unbiased?",
-        said,
+        sentences,
         record,
         content,
         glossary(*STABILITY_WORDS, gears=Scene.from_dict(record["scene"]).gears),

@@ -9,7 +9,7 @@ import pytest
 from commands import commands, rattle, strict, study
 
 from rattle.compare.checks import extremes
-from rattle.compare.checks.check import extreme
+from rattle.compare.checks.extremes import extreme
 from rattle.compare.report import manifest
 from rattle.compare.report.json_text import json_text, plain
 from rattle.compare.report.save import csv_text
@@ -72,12 +72,9 @@ def test_every_command_prints_strict_json_and_writes_it(command, tmp_path, monke
     (tmp_path / "study.toml").write_text(study("σ \\u202e\\u009b", sigma=(0.0, 0.1)))
     # without a second stage, and so without numbers for it
     (tmp_path / "scene.toml").write_text(SINGLE)
-    rows = {
-        "lost": extreme(1.0, name="lost", field="β", tried="", truth="", unit="z")(
-            lambda: [math.inf]
-        )
-    }
-    monkeypatch.setattr(extremes, "ROWS", rows)  # all of them take a minute
+    about = {"name": "lost", "quantity": "β", "statement": "", "reference": ""}
+    rows = {"lost": extreme(lambda: [math.inf], allowed=1.0, **about)}
+    monkeypatch.setattr(extremes, "EXTREMES", rows)  # all of them take a minute
     monkeypatch.setattr(
         "rattle.montecarlo.bench.bench",
         lambda: pd.DataFrame({"ns": [1.5, np.nan]}, index=["a", "b"]),

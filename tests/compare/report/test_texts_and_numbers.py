@@ -6,7 +6,6 @@ import pytest
 
 from rattle.compare.animation.page import Wheel
 from rattle.compare.animation.record import check_recording
-from rattle.compare.checks.check import spread
 from rattle.compare.checks.stability.chart import FIRST_PATHS, PATHS_GROWTH, sizes
 from rattle.compare.report.provenance import command_line
 from rattle.compare.report.render import as_block, as_markdown
@@ -103,7 +102,6 @@ def test_numbers_of_paths_and_steps():
     assert Settings().sizes(10_000, 1) == (10_000,)
     most = (FIRST_PATHS, FIRST_PATHS + 1, FIRST_PATHS * PATHS_GROWTH**2)
     assert [len(sizes(paths)) for paths in most] == [1, 2, 3]
-    assert spread(1e-2, 1e2, 3, 0.0) == pytest.approx([0.0, 0.01, 1.0, 100.0])
     rate = fit(np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.25, 0.125]))
     assert rate == pytest.approx((-1.0, 0.0, 0.0), abs=1e-12)
     assert at_wall(np.array(["x1", "x2", "y1"]), np.array([1, 1, 1])).tolist() == [

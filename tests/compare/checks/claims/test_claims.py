@@ -22,6 +22,7 @@ from rattle.compare.checks.claims.judges import (
     REPRODUCED,
     failures,
     judge,
+    judge_claim,
 )
 from rattle.compare.checks.claims.page import answer, make_report
 from rattle.compare.report.save import save
@@ -82,7 +83,7 @@ def test_verdicts_on_dat21(claims, name, verdict):
 
 def test_another_covariance_would_not_pass_for_the_solution(evidence):
     control = replace(evidence, open_space=replace(evidence.open_space, beta1=0.3))
-    assert judges.solvable(control).verdict == CLAIM_UNDECIDED
+    assert judge_claim("solvable", control).verdict == CLAIM_UNDECIDED
 
 
 def test_a_corrected_correlation_beyond_one_would_reproduce_the_claim(evidence):
@@ -93,12 +94,12 @@ def test_a_corrected_correlation_beyond_one_would_reproduce_the_claim(evidence):
     control = replace(
         evidence, validations=[replace(v, correlation=rows), *evidence.validations[1:]]
     )
-    assert judges.beyond_one(control).verdict == REPRODUCED
+    assert judge_claim("beyond_one", control).verdict == REPRODUCED
 
 
 def test_impacts_that_alternate_would_reproduce_the_claim(evidence):
     control = replace(evidence, repeats=dict.fromkeys(("orbit", "noisy"), Mean(0.0, 0.0, 32.0)))
-    assert judges.counter_meshes(control).verdict == REPRODUCED
+    assert judge_claim("counter_meshes", control).verdict == REPRODUCED
 
 
 @pytest.mark.parametrize(
@@ -110,8 +111,8 @@ def test_the_range_of_chaos_follows_the_signs(evidence, signs, verdict):
     sign = sweep["alpha"].map(dict(zip((0.3, 1.0, 2.0), signs, strict=True)))
     control = sweep.assign(alpha=sweep["alpha"].replace(0.3, 0.1), low=sign - 0.1, high=sign + 0.1)
     chaos = replace(evidence.chaos, sweep=control)
-    assert judges.chaotic_range(replace(evidence, chaos=chaos)).verdict.startswith(verdict)
-    controlled = judges.control(replace(evidence, chaos=chaos)).verdict
+    assert judge_claim("chaotic_range", replace(evidence, chaos=chaos)).verdict.startswith(verdict)
+    controlled = judge_claim("control", replace(evidence, chaos=chaos)).verdict
     assert (controlled == REPRODUCED) == (len(set(signs)) == 2)
 
 
@@ -133,7 +134,9 @@ def test_alpha_outside_the_range_and_an_orbit_that_sticks_at_times_are_said(evid
     nothing."""
     sweep = evidence.chaos.sweep
     positive = sweep.assign(low=0.1, high=0.2, regime="sticks at times")
-    found = judges.chaotic_range(replace(evidence, chaos=replace(evidence.chaos, sweep=positive)))
+    found = judge_claim(
+        "chaotic_range", replace(evidence, chaos=replace(evidence.chaos, sweep=positive))
+    )
     assert found.verdict == REPRODUCED
     assert "of α outside the paper says nothing" in found.test
     sticking = (
@@ -170,8 +173,8 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
     stand."""
     assert evidence.mean.periodic
     assert evidence.mean.share == pytest.approx((0.018, 0.006), abs=0.01)
-    narrow = judges.narrow_bands(evidence)
-    continuous = judges.continuous(evidence)
+    narrow = judge_claim("narrow_bands", evidence)
+    continuous = judge_claim("continuous", evidence)
     for claim in (narrow, continuous):
         assert "The published map ends at impact 21 and has no spectrum." in claim.evidence
         assert claim.verdict.endswith("; the published map ends before it has a spectrum")
@@ -179,10 +182,10 @@ def test_spectra_are_judged_of_the_map_the_ensemble_the_orbit_and_paths_apart(ev
     assert "the ensemble's mean" not in continuous.verdict
     assert "single noisy paths" in continuous.verdict
     drifts = replace(evidence, mean=evidence.mean._replace(largest=9.0))
-    assert "the ensemble's mean" in judges.continuous(drifts).verdict
+    assert "the ensemble's mean" in judge_claim("continuous", drifts).verdict
     maps = evidence.chaos.maps.assign(ends=evidence.chaos.maps["followed"])
     goes_on = replace(drifts, chaos=replace(evidence.chaos, maps=maps))
-    assert judges.continuous(goes_on).verdict == REPRODUCED
+    assert judge_claim("continuous", goes_on).verdict == REPRODUCED
 
 
 def test_a_mean_that_still_depends_on_the_start_is_not_periodic(monkeypatch):
@@ -204,8 +207,8 @@ def test_a_right_mean_map_would_reproduce_the_claim(evidence):
     last = evidence.validations[-1]
     control = replace(last, table=last.table.assign(verdict="accurate"))
     assert (
-        judges.describes(
-            replace(evidence, validations=[*evidence.validations[:-1], control])
+        judge_claim(
+            "describes", replace(evidence, validations=[*evidence.validations[:-1], control])
         ).verdict
         == REPRODUCED
     )
@@ -218,7 +221,7 @@ def test_a_section_of_few_points_is_not_fuzzy(evidence):
     chaos = replace(
         evidence.chaos, sections={**evidence.chaos.sections, "orbit": replace(section, counts=few)}
     )
-    assert judges.fuzzy(replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
+    assert judge_claim("fuzzy", replace(evidence, chaos=chaos)).verdict == NOT_REPRODUCED
 
 
 @pytest.mark.usefixtures("undrawn")

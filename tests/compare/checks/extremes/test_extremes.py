@@ -9,14 +9,12 @@ import pytest
 from commands import rattle
 
 from rattle import closure, montecarlo
-from rattle.closure import edgeworth, saltation
 from rattle.compare.checks import extremes
-from rattle.compare.checks.check import extreme, extreme_record, farthest, result_lines
-from rattle.compare.checks.extremes import ROWS, formulas, runs
+from rattle.compare.checks.check import farthest, run_checks
+from rattle.compare.checks.extremes import EXTREMES, extreme, runs
 from rattle.compare.checks.published import noise
 from rattle.compare.validation import validate as validation
-from rattle.montecarlo.schemes import short_flight as short
-from rattle.scene import Scene, damping, drive, flight, impact, long_orbit, moments, orbit, tangent
+from rattle.scene import Scene, flight, impact, long_orbit, orbit
 
 LONG = {
     "unit_of_length",
@@ -24,7 +22,6 @@ LONG = {
     "sticking_paths",
     "collapse_drift",
     "absolute_times",
-    "step_noise",
     "elastic_flights",
     "energy",
 }
@@ -33,54 +30,11 @@ tests."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG else r for r in ROWS]
+    "name", [pytest.param(r, marks=pytest.mark.slow) if r in LONG else r for r in EXTREMES]
 )
 def test_row_holds(name):
-    row = ROWS[name]()
-    assert row.holds, row
-    assert row.allowed <= (5.0 if row.unit == "z" else 1.0)
-
-
-def cancelling(c, t):
-    """The Jacobian with cancelling differences of nearly equal terms."""
-    j = jacobian(c, t)
-    j[2, 1] = damping.phi1(c.beta1, t) - damping.phi1(c.beta2, t)
-    j[3, 1] = math.exp(-c.beta1 * t) - math.exp(-c.beta2 * t)
-    return j
-
-
-def plain_displacement(c, tau, y1, y2, t):
-    """Eq. 3 as it stands: phi1 times alpha cos tau - y1, which cancels in a short flight."""
-    u1 = c.alpha * math.cos(tau) - y1
-    u2 = u1 + y2
-    e1, d1 = damping.damp(c.beta1, t)
-    e2, d2 = damping.damp(c.beta2, t)
-    s1 = u1 * e1 - c.gamma1 * damping.phi2(c.beta1, t)
-    s2 = u2 * e2 - c.gamma2 * damping.phi2(c.beta2, t)
-    v1 = u1 * d1 - c.gamma1 * e1
-    v2 = u2 * d2 - c.gamma2 * e2
-    return (
-        c.alpha * (math.sin(tau + t) - math.sin(tau)) - s1,
-        c.alpha * math.cos(tau + t) - v1,
-        s2 - s1,
-        v2 - v1,
-    )
-
-
-def masses_by_difference(low, high, order):
-    """Window moments as differences of their ends, and mass as a difference of error functions."""
-    edges = [
-        [edgeworth.hermite(i, z) * edgeworth.normal_density(z) for i in range(order + 1)]
-        for z in (low, high)
-    ]
-    mass = [0.5 * (math.erf(high / math.sqrt(2.0)) - math.erf(low / math.sqrt(2.0)))]
-    mass += [edges[0][i] - edges[1][i] for i in range(order + 1)]
-    return mass, [mass[i + 1] + (i * mass[i - 1] if i else 0.0) for i in range(order + 1)]
-
-
-def wrong_windows(a, sd_x, sd_y, low, high):
-    mass, first = masses_by_difference(low / sd_x, high / sd_x, len(a) - 1)
-    return sd_x * sum(a[:, 0] * first), sd_y * sum(a[:-1, 1] * mass[: len(a) - 1])
+    (result,) = run_checks({name: EXTREMES[name]})
+    assert result.holds, result
 
 
 def early(found):
@@ -100,12 +54,9 @@ def swapped(scene, impacts):
 
 
 orbit_follow = orbit.follow
-tangent_matrix = tangent.saltation_matrix
-short_flight = short.short_flight
 returned = noise.log_speeds
-jacobian = flight.jacobian
-realizability = moments.realizability
 simulate = montecarlo.simulate
+noise_covariance = flight.noise_covariance
 mean_map = closure.mean_map
 validate = validation.validate
 
@@ -134,36 +85,6 @@ def by_floats(self):
     return math.remainder(self.start.tau, 2.0 * math.pi)
 
 
-def off(function, factor):
-    """A function whose result is off by a factor."""
-
-    def wrong(*args, **settings):
-        found = function(*args, **settings)
-        return tuple(factor * v for v in found) if isinstance(found, tuple) else factor * found
-
-    return wrong
-
-
-def differenced(c, tau, t):
-    """The slope by a finite difference that suffers from rounding."""
-    step = 1e-7
-    return (
-        flight.noise_covariance(c, tau + step, t) - flight.noise_covariance(c, tau - step, t)
-    ) / (2.0 * step)
-
-
-def absolutely_judged(covariance):
-    """A verdict by the smallest eigenvalue relative to the largest variance, although x and y have
-    different units."""
-    judged = realizability(covariance)
-    bound = -moments.RHO_ROUNDING * max(covariance[0, 0], covariance[1, 1])
-    return judged._replace(realizable=abs(judged.rho) <= 1.0 or judged.smallest_eigenvalue >= bound)
-
-
-def harder(c, *rest):
-    return tangent_matrix(c._replace(epsilon=c.epsilon + 1e-12), *rest)
-
-
 def louder_when_late(scene, **settings):
     return validate(
         scene.with_sigma(scene.sigma * (1.0 + 1e-6 * (scene.start.tau > 10.0))), **settings
@@ -183,29 +104,11 @@ def late_sticking(scene, impacts):
 
 
 NEGATIVE_CONTROLS = {
-    "phi_functions": (
-        damping,
-        "phi2",
-        lambda beta, t: (t - damping.phi1(beta, t)) / beta if beta else 0.5 * t * t,
-    ),
-    "flight_state": (flight, "displacement", plain_displacement),
-    "flight_jacobian": (flight, "jacobian", cancelling),
-    "flight_noise": (flight, "noise_covariance", off(flight.noise_covariance, 1.0 + 1e-12)),
-    "noise_phase_derivative": (saltation, "noise_slope", differenced),
-    "saltation": (tangent, "saltation_matrix", harder),
     "grazing": (impact, "next_impact", early(impact.next_impact)),
     "simultaneous": (orbit, "follow", swapped),
     "chatter_time": (orbit, "follow", late_sticking),
     "sticking_end": (orbit, "follow", late_sticking),
-    "edgeworth_windows": (edgeworth, "window_means", wrong_windows),
-    "correlations": (moments, "realizability", absolutely_judged),
-    "step_phase": (drive, "sine_cosine", lambda tau: (math.sin(tau + 1e-13), math.cos(tau))),
-    "step_flight": (
-        short,
-        "short_flight",
-        lambda c, *a: short_flight(c._replace(beta2=c.beta2 * (1.0 + 1e-12)), *a),
-    ),
-    "step_noise": (short, "kick", off(short.kick, 1.0 + 1e-6)),
+    "free_covariance": (flight, "noise_covariance", lambda *a: 1.3 * noise_covariance(*a)),
     "exit_times": (
         montecarlo,
         "simulate",
@@ -250,44 +153,36 @@ def shorter(monkeypatch):
     }
     for name, value in short.items():
         monkeypatch.setattr(runs, name, value)
-    monkeypatch.setattr(formulas, "POINTS_OF_A_ROW", 60)
     monkeypatch.setattr(runs, "EXITS", ((1.0, 1e-3),))
 
 
 @pytest.mark.usefixtures("shorter")
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", EXTREMES)
 def test_row_rejects_its_negative_control(name, monkeypatch):
     monkeypatch.setattr(*NEGATIVE_CONTROLS[name])
-    assert not ROWS[name]().holds
+    (result,) = run_checks({name: EXTREMES[name]})
+    assert not result.holds
 
 
-def test_table_and_terminal_say_what_failed(monkeypatch):
-    good = extreme(name="E", field="beta", tried="0 to 1e3", truth="mpmath")(lambda: [2e-16])
-    bad = extreme(
-        4.5, name="exit", field="sigma", tried="1e-3 to 1e4", truth="a formula", unit="z"
-    )(lambda: [7.0])
-    found = [extreme_record(row()) for row in (good, bad)]
-    assert [row["holds"] for row in found] == [True, False]
-    assert list(found[0]) == [
-        "name",
-        "field",
-        "tried",
-        "truth",
-        "worst",
-        "allowed",
-        "unit",
-        "holds",
-    ]
-    text = result_lines([good(), bad()])
-    assert text[-1].startswith("1 of 2 results hold; 2 checks, 1 of them statistical")
+def fake(error, **texts):
+    """A check at extreme values whose worst error is given."""
+    about = {"name": "E", "quantity": "beta", "statement": "0 to 1e3", "reference": "a limit"}
+    return extreme(lambda: [0.0, error], allowed=4.5, **(about | {"unit": "each"} | texts))
+
+
+def test_table_says_what_failed(monkeypatch):
+    rows = {"E": fake(2e-16), "exit": fake(7.0, name="exit", statement="1e-3 to 1e4")}
+    monkeypatch.setattr(extremes, "EXTREMES", rows)
+    text = rattle("check", "extremes", code=1).output.splitlines()
+    assert text[-1].startswith("1 of 2 results hold; 2 checks, 0 of them statistical; 0 of 0")
     assert ("holds" in text[2], "FAILS" in text[3]) == (True, True)
-    assert text[5] == "exit (a formula): 1e-3 to 1e4"
-    monkeypatch.setattr(extremes, "ROWS", {"good": good})
-    rattle("check", "extremes", "--all")
+    assert "beta, relative to each" in text[2]
+    assert text[5] == "exit (a limit): 1e-3 to 1e4"
+    monkeypatch.setattr(extremes, "EXTREMES", {"E": fake(2e-16)})
+    assert "E (a limit): 0 to 1e3" in rattle("check", "extremes", "--all").output
 
 
 def test_what_is_not_a_number_fails():
-    assert not extreme(1.0, name="E", field="beta", tried="", truth="")(
-        lambda: [0.0, math.nan]
-    )().holds
+    (result,) = run_checks({"E": fake(math.nan)})
+    assert not result.holds
     assert farthest([1.0, np.nan], [1.0, 2.0]) == math.inf

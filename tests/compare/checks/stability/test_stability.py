@@ -11,7 +11,7 @@ import pytest
 from commands import rattle
 
 from rattle.compare.checks import extremes
-from rattle.compare.checks.check import extreme
+from rattle.compare.checks.extremes import extreme
 from rattle.compare.checks.stability import chart as charts
 from rattle.compare.checks.stability.chart import (
     AXES,
@@ -35,7 +35,7 @@ EULER = [name for name, kind in SCHEMES.items() if kind.has_step_bias]
 def corner():
     return {
         axis: (
-            scene := AXES[axis].scene(value),
+            scene := moderate(**{axis: value}),
             reference(scene, paths=4 * PATHS, seed=1, workers=2),
         )
         for axis, value in CORNERS.items()
@@ -101,15 +101,6 @@ def test_restitution_of_nothing_has_no_limit():
     assert found.diagnosed
 
 
-def test_free_flights_have_the_exact_covariance_and_another_is_rejected(monkeypatch):
-    table = charts.covariance_table(paths=PATHS, seed=0, workers=2)
-    assert table["holds"].all(), table
-    assert len(table) == 2 * len(AXES["beta"].values)
-    exact = charts.noise_covariance
-    monkeypatch.setattr(charts, "noise_covariance", lambda *a: 1.3 * exact(*a))  # 14 % of an sd
-    assert not charts.covariance_table(points=3, paths=PATHS, seed=0, workers=2)["holds"].any()
-
-
 def run(tmp_path, *arguments, code=0):
     small = (
         "--axis",
@@ -140,7 +131,7 @@ def test_command_writes_map_tables_and_page(tmp_path):
     assert len(rows) == 2 * 2 * 7
     assert {row["scheme"] for row in rows} == {"euler-maruyama", "exact-flight"}
     for row in rows:
-        scene = AXES[row["axis"]].scene(float(row["value"]))
+        scene = moderate(**{row["axis"]: float(row["value"])})
         scheme = row["scheme"]
         share = float(row["share"]) * largest_step(scene, scheme)[0]
         dt = default_step(scene, scheme) if row["default"] == "True" else share
@@ -166,11 +157,12 @@ def test_an_interrupted_map_computes_what_is_missing(tmp_path, monkeypatch):
 
 
 def test_an_extreme_that_does_not_hold_is_on_the_page_and_in_the_exit_code(tmp_path, monkeypatch):
+    about = {"quantity": "beta", "statement": "0 to 1e3", "reference": "a limit", "unit": "each"}
     rows = {
-        "E": extreme(name="E", field="beta", tried="0 to 1e3", truth="mpmath")(lambda: [2e-16]),
-        "u": extreme(4.5, name="u", field="", tried="", truth="", unit="z")(lambda: [5.0]),
+        "E": extreme(lambda: [2e-16], name="E", allowed=4e-15, **about),
+        "u": extreme(lambda: [5.0], name="u", allowed=4.5, **about),
     }
-    monkeypatch.setattr(extremes, "ROWS", rows)
+    monkeypatch.setattr(extremes, "EXTREMES", rows)
     done = run(tmp_path, "--scheme", "exact-flight", "--points", "1", "--extremes", code=1)
     assert "1 of 2 extremes of the formulas and samplers hold." in done.output
     page = (tmp_path / "map" / "stability.md").read_text(encoding="utf-8")

@@ -1,0 +1,262 @@
+"""Formulas at extreme values compared with 400 digits: flights, their derivatives and noise, window
+means, steps, impacts; each comparison sees an error of ten times its tolerance, and formulas whose
+terms cancel."""
+
+import math
+from itertools import product
+
+import digits
+import mpmath as mp
+import numpy as np
+import pytest
+from digits import in_digits
+
+from rattle.closure import edgeworth
+from rattle.closure import saltation as linear
+from rattle.compare.checks.check import farthest
+from rattle.montecarlo.schemes import short_flight as short
+from rattle.scene import Constants, damping, drive, flight, moments, tangent
+
+ROUNDING = 4e-15  # a few roundings of a double
+
+
+def spread(low, high, points, *more):
+    """Logarithmically spaced values, preceded by others."""
+    return [*more, *np.geomspace(low, high, points).tolist()]
+
+
+BETAS = spread(1e-14, 1e3, 7, 0.0)
+TIMES = spread(1e-12, 1e6, 10)
+SERIES_ORDER = 6  # of the Edgeworth series
+EPSILONS = (0.0, 1e-12, 0.1, math.exp(-math.pi / math.sqrt(3.0)), 0.9, 1.0 - 2.0**-53, 1.0)
+
+
+def constants(**fields):
+    plain = {
+        "alpha": 1.5,
+        "epsilon": 0.9,
+        "beta1": 0.08,
+        "beta2": 0.13,
+        "gamma1": 0.06,
+        "gamma2": 0.03,
+        "mu": 0.6,
+        "wall1": 0.5,
+        "wall2": 0.5,
+        "sigma": 1.0,
+        "stages": 2,
+    }
+    return Constants(**(plain | fields))
+
+
+def flights(seed, points=120):
+    """Random scenes, each with a phase and a flight time; dampings are far apart, equal, or equal
+    but for the last digits."""
+    rng = np.random.default_rng(seed)
+    for _ in range(points):
+        beta = float(rng.choice(BETAS))
+        other = float(rng.choice(BETAS))
+        near = beta * (1.0 + 2.0 ** -float(rng.integers(1, 53)))
+        betas = [beta, (other, beta, near)[rng.integers(3)]]
+        if rng.random() >= 0.5:
+            betas.reverse()
+        alpha = float(rng.choice(spread(1e-8, 1e4, 4, 0.0)))
+        gamma1, gamma2 = (float(v) for v in rng.choice(spread(1e-8, 1e6, 4, 0.0), 2))
+        tau = float(rng.choice([0.0, math.pi, 0.5 * math.pi, rng.uniform(-3.0, 3.0)]))
+        c = constants(alpha=alpha, beta1=betas[0], beta2=betas[1], gamma1=gamma1, gamma2=gamma2)
+        yield c, tau, float(rng.choice(TIMES))
+
+
+def phi_functions():
+    for beta, t in product(BETAS, TIMES):
+        e, g = digits.phi_functions(beta, t)
+        yield farthest(damping.phi1(beta, t), e, e)
+        yield farthest(damping.phi2(beta, t), g, g)
+
+
+def flight_state():
+    rng = np.random.default_rng(1)
+    for c, tau, t in flights(0):
+        y1, y2 = (rng.choice([-1.0, 1.0], 2) * rng.choice(spread(1e-12, 1e4, 5, 0.0), 2)).tolist()
+        yield farthest(flight.displacement(c, tau, y1, y2, t), *digits.flight(c, tau, y1, y2, t))
+
+
+def flight_jacobian():
+    """Every entry, with its own relative error."""
+    for c, _, t in flights(2):
+        exact = np.array(digits.jacobian(c, t))
+        size = np.abs(exact) * (1.0 + max(c.beta1, c.beta2) * t)
+        yield farthest(flight.jacobian(c, t), exact, size)
+
+
+def flight_noise():
+    for c, tau, t in flights(3):
+        unit = np.array(digits.noise(c, tau, t))
+        for sigma in (1e-8, 1e4):
+            exact = sigma * sigma * unit
+            sd = np.sqrt(exact.diagonal())
+            found = flight.noise_covariance(c._replace(sigma=sigma), tau, t)
+            yield farthest(found, exact, np.outer(sd, sd))
+
+
+def noise_phase_derivative():
+    h = 1e-3
+    for c, tau, t in flights(4, 40):
+        ahead, behind, quarter = (
+            np.array(digits.noise(c, tau + change, t)) for change in (h, -h, 0.5 * math.pi)
+        )
+        # exact derivative of A + B cos 2 tau + C sin 2 tau
+        exact = (ahead - behind) / math.sin(2.0 * h)
+        sd = np.sqrt(np.maximum(ahead.diagonal(), quarter.diagonal()))
+        yield farthest(linear.noise_slope(c, tau, t), exact, np.outer(sd, sd))
+
+
+def saltation():
+    rng = np.random.default_rng(5)
+    for epsilon, speed, mesh in product(EPSILONS, spread(1e-9, 1e4, 8), (1, 2)):
+        beta1, beta2, alpha = (float(v) for v in rng.choice(spread(1e-6, 1e3, 4, 0.0), 3))
+        gamma1 = float(rng.choice([0.0, 1e4]))
+        c = constants(epsilon=epsilon, beta1=beta1, beta2=beta2, alpha=alpha, gamma1=gamma1)
+        other = float(rng.normal())
+        tau = float(rng.uniform(-3.0, 3.0))
+        y1, y2 = (speed, other) if mesh == 1 else (other, -speed)
+        found = tangent.saltation_matrix(c, mesh, tau, y1, y2)
+        yield farthest(found, *digits.saltation(c, mesh, tau, y1, y2))
+
+
+def series(seed):
+    """Random coefficients of an Edgeworth series."""
+    a = np.zeros((SERIES_ORDER + 1, SERIES_ORDER + 1))
+    rng = np.random.default_rng(seed)
+    for i in range(SERIES_ORDER + 1):
+        a[i, : SERIES_ORDER + 1 - i] = rng.normal(size=SERIES_ORDER + 1 - i) * 0.3 ** (i + 1)
+    a[0, 0] = 1.0
+    return a
+
+
+@in_digits
+def exact_window_means(a, low, high):
+    """Means of position and velocity over a window in sds, and the sums of their terms' sizes."""
+    integral, size = digits.window_integrals(low, high, SERIES_ORDER + 1)
+    values = []
+    sizes = []
+    for column, power in ((0, 1), (1, 0)):  # of the position, and of the velocity
+        weights = a[:, column, None] * edgeworth.HERMITE[: SERIES_ORDER + 1, : SERIES_ORDER + 1]
+        terms = [(n + power, w) for (_, n), w in np.ndenumerate(weights)]
+        values.append(float(sum(w * integral[n] for n, w in terms)))
+        sizes.append(float(sum(abs(w) * size[n] for n, w in terms)))
+    return np.array(values), np.array(sizes)
+
+
+def edgeworth_windows():
+    """Window means of Eqs. 20 and 21."""
+    for n, middle in enumerate([0.0, 1e-9, 0.3, -2.0, 8.0, -20.0, 35.0]):
+        for width in spread(1e-12, 30.0, 8):
+            a = series(n)
+            sd = 10.0 ** (n - 3)
+            low = (middle - 0.5 * width) * sd
+            high = (middle + 0.5 * width) * sd
+            exact, size = exact_window_means(a, low / sd, high / sd)
+            # of the density, since the edges are rounded
+            condition = 1.0 + abs(middle) * (abs(middle) + width)
+            condition += abs(middle) / width  # of the width, since both edges are rounded
+            sds = np.array([sd, 2.0 * sd])
+            found = edgeworth.window_means(a, sd, 2.0 * sd, low, high)
+            yield farthest(found, sds * exact, sds * size * condition)
+
+
+def correlations():
+    """Correlations close to 1, smallest eigenvalues and realizability, in any units."""
+    smallest = in_digits(lambda m: float(mp.eigsy(mp.matrix(m.tolist()), eigvals_only=True)[0]))
+    for unit in spread(1e-16, 1e8, 7):
+        none = np.array([[0.0, 1e-3 * unit], [1e-3 * unit, 1.0]])  # no variance, yet a covariance
+        yield math.inf if moments.realizability(none).realizable else 0.0
+        for distance, sign in product(spread(1e-12, 1.0, 7), (1.0, -1.0)):
+            exact = 1.0 + sign * distance
+            covariance = np.array([[unit * unit, exact * unit], [exact * unit, 1.0]])
+            found = moments.realizability(covariance)
+            within = exact <= 1.0 or distance < moments.RHO_ROUNDING
+            yield farthest(found.rho, min(exact, 1.0) if within else exact)
+            yield farthest(found.smallest_eigenvalue, smallest(covariance), min(unit, 1.0) ** 2)
+            yield 0.0 if found.realizable == within else math.inf
+
+
+def step_phase():
+    """Sine and cosine by the project's own operations."""
+    for tau in (*spread(1e-9, 1e6, 200, 0.0), *(-0.25 * math.pi * k for k in range(1, 40))):
+        with mp.workdps(40):
+            exact = float(mp.sin(mp.mpf(tau))), float(mp.cos(mp.mpf(tau)))
+        yield farthest(drive.sine_cosine(tau), exact)
+
+
+def steps():
+    """Scenes with steps, up to the longest admissible one."""
+    for beta1 in spread(1e-9, 1e3, 5, 0.0):
+        for beta2 in (0.0, beta1, beta1 * (1.0 + 1e-9), 2.0, 1e3):
+            # largest admissible dt, and beta dt
+            longest = min(0.1, 0.2 / max(beta1, beta2, 1e-300))
+            for h in (1e-12, 1e-3 * longest, longest):
+                yield constants(beta1=beta1, beta2=beta2), h
+
+
+def step_flight():
+    """A part of a step without noise."""
+    for c, h in steps():
+        phase = drive.sine_cosine(2.2)
+        found, _ = short.short_flight(c, phase, h, (0.0, -0.4, 0.0, 0.5), 0.0, 0.0)
+        yield farthest(found, *digits.flight(c, 2.2, -0.4, 0.5, h))
+
+
+def step_noise():
+    """Noise of a step from its Brownian increment, and from its space-time Lévy area."""
+    for (c, h), (first, slope) in product(steps(), ((1.0, 0.0), (0.0, 1.0))):
+        if h > 1e-12:
+            m = 1.0 + c.beta1
+            apart = abs(c.beta1 - c.beta2) * (1.0 + h)
+            found = short.kick(c, 0.4, h, first, slope / 12.0)
+            exact = digits.step_noise(c, 0.4, h, first, slope)
+            yield farthest(found, exact, [m * h, m, apart * h, apart])
+
+
+ROWS = {
+    phi_functions: (damping, "phi2", ROUNDING),
+    flight_state: (flight, "displacement", ROUNDING),
+    flight_jacobian: (flight, "jacobian", ROUNDING),
+    flight_noise: (flight, "noise_covariance", 1e-13),
+    noise_phase_derivative: (linear, "noise_slope", 1e-11),
+    saltation: (tangent, "saltation_matrix", ROUNDING),
+    edgeworth_windows: (edgeworth, "window_means", ROUNDING),
+    correlations: (moments, "realizability", ROUNDING),
+    step_phase: (drive, "sine_cosine", ROUNDING),
+    step_flight: (short, "short_flight", ROUNDING),
+    step_noise: (short, "kick", 1e-8),
+}
+"""What is compared: a function that it calls, and the largest admissible error."""
+
+
+@pytest.mark.parametrize("errors", ROWS)
+def test_formula_at_extreme_values(errors):
+    assert max(errors()) <= ROWS[errors][2]
+
+
+def enlarged(value, factor):
+    """All real numbers of a result times a factor."""
+    if isinstance(value, tuple):
+        parts = [enlarged(part, factor) for part in value]
+        return value._make(parts) if hasattr(value, "_make") else tuple(parts)
+    return factor * value if isinstance(value, float | np.ndarray) else value
+
+
+@pytest.mark.parametrize("errors", ROWS)
+def test_comparison_sees_ten_times_its_tolerance(errors, monkeypatch):
+    module, name, allowed = ROWS[errors]
+    right = getattr(module, name)
+    monkeypatch.setattr(module, name, lambda *a: enlarged(right(*a), 1.0 + 10.0 * allowed))
+    assert max(errors()) > allowed
+
+
+def test_comparison_sees_cancellation(monkeypatch):
+    def cancelling(beta, t):
+        return (t - damping.phi1(beta, t)) / beta if beta else 0.5 * t * t
+
+    monkeypatch.setattr(damping, "phi2", cancelling)
+    assert max(phi_functions()) > ROUNDING
