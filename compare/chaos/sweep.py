@@ -6,7 +6,7 @@ A bifurcation diagram has the velocity before the impacts alone, as counts or as
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -15,9 +15,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import closures_for, mean_map
-from rattle.compare.chaos.exponents import DRIFT, Exponents, drift_exponents, lyapunov
+from rattle.compare.chaos.exponents import drift_exponents, lyapunov
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
-from rattle.compare.chaos.section import NOISY, ORBIT_SECTION, SECTION_BINS
+from rattle.compare.chaos.section import (
+    NOISY,
+    ORBIT_SECTION,
+    SECTION_BINS,
+    middles,
+    tabulate_cells,
+)
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.montecarlo.kernel.blocks import Blocks
@@ -80,11 +86,6 @@ def vary(
     return {value: noise(changed(value)) for value in at}
 
 
-def _row(of: str, e: Exponents) -> dict[str, object]:
-    numbers = (*e.largest, e.rate, e.sum_error, e.impacts, e.regime.kind, e.regime.reason)
-    return {"of": of} | dict(zip(SWEEP_COLUMNS, numbers, strict=True))
-
-
 @dataclass(frozen=True)
 class AtValue(Cell):
     """What is measured at one value of the field."""
@@ -94,6 +95,13 @@ class AtValue(Cell):
     scene: Scene
     value: float
     seed: int
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything that determines the result besides the scene."""
+        return {"kind": self.group} | {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("scene", "value")
+        }
 
     @property
     def label(self) -> str:
@@ -109,39 +117,27 @@ class ExponentsAt(AtValue):
 
     width: float
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Everything that determines the result besides the scene."""
-        return {"kind": "exponents", "seed": self.seed, "width": self.width}
-
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Measure them."""
         scene = self.scene
-        width = self.width
-        orbit = lyapunov(scene, width=width)
-        drift = drift_exponents(scene, width=width, seed=self.seed)
-        rows = [
-            _row(ORBIT_SECTION, orbit),
-            _row("mean map (corrected, saltation)", orbit),
-            _row(DRIFT, drift),
-        ]
+        orbit = lyapunov(scene, width=self.width).table[:1]
+        drift = drift_exponents(scene, width=self.width, seed=self.seed).table[:1]
+        rows = [orbit, orbit.assign(of="mean map (corrected, saltation)"), drift]
         if scene.sigma > 0.0 and "published" in closures_for(scene):
             m = mean_map(scene, impacts=PUBLISHED_IMPACTS, closure="published")
-            how = (
-                f"not realizable from impact {m.breakdown.impact}"
-                if m.breakdown
-                else "realizable throughout"
-            )
+            how = "realizable throughout"
+            if m.breakdown:
+                how = f"not realizable from impact {m.breakdown.impact}"
             end = m.stopped or f"followed through {PUBLISHED_IMPACTS} impacts"
-            rows.append(
-                {
-                    "of": "mean map (published)",
-                    "impacts": m.trace.found,
-                    "regime": "breaks down",
-                    "reason": f"{how}; {end}",
-                }
-            )
-        return pd.DataFrame(rows), {}
+            published = {
+                "of": "mean map (published)",
+                "impacts": m.trace.found,
+                "regime": "breaks down",
+                "reason": f"{how}; {end}",
+            }
+            rows.append(pd.DataFrame([published]))
+        table = pd.concat(rows, ignore_index=True).rename(columns={"value": "largest"})
+        return table[["of", *SWEEP_COLUMNS]], {}
 
 
 @dataclass(frozen=True)
@@ -152,23 +148,18 @@ class VelocitiesAt(AtValue):
 
     points: int
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Everything that determines the result besides the scene."""
-        return {"kind": "velocities", "seed": self.seed, "points": self.points}
-
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Record them; the facts say why there are none."""
         path = Regime()
-        noisy = np.empty(0)
-        for s, _ in noisy_record(self.scene, 2**30, self.seed, path, tangent=False):
-            noisy = np.concatenate([noisy, s.before[:, 1]])
-            if path.impacts >= self.points:
-                break
+        record = noisy_record(self.scene, self.seed, path, impacts=self.points, tangent=False)
+        noisy = np.concatenate([np.empty(0), *(s.before[:, 1] for s, _ in record)])
         orbit, regime = _orbit_velocities(self.scene, self.points, (1, 2))
-        found = {ORBIT_SECTION: (orbit, regime), NOISY: (noisy[: self.points], path)}
-        table = pd.concat([pd.DataFrame({"side": side, "y1": v}) for side, (v, _) in found.items()])
-        reasons = {side: "" if r.unfollowed else r.end for side, (_, r) in found.items()}
+        velocities = {ORBIT_SECTION: orbit, NOISY: noisy[: self.points]}
+        table = pd.concat([pd.DataFrame({"side": s, "y1": y1}) for s, y1 in velocities.items()])
+        reasons = {
+            side: "" if r.unfollowed else r.end
+            for side, r in ((ORBIT_SECTION, regime), (NOISY, path))
+        }
         return table.reset_index(drop=True), {"reasons": reasons, "brief": path.brief}
 
 
@@ -191,11 +182,9 @@ def sweep(
     reason`` as of `Regime`.
     """
     cells = [ExponentsAt(scene, value, seed, width) for value, scene in scenes.items()]
-    found = zip(cells, obtain_all(cells, folder, workers), strict=True)
-    table: pd.DataFrame = pd.concat(
-        [content.table.assign(**{field: cell.value}) for cell, content in found], ignore_index=True
-    )
-    return table.reindex(columns=[field, "of", *SWEEP_COLUMNS])
+    tables = [content.table for content in obtain_all(cells, folder, workers)]
+    table: pd.DataFrame = pd.concat(tables, keys=scenes, names=[field]).reset_index(field)
+    return table.reset_index(drop=True)
 
 
 @dataclass(frozen=True)
@@ -217,12 +206,8 @@ class Bifurcation:
         """Cells that are not empty: ``side``, the field, the velocity (middle of the bin), the
         count or density."""
         velocity, name = self.columns
-        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
-        parts = []
-        for side, cells in self.cells.items():
-            i, j = np.nonzero(cells)
-            part = {"side": side, self.field: self.at[i], velocity: middle[j], name: cells[i, j]}
-            parts.append(pd.DataFrame(part))
+        axes = {self.field: self.at, velocity: middles(self.edges)}
+        parts = [tabulate_cells(side, cells, name, axes) for side, cells in self.cells.items()]
         return pd.concat(parts, ignore_index=True)
 
 
@@ -241,16 +226,18 @@ def bifurcation(
     """
     cells = [VelocitiesAt(scene, value, seed, points) for value, scene in scenes.items()]
     at = obtain_all(cells, folder, workers)
-    every = np.concatenate([content.table["y1"] for content in at])
-    if every.size == 0:
+    velocities = np.concatenate([content.table["y1"] for content in at])
+    if velocities.size == 0:
         raise NoRecord(f"the noisy path {at[0].facts['brief']}")
-    low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
+    low, high = np.quantile(velocities, [1e-4, 1.0 - 1e-4])
     edges = np.linspace(low, high, SECTION_BINS + 1)
     counts = {}
     reasons = {}
     for side in (ORBIT_SECTION, NOISY):
-        own = (content.table.loc[content.table["side"] == side, "y1"] for content in at)
-        counts[side] = np.array([np.histogram(velocity, edges)[0] for velocity in own])
+        tables = (content.table for content in at)
+        counts[side] = np.array(
+            [np.histogram(table["y1"][table["side"] == side], edges)[0] for table in tables]
+        )
         reasons[side] = [content.facts["reasons"][side] for content in at]
     return Bifurcation(field, np.array(list(scenes)), edges, counts, reasons, ("y1", "count"))
 
