@@ -46,17 +46,16 @@ SWEEP_PERIODS = 64
 
 def values(name: str, text: str) -> tuple[float, ...]:
     """Read evenly spaced values from ``LOW:HIGH:POINTS``."""
-    words = text.split(":")
     try:
-        low = float(words[0])
-        high = float(words[1])
-        points = int(words[2])
-    except (ValueError, IndexError):
+        low, high, points = text.split(":")
+        ends = float(low), float(high)
+        number = int(points)
+    except ValueError:
         raise InputError(name, text, f"give LOW:HIGH:POINTS, as in {ALPHAS}") from None
-    if len(words) > 3 or not finite(f"{name} LOW", low) < finite(f"{name} HIGH", high):
+    if not finite(f"{name} LOW", ends[0]) < finite(f"{name} HIGH", ends[1]):
         raise InputError(name, text, f"give LOW:HIGH:POINTS with LOW below HIGH, as in {ALPHAS}")
-    count(f"{name} POINTS", points, least=2)
-    return tuple(float(v) for v in np.linspace(low, high, points))
+    count(f"{name} POINTS", number, least=2)
+    return tuple(np.linspace(*ends, number).tolist())
 
 
 def paper_noise(scene: Scene) -> Scene:
@@ -76,14 +75,10 @@ def vary(
     `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
     """
     choice("field", field, (*SWEPT, *(values_of(scene.gears) if scene.gears else ())))
-    fresh: dict[str, Any] = {} if has_own_start(scene) else {"start": None}
-
-    def changed(value: float) -> Scene:
-        if field not in SWEPT:
-            return scene_with(scene, {field: value})
-        return replace(scene, **(fresh | {field: value}))
-
-    return {value: noise(changed(value)) for value in at}
+    if field not in SWEPT:
+        return {value: noise(scene_with(scene, {field: value})) for value in at}
+    changed: dict[str, Any] = {} if has_own_start(scene) else {"start": None}
+    return {value: noise(replace(scene, **(changed | {field: value}))) for value in at}
 
 
 @dataclass(frozen=True)
@@ -248,12 +243,15 @@ def stationary_bifurcation(
     """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the
     noisy long run."""
 
-    def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats], str]]:
-        velocity, regime = _orbit_velocities(s, DENSITY_POINTS, (1,))
-        return (velocity, "" if regime.has_record else regime.reason), _density(s, seed)
+    def follow_orbit(scene: Scene) -> tuple[Floats, Regime]:
+        return _orbit_velocities(scene, DENSITY_POINTS, (1,))
 
-    orbits, runs = zip(*in_threads(workers, of, scenes.values()), strict=True)
-    ends = np.concatenate([*(velocity for velocity, _ in orbits), *(own for (own, _), _ in runs)])
+    def follow_run(scene: Scene) -> tuple[Floats, Floats, str]:
+        return _density(scene, seed)
+
+    orbits = in_threads(workers, follow_orbit, scenes.values())
+    runs = in_threads(workers, follow_run, scenes.values())
+    ends = np.concatenate([*(velocity for velocity, _ in orbits), *(run[0] for run in runs)])
     if ends.size == 0:
         rest = (
             "mesh 1 is not struck in the long run at any of these values; choose some at which it"
@@ -262,13 +260,15 @@ def stationary_bifurcation(
         raise InputError("over", list(scenes), rest)
     edges = np.linspace(ends.min(), ends.max(), DENSITY_BINS + 1)
     width = edges[1] - edges[0]
-    quiet = np.array(
-        [np.histogram(velocity, edges)[0] / max(velocity.size, 1) / width for velocity, _ in orbits]
-    )
-    noisy = np.array([_rebin(density, edges) for density, _ in runs])
-    cells = {WITHOUT_NOISE: quiet, WITH_NOISE: noisy}
+    cells = {
+        WITHOUT_NOISE: np.array(
+            [np.histogram(v, edges)[0] / max(v.size, 1) / width for v, _ in orbits]
+        ),
+        WITH_NOISE: np.array([_rebin(own, density, edges) for own, density, _ in runs]),
+    }
     reasons = {
-        side: [why for _, why in own] for side, own in zip(cells, (orbits, runs), strict=True)
+        WITHOUT_NOISE: ["" if regime.has_record else regime.reason for _, regime in orbits],
+        WITH_NOISE: [why for *_, why in runs],
     }
     return Bifurcation(
         field, np.array(list(scenes)), edges, cells, reasons, ("velocity", "density")
@@ -279,28 +279,28 @@ def _orbit_velocities(scene: Scene, impacts: int, meshes: tuple[int, ...]) -> tu
     """Velocities y1 before the impacts of the orbit at some meshes; none without a record."""
     regime = Regime()
     record = orbit_record(scene, impacts, regime, tangent=False)
-    found = [np.empty(0), *(s.before[np.isin(np.abs(s.code), meshes), 1] for s in record)]
-    return np.concatenate(found if regime.has_record else found[:1]), regime
+    parts = [s.before[np.isin(np.abs(s.code), meshes), 1] for s in record]
+    velocity = np.concatenate([np.empty(0), *parts])
+    return velocity if regime.has_record else np.empty(0), regime
 
 
-def _density(scene: Scene, seed: int) -> tuple[tuple[Floats, Floats], str]:
+def _density(scene: Scene, seed: int) -> tuple[Floats, Floats, str]:
     """Edges and density of the velocity at mesh 1 in the long run, or nothing and the reason
     why."""
-    nothing = np.empty(0), np.empty(0)
+    why = "mesh 1 is not struck"
     try:
         run = long_run(scene, periods=SWEEP_PERIODS, paths=SWEEP_PATHS, rng=seed)
+        for density in run.densities:
+            if density.mesh == 1:
+                return density.velocity, run.velocity_density(1)[0], ""
     except (AtRest, BurnInError) as error:
-        return nothing, str(error)
-    density = next((d for d in run.densities if d.mesh == 1), None)
-    if density is None:
-        return nothing, "mesh 1 is not struck"
-    return (density.velocity, run.velocity_density(1)[0]), ""
+        why = str(error)
+    return np.empty(0), np.empty(0), why
 
 
-def _rebin(density: tuple[Floats, Floats], edges: Floats) -> Floats:
+def _rebin(cells: Floats, density: Floats, edges: Floats) -> Floats:
     """A density over other cells, taken as constant within its own."""
-    own, height = density
-    if own.size == 0:
+    if cells.size == 0:
         return np.zeros(edges.size - 1)
-    below = np.concatenate([[0.0], np.cumsum(height * np.diff(own))])
-    return np.asarray(np.diff(np.interp(edges, own, below)) / np.diff(edges))
+    below = np.append(0.0, np.cumsum(density * np.diff(cells)))
+    return np.asarray(np.diff(np.interp(edges, cells, below)) / np.diff(edges))

@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from rattle.closure.stationary import Law
-from rattle.compare.chaos.figures import FIELD_NAMES, field_edges, mark_values
-from rattle.compare.chaos.sweep import Bifurcation
+from rattle.compare.chaos.figures import draw_cells, label_velocity, speed_unit
 from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.statistics.intervals import half_width
@@ -76,11 +74,6 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
     return figure
 
 
-def speed_unit(gears: Gears | None) -> tuple[float, str]:
-    """Factor and name of the unit in which speeds are drawn."""
-    return (1.0, r"$\nu_1\omega$") if gears is None else (gears.units.speed, "mm/s")
-
-
 def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: float) -> None:
     """Mean speed of a closure's law on both sides, as lines: its law is one of speeds."""
     part = law.mesh == mesh
@@ -99,53 +92,20 @@ def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> 
     rows = len(densities)
     factor, unit = speed_unit(gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
-    for n, d in enumerate(densities):
-        left = axes[2 * n]
-        right = axes[2 * n + 1]
-        density = np.ma.masked_less_equal(d.density.T / factor, 0.0)
-        phase = d.phase / math.pi
-        velocity = factor * d.velocity
-        norm = LogNorm(DEEP * density.max(), density.max())
-        image = left.pcolormesh(
-            phase, velocity, density, norm=norm, cmap="viridis", rasterized=True
-        )
+    for d, left, right in zip(densities, axes[::2], axes[1::2], strict=True):
+        edges = d.phase / math.pi, factor * d.velocity
+        density = d.density / factor
+        highest = float(density.max())
         with np.errstate(invalid="ignore", divide="ignore"):
-            relative = np.ma.masked_invalid(d.se.T / d.density.T)
-        error = right.pcolormesh(
-            phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True
-        )
+            relative = d.se / d.density
+        image = draw_cells(left, *edges, density, DEEP * highest, highest)
+        error = draw_cells(right, *edges, relative, 0.01, 1.0, "magma_r")
         for ax, what in ((left, "density"), (right, "standard error / density")):
-            ax.grid(False)
             ax.set_xlabel(r"phase of the excitation ($\pi$ rad)")
             ax.set_title(f"mesh {d.mesh}: {what}", loc="left")
-        left.set_ylabel(rf"velocity before the impact $y_{d.mesh}$ ({unit})")
+        label_velocity(left, d.mesh, unit)
         figure.colorbar(image, ax=left, pad=0.01, label=f"1 / (rad · {unit})")
         figure.colorbar(error, ax=right, pad=0.01, label="share of the density")
-    return figure
-
-
-def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
-    """Draw the densities without and with noise side by side, velocities times a factor in a
-    unit."""
-    figure, axes = new_figure(10.4, 4.4, 1, 2)
-    x = field_edges(view.at)
-    for ax, (side, density) in zip(axes, view.cells.items(), strict=True):
-        top = np.maximum(density.max(axis=1, keepdims=True), 1e-300)
-        shown = np.sqrt(np.ma.masked_less(density / top, DEEP).T)
-        ax.grid(False)
-        image = ax.pcolormesh(
-            x, factor * view.edges, shown, cmap="magma_r", vmin=0.0, vmax=1.0, rasterized=True
-        )
-        ax.set_title(side, loc="left", fontweight="bold")
-        ax.set_xlabel(FIELD_NAMES.get(view.field, view.field))
-        lost = np.array(view.reasons[side]) != ""
-        mark_values(ax, view.at, lost, "no stationary motion", color="0.85", lw=0)
-        if lost.any():
-            ax.legend(loc="lower left", fontsize=7)
-    axes[0].set_ylabel(rf"velocity before the impact $y_1$ ({unit})")
-    figure.colorbar(
-        image, ax=axes, label="root of the density / its highest at this value", pad=0.01
-    )
     return figure
 
 

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rattle.compare.chaos.figures import bifurcation_figure
 from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.table import Table
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
-from rattle.compare.stationary.figures import bifurcation_figure, speed_unit
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
 from rattle.compare.validation.verdict import MARKS, Verdict
@@ -85,7 +85,7 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
         tables["sections"] = pd.concat([d.table for d in found.densities], ignore_index=True)
     if view is not None:
         figures["bifurcation"] = bifurcation_figure(
-            view, *speed_unit(None if view.field in UNIT_VALUES else gears)
+            view, gears=None if view.field in UNIT_VALUES else gears
         )
         tables["bifurcation"] = view.table
     return Report(
