@@ -32,12 +32,8 @@ SIDE: Any = {
     WITH_NOISE: {"color": "#D55E00"},
 }
 """Colours of the sides, from Okabe and Ito's palette."""
-STICKS = "orbit sticks often or for good"
-NO_MOTION = "no stationary motion"
-STICKING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
 LEAST_DENSITY = 1e-4  # lower end of the colours of a density, relative to its highest
 FIELD_NAMES: dict[str, str] = read_texts("chaos")["fields"]
-IMAGE: Any = {"rasterized": True}
 HIGHEST_FREQUENCY = 6.5  # highest frequency drawn, in units of the excitation frequency
 
 
@@ -122,45 +118,34 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
 
 def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
     """Draw a spectrum up to a frequency, with its band, its floor and its strongest lines."""
-    shown = s.frequency <= highest
-    f = s.frequency[shown]
+    image: Any = {"data": s.table.query("frequency <= @highest"), "rasterized": True}
     colour = SIDE[side]["color"]
-    low, high = s.band
     dashes = "--" if side == NOISY else ":"
-    ax.fill_between(
-        f,
-        low[shown],
-        high[shown],
-        color=colour,
-        alpha=0.25,
-        lw=0,
-        label=f"{side}: 95 % band",
-        **IMAGE,
-    )
-    ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side, **IMAGE)
-    ax.plot(f, s.floor[shown], color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **IMAGE)
-    strongest = s.lines[s.lines["frequency"] <= highest].head(12)
+    band: Any = {"alpha": 0.25, "lw": 0, "label": f"{side}: 95 % band"}
+    ax.fill_between("frequency", "low", "high", color=colour, **band, **image)
+    ax.plot("frequency", "power", color=colour, lw=0.7, label=side, **image)
+    ax.plot("frequency", "floor", color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **image)
+    strongest = s.lines[s.lines["frequency"] <= highest]["frequency"].head(12)
     if len(strongest):
-        at = np.searchsorted(s.frequency, strongest["frequency"]).clip(0, s.power.size - 1)
-        place = strongest["frequency"], 2.0 * s.power[at]
-        ax.plot(*place, ls="none", ms=4, mfc="none", zorder=3, label=f"{side}: line", **SIDE[side])
+        above = 2.0 * s.power[np.searchsorted(s.frequency, strongest).clip(0, s.power.size - 1)]
+        marks: Any = {"ls": "none", "ms": 4, "mfc": "none", "zorder": 3, **SIDE[side]}
+        ax.plot(strongest, above, label=f"{side}: line", **marks)
 
 
 def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
     """Draw the largest exponents with their intervals, and mark where the orbit sticks."""
     for of in (ORBIT_SECTION, DRIFT):
-        rows = table[table["of"] == of].sort_values(field)
+        rows: Any = table[table["of"] == of].sort_values(field)
         colour = SIDE[of]["color"]
-        x = rows[field].to_numpy()
-        ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)
-        ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
+        ax.fill_between(field, "low", "high", data=rows, color=colour, alpha=0.3, lw=0)
+        ax.plot(field, "largest", data=rows, color=colour, lw=1.2, label=of)
         if of == ORBIT_SECTION:
             sticks = rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy()
-            _mark_values(ax, x, sticks, STICKS, **STICKING)
-            ringed = rows[rows["regime"] == STICKS_AT_TIMES]
-            ring: Any = {"ls": "none", "marker": "o", "ms": 3.5, "mfc": "none", "color": colour}
+            _mark_values(ax, rows[field].to_numpy(), sticks)
+            ring: Any = {"ls": "none", "ms": 3.5, "mfc": "none", **SIDE[of]}
             label = "orbit that sticks at times: between sticking phases"
-            ax.plot(ringed[field], ringed["largest"], label=label, **ring)
+            at_times: Any = rows[rows["regime"] == STICKS_AT_TIMES]
+            ax.plot(field, "largest", data=at_times, label=label, **ring)
     ax.axhline(0.0, color="k", lw=0.8)
     ax.set_ylabel(r"largest exponent ($\omega$)")
 
@@ -176,11 +161,14 @@ def _half_cell(at: Floats) -> float:
     return 0.5 * float(np.diff(at).min()) if at.size > 1 else 0.5
 
 
-def _mark_values(ax: Axes, at: Floats, where: Bools, label: str, **style: Any) -> None:
+def _mark_values(
+    ax: Axes, at: Floats, where: Bools, label: str = "orbit sticks often or for good"
+) -> None:
     """Shade some values of a field, under one label."""
     half = _half_cell(at)
-    for n, value in enumerate(at[where]):
-        ax.axvspan(value - half, value + half, label=label if n == 0 else None, **style)
+    for value in at[where]:
+        ax.axvspan(value - half, value + half, color="0.55", alpha=0.35, lw=0, label=label)
+        label = ""
 
 
 def sweep_figure(
@@ -215,7 +203,8 @@ def bifurcation_figure(
         if share.any():
             highest = float(share.max())
             draw_cells(ax, x, factor * b.edges, share, LEAST_DENSITY * highest, highest)
-        _mark_values(ax, b.at, np.array(b.reasons[side]) != "", NO_MOTION, **STICKING)
+        lost = np.array(b.reasons[side]) != ""
+        _mark_values(ax, b.at, lost, "no stationary motion")
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
         label_velocity(ax, 1, unit, fontsize=8)
     if table is not None:
@@ -258,20 +247,13 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     """Draw the distance of two paths after an impact against that before it, and its ratio to the
     square-root law."""
     figure, (ax, ratio) = new_figure(8.4, 3.9, 1, 2)
-    t = law.table
-    ax.plot(
-        t["delta"], t["apart"], ls="none", ms=5, label="measured, root mean square", **SIDE[NOISY]
-    )
-    ax.plot(
-        t["delta"],
-        t["law"],
-        color="k",
-        lw=1.0,
-        label=r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$",
-    )
-    ax.plot(
-        t["delta"], t["delta"], color="0.5", lw=1.0, ls=":", label=r"$\delta$: a differentiable map"
-    )
+    t: Any = law.table
+    of_law = r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$"
+    of_a_map = r"$\delta$: a differentiable map"
+    marks: Any = {"ls": "none", "ms": 5, **SIDE[NOISY]}
+    ax.plot("delta", "apart", data=t, label="measured, root mean square", **marks)
+    ax.plot("delta", "law", data=t, color="k", lw=1.0, label=of_law)
+    ax.plot("delta", "delta", data=t, color="0.5", lw=1.0, ls=":", label=of_a_map)
     ax.set(
         xscale="log",
         yscale="log",

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -114,6 +115,29 @@ class Spectrum:
         counted = (bands.size() > 1) | (table["over"] > ALONE * self.threshold)
         return table[counted].sort_values("share", ascending=False, ignore_index=True)
 
+    @property
+    def table(self) -> pd.DataFrame:
+        """Bin by bin: ``frequency, power, low, high, floor``."""
+        low, high = self.band
+        columns = {"frequency": self.frequency, "power": self.power, "low": low, "high": high}
+        return pd.DataFrame(columns | {"floor": self.floor})
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Power, lines, and how sure they are; the continuous part is what lies outside the
+        lines."""
+        floor_share = 1.0 - self.lines["share"].sum()
+        return {
+            "variance": self.power.sum() * (self.frequency[1] - self.frequency[0]),
+            "lines": len(self.lines),
+            "narrow": self.lines["narrow"].sum(),
+            "line_share": 1.0 - floor_share,
+            "floor_share": floor_share,
+            "threshold": self.threshold,
+            "dof": self.dof,
+            "segments": self.segments,
+        }
+
 
 def welch(pieces: Sequence[Floats], segment: int, rate: float) -> Spectrum:
     """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half,
@@ -212,32 +236,13 @@ def spectra_tables(
     number), ``narrow`` (number of narrow ones), ``line_share, floor_share, threshold, dof,
     segments``.
     """
-    density = []
-    lines = []
-    summary = []
-    for (side, kind, velocity), s in power.items():
-        key = {"side": side, "kind": kind, "velocity": velocity}
-        low, high = s.band
-        columns = {"frequency": s.frequency, "power": s.power, "low": low, "high": high}
-        density.append(pd.DataFrame(key | columns | {"floor": s.floor}))
-        lines.append(s.lines.assign(**key))
-        # of the continuous part, outside the lines
-        floor_share = 1.0 - s.lines["share"].sum()
-        summary.append(
-            key
-            | {
-                "variance": s.power.sum() * (s.frequency[1] - s.frequency[0]),
-                "lines": len(s.lines),
-                "narrow": s.lines["narrow"].sum(),
-                "line_share": 1.0 - floor_share,
-                "floor_share": floor_share,
-                "threshold": s.threshold,
-                "dof": s.dof,
-                "segments": s.segments,
-            }
-        )
+    names = ["side", "kind", "velocity"]
+    keys = [dict(zip(names, key, strict=True)) for key in power]
+    density: pd.DataFrame = pd.concat({key: s.table for key, s in power.items()}, names=names)
+    lines = [s.lines.assign(**key) for key, s in zip(keys, power.values(), strict=True)]
+    summary = [key | s.summary for key, s in zip(keys, power.values(), strict=True)]
     return (
-        pd.concat(density, ignore_index=True),
+        density.reset_index(names).reset_index(drop=True),
         pd.concat(lines, ignore_index=True),
         pd.DataFrame(summary),
     )

@@ -31,8 +31,8 @@ def draw(
     out = {
         "distribution": distribution_figure(run, laws, gears),
         "section": section_figure(run.densities, gears),
+        "memory": memory_figure(table),
     }
-    out["memory"] = memory_figure(table)
     if len(verdicts) and verdicts["predicted"].notna().any():
         out["closures"] = closure_figure(verdicts)
     return out
@@ -42,25 +42,19 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
     """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that
     of the closures."""
     t = half_width(run.paths)
-    figure, axes = new_figure(
-        max(4.6 * len(run.densities), LEGEND_WIDTH), 3.6, 1, len(run.densities)
-    )
+    meshes = len(run.densities)
+    figure, axes = new_figure(max(4.6 * meshes, LEGEND_WIDTH), 3.6, 1, meshes)
     factor, unit = speed_unit(gears)
     for ax, density in zip(axes, run.densities, strict=True):
-        value, se = (part / factor for part in run.velocity_density(density.mesh))
+        value, se = run.velocity_density(density.mesh) / np.array([[factor]])
         edges = factor * density.velocity
         top = float((value + t * se).max())
         least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
-        middle, low, high = (np.maximum(v, least) for v in (value, value - t * se, value + t * se))
-        ax.stairs(middle, edges, baseline=least, color=SIMULATED_COLOUR, lw=1.2, label="simulation")
-        band: Any = {
-            "fill": True,
-            "color": SIMULATED_COLOUR,
-            "alpha": 0.25,
-            "lw": 0,
-            "label": "simulation: 95 % interval",
-        }
-        ax.stairs(high, edges, baseline=low, **band)
+        low, middle, high = np.maximum([value - t * se, value, value + t * se], least)
+        line: Any = {"color": SIMULATED_COLOUR, "lw": 1.2, "label": "simulation"}
+        band: Any = {"color": SIMULATED_COLOUR, "alpha": 0.25, "lw": 0, "fill": True}
+        ax.stairs(middle, edges, baseline=least, **line)
+        ax.stairs(high, edges, baseline=low, label="simulation: 95 % interval", **band)
         ax.set(yscale="log", ylim=(least, 2.0 * top))
         for closure, law in laws.items():
             if isinstance(law, Law):
@@ -77,13 +71,13 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
 def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: float) -> None:
     """Mean speed of a closure's law on both sides, as lines: its law is one of speeds."""
     part = law.mesh == mesh
-    weight = law.weight[part] / law.weight[part].sum()
-    mean = factor * float((weight * law.speed[part]).sum())
+    if not part.any():
+        return
+    mean = factor * np.average(law.speed[part], weights=law.weight[part])
+    style = {"color": STYLE[closure]["color"], "lw": 2.0, "label": f"{closure}: mean speed"}
     for at in (-mean, mean):
-        if part.any() and edges[0] <= at <= edges[-1]:
-            ax.axvline(
-                at, ymax=0.12, color=STYLE[closure]["color"], lw=2.0, label=f"{closure}: mean speed"
-            )
+        if edges[0] <= at <= edges[-1]:
+            ax.axvline(at, ymax=0.12, **style)
 
 
 def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> Figure:
@@ -117,9 +111,8 @@ def memory_figure(table: pd.DataFrame) -> Figure:
     figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
     at = np.arange(len(rows))
     ax.plot(np.array([np.ones(len(rows)), rows["autocorrelation"]]), [at, at], color="0.75", lw=1.0)
-    ax.plot(
-        rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=STYLE["corrected"]["color"]
-    )
+    marks = {"ls": "none", "marker": "o", "ms": 4, "color": STYLE["corrected"]["color"]}
+    ax.plot(rows["autocorrelation"], at, **marks)
     ax.axvline(1.0, color="k", lw=0.9)
     ax.set_yticks(at, rows.index, fontsize=7)
     ax.set(xscale="log", ylim=(-1.0, len(rows)))
@@ -135,23 +128,12 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
     figure, (ax,) = new_figure(7.4, 1.2 + 0.17 * len(names), 1, 1)
     ax.axvspan(-1.0, 1.0, color=ACCURATE_COLOUR, alpha=0.3, lw=0, label="accurate")
     for i, closure in enumerate(closures):
-        own = rows[rows["closure"] == closure]
-        at = np.array([names.index(n) for n in own["quantity"]]) + 0.25 * (
-            i - 0.5 * (len(closures) - 1)
-        )
-        share = own["error"] / own["tolerance"]
-        half = 0.5 * (own["high"] - own["low"]) / own["tolerance"]
-        ax.errorbar(
-            share,
-            at,
-            xerr=half,
-            ls="none",
-            ms=3.5,
-            capsize=1.5,
-            lw=0.8,
-            label=closure,
-            **STYLE[closure],
-        )
+        errors = rows[rows["closure"] == closure].set_index("quantity")
+        at = [names.index(name) + 0.25 * (i - 0.5 * (len(closures) - 1)) for name in errors.index]
+        share = errors["error"] / errors["tolerance"]
+        half = 0.5 * (errors["high"] - errors["low"]) / errors["tolerance"]
+        marks = {"ls": "none", "ms": 3.5, "capsize": 1.5, "lw": 0.8, **STYLE[closure]}
+        ax.errorbar(share, at, xerr=half, label=closure, **marks)
     ax.set_xscale("symlog", linthresh=1.0)
     ax.set_yticks(range(len(names)), names, fontsize=7)
     ax.set(ylim=(-1.0, len(names)), xlabel="error of the closure / tolerance")

@@ -10,7 +10,7 @@ from rattle.compare.chaos.figures import bifurcation_figure
 from rattle.compare.chaos.sweep import Bifurcation
 from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
-from rattle.compare.report.table import Table
+from rattle.compare.report.table import NO_VALUE, Table
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS, glossary
 from rattle.compare.stationary.result import LEAST_EFFECTIVE, Stationary, speed_text
 from rattle.compare.stationary.verdicts import STATIONARY_TEXTS, TOLERANCES
@@ -41,21 +41,13 @@ def _units(found: Stationary) -> str:
     return "physical" if found.scene.gears else "dimensionless"
 
 
-def _by_mesh(table: pd.DataFrame, name: str, mesh: int, stages: int) -> str:
-    """A quantity at a mesh with its interval."""
-    own = f"{name}_mesh{mesh}" if stages == 2 or name.endswith("_share") else name
-    return _show(table, own) if own in table["value"].dropna().index else "–"
-
-
 def _verdicts(verdicts: pd.DataFrame) -> pd.DataFrame:
     """The quantities of each closure that are judged, and why it has none."""
     missing = verdicts["reason"] != ""
-    alone = missing & ~verdicts["closure"].duplicated()
-    nothing = {"quantity": "all", "unit": "", "simulated": np.nan, "low": np.nan, "high": np.nan}
-    rows = verdicts.assign(
-        **{name: verdicts[name].mask(alone, value) for name, value in nothing.items()}
-    )
-    rows = rows[alone | (rows["verdict"] != Verdict.NOT_PREDICTED) & ~missing]
+    judged = verdicts[~missing & (verdicts["verdict"] != Verdict.NOT_PREDICTED)]
+    numbers = dict.fromkeys(("simulated", "low", "high"), np.nan)
+    reasons = verdicts[missing].drop_duplicates("closure").assign(quantity="all", unit="")
+    rows = pd.concat([judged, reasons.assign(**numbers)]).sort_index()
     return rows.assign(mark=rows["verdict"].map(MARKS).fillna(""))
 
 
@@ -102,14 +94,16 @@ def make_report(found: Stationary, view: Bifurcation | None, record: dict[str, A
 
 
 def _tabulate_meshes(found: Stationary, table: pd.DataFrame) -> Table:
-    """What is said of each mesh."""
+    """What is said of each mesh; the quantities of a single one are those of all impacts."""
     time = "second" if found.scene.gears else "unit of time"
-    stages = found.scene.stages
-    meshes = range(1, stages + 1)
-    rows = [
-        [words.format(time), *(_by_mesh(table, name, mesh, stages) for mesh in meshes)]
-        for name, words in BY_MESH.items()
-    ]
+    shown = table.dropna(subset="value")
+    meshes = range(1, found.scene.stages + 1)
+    rows = []
+    for name, words in BY_MESH.items():
+        by_mesh = found.scene.stages == 2 or name.endswith("_share")
+        names = [f"{name}_mesh{mesh}" if by_mesh else name for mesh in meshes]
+        cells = [_show(shown, name) if name in shown.index else NO_VALUE for name in names]
+        rows.append([words.format(time), *cells])
     return Table.of(["", *(f"mesh {mesh}" for mesh in meshes)], rows)
 
 
@@ -145,16 +139,17 @@ def answer(found: Stationary) -> list[str]:
 
 
 def _show(table: pd.DataFrame, name: str) -> str:
-    row = table.loc[name].to_dict()
-    if row["value"] == 0.0 and row["high"] > 0.0:
-        return f"none seen, fewer than {number_text(row['high'], 2)} {row['unit']!s}".rstrip()
-    half = 0.5 * (row["high"] - row["low"])
-    exact = (
-        number_text(row["value"], 5)
-        if half == 0.0
-        else f"{number_text(row['value'], 4)} ± {number_text(half, 1)}"
-    )
-    return f"{exact} {row['unit']!s}".rstrip()
+    """A quantity with its interval and its unit."""
+    row: Any = table.loc[name]
+    value, low, high, unit = row[["value", "low", "high", "unit"]]
+    half = 0.5 * (high - low)
+    if value == 0.0 and high > 0.0:
+        text = f"none seen, fewer than {number_text(high, 2)}"
+    elif half == 0.0:
+        text = number_text(value, 5)
+    else:
+        text = f"{number_text(value, 4)} ± {number_text(half, 1)}"
+    return f"{text} {unit}".rstrip()
 
 
 def _off_by(autocorrelation: float) -> str:

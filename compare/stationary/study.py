@@ -259,28 +259,25 @@ def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -
     """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that
     varies."""
     figure, axes = new_figure(10.0, 6.0, 2, 3)
-    of = dict(iter(quantities.groupby("quantity")))
+    of: dict[Any, Any] = dict(iter(quantities.groupby("quantity")))
     for ax, (title, unit, quantity, forms) in zip(axes, PANELS, strict=False):
         for form, style in zip(forms, STYLES, strict=True):
             if (name := form.format(quantity)) in of:
                 rows = of[name].sort_values(along)
-                ax.fill_between(
-                    rows[along], rows["low"], rows["high"], color=style["color"], alpha=0.25, lw=0
-                )
-                ax.plot(rows[along], rows["value"], label=name, **style)
+                band = {"color": style["color"], "alpha": 0.25, "lw": 0}
+                ax.fill_between(along, "low", "high", data=rows, **band)
+                ax.plot(along, "value", data=rows, label=name, **style)
         ax.set_title(title, loc="left")
         ax.set_ylabel(unit)
     memory, shown = axes[4:]
     averages = [name for name in quantities["quantity"].unique() if name in AVERAGES]
     for name, style in zip(averages, STYLES, strict=False):
-        memory.plot(of[name][along], of[name]["autocorrelation"], label=name, **style)
+        memory.plot(along, "autocorrelation", data=of[name], label=name, **style)
     memory.set(yscale="log", ylabel="impacts")
     memory.set_title("autocorrelation time", loc="left")
     good = shares(verdicts, along).dropna(axis="columns", how="all")
-    for closure in good:
-        shown.plot(
-            good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)]
-        )
+    for closure, accurate in good.items():
+        shown.plot(accurate, lw=1.2, ms=4, label=closure, **STYLE[str(closure)])
     shown.set(ylabel="share", ylim=(-0.05, 1.05), visible=not good.empty)
     shown.set_title("accurate quantities", loc="left")
     for ax in axes:

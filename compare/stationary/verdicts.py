@@ -139,22 +139,30 @@ def judge_rows(
     ``effective_paths`` and ``widened``: how many paths carry the error, and the half width of the
     interval in standard errors for that.
     """
-    rows = predicted.copy()
     values = table["value"].to_dict()
-    rows["tolerance"] = [tolerance_of(str(name), values) for name in rows["quantity"]]
-    estimates = table.reindex(rows["quantity"]).set_index(rows.index)
-    rows["simulated"] = estimates["value"]
-    rows["se"] = estimates["se"]
-    rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
-    rows["effective_paths"] = estimates["effective_paths"]
-    rows["widened"] = _width(rows["effective_paths"], z)
-    se = (rows["se"] ** 2 + rows["se_predicted"].astype(float) ** 2) ** 0.5
-    rows["noise"] = rows["widened"] * se
-    rows["low"] = rows["error"] - rows["noise"]
-    rows["high"] = rows["error"] + rows["noise"]
-    judged = judge(rows.assign(paths=float(periods)))
-    margin = (rows["error"].abs() - rows["tolerance"]).abs()
-    needed = np.ceil(periods * _times_longer(rows["effective_paths"], se, margin, z))
+    estimates = table.reindex(predicted["quantity"]).set_index(predicted.index)
+    effective = estimates["effective_paths"]
+    widened = _width(effective, z)
+    error = predicted["predicted"].astype(float) - estimates["value"]
+    se = (estimates["se"] ** 2 + predicted["se_predicted"].astype(float) ** 2) ** 0.5
+    noise = widened * se
+    tolerance = [tolerance_of(str(name), values) for name in predicted["quantity"]]
+    judged = judge(
+        predicted.assign(
+            tolerance=tolerance,
+            simulated=estimates["value"],
+            se=estimates["se"],
+            error=error,
+            effective_paths=effective,
+            widened=widened,
+            noise=noise,
+            low=error - noise,
+            high=error + noise,
+            paths=float(periods),
+        )
+    )
+    margin = (error.abs() - tolerance).abs()
+    needed = np.ceil(periods * _times_longer(effective, se, margin, z))
     undecidable = judged.pop("paths_needed").isna()
     return judged.assign(periods_needed=np.where(undecidable, np.nan, needed))
 
