@@ -50,18 +50,16 @@ FLANK = 7  # points of a flank
 def animation(shown: Recording, name: str, command: str = "") -> str:
     """The text of an animation's HTML file."""
     scene = shown.scene
-    span = shown.span
     walls = scene.noise_free.constants
     gaps = (walls.wall1, walls.wall2)[: scene.stages]
     begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
-    symbol = "τ" if begin == scene.start.tau else "τ − τ₀"
     ms = None if scene.gears is None else 1000.0 / scene.gears.omega
     loose = Wheel(PITCH_RADIUS, TOOTH)
     scale = PLAY * loose.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
     others = (1.0 - TOOTH - 2.0 * gap * scale / loose.pitch for gap in gaps)
     wheels = [loose, *(Wheel(PITCH_RADIUS, width) for width in others)]
     data = {
-        "span": span,
+        "span": shown.span,
         "phase": scene.phase,
         "alpha": scene.alpha,
         "drive": [[one.order, one.amplitude, one.phase] for one in scene.drive],
@@ -69,7 +67,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         "seconds": SECONDS * shown.orbit.impacts,
         "offset": begin,
         # of a time that is shown
-        "digits": min(max(0, 2 - math.floor(math.log10(span / 10.0))), 15),
+        "digits": min(max(0, 2 - math.floor(math.log10(shown.span / 10.0))), 15),
         "ms": ms,
         "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
     }
@@ -78,15 +76,14 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         data=Markup(json_text(data, indent=None)),
         name=line(name),
         shown=shown,
-        scene=scene,
         command=line(command),
         radius=PITCH_RADIUS,
         wheels=list(map(outline, wheels)),
         turns=_turns(shown, scale),
         strips=[_strip(shown, mesh, gap) for mesh, gap in enumerate(gaps, 1)],
-        ticks=list(_ticks(begin, span)),
+        ticks=list(_ticks(begin, shown.span)),
         ms=ms,
-        symbol=symbol,
+        begin=begin,
         scheme=ANIMATED_SCHEME,
         size=(STRIP_WIDTH, HIGH),
     )

@@ -280,14 +280,10 @@ class Stationary:
             "threshold": [t._asdict() for t in rattle_threshold(self.scene)],
         }
         if run is not None:
-            facts |= {
-                "paths": run.paths,
-                "periods": run.periods,
-                "impacts": run.impacts,
-                "burn_in": run.burn_in.periods,
-                "seconds": round(run.wall_seconds, 3),
-                "reach": None if run.reach is None else run.reach.sentence,
-                "reached": run.reach is None or run.reach.reached,
-            }
+            facts |= {name: getattr(run, name) for name in ("paths", "periods", "impacts")}
+            facts["burn_in"] = run.burn_in.periods
+            facts["seconds"] = round(run.wall_seconds, 3)
+            facts["reach"] = run.reach.sentence if run.reach else None
+            facts["reached"] = run.reach is None or run.reach.reached
         table = self.table_in(units).reset_index().to_dict("records")
         return facts | {"table": table, "verdicts": self.verdicts_in(units).to_dict("records")}
