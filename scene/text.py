@@ -82,6 +82,11 @@ def as_html(text: str, table: str = "") -> str:
     return f"<pre>{escape(text)}</pre>{table}"
 
 
+def number_text(value: float, digits: int) -> str:
+    """A number to some digits, without an exponent where it is not needed."""
+    return f"{float(f'{value:.{digits}g}'):,.6g}"
+
+
 def percent(share: float, digits: int = 2) -> str:
     """A share in percent to some digits, without a power of ten.
 

@@ -20,7 +20,7 @@ from rattle.compare.animation.record import ANIMATED_SCHEME, Motion, Recording
 from rattle.compare.report.folder import check_own, check_place, refusals, write_whole
 from rattle.compare.report.json_text import json_text
 from rattle.compare.report.render import render_animation
-from rattle.scene import OutputError, line
+from rattle.scene import Floats, OutputError, line
 from rattle.scene.drive import driver_motion
 
 MOST_PAGE_BYTES = 1_000_000
@@ -50,17 +50,16 @@ FLANK = 7  # points of a flank
 def animation(shown: Recording, name: str, command: str = "") -> str:
     """The text of an animation's HTML file."""
     scene = shown.scene
-    span = shown.span
-    walls = shown.scene.noise_free.constants
+    walls = scene.noise_free.constants
     gaps = (walls.wall1, walls.wall2)[: scene.stages]
     begin = scene.start.tau if abs(scene.start.tau) <= MOST_TAU else 0.0
-    symbol = "τ" if begin == scene.start.tau else "τ − τ₀"
     ms = None if scene.gears is None else 1000.0 / scene.gears.omega
-    first = Wheel(PITCH_RADIUS, TOOTH)
-    scale = PLAY * first.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
-    widths = [TOOTH, *(1.0 - TOOTH - 2.0 * gap * scale / first.pitch for gap in gaps)]
+    loose = Wheel(PITCH_RADIUS, TOOTH)
+    scale = PLAY * loose.pitch / (2.0 * max(gaps))  # of a displacement, to the drawing
+    others = (1.0 - TOOTH - 2.0 * gap * scale / loose.pitch for gap in gaps)
+    wheels = [loose, *(Wheel(PITCH_RADIUS, width) for width in others)]
     data = {
-        "span": span,
+        "span": shown.span,
         "phase": scene.phase,
         "alpha": scene.alpha,
         "drive": [[one.order, one.amplitude, one.phase] for one in scene.drive],
@@ -68,7 +67,7 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         "seconds": SECONDS * shown.orbit.impacts,
         "offset": begin,
         # of a time that is shown
-        "digits": min(max(0, 2 - math.floor(math.log10(span / 10.0))), 15),
+        "digits": min(max(0, 2 - math.floor(math.log10(shown.span / 10.0))), 15),
         "ms": ms,
         "paths": [_numbers(motion) for motion in (shown.orbit, shown.path)],
     }
@@ -77,15 +76,14 @@ def animation(shown: Recording, name: str, command: str = "") -> str:
         data=Markup(json_text(data, indent=None)),
         name=line(name),
         shown=shown,
-        scene=scene,
         command=line(command),
         radius=PITCH_RADIUS,
-        wheels=[outline(Wheel(PITCH_RADIUS, width)) for width in widths],
+        wheels=list(map(outline, wheels)),
         turns=_turns(shown, scale),
-        strips=[_strip(shown, mesh) for mesh in range(1, scene.stages + 1)],
-        ticks=list(_ticks(begin, span)),
+        strips=[_strip(shown, mesh, gap) for mesh, gap in enumerate(gaps, 1)],
+        ticks=list(_ticks(begin, shown.span)),
         ms=ms,
-        symbol=symbol,
+        begin=begin,
         scheme=ANIMATED_SCHEME,
         size=(STRIP_WIDTH, HIGH),
     )
@@ -142,24 +140,20 @@ def _ticks(begin: float, span: float) -> Iterator[tuple[float, str]]:
         yield round(100.0 * (k * step - begin) / span, 3), f"{k * step:.10g}".replace("-", "−")
 
 
-def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
+def _strip(shown: Recording, mesh: int, gap: float) -> dict[str, Any]:
     """The displacement at a mesh over time, for the template.
 
-    Returns: ``label, unit`` (what is drawn), ``ticks`` (height of a tick from the top in percent,
-    and its label), ``curves`` (name and SVG points of each path), ``marks`` (name of the path,
-    number of the impact, and its place from left and top in percent) and ``band`` (half the height
-    of the band in which a flank of a toleranced gap lies, in percent; 0 for none).
+    Returns: ``mesh``, ``ticks`` (height of a tick from the top in percent, and its label),
+    ``curves`` (name and SVG points of each path), ``marks`` (name of the path, number of the
+    impact, and its place from left and top in percent) and ``band`` (half the height of the band in
+    which a flank of a toleranced gap lies, in percent; 0 for none).
     """
     scene = shown.scene
-    walls = shown.scene.noise_free.constants
-    symbol, wall, ahead = (
-        ("x₁", walls.wall1, "driver") if mesh == 1 else ("x₂", walls.wall2, "wheel 2")
-    )
     random = scene.tolerance is not None and scene.tolerance.distribution != "fixed"
     c_max = getattr(scene.tolerance, f"c{mesh}_max") if random else 0.0
-    top = max(STRIP_HEIGHT * wall, 1.1 * (wall + c_max))
-    label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * wall:.3g}"
-    heights = {f"+{label}": wall, "0": 0.0, f"−{label}": -wall}
+    top = max(STRIP_HEIGHT * gap, 1.1 * (gap + c_max))
+    label = f"{(scene.gears.backlash1 if scene.gears else 1.0) * gap:.3g}"
+    heights = {f"+{label}": gap, "0": 0.0, f"−{label}": -gap}
     curves = []
     marks = []
     for name, motion in (("orbit", shown.orbit), ("path", shown.path)):
@@ -168,14 +162,11 @@ def _strip(shown: Recording, mesh: int) -> dict[str, Any]:
         curves.append((name, " ".join(f"{STRIP_WIDTH * a:.0f},{HIGH * b:.0f}" for a, b in places)))
         left = 100.0 * motion.impact_time / shown.span
         down = 100.0 * _height(motion.impact_x, top)
-        own = np.flatnonzero(np.abs(motion.code) == mesh)
-        marks += [(name, int(k), round(float(left[k]), 3), round(float(down[k]), 2)) for k in own]
+        for k in np.flatnonzero(np.abs(motion.code) == mesh).tolist():
+            marks.append((name, k, round(float(left[k]), 3), round(float(down[k]), 2)))
     return {
-        "label": f"{symbol}: {ahead} ahead of wheel 1",
-        "unit": "mm" if scene.gears else "dimensionless",
-        "ticks": [
-            (round(100.0 * _height(height, top), 3), text) for text, height in heights.items()
-        ],
+        "mesh": mesh,
+        "ticks": [(round(100.0 * _height(x, top), 3), text) for text, x in heights.items()],
         "curves": curves,
         "marks": marks,
         "band": round(50.0 * c_max / top, 3),
@@ -221,21 +212,23 @@ def outline(wheel: Wheel) -> str:
     root = wheel.radius - DEDENDUM * wheel.module
     tip = wheel.radius + ADDENDUM * wheel.module
     base = wheel.radius * math.cos(PRESSURE)
-    radii = [root, *(base + (tip - base) * (i / (FLANK - 1)) for i in range(FLANK))]
-    flank = [(r, wheel.half_angle(r)) for r in radii]
-    start = _point(root, -flank[0][1])
-    path = ""
-    for tooth in range(TEETH):
-        middle = 2.0 * math.pi * tooth / TEETH
-        rising = [_point(r, middle - half) for r, half in flank]
-        falling = [_point(r, middle + half) for r, half in reversed(flank)]
-        path += f"A{root:.1f} {root:.1f} 0 0 1 {rising[0]}" if tooth else f"M{start}"
-        path += (
-            f"L{' '.join(rising[1:])}A{tip:.1f} {tip:.1f} 0 0 1"
-            f" {falling[0]}L{' '.join(falling[1:])}"
-        )
-    return f"{path}A{root:.1f} {root:.1f} 0 0 1 {start}Z"
+    radii = np.append(root, np.linspace(base, tip, FLANK))
+    half = np.array([wheel.half_angle(radius) for radius in radii])
+    along_root = f"A{root:.1f} {root:.1f} 0 0 1 "
+    along_tip = f"A{tip:.1f} {tip:.1f} 0 0 1 "
+    teeth = []
+    for middle in 2.0 * math.pi / TEETH * np.arange(TEETH):
+        rising = _line(radii, middle - half)
+        falling = _line(radii[::-1], middle + half[::-1])
+        teeth.append(f"{rising}{along_tip}{falling}")
+    start = teeth[0].split("L")[0]
+    return f"M{along_root.join(teeth)}{along_root}{start}Z"
 
 
-def _point(radius: float, angle: float) -> str:
-    return f"{radius * math.cos(angle):.2f} {radius * math.sin(angle):.2f}"
+def _line(radius: Floats, angle: Floats) -> str:
+    """Points in polar coordinates as a line of an SVG path."""
+    first, *others = (
+        f"{x:.2f} {y:.2f}"
+        for x, y in zip(radius * np.cos(angle), radius * np.sin(angle), strict=True)
+    )
+    return f"{first}L{' '.join(others)}"

@@ -3,7 +3,7 @@ impacts."""
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -95,48 +95,33 @@ def record(scene: Scene, *, impacts: int = 24, seed: int = 0) -> Recording:
     many as it has in that time.
     """
     check_recording(scene, impacts, seed)
+    refuse = partial(InputError, "impacts", impacts)
     orbit = follow(scene.noise_free, impacts + 1)  # one more: the time shown ends before it
     if orbit.found < impacts:
-        shown = (
-            f"give at most {orbit.found}"
-            if orbit.found
-            else "give a scene that rattles, such as a larger alpha"
-        )
+        remedy = "give a scene that rattles, such as a larger alpha"
+        if orbit.found:
+            remedy = f"give at most {orbit.found}"
         why = orbit.stopped.replace(" after impact 0", "")
-        raise InputError(
-            "impacts", impacts, f"the noise-free orbit has {orbit.found} ({why}); {shown}"
-        )
+        raise refuse(f"the noise-free orbit has {orbit.found} ({why}); {remedy}")
     times = orbit.tau - scene.phase
     tail = SHARE_AFTER_LAST * times[impacts] / impacts
     if orbit.found > impacts:
         tail = min(tail, SHARE_AFTER_LAST * (times[impacts + 1] - times[impacts]))
     span = float(times[impacts] + tail)
     if not span > 0.0:
-        raise InputError(
-            "impacts", impacts, "the noise-free orbit has all of them at the start; ask for more"
-        )
+        raise refuse("the noise-free orbit has all of them at the start; ask for more")
     dt = min(default_step(scene, ANIMATED_SCHEME), span / FEWEST_INSTANTS)
     if span / dt > MOST_STEPS_SHOWN:
-        raise InputError(
-            "impacts", impacts, f"take {span / dt:.2g} steps of the noisy path; ask for fewer"
-        )
-    instants = (
-        dt
-        * math.ceil(span / dt / MOST_INSTANTS)
-        * np.arange(1, MOST_INSTANTS + 1, dtype=np.float64)
-    )
+        raise refuse(f"take {span / dt:.2g} steps of the noisy path; ask for fewer")
+    step = dt * math.ceil(span / dt / MOST_INSTANTS)
+    instants = step * np.arange(1.0, MOST_INSTANTS + 1.0)
     instants = instants[instants < span]
     path = _path(scene, seed, impacts, span, dt, instants)
     if path.impacts > MOST_DRAWN:
         fewer = max(int((times[1 : impacts + 1] + tail <= path.impact_time[MOST_DRAWN]).sum()), 1)
-        why = (
+        raise refuse(
             f"the other path has over {MOST_DRAWN} impacts in that time, more than can be told"
-            " apart"
-        )
-        raise InputError(
-            "impacts",
-            impacts,
-            f"{why}; give " + (f"{fewer}" if fewer < impacts else "a larger epsilon"),
+            f" apart; give {fewer if fewer < impacts else 'a larger epsilon'}"
         )
     drawn = _orbit(orbit, scene, impacts, np.append(instants, span))
     return Recording(scene, seed, span, float(instants[0]), drawn, path)
@@ -162,21 +147,23 @@ def _path(
     local = scene.phase_reduced  # its times keep their digits, however late the start is
     # on the nominal flank, even where the path's own has a tolerance
     start = np.array(scene.start_state)[::2]
-    sampling = Sampling(horizon=span + dt)
-    kept = Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True)  # rounded to the step
-    settings: dict[str, Any] = {
-        "dt": dt,
-        "scheme": ANIMATED_SCHEME,
-        "rng": seed,
-        "sampling": sampling,
-        "record": kept,
-    }
     room = 2 * impacts + 20
     while True:
-        run = simulate(local, paths=1, impacts=room, **settings)
+        run = simulate(
+            local,
+            paths=1,
+            impacts=room,
+            dt=dt,
+            scheme=ANIMATED_SCHEME,
+            rng=seed,
+            sampling=Sampling(horizon=span + dt),
+            # the instants are rounded to the step
+            record=Record(times=tuple(local.phase + instants + 1e-6 * dt), raw=True),
+        )
         assert run.raw is not None
         rows = run.raw[0]
-        if np.isnan(rows[-1, 0]) or rows[-1, 0] - scene.phase > span or room > MOST_DRAWN:
+        # the path ended, or has all its impacts in that time, or more than are drawn
+        if not rows[-1, 0] - scene.phase <= span or room > MOST_DRAWN:
             break
         room *= 3
     rows = rows[rows[:, 0] - scene.phase <= span]
@@ -196,12 +183,8 @@ def _motion(
     together = np.concatenate([times, at])
     order = np.unique(together, return_index=True)[1]
     states = np.concatenate([before, x])[order]
-    x2 = states[:, 1] if scene.stages == 2 else np.full(len(order), np.nan)
-    return Motion(
-        together[order],
-        states[:, 0],
-        x2,
-        times,
-        before[np.arange(len(times)), np.abs(code) - 1],
-        code,
-    )
+    x1, x2 = states.T
+    struck = before[np.arange(len(times)), np.abs(code) - 1]
+    if scene.stages == 1:
+        x2 = np.full(len(order), np.nan)
+    return Motion(together[order], x1, x2, times, struck, code)

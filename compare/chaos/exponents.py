@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.special import ndtri, stdtrit
+from scipy.special import ndtri
 
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
 from rattle.montecarlo.coupling.paths import after_impact, growths
-from rattle.montecarlo.statistics.intervals import CONFIDENCE
+from rattle.montecarlo.statistics.intervals import CONFIDENCE, half_width
 from rattle.scene import Floats, InputError, Ints, Scene, count
 from rattle.scene.tangent import Stretch
 
@@ -30,6 +30,7 @@ DEFAULT_RECORD = 100_000  # impacts of a record without a required width
 # impacts of a record with one: the first attempt, and the longest
 FIRST_RECORD = 40_000
 LONGEST_RECORD = 2_000_000
+ENDLESS_RECORD = 10 * LONGEST_RECORD  # more than is ever read
 # below this share of effectively independent batches a record is taken to contain a transient
 LEAST_EFFECTIVE_SHARE = 0.4
 # error of the exponents' sum above which their growth is taken to be lost in rounding
@@ -72,11 +73,7 @@ def ratio_mean(top: Floats, bottom: Floats) -> Mean:
     lag1 = float((residual[1:] * residual[:-1]).sum()) / spread if spread > 0.0 else 0.0
     widening = (1.0 + max(lag1, 0.0)) / (1.0 - max(lag1, 0.0))
     se = math.sqrt(spread * GROWTH_BATCHES / (GROWTH_BATCHES - 1) * widening) / float(b.sum())
-    return Mean(
-        value,
-        float(stdtrit(GROWTH_BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)) * se,
-        GROWTH_BATCHES / widening,
-    )
+    return Mean(value, float(half_width(GROWTH_BATCHES)) * se, GROWTH_BATCHES / widening)
 
 
 @dataclass(frozen=True)
@@ -101,11 +98,9 @@ class Exponents:
     @property
     def largest(self) -> tuple[float, float, float]:
         """Largest exponent, and lower and upper end of its 95 % interval."""
-        return (
-            float(self.value[0]),
-            float(self.value[0] - self.half[0]),
-            float(self.value[0] + self.half[0]),
-        )
+        value = float(self.value[0])
+        half = float(self.half[0])
+        return value, value - half, value + half
 
     @property
     def width(self) -> float:
@@ -116,14 +111,21 @@ class Exponents:
     def table(self) -> pd.DataFrame:
         """One row per exponent: ``of, exponent, value, low, high, rate, sum_error, impacts, time,
         regime, reason``."""
-        numbers = {name: getattr(self, name) for name in ("rate", "sum_error", "impacts", "time")}
-        columns = {
-            "of": self.of,
-            "exponent": np.arange(1, self.value.size + 1),
-            "value": self.value,
-        }
-        columns |= {"low": self.value - self.half, "high": self.value + self.half, **numbers}
-        return pd.DataFrame(columns | {"regime": self.regime.kind, "reason": self.regime.reason})
+        return pd.DataFrame(
+            {
+                "of": self.of,
+                "exponent": np.arange(1, self.value.size + 1),
+                "value": self.value,
+                "low": self.value - self.half,
+                "high": self.value + self.half,
+                "rate": self.rate,
+                "sum_error": self.sum_error,
+                "impacts": self.impacts,
+                "time": self.time,
+                "regime": self.regime.kind,
+                "reason": self.regime.reason,
+            }
+        )
 
     def impacts_for(self, width: float) -> int:
         """Estimate the impacts that a given width of the largest exponent's interval takes."""
@@ -140,28 +142,28 @@ def _blocks(s: Stretch) -> Floats:
     return np.asarray(np.add.reduceat(columns, starts, axis=0))
 
 
-def _exponents(of: str, scene: Scene, b: Floats, regime: Regime) -> Exponents:
+def _exponents(of: str, scene: Scene, blocks: Floats, regime: Regime) -> Exponents:
     """Exponents of a record by blocks; NaN without one, and where their sum shows that growth is
     lost in rounding."""
     size = 2 * scene.stages
-    time = float(b[:, 4].sum())
-    impacts = int(b[:, 5].sum())
-    sum_error = np.nan
-    if len(b) >= 2 * GROWTH_BATCHES and regime.has_record:
+    growths = blocks[:, :size]
+    times, numbers = blocks[:, 4:].T
+    time = float(times.sum())
+    impacts = int(numbers.sum())
+    if len(blocks) >= 2 * GROWTH_BATCHES and regime.has_record:
         c = scene.constants
         exact_sum = -(c.beta1 + c.beta2) + impacts / time * 2.0 * math.log(c.epsilon)
-        sum_error = float(b[:, :size].sum() / time - exact_sum)
-        if not abs(sum_error) < LOST_IN_ROUNDING:
-            regime.give_up()
-    if not abs(sum_error) < LOST_IN_ROUNDING:
-        nothing = np.full(size, np.nan)
-        return Exponents(of, nothing, nothing, np.nan, np.nan, impacts, time, 0.0, regime)
-    found = sorted(
-        (ratio_mean(b[:, i], b[:, 4]) for i in range(size)), key=lambda mean: -mean.value
-    )
-    value, half = np.array([(mean.value, mean.half) for mean in found]).T
-    rate = ratio_mean(b[:, 5], b[:, 4]).value
-    return Exponents(of, value, half, rate, sum_error, impacts, time, found[0].effective, regime)
+        sum_error = float(growths.sum() / time - exact_sum)
+        if abs(sum_error) < LOST_IN_ROUNDING:
+            means = sorted((ratio_mean(growth, times) for growth in growths.T), reverse=True)
+            value, half, effective = np.array(means).T
+            rate = ratio_mean(numbers, times).value
+            return Exponents(
+                of, value, half, rate, sum_error, impacts, time, float(effective[0]), regime
+            )
+        regime.give_up()
+    nothing = np.full(size, np.nan)
+    return Exponents(of, nothing, nothing, np.nan, np.nan, impacts, time, 0.0, regime)
 
 
 def _measure(
@@ -184,26 +186,27 @@ def _measure(
     blocks = np.empty((0, 6))
     done = 0
     for s in stretches:
-        kept = s.first(target - done)
-        blocks = np.concatenate([blocks, _blocks(kept)])
-        done = done + kept.flight.size
+        s = s.first(target - done)
+        blocks = np.concatenate([blocks, _blocks(s)])
+        done += s.flight.size
         if done < target:
             continue
-        found = _exponents(of, scene, blocks, regime)
+        exponents = _exponents(of, scene, blocks, regime)
         if (
             width is None
-            or found.width <= width
+            or exponents.width <= width
             or not regime.has_record
             or regime.computed > LONGEST_RECORD
         ):
-            return found
+            return exponents
         # strongly correlated batches: the first half may be a transient
-        if found.effective < LEAST_EFFECTIVE_SHARE * GROWTH_BATCHES:
+        if exponents.effective < LEAST_EFFECTIVE_SHARE * GROWTH_BATCHES:
             early, blocks = np.split(blocks, [len(blocks) // 2])
-            regime.transient += int(early[:, 5].sum())
-            done -= int(early[:, 5].sum())
+            transient = int(early[:, 5].sum())
+            regime.transient += transient
+            done -= transient
         else:
-            target = max(found.impacts_for(width), target + least)
+            target = max(exponents.impacts_for(width), target + least)
         target = min(target, LONGEST_RECORD)
     return _exponents(of, scene, blocks, regime)
 
@@ -260,9 +263,8 @@ def lyapunov(scene: Scene, *, impacts: int | None = None, width: float | None = 
     precision resolves; `regime` gives the reason.
     """
     regime = Regime()
-    return _measure(
-        ORBIT, scene, orbit_record(scene, 10 * LONGEST_RECORD, regime), regime, impacts, width
-    )
+    record = orbit_record(scene, ENDLESS_RECORD, regime)
+    return _measure(ORBIT, scene, record, regime, impacts, width)
 
 
 def drift_exponents(
@@ -280,8 +282,8 @@ def drift_exponents(
     or the path sticks too often; `regime` gives the reason.
     """
     regime = Regime()
-    stretches = (s for s, _ in noisy_record(scene, 2**30, seed, regime))
-    return _measure(DRIFT, scene, stretches, regime, impacts, width)
+    record = (s for s, _ in noisy_record(scene, seed, regime, impacts=ENDLESS_RECORD))
+    return _measure(DRIFT, scene, record, regime, impacts, width)
 
 
 class SqrtLaw(NamedTuple):
@@ -301,7 +303,7 @@ class SqrtLaw(NamedTuple):
 def _half_width(sample: Floats) -> Any:
     """Half width of the 95 % interval of the mean of independent values."""
     n = len(sample)
-    return float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE)) * sample.std(axis=0, ddof=1) / n**0.5
+    return float(half_width(n)) * sample.std(axis=0, ddof=1) / n**0.5
 
 
 def fit(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
@@ -310,8 +312,7 @@ def fit(deltas: Floats, apart: Floats) -> tuple[float, float, float]:
 
     Shapes: `deltas` (deltas,); `apart` (events, deltas).
     """
-    x = np.log(deltas) - np.log(deltas).mean()
-    slopes = np.log(np.abs(apart)) @ x / (x @ x)
+    slopes = np.polyfit(np.log(deltas), np.log(np.abs(apart)).T, 1)[0]
     value = float(slopes.mean())
     half = float(_half_width(slopes))
     return value, value - half, value + half
@@ -336,32 +337,27 @@ def sqrt_law(scene: Scene, *, impacts: int = 4000, seed: int = 0) -> SqrtLaw:
         )
     deltas = np.geomspace(SMALLEST_DELTA, largest, DISTANCES)
     apart, place, _ = after_impact(scene, deltas, impacts, seed)
-    speed = place[:, 1:2]
-    modulation = place[:, 2:3]
-    modulated = np.abs(modulation[:, 0]) > MODULATED
-    if modulated.sum() < 100:
+    modulated = np.abs(place[:, 2]) > MODULATED
+    apart = apart[modulated]
+    if len(apart) < 100:
         raise NoRecord(
-            f"only {modulated.sum()} impacts at mesh 1 are fast enough, and at a phase that has"
-            " noise"
+            f"only {len(apart)} impacts at mesh 1 are fast enough, and at a phase that has noise"
         )
+    speed, modulation = place[modulated, 1:, None].swapaxes(0, 1)
     law = (1.0 + scene.epsilon) * scene.sigma * np.abs(modulation) * np.sqrt(deltas / speed)
-    square = (apart / law)[modulated] ** 2
+    square = (apart / law) ** 2
     ratio = square.mean(axis=0)
     half = _half_width(square)
-    measured, expected = (
-        np.sqrt((distance[modulated] ** 2).mean(axis=0)) for distance in (apart, law)
-    )
     table = {
         "delta": deltas,
-        "apart": measured,
+        "apart": np.sqrt((apart**2).mean(axis=0)),
         "ratio": ratio,
         "low": ratio - half,
         "high": ratio + half,
+        "impacts": len(square),
+        "law": np.sqrt((law**2).mean(axis=0)),
     }
-    return SqrtLaw(
-        pd.DataFrame(table | {"impacts": len(square), "law": expected}),
-        *fit(deltas, apart[modulated]),
-    )
+    return SqrtLaw(pd.DataFrame(table), *fit(deltas, apart))
 
 
 def finite_size(
@@ -387,15 +383,9 @@ def finite_size(
     def at(delta: float) -> tuple[float, ...]:
         duration, growth = growths(scene, delta, events, seed)
         m = ratio_mean(growth, duration)
-        return (
-            delta,
-            m.value,
-            m.value - m.half,
-            m.value + m.half,
-            duration.mean(),
-            growth.mean(),
-            growth.size,
-        )
+        low = m.value - m.half
+        high = m.value + m.half
+        return delta, m.value, low, high, duration.mean(), growth.mean(), growth.size
 
     columns = ["delta", "exponent", "low", "high", "time", "growth", "events"]
     return pd.DataFrame(in_threads(workers, at, deltas), columns=columns)

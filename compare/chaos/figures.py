@@ -18,61 +18,58 @@ from rattle.compare.chaos.measure import CLAIMED, ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
 from rattle.compare.chaos.section import MAP, NOISY, ORBIT_SECTION, Section
 from rattle.compare.chaos.spectrum import SEQUENCE, VELOCITY_IN_TIME, Spectrum
-from rattle.compare.chaos.sweep import Bifurcation
+from rattle.compare.chaos.sweep import WITH_NOISE, WITHOUT_NOISE, Bifurcation
 from rattle.compare.report.style import SYMBOL, legend_above, new_figure
 from rattle.compare.report.texts import read_texts
-from rattle.scene import Bools, Floats
+from rattle.scene import Bools, Floats, Gears
 
 SIDE: Any = {
     ORBIT_SECTION: {"color": "#0072B2", "marker": "o"},
     MAP: {"color": "#009E73", "marker": "^"},
     NOISY: {"color": "#D55E00", "marker": "D"},
     DRIFT: {"color": "#D55E00", "marker": "D"},
+    WITHOUT_NOISE: {"color": "#0072B2"},
+    WITH_NOISE: {"color": "#D55E00"},
 }
 """Colours of the sides, from Okabe and Ito's palette."""
-STICKS = "orbit sticks often or for good"
-STICKING: Any = {"color": "0.55", "alpha": 0.35, "lw": 0}
-# colour map of densities, and its lower end relative to the highest density
-DENSITY_COLOURS = "viridis"
-LEAST_DENSITY = 1e-4
+LEAST_DENSITY = 1e-4  # lower end of the colours of a density, relative to its highest
 FIELD_NAMES: dict[str, str] = read_texts("chaos")["fields"]
-IMAGE: Any = {"rasterized": True}
 HIGHEST_FREQUENCY = 6.5  # highest frequency drawn, in units of the excitation frequency
 
 
-def _velocity(stage: int) -> str:
-    return rf"velocity before the impact $y_{stage}$ ($\nu_1\omega$)"
+def speed_unit(gears: Gears | None = None) -> tuple[float, str]:
+    """Factor and name of the unit in which speeds are drawn."""
+    return (1.0, r"$\nu_1\omega$") if gears is None else (gears.units.speed, "mm/s")
 
 
-def _density(ax: Axes, x: Floats, y: Floats, share: Floats, highest: float) -> QuadMesh:
-    """Draw a density on a logarithmic colour scale down to `LEAST_DENSITY` times the highest; empty
-    bins stay white."""
-    shown = np.ma.masked_less_equal(share.T, 0.0)
+def label_velocity(ax: Axes, mesh: int, unit: str, **style: Any) -> None:
+    """Label the axis of the velocity before an impact."""
+    ax.set_ylabel(rf"velocity before the impact $y_{mesh}$ ({unit})", **style)
+
+
+def draw_cells(
+    ax: Axes, x: Floats, y: Floats, cells: Floats, low: float, high: float, colours: str = "viridis"
+) -> QuadMesh:
+    """Draw the cells of a histogram on a logarithmic colour scale; empty ones stay white.
+
+    Shapes: `x` and `y`, edges of the cells, (n + 1,) and (m + 1,); `cells` (n, m).
+    """
     ax.grid(False)
-    return ax.pcolormesh(
-        x,
-        y,
-        shown,
-        norm=LogNorm(LEAST_DENSITY * highest, highest),
-        cmap=DENSITY_COLOURS,
-        rasterized=True,
-    )
+    shown = np.ma.masked_where(~(cells.T > 0.0), cells.T)
+    return ax.pcolormesh(x, y, shown, norm=LogNorm(low, high), cmap=colours, rasterized=True)
 
 
 def section_figure(found: Mapping[str, Section]) -> Figure:
     """Draw the Poincaré sections of all sides on the same axes (Fig. 2 of the paper)."""
     sections = list(found.values())
     one = sections[0]
-    stages = len(sections[0].counts)
+    stages = len(one.counts)
     figure, axes = new_figure(1.0 + 3.2 * len(sections), 0.7 + 2.9 * stages, stages, len(sections))
     area = (one.flight[1] - one.flight[0]) * (one.velocity[1] - one.velocity[0])
     highest = max(float(s.counts.max()) / (s.points * area) for s in sections if s.side != MAP)
-    for n, ax in enumerate(axes):
-        stage, side = divmod(n, len(sections))
-        s = sections[side]
-        image = _density(
-            ax, s.flight, s.velocity, s.counts[stage] / (max(s.points, 1) * area), highest
-        )
+    for ax, (stage, s) in zip(axes, product(range(stages), sections), strict=True):
+        density = s.counts[stage] / (max(s.points, 1) * area)
+        image = draw_cells(ax, s.flight, s.velocity, density, LEAST_DENSITY * highest, highest)
         ax.set(xlim=s.flight[[0, -1]], ylim=s.velocity[[0, -1]])
         if stage == 0:
             ax.set_title(
@@ -83,8 +80,8 @@ def section_figure(found: Mapping[str, Section]) -> Figure:
             )
         if stage == stages - 1:
             ax.set_xlabel(r"time since the last impact $\Delta\tau$ (1/$\omega$)")
-        if side == 0:
-            ax.set_ylabel(_velocity(stage + 1))
+        if s is one:
+            label_velocity(ax, stage + 1, speed_unit()[1])
     figure.colorbar(image, ax=axes, label=r"density ($1/\nu_1$)", pad=0.01, aspect=40)
     return figure
 
@@ -120,64 +117,58 @@ def spectrum_figure(found: Mapping[tuple[str, str, str], Spectrum]) -> Figure:
 
 
 def _spectrum(ax: Axes, s: Spectrum, side: str, highest: float) -> None:
-    shown = s.frequency <= highest
-    f = s.frequency[shown]
+    """Draw a spectrum up to a frequency, with its band, its floor and its strongest lines."""
+    image: Any = {"data": s.table.query("frequency <= @highest"), "rasterized": True}
     colour = SIDE[side]["color"]
-    low, high = s.band
     dashes = "--" if side == NOISY else ":"
-    ax.fill_between(
-        f,
-        low[shown],
-        high[shown],
-        color=colour,
-        alpha=0.25,
-        lw=0,
-        label=f"{side}: 95 % band",
-        **IMAGE,
-    )
-    ax.plot(f, s.power[shown], color=colour, lw=0.7, label=side, **IMAGE)
-    ax.plot(f, s.floor[shown], color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **IMAGE)
-    strongest = s.lines[s.lines["frequency"] <= highest].head(12)
+    band: Any = {"alpha": 0.25, "lw": 0, "label": f"{side}: 95 % band"}
+    ax.fill_between("frequency", "low", "high", color=colour, **band, **image)
+    ax.plot("frequency", "power", color=colour, lw=0.7, label=side, **image)
+    ax.plot("frequency", "floor", color="k", lw=0.9, ls=dashes, label=f"{side}: floor", **image)
+    strongest = s.lines[s.lines["frequency"] <= highest]["frequency"].head(12)
     if len(strongest):
-        at = np.searchsorted(s.frequency, strongest["frequency"]).clip(0, s.power.size - 1)
-        place = strongest["frequency"], 2.0 * s.power[at]
-        ax.plot(*place, ls="none", ms=4, mfc="none", zorder=3, label=f"{side}: line", **SIDE[side])
+        above = 2.0 * s.power[np.searchsorted(s.frequency, strongest).clip(0, s.power.size - 1)]
+        marks: Any = {"ls": "none", "ms": 4, "mfc": "none", "zorder": 3, **SIDE[side]}
+        ax.plot(strongest, above, label=f"{side}: line", **marks)
 
 
 def _lines(ax: Axes, table: pd.DataFrame, field: str) -> None:
     """Draw the largest exponents with their intervals, and mark where the orbit sticks."""
     for of in (ORBIT_SECTION, DRIFT):
-        rows = table[table["of"] == of].sort_values(field)
+        rows: Any = table[table["of"] == of].sort_values(field)
         colour = SIDE[of]["color"]
-        x = rows[field].to_numpy()
-        ax.fill_between(x, rows["low"], rows["high"], color=colour, alpha=0.3, lw=0)
-        ax.plot(x, rows["largest"], color=colour, lw=1.2, label=of)
+        ax.fill_between(field, "low", "high", data=rows, color=colour, alpha=0.3, lw=0)
+        ax.plot(field, "largest", data=rows, color=colour, lw=1.2, label=of)
         if of == ORBIT_SECTION:
             sticks = rows["regime"].isin((STICKS_OFTEN, STICKS_FOR_GOOD)).to_numpy()
-            mark_values(ax, x, sticks, STICKS, **STICKING)
-            ringed = rows[rows["regime"] == STICKS_AT_TIMES]
-            ring: Any = {"ls": "none", "marker": "o", "ms": 3.5, "mfc": "none", "color": colour}
+            _mark_values(ax, rows[field].to_numpy(), sticks)
+            ring: Any = {"ls": "none", "ms": 3.5, "mfc": "none", **SIDE[of]}
             label = "orbit that sticks at times: between sticking phases"
-            ax.plot(ringed[field], ringed["largest"], label=label, **ring)
+            at_times: Any = rows[rows["regime"] == STICKS_AT_TIMES]
+            ax.plot(field, "largest", data=at_times, label=label, **ring)
     ax.axhline(0.0, color="k", lw=0.8)
     ax.set_ylabel(r"largest exponent ($\omega$)")
 
 
-def field_edges(at: Floats) -> Floats:
+def _field_edges(at: Floats) -> Floats:
     """Edges of the cells around the values of a field."""
     half = _half_cell(at)
     return np.concatenate([[at[0] - half], 0.5 * (at[1:] + at[:-1]), [at[-1] + half]])
 
 
 def _half_cell(at: Floats) -> float:
+    """Half the width of the cells around the values of a field."""
     return 0.5 * float(np.diff(at).min()) if at.size > 1 else 0.5
 
 
-def mark_values(ax: Axes, at: Floats, where: Bools, label: str, **style: Any) -> None:
+def _mark_values(
+    ax: Axes, at: Floats, where: Bools, label: str = "orbit sticks often or for good"
+) -> None:
     """Shade some values of a field, under one label."""
     half = _half_cell(at)
-    for n, value in enumerate(at[where]):
-        ax.axvspan(value - half, value + half, label=label if n == 0 else None, **style)
+    for value in at[where]:
+        ax.axvspan(value - half, value + half, color="0.55", alpha=0.35, lw=0, label=label)
+        label = ""
 
 
 def sweep_figure(
@@ -194,26 +185,35 @@ def sweep_figure(
     return figure
 
 
-def bifurcation_figure(b: Bifurcation, table: pd.DataFrame | None = None) -> Figure:
-    """Draw a bifurcation diagram as densities, a row for each side.
+def bifurcation_figure(
+    b: Bifurcation, table: pd.DataFrame | None = None, gears: Gears | None = None
+) -> Figure:
+    """Draw a bifurcation diagram as shares of the impacts at each value, a row for each side.
 
-    `table`: A sweep over the same field, whose largest exponents are drawn in a last row.
+    `table`: A sweep over the same field, whose largest exponents are drawn in a last row. `gears`:
+    Those in whose unit velocities are drawn.
     """
+    factor, unit = speed_unit(gears)
     rows = len(b.cells) + (table is not None)
     figure, axes = new_figure(8.0, 2.6 * rows + 0.4, rows, 1)
-    x = field_edges(b.at)
-    for ax, (side, counts) in zip(axes, b.cells.items(), strict=False):
-        share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    x = _field_edges(b.at)
+    for ax, (side, cells) in zip(axes, b.cells.items(), strict=False):
+        whole = cells.sum(axis=1, keepdims=True)
+        share = cells / np.where(whole > 0.0, whole, 1.0)
         if share.any():
-            _density(ax, x, b.edges, share, float(share.max()))
-        mark_values(ax, b.at, np.array(b.reasons[side]) != "", STICKS, **STICKING)
+            highest = float(share.max())
+            draw_cells(ax, x, factor * b.edges, share, LEAST_DENSITY * highest, highest)
+        lost = np.array(b.reasons[side]) != ""
+        _mark_values(ax, b.at, lost, "no stationary motion")
         ax.set_title(side, loc="left", color=SIDE[side]["color"], fontweight="bold")
-        ax.set_ylabel(_velocity(1), fontsize=8)
-        ax.set_xlim(x[0], x[-1])
+        label_velocity(ax, 1, unit, fontsize=8)
     if table is not None:
         _lines(axes[-1], table, b.field)
-        axes[-1].set_xlim(x[0], x[-1])
-        legend_above(figure, [axes[-1]], 2)
+        legend_above(figure, axes[-1:], 2)
+    elif any(reason for reasons in b.reasons.values() for reason in reasons):
+        legend_above(figure, axes, 1)
+    for ax in axes:
+        ax.set_xlim(x[0], x[-1])
     axes[-1].set_xlabel(FIELD_NAMES.get(b.field, b.field))
     return figure
 
@@ -234,11 +234,9 @@ def finite_size_figure(table: pd.DataFrame, orbit: Exponents, drift: Exponents) 
         "orbit: largest Lyapunov exponent": (orbit, "-"),
         "drift's linearisation: largest": (drift, ":"),
     }
-    for name, (e, style) in largest.items():
-        if e.value[0] > 0.0:
-            ax.axhline(
-                float(e.value[0]), color=SIDE[ORBIT_SECTION]["color"], ls=style, lw=1.3, label=name
-            )
+    for name, (exponents, style) in largest.items():
+        if (value := exponents.largest[0]) > 0.0:
+            ax.axhline(value, color=SIDE[ORBIT_SECTION]["color"], ls=style, lw=1.3, label=name)
     ax.set(xscale="log", yscale="log", ylabel=r"growth rate ($\omega$)")
     ax.set_xlabel(r"distance $\delta$ of two paths on the same noise ($\nu_1$)")
     legend_above(figure, [ax], 1)
@@ -249,20 +247,13 @@ def sqrt_law_figure(law: SqrtLaw) -> Figure:
     """Draw the distance of two paths after an impact against that before it, and its ratio to the
     square-root law."""
     figure, (ax, ratio) = new_figure(8.4, 3.9, 1, 2)
-    t = law.table
-    ax.plot(
-        t["delta"], t["apart"], ls="none", ms=5, label="measured, root mean square", **SIDE[NOISY]
-    )
-    ax.plot(
-        t["delta"],
-        t["law"],
-        color="k",
-        lw=1.0,
-        label=r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$",
-    )
-    ax.plot(
-        t["delta"], t["delta"], color="0.5", lw=1.0, ls=":", label=r"$\delta$: a differentiable map"
-    )
+    t: Any = law.table
+    of_law = r"$(1+\epsilon)\,\sigma\,|m|\,\sqrt{\delta/|y|}$"
+    of_a_map = r"$\delta$: a differentiable map"
+    marks: Any = {"ls": "none", "ms": 5, **SIDE[NOISY]}
+    ax.plot("delta", "apart", data=t, label="measured, root mean square", **marks)
+    ax.plot("delta", "law", data=t, color="k", lw=1.0, label=of_law)
+    ax.plot("delta", "delta", data=t, color="0.5", lw=1.0, ls=":", label=of_a_map)
     ax.set(
         xscale="log",
         yscale="log",

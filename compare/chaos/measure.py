@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from rattle.closure import closures_for, mean_map
 from rattle.compare.chaos.exponents import (
@@ -57,32 +58,41 @@ def mean_maps(scene: Scene, orbit: Exponents) -> pd.DataFrame:
     walls = np.array(scene.windows)[: scene.stages] * (1.0 + 1e-9)
     rows = []
     for closure in closures_for(scene):
-        # its means have dynamics of their own, different from the orbit's
-        own = closure == "published"
-        value, low, high = (np.nan,) * 3 if own else orbit.largest
-        said = MAPS[closure]
+        # the means of `published` have dynamics of their own, different from the orbit's
+        value, low, high = (np.nan,) * 3 if closure == "published" else orbit.largest
         row: dict[str, Any] = {
             "closure": closure,
-            "map": said["map"],
-            "exponents": said["exponents"],
+            "map": MAPS[closure]["map"],
+            "exponents": MAPS[closure]["exponents"],
+            "largest": value,
+            "low": low,
+            "high": high,
+            "moments": MAPS[closure]["moments"],
+            "not_realizable": np.nan,
+            "leaves_gap": np.nan,
+            "too_wide": np.nan,
+            "ends": np.nan,
+            "followed": 0,
         }
-        row |= {"largest": value, "low": low, "high": high, "moments": said["moments"]}
-        # its cost grows with every impact, and its components follow different orbits
-        if closure == "branching":
-            rows.append(row | {"followed": 0})
-            continue
-        m = mean_map(scene, impacts=IMPACTS_FOLLOWED, closure=closure, order=4)
-        t = m.trace
-        ends = m.trace.found
-        beyond = (np.abs(t.mean[1 : ends + 1, : 2 * scene.stages : 2]) > walls).any(axis=1)
-        wide = t.sd[1 : ends + 1, 3] > TOO_WIDE * spread
-        row |= {
-            "not_realizable": m.breakdown.impact if m.breakdown else np.nan,
-            "leaves_gap": beyond.argmax() + 1 if beyond.any() else np.nan,
-            "too_wide": wide.argmax() + 1 if wide.any() and not own else np.nan,
-        }
-        rows.append(row | {"ends": ends, "followed": IMPACTS_FOLLOWED})
+        # the cost of `branching` grows with every impact, and its components follow different
+        # orbits
+        if closure != "branching":
+            m = mean_map(scene, impacts=IMPACTS_FOLLOWED, closure=closure, order=4)
+            followed = slice(1, m.trace.found + 1)
+            beyond = np.abs(m.trace.mean[followed, : 2 * scene.stages : 2]) > walls
+            row["not_realizable"] = m.breakdown.impact if m.breakdown else np.nan
+            row["leaves_gap"] = _first_impact(beyond.any(axis=1))
+            if closure != "published":
+                row["too_wide"] = _first_impact(m.trace.sd[followed, 3] > TOO_WIDE * spread)
+            row["ends"] = m.trace.found
+            row["followed"] = IMPACTS_FOLLOWED
+        rows.append(row)
     return pd.DataFrame(rows)
+
+
+def _first_impact(where: ArrayLike) -> float:
+    """Number of the first impact at which something holds; NaN if there is none."""
+    return int(np.argmax(where)) + 1 if np.any(where) else np.nan
 
 
 @dataclass(frozen=True, repr=False)

@@ -2,14 +2,14 @@
 
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from rattle.compare.chaos.exponents import DRIFT, ORBIT, Exponents, crossings, say_crossings, signs
+from rattle.compare.chaos.exponents import DRIFT, ORBIT, crossings, say_crossings, signs
 from rattle.compare.chaos.figures import draw
 from rattle.compare.chaos.measure import ChaosStudy
 from rattle.compare.chaos.record import STICKS_AT_TIMES, STICKS_FOR_GOOD, STICKS_OFTEN
-from rattle.compare.chaos.spectrum import VELOCITY_IN_TIME, spectra_tables
+from rattle.compare.chaos.spectrum import spectra_tables
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.report import Report
 from rattle.compare.report.texts import (
     CHAOS_TERMS,
@@ -26,8 +26,6 @@ CHAOS_CAPTIONS: dict[str, str] = read_texts("chaos")["figures"]
 CHAOS_PARQUET = ("sections", "spectra", "bifurcation")
 """Tables that are written as Parquet."""
 CHAOS_WORDS = (*CLOSURE_TERMS, *SECTION_TERMS, *CHAOS_TERMS, "Δτ", "σ", "α", "ε", "realizable")
-
-ROUNDED_SUM = 1e-12  # a smaller error of the exponents' sum is rounding
 
 
 def chaos_tables(study: ChaosStudy) -> dict[str, pd.DataFrame]:
@@ -79,124 +77,49 @@ def make_report(found: ChaosStudy, record: dict[str, Any]) -> Report:
     )
 
 
-def _exponents(e: Exponents, name: str) -> str:
-    shown = ", ".join(f"{v:.4f} ± {h:.4f}" for v, h in zip(e.value, e.half, strict=True))
-    if not np.isfinite(e.value[0]):
-        return f"The {name} has no exponents: the path {e.regime.reason}."
-    error = abs(e.sum_error)
-    exact = "is the exact one, to rounding"
-    if error >= ROUNDED_SUM:
-        exact = f"differs from the exact one by {error:.0e}"
-    return (
-        f"The {name} has the exponents {shown} per unit of dimensionless time ({e.impacts:,}"
-        f" impacts, {e.rate:.3f} a unit; their sum {exact}); it {e.regime.reason}."
-    )
-
-
-def _first(study: ChaosStudy) -> str:
-    """Whether the motion without noise is chaotic, here and over the field."""
-    gears = study.scene.gears
-    value, low, high = study.orbit.largest
-    found = f"largest Lyapunov exponent {value:.3g} ± {0.5 * (high - low):.1g}"
-    if gears is not None:
-        found += f" per unit of τ, {gears.omega * value:.3g} per second"
-    if not np.isfinite(value):
-        why = study.orbit.regime.reason
-        said = f"Without noise this gear pair has no Lyapunov exponents: it {why}"
-    elif low > 0.0:
-        said = f"Without noise this gear pair rattles chaotically ({found})"
-    elif high < 0.0:
-        said = f"Without noise this gear pair rattles regularly, not chaotically ({found})"
-    else:
-        said = f"Whether this gear pair rattles chaotically without noise is undecided ({found})"
-    if study.sweep is not None:
-        rows = study.sweep[study.sweep["of"] == ORBIT]
-        at = study.sweep[study.field]
-        said += f"; over {study.field} from {at.min():.3g} to {at.max():.3g} it is chaotic at "
-        said += f"{(signs(rows) > 0).sum()} of {len(rows)} values"
-    return f"{said}."
-
-
-def _maps(maps: pd.DataFrame) -> str:
-    words = []
-    for row in maps.to_dict("records"):
-        said = "has the orbit's"
-        if row["closure"] == "published":
-            clauses = ["has no exponents"]
-            if row["ends"] < row["followed"]:
-                clauses.insert(0, f"ends at impact {row['ends']:g}")
-            if np.isfinite(row["not_realizable"]):
-                clauses.insert(0, f"is not realizable from impact {row['not_realizable']:g} on")
-            said = join_words(clauses)
-        elif np.isnan(row["largest"]):
-            said = "has none, like the orbit"
-        elif np.isfinite(row["too_wide"]):
-            said += (
-                f", and from impact {row['too_wide']:g} on its sd of y1 is larger than that of the"
-                " whole orbit"
-            )
-        words.append(f"`{row['closure']}` {said}")
-    lost = (
-        " A closure whose sd is that large no longer locates the motion."
-        if maps["too_wide"].notna().any()
-        else ""
-    )
-    return f"Exponents of the mean maps: {'; '.join(words)}.{lost}"
-
-
-def _sweep(table: pd.DataFrame, field: str, of: str, who: str) -> str:
+def _count(study: ChaosStudy, of: str, who: str) -> dict[str, Any]:
+    """At how many values of the field the largest exponent has which sign, and the motion
+    sticks."""
+    table = study.sweep
+    assert table is not None
     rows = table[table["of"] == of]
-    found = signs(rows)
-    counts = (
-        (kind, (rows["regime"] == kind).sum())
-        for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)
-    )
-    sticking = [f"{kind} at {n}" for kind, n in counts if n]
-    marked = f"; {who} {join_words(sticking)}" if sticking else ""
-    undecided = ((found == 0) & rows["low"].notna()).sum()
-    return (
-        f"Largest exponent, {of}: positive at {(found > 0).sum()}, negative at {(found < 0).sum()}"
-        f" and undecided at {undecided} of {len(rows)} values of {field}{marked}. Changes of sign:"
-        f" {say_crossings(table, field, of)}."
-    )
+    sign = signs(rows)
+    kinds = rows["regime"].value_counts()
+    return {
+        "of": of,
+        "who": who,
+        "number": len(rows),
+        "positive": (sign > 0).sum(),
+        "negative": (sign < 0).sum(),
+        "undecided": ((sign == 0) & rows["low"].notna()).sum(),
+        "sticking": [
+            f"{kind} at {kinds[kind]}"
+            for kind in (STICKS_FOR_GOOD, STICKS_OFTEN, STICKS_AT_TIMES)
+            if kind in kinds
+        ],
+        "changes": say_crossings(table, study.field, of),
+    }
 
 
 def answer(study: ChaosStudy, tables: dict[str, pd.DataFrame]) -> list[str]:
     """Summarise a study of chaos in sentences."""
-    said = [_first(study)]
-    if np.isfinite(study.orbit.value[0]):
-        said.append(_exponents(study.orbit, ORBIT))
-    said += [_exponents(study.drift, DRIFT), _maps(study.maps)]
-    if study.law is not None:
-        ratio = study.law.table["ratio"]
-        half = 0.5 * (study.law.high - study.law.low)
-        said.append(
-            "The distance of two paths on the same noise after an impact grows as their distance"
-            f" before it to the power {study.law.exponent:.4f} ± {half:.4f}; its mean square is"
-            f" {ratio.min():.3f} to {ratio.max():.3f} times that of the square-root law. So the"
-            " noisy system has no infinitesimal exponent."
-        )
-    if study.finite_size is not None:
-        ends = [
-            f"{row['exponent']:.3g} ± {0.5 * (row['high'] - row['low']):.2g} at {row['delta']:.0e}"
-            for _, row in study.finite_size.iloc[[0, -1]].iterrows()
-        ]
-        said.append(f"The finite-size exponent is {' and '.join(ends)}.")
-    if study.spectra:
-        rows = tables["spectra_summary"]
-        spectra = [
-            f"{row['side']} {row['velocity']}: {row['lines']} bands ({row['narrow']} as narrow as a"
-            f" single frequency) with {row['line_share']:.1%} of the power"
-            for row in rows[rows["kind"] == VELOCITY_IN_TIME].to_dict("records")
-        ]
-        said.append(
-            f"Spectra of the velocities, bands above the continuous floor: {'; '.join(spectra)}."
-        )
-    if study.sweep is not None:
-        for of, who in ((ORBIT, "the orbit"), (DRIFT, "the noisy path")):
-            said.append(_sweep(study.sweep, study.field, of, who))
-    by_reason: dict[str, list[str]] = {}
-    for what, reason in study.missing.items():
-        by_reason.setdefault(reason, []).append(what)
-    said += [f"Left out: {join_words(names)} ({reason})." for reason, names in by_reason.items()]
-    return said + explain_missing(study.scene, list(study.maps["closure"]))
+    movers = {ORBIT: "the orbit", DRIFT: "the noisy path"}
+    names_by_reason: dict[str, list[str]] = {}
+    for name, reason in study.missing.items():
+        names_by_reason.setdefault(reason, []).append(name)
+    sentences = render_sentences(
+        "chaos/answer.j2",
+        study=study,
+        maps=_records(study.maps),
+        sizes=_records(study.finite_size),
+        spectra=_records(tables.get("spectra_summary")),
+        sweeps=[_count(study, *mover) for mover in movers.items() if study.sweep is not None],
+        missing=names_by_reason,
+        join_words=join_words,
+    )
+    return sentences + explain_missing(study.scene, list(study.maps["closure"]))
+
+
+def _records(table: pd.DataFrame | None) -> list[Any]:
+    """The rows of a table, none where it was not measured."""
+    return [] if table is None else table.to_dict("records")

@@ -87,6 +87,7 @@ class Regime:
     # of an orbit that was given up: share of the time in which a mesh is closed
     closed: float = 0.0
     transient: int = 0  # impacts that were removed later as a transient
+    who: str = "orbit"  # what moves: the orbit, or a noisy path
     unfollowed: str = ""  # why this method cannot follow the motion; empty if it can
 
     def give_up(self) -> None:
@@ -108,11 +109,7 @@ class Regime:
     @property
     def reason(self) -> str:
         """The kind of motion as a clause with numbers."""
-        noisy = (
-            self.steps > 0
-            and self.sticking_steps > 0
-            and self.kind in (STICKS_AT_TIMES, STICKS_OFTEN)
-        )
+        noisy = self.sticking_steps > 0 and self.kind in (STICKS_AT_TIMES, STICKS_OFTEN)
         return MOTIONS[f"{self.kind}, noisy" if noisy else self.kind].format(
             r=self,
             times="times" if self.stuck > 1 else "time",
@@ -128,6 +125,11 @@ class Regime:
         """The reason in few words where sticking is one."""
         return self.reason if self.end in (SILENT, NOT_FOLLOWED) else self.kind
 
+    def require(self) -> None:
+        """Raise the reason where there is no record."""
+        if not self.has_record:
+            raise NoRecord(f"the {self.who} {self.brief}")
+
 
 def orbit_record(
     scene: Scene, impacts: int, regime: Regime, *, tangent: bool = True
@@ -140,7 +142,7 @@ def orbit_record(
         while regime.impacts < impacts and orbit.ended > 0:
             s = orbit.stretch(min(ORBIT_CHUNK, impacts - regime.impacts), tangent)
             regime.computed += s.flight.size
-            if orbit.ended <= 0:
+            if orbit.ended <= 0 and s.flight.size:
                 s = s.first(_accumulating(s))
             regime.impacts += s.flight.size
             if s.flight.size:
@@ -171,42 +173,45 @@ def _measure_sticking(scene: Scene) -> tuple[float, str]:
 def _accumulating(s: Stretch) -> int:
     """Number of impacts before the final chatter, in which each impact is slower than the last on
     the same flank."""
-    if s.code.size == 0:
-        return 0
-    every = np.abs(s.before[:, 1 if abs(s.code[-1]) == 1 else 3])
-    same = np.flatnonzero((s.code == s.code[-1]) & (every > SLOWEST_IN_CHATTER))
-    rising = np.flatnonzero(every[same][1:] >= every[same][:-1])
+    last = s.code[-1]
+    speed = np.abs(s.before[:, 1 if abs(last) == 1 else 3])
+    same = np.flatnonzero((s.code == last) & (speed > SLOWEST_IN_CHATTER))
+    rising = np.flatnonzero(np.diff(speed[same]) >= 0.0)
     return int(same[rising[-1] + 1]) if rising.size else 0
 
 
 def noisy_record(
-    scene: Scene, steps: int, seed: int, regime: Regime, *, path: int = 0, tangent: bool = True
+    scene: Scene,
+    seed: int,
+    regime: Regime,
+    *,
+    impacts: int = 0,
+    steps: int = 0,
+    path: int = 0,
+    tangent: bool = True,
 ) -> Iterator[tuple[Stretch, Floats]]:
-    """Record a noisy path of a scene in stretches.
+    """Record a noisy path of a scene in stretches, with its velocities at each step.
 
-    `steps`: Steps to record in all; 2 pi / 128 each, or less for strong damping
-    (`rattle.montecarlo.coupling.dyadic`). Shapes: `velocities` (steps, 2).
+    `impacts`, `steps`: Least impacts and steps to record in all. A step is 2 pi / 128, or less for
+    strong damping (`rattle.montecarlo.coupling.dyadic`). Shapes: `velocities` (steps, 2).
     """
+    regime.who = "noisy path"
     if scene.tolerance is not None and scene.tolerance.distribution != "fixed":
-        regime.end = NOT_FOLLOWED
         regime.unfollowed = "has random gaps; long paths need fixed ones"
-        return
-    if scene.correlation_time:
-        regime.end = NOT_FOLLOWED
+    elif scene.correlation_time:
         regime.unfollowed = "has noise with memory; long paths need white noise"
+    if regime.unfollowed:
+        regime.end = NOT_FOLLOWED
         return
     walker = LongPath(scene, seed, path)
     walker.stretch(math.ceil(SETTLE / walker.step), tangent, velocities=False)
     settled = walker.sticking_steps
     regime.starts += 1
-    done = 0
-    while done < steps:
-        before = walker.steps
-        s, velocity = walker.stretch(min(STEPS_AT_A_TIME, steps - done), tangent)
-        done += walker.steps - before
+    while regime.impacts < impacts or regime.steps < steps:
+        s, velocity = walker.stretch(STEPS_AT_A_TIME, tangent)
         regime.computed += s.flight.size
         regime.impacts += s.flight.size
-        regime.steps = done
+        regime.steps += len(velocity)
         regime.sticking_steps = walker.sticking_steps - settled
         if s.flight.size == 0:
             regime.end = SILENT

@@ -4,12 +4,14 @@ The section is at the impacts: a point is the flight time since the last impact 
 just before this one. Points are counted as they come, so memory does not grow with their number.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from rattle.closure import mean_map
 from rattle.compare.chaos.record import (
@@ -32,6 +34,23 @@ AXIS_MARGIN = 0.05  # added to the axes at each end, relative to their length
 MAP_POINTS = 4000  # points of the mean map, which propagates moments as well
 
 
+def middles(edges: Floats) -> Floats:
+    """Middle of each bin."""
+    return 0.5 * (edges[1:] + edges[:-1])
+
+
+def tabulate_cells(
+    side: str, cells: NDArray[Any], name: str, axes: Mapping[str, NDArray[Any]]
+) -> pd.DataFrame:
+    """A row for each cell of a histogram that is not empty: its side, its place along each axis,
+    and what it holds."""
+    filled = np.nonzero(cells)
+    places = {
+        axis: values[index] for (axis, values), index in zip(axes.items(), filled, strict=True)
+    }
+    return pd.DataFrame({"side": side, **places, name: cells[filled]})
+
+
 @dataclass(frozen=True)
 class Section:
     """A Poincare section as counts."""
@@ -48,52 +67,44 @@ class Section:
     def table(self) -> pd.DataFrame:
         """Bins that are not empty: ``side, stage, flight, velocity`` (middles of the bin),
         ``count``."""
-        stage, i, j = np.nonzero(self.counts)
-        flight, velocity = (
-            0.5 * (edges[1:] + edges[:-1]) for edges in (self.flight, self.velocity)
-        )
-        found = {
-            "stage": stage + 1,
-            "flight": flight[i],
-            "velocity": velocity[j],
-            "count": self.counts[stage, i, j],
+        axes = {
+            "stage": np.arange(1, len(self.counts) + 1),
+            "flight": middles(self.flight),
+            "velocity": middles(self.velocity),
         }
-        return pd.DataFrame({"side": self.side, **found})
+        return tabulate_cells(self.side, self.counts, "count", axes)
 
 
 def _section(
-    side: str, stages: int, edges: tuple[Floats, Floats], found: Iterable[tuple[Floats, Floats]]
+    side: str, stages: int, edges: tuple[Floats, Floats], record: Iterable[tuple[Floats, Floats]]
 ) -> Section:
     """Count points, given as flight times and states before the impact, as they come."""
     counts = np.zeros((stages, *(edge.size - 1 for edge in edges)), np.int64)
     points = 0
-    for flight, before in found:
+    for flight, before in record:
         points += flight.size
-        for stage in range(stages):
-            counts[stage] += np.histogram2d(flight, before[:, 2 * stage + 1], edges)[0].astype(
-                np.int64
-            )
+        for count, velocity in zip(counts, before.T[1::2], strict=False):
+            count += np.histogram2d(flight, velocity, edges)[0].astype(np.int64)
     return Section(side, *edges, counts, points)
 
 
 def _orbit_points(scene: Scene, points: int) -> Iterator[tuple[Floats, Floats]]:
+    """Points of the orbit; raises the reason where it has none."""
     regime = Regime()
     for s in orbit_record(scene, points, regime, tangent=False):
         yield s.flight, s.before
-    if regime.impacts == 0 or not regime.has_record:
-        raise NoRecord(f"the orbit {regime.brief}")
+    regime.require()
 
 
 def _noisy_points(
     scene: Scene, points: int, seed: int, path: int
 ) -> Iterator[tuple[Floats, Floats]]:
+    """Points of a noisy path; raises the reason where it has none."""
     regime = Regime()
-    for s, _ in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
+    for s, _ in noisy_record(scene, seed, regime, impacts=points, path=path, tangent=False):
         yield s.flight[:points], s.before[:points]
         points -= s.flight.size
-        if points <= 0:
-            return
-    raise NoRecord(f"the noisy path {regime.brief}")
+    regime.require()
 
 
 def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
@@ -102,22 +113,23 @@ def frame(scene: Scene, seed: int) -> tuple[Floats, Floats]:
 
     Shapes: result (bins + 1,).
     """
-    found: list[tuple[Floats, Floats]] = []
+    pilot: list[tuple[Floats, Floats]] = []
     with suppress(NoRecord):
-        found += _orbit_points(scene, AXIS_POINTS)
+        pilot += _orbit_points(scene, AXIS_POINTS)
     try:
-        found += _noisy_points(scene, AXIS_POINTS, seed, NOISY_PATHS)
+        pilot += _noisy_points(scene, AXIS_POINTS, seed, NOISY_PATHS)
     except NoRecord:
-        if not found:
+        if not pilot:
             raise
-    flight = np.concatenate([f for f, _ in found])
-    velocity = np.concatenate([b[:, 1 : 2 * scene.stages : 2].ravel() for _, b in found])
+    flight = np.concatenate([f for f, _ in pilot])
+    velocity = np.concatenate([b[:, 1 : 2 * scene.stages : 2].ravel() for _, b in pilot])
     low, high = np.quantile(velocity, [1e-4, 1.0 - 1e-4])
     room = AXIS_MARGIN * (high - low)
     longest = (1.0 + AXIS_MARGIN) * float(np.quantile(flight, 1.0 - 1e-4))
-    return np.linspace(0.0, longest, SECTION_BINS + 1), np.linspace(
-        low - room, high + room, SECTION_BINS + 1
+    flight_edges, velocity_edges = np.linspace(
+        [0.0, low - room], [longest, high + room], SECTION_BINS + 1, axis=1
     )
+    return flight_edges, velocity_edges
 
 
 def sections(
@@ -135,24 +147,23 @@ def sections(
     the noisy system if its path has none.
     """
 
-    def part(p: int) -> Section:
-        share = points // NOISY_PATHS + (p < points % NOISY_PATHS)
-        return _section(NOISY, scene.stages, edges, _noisy_points(scene, share, seed, p))
+    def count(side: str, record: Iterable[tuple[Floats, Floats]]) -> Section:
+        return _section(side, scene.stages, edges, record)
 
-    found: dict[str, Section] = {}
+    def count_path(path: int) -> Ints:
+        share = points // NOISY_PATHS + (path < points % NOISY_PATHS)
+        return count(NOISY, _noisy_points(scene, share, seed, path)).counts
+
+    drawn: dict[str, Section] = {}
     with leave_out(missing, "the Poincaré sections"):
         edges = frame(scene, seed)
         with leave_out(missing, "the Poincaré section of the orbit"):
-            found[ORBIT_SECTION] = _section(
-                ORBIT_SECTION, scene.stages, edges, _orbit_points(scene, points)
-            )
+            drawn[ORBIT_SECTION] = count(ORBIT_SECTION, _orbit_points(scene, points))
             if scene.sigma > 0.0:
                 t = mean_map(scene, impacts=MAP_POINTS, closure="corrected").trace
                 mapped = np.diff(t.tau[: t.found + 1]), t.mean[1 : t.found + 1]
-                found[MAP] = _section(MAP, scene.stages, edges, [mapped])
+                drawn[MAP] = count(MAP, [mapped])
         with leave_out(missing, "the Poincaré section of the noisy system"):
-            counts = np.sum(
-                [s.counts for s in in_threads(workers, part, range(NOISY_PATHS))], axis=0
-            )
-            found[NOISY] = Section(NOISY, *edges, counts, points)
-    return found
+            counts = np.sum(in_threads(workers, count_path, range(NOISY_PATHS)), axis=0)
+            drawn[NOISY] = Section(NOISY, *edges, counts, points)
+    return drawn

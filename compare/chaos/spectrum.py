@@ -5,9 +5,10 @@ section 6.17.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -92,36 +93,61 @@ class Spectrum:
         ``narrow`` (no wider than a single frequency).
         """
         above = self.power > self.threshold * self.floor
-        label, n = ndimage.label(above)
         extra = np.maximum(self.power - self.floor, 0.0)
-        rows = []
-        for place in ndimage.find_objects(label, n):
-            p = extra[place]
-            if (
-                p.size == 1
-                and not (self.power[place] > ALONE * self.threshold * self.floor[place]).any()
-            ):
-                continue
-            width = float(p.sum() / p.max())
-            centroid = float((self.frequency[place] * p).sum() / p.sum())
-            over = float((self.power[place] / np.maximum(self.floor[place], 1e-300)).max())
-            rows.append(
-                (centroid, width, float(p.sum() / self.power.sum()), over, width <= NARROW_BINS)
-            )
-        table = pd.DataFrame(rows, columns=["frequency", "width", "share", "over", "narrow"])
-        return table.sort_values("share", ascending=False, ignore_index=True)
+        bins = pd.DataFrame(
+            {
+                "extra": extra,
+                "moment": self.frequency * extra,
+                "over": self.power / np.maximum(self.floor, 1e-300),
+            }
+        )
+        bands = bins[above].groupby(ndimage.label(above)[0][above])
+        power = bands["extra"].sum()
+        table = pd.DataFrame(
+            {
+                "frequency": bands["moment"].sum() / power,
+                "width": power / bands["extra"].max(),
+                "share": power / self.power.sum(),
+                "over": bands["over"].max(),
+            }
+        )
+        table["narrow"] = table["width"] <= NARROW_BINS
+        counted = (bands.size() > 1) | (table["over"] > ALONE * self.threshold)
+        return table[counted].sort_values("share", ascending=False, ignore_index=True)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Bin by bin: ``frequency, power, low, high, floor``."""
+        low, high = self.band
+        columns = {"frequency": self.frequency, "power": self.power, "low": low, "high": high}
+        return pd.DataFrame(columns | {"floor": self.floor})
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Power, lines, and how sure they are; the continuous part is what lies outside the
+        lines."""
+        floor_share = 1.0 - self.lines["share"].sum()
+        return {
+            "variance": self.power.sum() * (self.frequency[1] - self.frequency[0]),
+            "lines": len(self.lines),
+            "narrow": self.lines["narrow"].sum(),
+            "line_share": 1.0 - floor_share,
+            "floor_share": floor_share,
+            "threshold": self.threshold,
+            "dof": self.dof,
+            "segments": self.segments,
+        }
 
 
-def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
+def welch(pieces: Sequence[Floats], segment: int, rate: float) -> Spectrum:
     """Estimate the spectrum of a record by Welch's method: Hann windows that overlap by half,
     averaged over all pieces.
 
     Shapes: `pieces` (samples,).
     """
-    found = list(pieces)
-    whole = [piece for piece in found if piece.size >= segment]
+    whole = [piece for piece in pieces if piece.size >= segment]
     if not whole:
-        longest = max((piece.size for piece in found), default=0)
+        longest = max((piece.size for piece in pieces), default=0)
         raise NoRecord(
             f"its longest stretch has {longest:,} samples, and a spectrum needs {segment:,}"
         )
@@ -131,7 +157,7 @@ def welch(pieces: Iterable[Floats], segment: int, rate: float) -> Spectrum:
     window = np.asarray(signal.get_window("hann", segment), dtype=float)
     beside = float((window[segment // 2 :] * window[: segment // 2]).sum() / (window**2).sum()) ** 2
     for piece in whole:
-        k = 2 * (piece.size // (segment // 2)) // 2 - 1
+        k = piece.size // (segment // 2) - 1
         frequency, power = signal.welch(
             piece, fs=rate, window="hann", nperseg=segment, noverlap=segment // 2
         )
@@ -163,27 +189,26 @@ def spectra(
         regime = Regime()
         record = orbit_record(scene, impacts, regime, tangent=False)
         pieces = [(s.before[:, 1::2], velocities(scene, s, h)) for s in record]
-        if not regime.has_record:
-            raise NoRecord(f"the orbit {regime.brief}")
+        regime.require()
         return pieces
 
     def noisy(path: int) -> tuple[Floats, Floats]:
-        sequence = []
-        time = []
         regime = Regime()
-        for s, velocity in noisy_record(scene, 2**30, seed, regime, path=path, tangent=False):
-            sequence.append(s.before[:, 1::2].copy())
-            time.append(velocity)
-            if (
-                regime.impacts * SPECTRUM_PATHS >= impacts
-                and regime.steps >= SEGMENTS * SEGMENT[VELOCITY_IN_TIME]
-            ):
-                break
-        if not regime.has_record:
-            raise NoRecord(f"the noisy path {regime.brief}")
-        return np.concatenate(sequence), np.concatenate(time)
+        record = noisy_record(
+            scene,
+            seed,
+            regime,
+            impacts=math.ceil(impacts / SPECTRUM_PATHS),
+            steps=SEGMENTS * SEGMENT[VELOCITY_IN_TIME],
+            path=path,
+            tangent=False,
+        )
+        pieces = [(s.before[:, 1::2], velocity) for s, velocity in record]
+        regime.require()
+        sequence, time = map(np.concatenate, zip(*pieces, strict=True))
+        return sequence, time
 
-    found: dict[tuple[str, str, str], Spectrum] = {}
+    power: dict[tuple[str, str, str], Spectrum] = {}
     for side, pieces_of in (
         (ORBIT_SECTION, orbit),
         (NOISY, lambda: in_threads(workers, noisy, range(SPECTRUM_PATHS))),
@@ -191,18 +216,18 @@ def spectra(
         with leave_out(missing, f"the spectra of the {side}"):
             sequence, time = zip(*pieces_of(), strict=True)
             kinds = ((SEQUENCE, sequence, 1.0), (VELOCITY_IN_TIME, time, 2.0 * math.pi / h))
-            found |= {
+            power |= {
                 (side, kind, f"y{stage + 1}"): welch(
-                    (p[:, stage] for p in pieces), SEGMENT[kind], rate
+                    [piece[:, stage] for piece in pieces], SEGMENT[kind], rate
                 )
                 for stage in range(scene.stages)
                 for kind, pieces, rate in kinds
             }
-    return found
+    return power
 
 
 def spectra_tables(
-    found: dict[tuple[str, str, str], Spectrum],
+    power: dict[tuple[str, str, str], Spectrum],
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Convert spectra to tables.
 
@@ -211,33 +236,13 @@ def spectra_tables(
     number), ``narrow`` (number of narrow ones), ``line_share, floor_share, threshold, dof,
     segments``.
     """
-    density = []
-    lines = []
-    summary = []
-    for (side, kind, velocity), s in found.items():
-        key = {"side": side, "kind": kind, "velocity": velocity}
-        low, high = s.band
-        columns = {
-            "frequency": s.frequency,
-            "power": s.power,
-            "low": low,
-            "high": high,
-            "floor": s.floor,
-        }
-        density.append(pd.DataFrame(key | columns))
-        lines.append(s.lines.assign(**key))
-        # of the continuous part, outside the lines
-        floor_share = 1.0 - float(s.lines["share"].sum())
-        variance = float(s.power.sum() * (s.frequency[1] - s.frequency[0]))
-        row = key | {
-            "variance": variance,
-            "lines": len(s.lines),
-            "narrow": int(s.lines["narrow"].sum()),
-        }
-        row |= {"line_share": 1.0 - floor_share, "floor_share": floor_share}
-        summary.append(row | {"threshold": s.threshold, "dof": s.dof, "segments": s.segments})
+    names = ["side", "kind", "velocity"]
+    keys = [dict(zip(names, key, strict=True)) for key in power]
+    density: pd.DataFrame = pd.concat({key: s.table for key, s in power.items()}, names=names)
+    lines = [s.lines.assign(**key) for key, s in zip(keys, power.values(), strict=True)]
+    summary = [key | s.summary for key, s in zip(keys, power.values(), strict=True)]
     return (
-        pd.concat(density, ignore_index=True),
+        density.reset_index(names).reset_index(drop=True),
         pd.concat(lines, ignore_index=True),
         pd.DataFrame(summary),
     )

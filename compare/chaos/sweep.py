@@ -6,7 +6,7 @@ A bifurcation diagram has the velocity before the impacts alone, as counts or as
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -15,9 +15,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from rattle.closure import closures_for, mean_map
-from rattle.compare.chaos.exponents import DRIFT, Exponents, drift_exponents, lyapunov
+from rattle.compare.chaos.exponents import drift_exponents, lyapunov
 from rattle.compare.chaos.record import NoRecord, Regime, in_threads, noisy_record, orbit_record
-from rattle.compare.chaos.section import NOISY, ORBIT_SECTION, SECTION_BINS
+from rattle.compare.chaos.section import (
+    NOISY,
+    ORBIT_SECTION,
+    SECTION_BINS,
+    middles,
+    tabulate_cells,
+)
 from rattle.compare.engine.run import obtain_all
 from rattle.compare.engine.store import Cell
 from rattle.montecarlo.kernel.blocks import Blocks
@@ -40,17 +46,16 @@ SWEEP_PERIODS = 64
 
 def values(name: str, text: str) -> tuple[float, ...]:
     """Read evenly spaced values from ``LOW:HIGH:POINTS``."""
-    words = text.split(":")
     try:
-        low = float(words[0])
-        high = float(words[1])
-        points = int(words[2])
-    except (ValueError, IndexError):
+        low, high, points = text.split(":")
+        ends = float(low), float(high)
+        number = int(points)
+    except ValueError:
         raise InputError(name, text, f"give LOW:HIGH:POINTS, as in {ALPHAS}") from None
-    if len(words) > 3 or not finite(f"{name} LOW", low) < finite(f"{name} HIGH", high):
+    if not finite(f"{name} LOW", ends[0]) < finite(f"{name} HIGH", ends[1]):
         raise InputError(name, text, f"give LOW:HIGH:POINTS with LOW below HIGH, as in {ALPHAS}")
-    count(f"{name} POINTS", points, least=2)
-    return tuple(float(v) for v in np.linspace(low, high, points))
+    count(f"{name} POINTS", number, least=2)
+    return tuple(np.linspace(*ends, number).tolist())
 
 
 def paper_noise(scene: Scene) -> Scene:
@@ -70,19 +75,10 @@ def vary(
     `noise`: Maps each scene to the same with its noise set, such as `paper_noise`.
     """
     choice("field", field, (*SWEPT, *(values_of(scene.gears) if scene.gears else ())))
-    fresh: dict[str, Any] = {} if has_own_start(scene) else {"start": None}
-
-    def changed(value: float) -> Scene:
-        if field not in SWEPT:
-            return scene_with(scene, {field: value})
-        return replace(scene, **(fresh | {field: value}))
-
-    return {value: noise(changed(value)) for value in at}
-
-
-def _row(of: str, e: Exponents) -> dict[str, object]:
-    numbers = (*e.largest, e.rate, e.sum_error, e.impacts, e.regime.kind, e.regime.reason)
-    return {"of": of} | dict(zip(SWEEP_COLUMNS, numbers, strict=True))
+    if field not in SWEPT:
+        return {value: noise(scene_with(scene, {field: value})) for value in at}
+    changed: dict[str, Any] = {} if has_own_start(scene) else {"start": None}
+    return {value: noise(replace(scene, **(changed | {field: value}))) for value in at}
 
 
 @dataclass(frozen=True)
@@ -94,6 +90,13 @@ class AtValue(Cell):
     scene: Scene
     value: float
     seed: int
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Everything that determines the result besides the scene."""
+        return {"kind": self.group} | {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("scene", "value")
+        }
 
     @property
     def label(self) -> str:
@@ -109,39 +112,27 @@ class ExponentsAt(AtValue):
 
     width: float
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Everything that determines the result besides the scene."""
-        return {"kind": "exponents", "seed": self.seed, "width": self.width}
-
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Measure them."""
         scene = self.scene
-        width = self.width
-        orbit = lyapunov(scene, width=width)
-        drift = drift_exponents(scene, width=width, seed=self.seed)
-        rows = [
-            _row(ORBIT_SECTION, orbit),
-            _row("mean map (corrected, saltation)", orbit),
-            _row(DRIFT, drift),
-        ]
+        orbit = lyapunov(scene, width=self.width).table[:1]
+        drift = drift_exponents(scene, width=self.width, seed=self.seed).table[:1]
+        rows = [orbit, orbit.assign(of="mean map (corrected, saltation)"), drift]
         if scene.sigma > 0.0 and "published" in closures_for(scene):
             m = mean_map(scene, impacts=PUBLISHED_IMPACTS, closure="published")
-            how = (
-                f"not realizable from impact {m.breakdown.impact}"
-                if m.breakdown
-                else "realizable throughout"
-            )
+            how = "realizable throughout"
+            if m.breakdown:
+                how = f"not realizable from impact {m.breakdown.impact}"
             end = m.stopped or f"followed through {PUBLISHED_IMPACTS} impacts"
-            rows.append(
-                {
-                    "of": "mean map (published)",
-                    "impacts": m.trace.found,
-                    "regime": "breaks down",
-                    "reason": f"{how}; {end}",
-                }
-            )
-        return pd.DataFrame(rows), {}
+            published = {
+                "of": "mean map (published)",
+                "impacts": m.trace.found,
+                "regime": "breaks down",
+                "reason": f"{how}; {end}",
+            }
+            rows.append(pd.DataFrame([published]))
+        table = pd.concat(rows, ignore_index=True).rename(columns={"value": "largest"})
+        return table[["of", *SWEEP_COLUMNS]], {}
 
 
 @dataclass(frozen=True)
@@ -152,23 +143,18 @@ class VelocitiesAt(AtValue):
 
     points: int
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Everything that determines the result besides the scene."""
-        return {"kind": "velocities", "seed": self.seed, "points": self.points}
-
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Record them; the facts say why there are none."""
         path = Regime()
-        noisy = np.empty(0)
-        for s, _ in noisy_record(self.scene, 2**30, self.seed, path, tangent=False):
-            noisy = np.concatenate([noisy, s.before[:, 1]])
-            if path.impacts >= self.points:
-                break
+        record = noisy_record(self.scene, self.seed, path, impacts=self.points, tangent=False)
+        noisy = np.concatenate([np.empty(0), *(s.before[:, 1] for s, _ in record)])
         orbit, regime = _orbit_velocities(self.scene, self.points, (1, 2))
-        found = {ORBIT_SECTION: (orbit, regime), NOISY: (noisy[: self.points], path)}
-        table = pd.concat([pd.DataFrame({"side": side, "y1": v}) for side, (v, _) in found.items()])
-        reasons = {side: "" if r.unfollowed else r.end for side, (_, r) in found.items()}
+        velocities = {ORBIT_SECTION: orbit, NOISY: noisy[: self.points]}
+        table = pd.concat([pd.DataFrame({"side": s, "y1": y1}) for s, y1 in velocities.items()])
+        reasons = {
+            side: "" if r.unfollowed else r.end
+            for side, r in ((ORBIT_SECTION, regime), (NOISY, path))
+        }
         return table.reset_index(drop=True), {"reasons": reasons, "brief": path.brief}
 
 
@@ -191,11 +177,9 @@ def sweep(
     reason`` as of `Regime`.
     """
     cells = [ExponentsAt(scene, value, seed, width) for value, scene in scenes.items()]
-    found = zip(cells, obtain_all(cells, folder, workers), strict=True)
-    table: pd.DataFrame = pd.concat(
-        [content.table.assign(**{field: cell.value}) for cell, content in found], ignore_index=True
-    )
-    return table.reindex(columns=[field, "of", *SWEEP_COLUMNS])
+    tables = [content.table for content in obtain_all(cells, folder, workers)]
+    table: pd.DataFrame = pd.concat(tables, keys=scenes, names=[field]).reset_index(field)
+    return table.reset_index(drop=True)
 
 
 @dataclass(frozen=True)
@@ -217,12 +201,8 @@ class Bifurcation:
         """Cells that are not empty: ``side``, the field, the velocity (middle of the bin), the
         count or density."""
         velocity, name = self.columns
-        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
-        parts = []
-        for side, cells in self.cells.items():
-            i, j = np.nonzero(cells)
-            part = {"side": side, self.field: self.at[i], velocity: middle[j], name: cells[i, j]}
-            parts.append(pd.DataFrame(part))
+        axes = {self.field: self.at, velocity: middles(self.edges)}
+        parts = [tabulate_cells(side, cells, name, axes) for side, cells in self.cells.items()]
         return pd.concat(parts, ignore_index=True)
 
 
@@ -241,16 +221,18 @@ def bifurcation(
     """
     cells = [VelocitiesAt(scene, value, seed, points) for value, scene in scenes.items()]
     at = obtain_all(cells, folder, workers)
-    every = np.concatenate([content.table["y1"] for content in at])
-    if every.size == 0:
+    velocities = np.concatenate([content.table["y1"] for content in at])
+    if velocities.size == 0:
         raise NoRecord(f"the noisy path {at[0].facts['brief']}")
-    low, high = np.quantile(every, [1e-4, 1.0 - 1e-4])
+    low, high = np.quantile(velocities, [1e-4, 1.0 - 1e-4])
     edges = np.linspace(low, high, SECTION_BINS + 1)
     counts = {}
     reasons = {}
     for side in (ORBIT_SECTION, NOISY):
-        own = (content.table.loc[content.table["side"] == side, "y1"] for content in at)
-        counts[side] = np.array([np.histogram(velocity, edges)[0] for velocity in own])
+        tables = (content.table for content in at)
+        counts[side] = np.array(
+            [np.histogram(table["y1"][table["side"] == side], edges)[0] for table in tables]
+        )
         reasons[side] = [content.facts["reasons"][side] for content in at]
     return Bifurcation(field, np.array(list(scenes)), edges, counts, reasons, ("y1", "count"))
 
@@ -261,12 +243,15 @@ def stationary_bifurcation(
     """Compute the density of the velocity y1 before the impacts at mesh 1, of the orbit and of the
     noisy long run."""
 
-    def of(s: Scene) -> tuple[tuple[Floats, str], tuple[tuple[Floats, Floats], str]]:
-        velocity, regime = _orbit_velocities(s, DENSITY_POINTS, (1,))
-        return (velocity, "" if regime.has_record else regime.reason), _density(s, seed)
+    def follow_orbit(scene: Scene) -> tuple[Floats, Regime]:
+        return _orbit_velocities(scene, DENSITY_POINTS, (1,))
 
-    orbits, runs = zip(*in_threads(workers, of, scenes.values()), strict=True)
-    ends = np.concatenate([*(velocity for velocity, _ in orbits), *(own for (own, _), _ in runs)])
+    def follow_run(scene: Scene) -> tuple[Floats, Floats, str]:
+        return _density(scene, seed)
+
+    orbits = in_threads(workers, follow_orbit, scenes.values())
+    runs = in_threads(workers, follow_run, scenes.values())
+    ends = np.concatenate([*(velocity for velocity, _ in orbits), *(run[0] for run in runs)])
     if ends.size == 0:
         rest = (
             "mesh 1 is not struck in the long run at any of these values; choose some at which it"
@@ -275,13 +260,15 @@ def stationary_bifurcation(
         raise InputError("over", list(scenes), rest)
     edges = np.linspace(ends.min(), ends.max(), DENSITY_BINS + 1)
     width = edges[1] - edges[0]
-    quiet = np.array(
-        [np.histogram(velocity, edges)[0] / max(velocity.size, 1) / width for velocity, _ in orbits]
-    )
-    noisy = np.array([_rebin(density, edges) for density, _ in runs])
-    cells = {WITHOUT_NOISE: quiet, WITH_NOISE: noisy}
+    cells = {
+        WITHOUT_NOISE: np.array(
+            [np.histogram(v, edges)[0] / max(v.size, 1) / width for v, _ in orbits]
+        ),
+        WITH_NOISE: np.array([_rebin(own, density, edges) for own, density, _ in runs]),
+    }
     reasons = {
-        side: [why for _, why in own] for side, own in zip(cells, (orbits, runs), strict=True)
+        WITHOUT_NOISE: ["" if regime.has_record else regime.reason for _, regime in orbits],
+        WITH_NOISE: [why for *_, why in runs],
     }
     return Bifurcation(
         field, np.array(list(scenes)), edges, cells, reasons, ("velocity", "density")
@@ -292,28 +279,28 @@ def _orbit_velocities(scene: Scene, impacts: int, meshes: tuple[int, ...]) -> tu
     """Velocities y1 before the impacts of the orbit at some meshes; none without a record."""
     regime = Regime()
     record = orbit_record(scene, impacts, regime, tangent=False)
-    found = [np.empty(0), *(s.before[np.isin(np.abs(s.code), meshes), 1] for s in record)]
-    return np.concatenate(found if regime.has_record else found[:1]), regime
+    parts = [s.before[np.isin(np.abs(s.code), meshes), 1] for s in record]
+    velocity = np.concatenate([np.empty(0), *parts])
+    return velocity if regime.has_record else np.empty(0), regime
 
 
-def _density(scene: Scene, seed: int) -> tuple[tuple[Floats, Floats], str]:
+def _density(scene: Scene, seed: int) -> tuple[Floats, Floats, str]:
     """Edges and density of the velocity at mesh 1 in the long run, or nothing and the reason
     why."""
-    nothing = np.empty(0), np.empty(0)
+    why = "mesh 1 is not struck"
     try:
         run = long_run(scene, periods=SWEEP_PERIODS, paths=SWEEP_PATHS, rng=seed)
+        for density in run.densities:
+            if density.mesh == 1:
+                return density.velocity, run.velocity_density(1)[0], ""
     except (AtRest, BurnInError) as error:
-        return nothing, str(error)
-    density = next((d for d in run.densities if d.mesh == 1), None)
-    if density is None:
-        return nothing, "mesh 1 is not struck"
-    return (density.velocity, run.velocity_density(1)[0]), ""
+        why = str(error)
+    return np.empty(0), np.empty(0), why
 
 
-def _rebin(density: tuple[Floats, Floats], edges: Floats) -> Floats:
+def _rebin(cells: Floats, density: Floats, edges: Floats) -> Floats:
     """A density over other cells, taken as constant within its own."""
-    own, height = density
-    if own.size == 0:
+    if cells.size == 0:
         return np.zeros(edges.size - 1)
-    below = np.concatenate([[0.0], np.cumsum(height * np.diff(own))])
-    return np.asarray(np.diff(np.interp(edges, own, below)) / np.diff(edges))
+    below = np.append(0.0, np.cumsum(density * np.diff(cells)))
+    return np.asarray(np.diff(np.interp(edges, cells, below)) / np.diff(edges))

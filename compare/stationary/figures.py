@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from rattle.closure.stationary import Law
-from rattle.compare.chaos.figures import FIELD_NAMES, field_edges, mark_values
-from rattle.compare.chaos.sweep import Bifurcation
+from rattle.compare.chaos.figures import draw_cells, label_velocity, speed_unit
 from rattle.compare.report.style import ACCURATE_COLOUR, STYLE, legend_above, new_figure
 from rattle.montecarlo.long_run import LongRun, SectionDensity
 from rattle.montecarlo.statistics.intervals import half_width
@@ -33,8 +31,8 @@ def draw(
     out = {
         "distribution": distribution_figure(run, laws, gears),
         "section": section_figure(run.densities, gears),
+        "memory": memory_figure(table),
     }
-    out["memory"] = memory_figure(table)
     if len(verdicts) and verdicts["predicted"].notna().any():
         out["closures"] = closure_figure(verdicts)
     return out
@@ -44,25 +42,19 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
     """Draw the density of the velocity before an impact at each mesh with its 95 % band, and that
     of the closures."""
     t = half_width(run.paths)
-    figure, axes = new_figure(
-        max(4.6 * len(run.densities), LEGEND_WIDTH), 3.6, 1, len(run.densities)
-    )
+    meshes = len(run.densities)
+    figure, axes = new_figure(max(4.6 * meshes, LEGEND_WIDTH), 3.6, 1, meshes)
     factor, unit = speed_unit(gears)
     for ax, density in zip(axes, run.densities, strict=True):
-        value, se = (part / factor for part in run.velocity_density(density.mesh))
+        value, se = run.velocity_density(density.mesh) / np.array([[factor]])
         edges = factor * density.velocity
         top = float((value + t * se).max())
         least = max(0.3 * float(value[value > 0.0].min()), 1e-6 * top)
-        middle, low, high = (np.maximum(v, least) for v in (value, value - t * se, value + t * se))
-        ax.stairs(middle, edges, baseline=least, color=SIMULATED_COLOUR, lw=1.2, label="simulation")
-        band: Any = {
-            "fill": True,
-            "color": SIMULATED_COLOUR,
-            "alpha": 0.25,
-            "lw": 0,
-            "label": "simulation: 95 % interval",
-        }
-        ax.stairs(high, edges, baseline=low, **band)
+        low, middle, high = np.maximum([value - t * se, value, value + t * se], least)
+        line: Any = {"color": SIMULATED_COLOUR, "lw": 1.2, "label": "simulation"}
+        band: Any = {"color": SIMULATED_COLOUR, "alpha": 0.25, "lw": 0, "fill": True}
+        ax.stairs(middle, edges, baseline=least, **line)
+        ax.stairs(high, edges, baseline=low, label="simulation: 95 % interval", **band)
         ax.set(yscale="log", ylim=(least, 2.0 * top))
         for closure, law in laws.items():
             if isinstance(law, Law):
@@ -76,21 +68,16 @@ def distribution_figure(run: LongRun, laws: Mapping[str, Law | str], gears: Gear
     return figure
 
 
-def speed_unit(gears: Gears | None) -> tuple[float, str]:
-    """Factor and name of the unit in which speeds are drawn."""
-    return (1.0, r"$\nu_1\omega$") if gears is None else (gears.units.speed, "mm/s")
-
-
 def _speeds(ax: Axes, law: Law, mesh: int, closure: str, edges: Floats, factor: float) -> None:
     """Mean speed of a closure's law on both sides, as lines: its law is one of speeds."""
     part = law.mesh == mesh
-    weight = law.weight[part] / law.weight[part].sum()
-    mean = factor * float((weight * law.speed[part]).sum())
+    if not part.any():
+        return
+    mean = factor * np.average(law.speed[part], weights=law.weight[part])
+    style = {"color": STYLE[closure]["color"], "lw": 2.0, "label": f"{closure}: mean speed"}
     for at in (-mean, mean):
-        if part.any() and edges[0] <= at <= edges[-1]:
-            ax.axvline(
-                at, ymax=0.12, color=STYLE[closure]["color"], lw=2.0, label=f"{closure}: mean speed"
-            )
+        if edges[0] <= at <= edges[-1]:
+            ax.axvline(at, ymax=0.12, **style)
 
 
 def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> Figure:
@@ -99,53 +86,20 @@ def section_figure(densities: Sequence[SectionDensity], gears: Gears | None) -> 
     rows = len(densities)
     factor, unit = speed_unit(gears)
     figure, axes = new_figure(9.2, 0.6 + 2.9 * rows, rows, 2)
-    for n, d in enumerate(densities):
-        left = axes[2 * n]
-        right = axes[2 * n + 1]
-        density = np.ma.masked_less_equal(d.density.T / factor, 0.0)
-        phase = d.phase / math.pi
-        velocity = factor * d.velocity
-        norm = LogNorm(DEEP * density.max(), density.max())
-        image = left.pcolormesh(
-            phase, velocity, density, norm=norm, cmap="viridis", rasterized=True
-        )
+    for d, left, right in zip(densities, axes[::2], axes[1::2], strict=True):
+        edges = d.phase / math.pi, factor * d.velocity
+        density = d.density / factor
+        highest = float(density.max())
         with np.errstate(invalid="ignore", divide="ignore"):
-            relative = np.ma.masked_invalid(d.se.T / d.density.T)
-        error = right.pcolormesh(
-            phase, velocity, relative, norm=LogNorm(0.01, 1.0), cmap="magma_r", rasterized=True
-        )
+            relative = d.se / d.density
+        image = draw_cells(left, *edges, density, DEEP * highest, highest)
+        error = draw_cells(right, *edges, relative, 0.01, 1.0, "magma_r")
         for ax, what in ((left, "density"), (right, "standard error / density")):
-            ax.grid(False)
             ax.set_xlabel(r"phase of the excitation ($\pi$ rad)")
             ax.set_title(f"mesh {d.mesh}: {what}", loc="left")
-        left.set_ylabel(rf"velocity before the impact $y_{d.mesh}$ ({unit})")
+        label_velocity(left, d.mesh, unit)
         figure.colorbar(image, ax=left, pad=0.01, label=f"1 / (rad · {unit})")
         figure.colorbar(error, ax=right, pad=0.01, label="share of the density")
-    return figure
-
-
-def bifurcation_figure(view: Bifurcation, factor: float, unit: str) -> Figure:
-    """Draw the densities without and with noise side by side, velocities times a factor in a
-    unit."""
-    figure, axes = new_figure(10.4, 4.4, 1, 2)
-    x = field_edges(view.at)
-    for ax, (side, density) in zip(axes, view.cells.items(), strict=True):
-        top = np.maximum(density.max(axis=1, keepdims=True), 1e-300)
-        shown = np.sqrt(np.ma.masked_less(density / top, DEEP).T)
-        ax.grid(False)
-        image = ax.pcolormesh(
-            x, factor * view.edges, shown, cmap="magma_r", vmin=0.0, vmax=1.0, rasterized=True
-        )
-        ax.set_title(side, loc="left", fontweight="bold")
-        ax.set_xlabel(FIELD_NAMES.get(view.field, view.field))
-        lost = np.array(view.reasons[side]) != ""
-        mark_values(ax, view.at, lost, "no stationary motion", color="0.85", lw=0)
-        if lost.any():
-            ax.legend(loc="lower left", fontsize=7)
-    axes[0].set_ylabel(rf"velocity before the impact $y_1$ ({unit})")
-    figure.colorbar(
-        image, ax=axes, label="root of the density / its highest at this value", pad=0.01
-    )
     return figure
 
 
@@ -157,9 +111,8 @@ def memory_figure(table: pd.DataFrame) -> Figure:
     figure, (ax,) = new_figure(7.0, 1.0 + 0.16 * len(rows), 1, 1)
     at = np.arange(len(rows))
     ax.plot(np.array([np.ones(len(rows)), rows["autocorrelation"]]), [at, at], color="0.75", lw=1.0)
-    ax.plot(
-        rows["autocorrelation"], at, ls="none", marker="o", ms=4, color=STYLE["corrected"]["color"]
-    )
+    marks = {"ls": "none", "marker": "o", "ms": 4, "color": STYLE["corrected"]["color"]}
+    ax.plot(rows["autocorrelation"], at, **marks)
     ax.axvline(1.0, color="k", lw=0.9)
     ax.set_yticks(at, rows.index, fontsize=7)
     ax.set(xscale="log", ylim=(-1.0, len(rows)))
@@ -175,23 +128,12 @@ def closure_figure(verdicts: pd.DataFrame) -> Figure:
     figure, (ax,) = new_figure(7.4, 1.2 + 0.17 * len(names), 1, 1)
     ax.axvspan(-1.0, 1.0, color=ACCURATE_COLOUR, alpha=0.3, lw=0, label="accurate")
     for i, closure in enumerate(closures):
-        own = rows[rows["closure"] == closure]
-        at = np.array([names.index(n) for n in own["quantity"]]) + 0.25 * (
-            i - 0.5 * (len(closures) - 1)
-        )
-        share = own["error"] / own["tolerance"]
-        half = 0.5 * (own["high"] - own["low"]) / own["tolerance"]
-        ax.errorbar(
-            share,
-            at,
-            xerr=half,
-            ls="none",
-            ms=3.5,
-            capsize=1.5,
-            lw=0.8,
-            label=closure,
-            **STYLE[closure],
-        )
+        errors = rows[rows["closure"] == closure].set_index("quantity")
+        at = [names.index(name) + 0.25 * (i - 0.5 * (len(closures) - 1)) for name in errors.index]
+        share = errors["error"] / errors["tolerance"]
+        half = 0.5 * (errors["high"] - errors["low"]) / errors["tolerance"]
+        marks = {"ls": "none", "ms": 3.5, "capsize": 1.5, "lw": 0.8, **STYLE[closure]}
+        ax.errorbar(share, at, xerr=half, label=closure, **marks)
     ax.set_xscale("symlog", linthresh=1.0)
     ax.set_yticks(range(len(names)), names, fontsize=7)
     ax.set(ylim=(-1.0, len(names)), xlabel="error of the closure / tolerance")

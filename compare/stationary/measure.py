@@ -5,17 +5,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import pandas as pd
 
 from rattle.compare.stationary.result import Stationary
-from rattle.compare.stationary.verdicts import CLOSURES_JUDGED, law_of, values_of
+from rattle.compare.stationary.verdicts import (
+    CLOSURES_JUDGED,
+    choose_closures,
+    law_of,
+    values_of,
+)
 from rattle.montecarlo.long_run import AtRest, BurnInError, long_run
 from rattle.montecarlo.long_run.estimates import groups, most_unseen
 from rattle.montecarlo.long_run.run import ASKED, LONG_RUN_PATHS
 from rattle.montecarlo.seed import Rng, read_seed
 from rattle.montecarlo.settings import is_random
-from rattle.scene import Scene, check_scene, choice, compile_ahead
+from rattle.scene import Scene, check_scene, compile_ahead
 from rattle.scene.long_orbit import IRREGULAR, PERIODIC, Attractor, attractor
 from rattle.scene.numpy_errors import numpy_defaults
 from rattle.scene.progress import do
@@ -106,11 +110,11 @@ def stationary(
     """
     check_scene(scene)
     compile_ahead.expect("stationary", len(scene.drive))
-    named = tuple(dict.fromkeys(choice("closures", name, CLOSURES_JUDGED) for name in closures))
+    named = choose_closures("closures", closures)
     rng = read_seed(rng)
     do("stationary: the motion without noise")
-    own = attractor(scene)
-    if not is_random(scene) and (exact := _exact(scene, own, slow, named)) is not None:
+    orbit = attractor(scene)
+    if not is_random(scene) and (exact := _exact(scene, orbit, slow, named)) is not None:
         return exact
     try:
         run = long_run(
@@ -127,41 +131,37 @@ def stationary(
             progress=progress,
         )
     except AtRest as rest:
-        found = _resting(scene, own, slow, named)
-        return found if scene.sigma == 0.0 else _seen_at_rest(found, *rest.watched)
+        resting = _resting(scene, orbit, slow, named)
+        return resting if scene.sigma == 0.0 else _seen_at_rest(resting, *rest.watched)
     except BurnInError as refused:
-        kinds = _attractors(scene, own)
+        kinds = _attractors(scene, orbit)
         if len(kinds) == 1:
             raise
         why = f"{refused.remedy}. Without noise, {_describe(kinds, scene)}"
         raise BurnInError("burn_in", refused.value, why) from refused
     do("stationary: the errors of all quantities")
-    rows = [tuple(e) for e in run.estimates.values()]
-    table = pd.DataFrame(
-        rows, columns=ESTIMATE_COLUMNS, index=pd.Index(run.estimates, name="quantity")
-    )
+    table = pd.DataFrame(run.estimates, index=ESTIMATE_COLUMNS).T.rename_axis("quantity")
     said = (
         f"{run.impacts:,} impacts on {run.paths} paths of {run.periods:,} periods each, after a"
-        f" burn-in of {run.burn_in.periods:,}; the orbit without noise {own.reason}."
+        f" burn-in of {run.burn_in.periods:,}; the orbit without noise {orbit.reason}."
     )
-    return Stationary(scene, "simulated", said, table, run, own, slow, named)
+    return Stationary(scene, "simulated", said, table, run, orbit, slow, named)
 
 
 def _exact_table(values: dict[str, float]) -> pd.DataFrame:
-    value = np.array(list(values.values()))
-    se = np.where(np.isnan(value), np.nan, 0.0)
-    table = pd.DataFrame(
-        {"value": value, "se": se, "low": value, "high": value}, index=pd.Index(values)
-    )
-    return table.reindex(columns=ESTIMATE_COLUMNS).rename_axis("quantity")
+    """A table of values without errors; NaN where there is none."""
+    value = pd.Series(values, name="value").rename_axis("quantity")
+    table = value.to_frame().assign(se=0.0 * value, low=value, high=value)
+    return table.reindex(columns=ESTIMATE_COLUMNS)
 
 
 def _resting(scene: Scene, a: Attractor, slow: float, closures: tuple[str, ...]) -> Stationary:
     """A motion without impacts."""
     none = ("rate_above", "rate", "energy_per_period", "power")
     values = {f"{name}{s}": 0.0 for name in none for _, s in groups(scene.stages)}
-    for share, by_mesh in (("contact_share", a.contact), ("open_share", (0.0, 0.0))):
-        values |= {f"{share}_mesh{m}": by_mesh[m - 1] for m in range(1, scene.stages + 1)}
+    meshes = range(1, scene.stages + 1)
+    values |= {f"contact_share_mesh{mesh}": a.contact[mesh - 1] for mesh in meshes}
+    values |= {f"open_share_mesh{mesh}": 0.0 for mesh in meshes}
     said = f"At rest: the motion {a.reason}; there are no impacts and no energy is lost."
     return Stationary(scene, "rest", said, _exact_table(values), None, a, slow, closures)
 
@@ -183,37 +183,37 @@ def _seen_at_rest(found: Stationary, paths: int, periods: int) -> Stationary:
 
 
 def _exact(
-    scene: Scene, own: Attractor, slow: float, closures: tuple[str, ...]
+    scene: Scene, orbit: Attractor, slow: float, closures: tuple[str, ...]
 ) -> Stationary | None:
     """The exact values of a scene in which nothing is random; None if it is irregular from every
     start."""
-    kinds = _attractors(scene, own)
+    kinds = _attractors(scene, orbit)
     if len(kinds) > 1:
-        why = "several attractors without noise, so that there is no one stationary motion: "
-        why += (
-            f"{_describe(kinds, scene)}; that of the scene's own start is the first. Give noise"
+        why = (
+            "several attractors without noise, so that there is no one stationary motion:"
+            f" {_describe(kinds, scene)}; that of the scene's own start is the first. Give noise"
             " that connects them"
         )
         raise BurnInError("sigma", scene.sigma, why)
-    if own.kind == IRREGULAR:
+    if orbit.kind == IRREGULAR:
         return None
-    if own.kind != PERIODIC:
-        return _resting(scene, own, slow, closures)
-    values = values_of(law_of(own), scene, slow, own.contact)
-    said = f"Exact: without noise the motion {own.reason}."
-    if own.sticks:
+    if orbit.kind != PERIODIC:
+        return _resting(scene, orbit, slow, closures)
+    values = values_of(law_of(orbit), scene, slow, orbit.contact)
+    said = f"Exact: without noise the motion {orbit.reason}."
+    if orbit.sticks:
         said += (
             " Completed chatter has infinitely many impacts; those are counted up to which it is"
             " followed."
         )
-    return Stationary(scene, "periodic", said, _exact_table(values), None, own, slow, closures)
+    return Stationary(scene, "periodic", said, _exact_table(values), None, orbit, slow, closures)
 
 
-def _attractors(scene: Scene, own: Attractor) -> list[list[Attractor]]:
+def _attractors(scene: Scene, orbit: Attractor) -> list[list[Attractor]]:
     """The attractors without noise, each as found from some of the starts, that of the scene's own
     start first."""
     kinds: list[list[Attractor]] = []
-    for end in (own, *(attractor(scene, n) for n in range(1, ATTRACTOR_STARTS))):
+    for end in (orbit, *(attractor(scene, n) for n in range(1, ATTRACTOR_STARTS))):
         if same := [kind for kind in kinds if kind[0].same(end)]:
             same[0].append(end)
         else:
@@ -222,12 +222,14 @@ def _attractors(scene: Scene, own: Attractor) -> list[list[Attractor]]:
 
 
 def _describe(kinds: list[list[Attractor]], scene: Scene) -> str:
-    said = []
-    for a, *others in kinds:
-        said.append(f"the motion of {(1 + len(others)) / ATTRACTOR_STARTS:.0%} {a.reason}")
-        if a.kind == PERIODIC:
-            found = values_of(law_of(a), scene, 0.1)
-            said[-1] += (
-                f" (rate {found['rate']:.4g}, energy per period {found['energy_per_period']:.4g})"
+    """Attractors in words, with the share of the starts that lead to each."""
+    motions = []
+    for kind in kinds:
+        motion = f"the motion of {len(kind) / ATTRACTOR_STARTS:.0%} {kind[0].reason}"
+        if kind[0].kind == PERIODIC:
+            value = values_of(law_of(kind[0]), scene, 0.1)
+            motion += (
+                f" (rate {value['rate']:.4g}, energy per period {value['energy_per_period']:.4g})"
             )
-    return f"of {ATTRACTOR_STARTS} starts, {'; '.join(said)}"
+        motions.append(motion)
+    return f"of {ATTRACTOR_STARTS} starts, {'; '.join(motions)}"

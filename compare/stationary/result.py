@@ -1,5 +1,6 @@
 """The result of a long run, which holds its numbers, and its quantities in physical units."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +12,6 @@ import pandas as pd
 from rattle.closure.stationary import Law
 from rattle.compare.stationary.verdicts import judge_predictions, laws, predictions
 from rattle.montecarlo.long_run import LongRun, SectionDensity
-from rattle.montecarlo.long_run.estimates import NAMES, QUANTILES
 from rattle.scene import Gears, InputError, Scene, as_html, choice
 from rattle.scene.long_orbit import Attractor
 from rattle.scene.numpy_errors import numpy_defaults
@@ -25,27 +25,17 @@ if TYPE_CHECKING:
 LEAST_EFFECTIVE = 16.0
 """Effective paths below which an interval is a tenth wider for that, or more."""
 LEAST_SHARE = 0.25  # of the paths, where there are few
-SPREAD_PREFIXES = ("", "sd_", "rms_", *(f"q{percent:02d}_" for percent in QUANTILES))
-NUMERIC = [
-    "value",
-    "se",
-    "low",
-    "high",
-    "se_batches",
-    "predicted",
-    "simulated",
-    "error",
-    "tolerance",
-]
-
-
+MESH_OR_MOMENT = re.compile(r"^(sd_|rms_|q\d\d_)|(_above)?(_mesh[12])?$")
+"""What the name of a quantity says beside its kind."""
+NUMERIC = ["value", "se", "low", "high", "se_batches"]
+NUMERIC += ["predicted", "simulated", "error", "tolerance"]
+"""Columns of estimates and of verdicts that have the unit of their quantity."""
 QUANTITY_UNITS: dict[str, tuple[str, Callable[[Units], float], str]] = {
     "rate": ("1/s", lambda u: 1000.0 / u.time, "omega"),
     "flight": ("ms", lambda u: u.time, DIMENSIONLESS["ms"]),
     "speed": ("mm/s", lambda u: u.speed, DIMENSIONLESS["mm_per_s"]),
-    **dict.fromkeys(
-        ("energy", "energy_per_period"), ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"])
-    ),
+    "energy": ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"]),
+    "energy_per_period": ("mJ", lambda u: u.energy, DIMENSIONLESS["mJ"]),
     "power": ("mW", lambda u: 1000.0 * u.energy / u.time, f"{DIMENSIONLESS['mJ']} omega"),
 }
 """The physical unit of each kind of quantities, the factor to it, and what dimensionless ones count
@@ -60,10 +50,7 @@ def plain_unit(quantity: str) -> str:
 
 def kind_of(quantity: str) -> str:
     """Which of the kinds of quantities it is, whatever its mesh, and its mean, sd or quantile."""
-    what = quantity.split("_mesh")[0]
-    return next(
-        (name for name in NAMES.values() if what in {p + name for p in SPREAD_PREFIXES}), what
-    ).removesuffix("_above")
+    return MESH_OR_MOMENT.sub("", quantity)
 
 
 def unit_of(quantity: str, gears: Gears | None, units: str) -> tuple[str, float]:
@@ -92,16 +79,15 @@ def in_units(table: pd.DataFrame, gears: Gears | None, units: str) -> pd.DataFra
     The quantities are its column ``quantity``, or its index.
     """
     check_units(units, gears)
+    if table.empty:
+        return table
     names = table.get("quantity", table.index)
-    found = [unit_of(str(name), gears, units) for name in names]
+    symbols, factors = zip(*(unit_of(str(name), gears, units) for name in names), strict=True)
     out = table.copy()
     numeric = [name for name in NUMERIC if name in out]
-    out[numeric] = out[numeric].mul([factor for _, factor in found], axis=0)
-    out.insert(
-        list(table).index("quantity") + 1 if "quantity" in table else 0,
-        "unit",
-        [unit for unit, _ in found],
-    )
+    out[numeric] = out[numeric].mul(list(factors), axis=0)
+    place = list(out).index("quantity") + 1 if "quantity" in out else 0
+    out.insert(place, "unit", symbols)
     return out
 
 
@@ -153,19 +139,12 @@ class Stationary:
 
     def __repr__(self) -> str:
         """The main quantities, on a few lines."""
-        shown = [
-            n
-            for n in ("rate_above", "speed_above", "energy_per_period", "slow_share")
-            if n in self.table.index
-        ]
-        rows = self.table.loc[shown].dropna(subset="low")
-        each = zip(rows.index, rows["value"], 0.5 * (rows["high"] - rows["low"]), strict=True)
-        return "\n".join(
-            [
-                f"Stationary: {self.said}",
-                *(f"  {name} = {v:.5g} ± {half:.2g}" for name, v, half in each),
-            ]
-        )
+        lines = [f"Stationary: {self.said}"]
+        names = ["rate_above", "speed_above", "energy_per_period", "slow_share"]
+        rows = self.table.reindex(names)[["value", "low", "high"]].dropna(subset="low")
+        for name, value, low, high in rows.itertuples(name=None):
+            lines.append(f"  {name} = {value:.5g} ± {0.5 * (high - low):.2g}")
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         return as_html(repr(self), self.table.to_html(max_rows=12))
@@ -181,10 +160,10 @@ class Stationary:
         number of these."""
         if self.run is None:
             return pd.Series(dtype=float)
-        own = self.table["effective_paths"].where(self.table["se"] > 0.0)
+        paths = self.table["effective_paths"].where(self.table["se"] > 0.0)
         units = len(self.run.sums.histogram)  # whose counts quantiles are taken from
-        parts = np.where(own.index.astype(str).str.startswith("q"), units, self.run.paths)
-        return own[own < np.minimum(LEAST_EFFECTIVE, LEAST_SHARE * parts)]
+        parts = np.where(paths.index.str.startswith("q"), units, self.run.paths)
+        return paths[paths < np.minimum(LEAST_EFFECTIVE, LEAST_SHARE * parts)]
 
     @cached_property
     def laws(self) -> dict[str, Law | str]:
@@ -247,11 +226,8 @@ class Stationary:
         """
         figures = self.figures()
         if not figures:
-            raise InputError(
-                "kind",
-                kind,
-                "nothing to draw: these values are exact, and there is no distribution",
-            )
+            why = "nothing to draw: these values are exact, and there is no distribution"
+            raise InputError("kind", kind, why)
         return figures[choice("kind", kind, figures)]
 
     def to_xarray(self, units: str = "dimensionless") -> "xr.Dataset":
@@ -281,11 +257,7 @@ class Stationary:
 
     def verdicts_in(self, units: str) -> pd.DataFrame:
         """`verdicts` in a system of units, with a column ``unit``, as `table_in`."""
-        return (
-            in_units(self.verdicts, self.scene.gears, units)
-            if len(self.verdicts)
-            else self.verdicts
-        )
+        return in_units(self.verdicts, self.scene.gears, units)
 
     def to_dict(self, units: str = "dimensionless") -> dict[str, Any]:
         """Everything but the section as plain data.
@@ -305,17 +277,13 @@ class Stationary:
             "said": self.said,
             "slow": self.slow,
             "units": units,
+            "threshold": [t._asdict() for t in rattle_threshold(self.scene)],
         }
-        facts["threshold"] = [t._asdict() for t in rattle_threshold(self.scene)]
         if run is not None:
-            facts |= {
-                "paths": run.paths,
-                "periods": run.periods,
-                "impacts": run.impacts,
-                "burn_in": run.burn_in.periods,
-                "seconds": round(run.wall_seconds, 3),
-                "reach": None if run.reach is None else run.reach.sentence,
-                "reached": run.reach is None or run.reach.reached,
-            }
+            facts |= {name: getattr(run, name) for name in ("paths", "periods", "impacts")}
+            facts["burn_in"] = run.burn_in.periods
+            facts["seconds"] = round(run.wall_seconds, 3)
+            facts["reach"] = run.reach.sentence if run.reach else None
+            facts["reached"] = run.reach is None or run.reach.reached
         table = self.table_in(units).reset_index().to_dict("records")
         return facts | {"table": table, "verdicts": self.verdicts_in(units).to_dict("records")}

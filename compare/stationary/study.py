@@ -5,13 +5,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from rattle.compare.engine.store import Cell, Content
+from rattle.compare.report.render import render_sentences
 from rattle.compare.report.style import STYLE, new_figure
-from rattle.compare.report.table import Column, Table, of_numbers
+from rattle.compare.report.table import Table, of_numbers
 from rattle.compare.report.texts import CLOSURE_TERMS, VERDICT_TERMS
 from rattle.compare.stationary.measure import ESTIMATE_COLUMNS, stationary
 from rattle.compare.stationary.result import plain_unit
@@ -20,6 +20,7 @@ from rattle.compare.stationary.verdicts import (
     PREDICTED,
     STATIONARY_TEXTS,
     TOLERANCES,
+    choose_closures,
     judge_predictions,
     predictions,
 )
@@ -30,7 +31,7 @@ from rattle.compare.validation.verdict import JUDGED, Tolerances, Verdict, span
 from rattle.montecarlo.kernel.blocks import Blocks
 from rattle.montecarlo.long_run.paths import IMPACT_SECONDS
 from rattle.montecarlo.long_run.run import LONG_RUN_ACCURACY, LONG_RUN_PATHS, check_long_run
-from rattle.scene import InputError, Scene, choice
+from rattle.scene import InputError, Scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,6 +47,7 @@ TITLE = "study of the long run"
 PAGE = "rattle.compare.stationary.study"
 TEMPLATE = "stationary/study.j2"
 WORDS = (*CLOSURE_TERMS, *VERDICT_TERMS, "exact flight", "σ", "ε", "orbit")
+MAIN_QUANTITIES = ("rate", "speed", "energy_per_period", "slow_share")  # those of the page
 TYPICAL_SPREAD = 2.0  # typical sd over mean of what is averaged, with its autocorrelation
 
 
@@ -105,30 +107,28 @@ class LongCell(Cell):
 
     def evaluate(self, blocks: Blocks | None = None) -> tuple[pd.DataFrame, dict[str, Any]]:
         """Follow the long run."""
-        found = stationary(
+        result = stationary(
             self.scene.phase_reduced, **self.asked, closures=self.closures, rng=self.seed
         )
-        run = found.run
-        predicted = pd.DataFrame()
+        run = result.run
+        parts = [result.table.reset_index().assign(closure="")]
         if run is not None:
             # where it stopped depends on wall time
             if run.reach is not None and not run.reach.reached:
                 raise InputError("accuracy", self.accuracy, run.reach.sentence)
-            predicted = predictions(found.laws, found.scene, self.slow)
-        facts: dict[str, Any] = {"kind": found.kind, "said": found.said}
+            parts.append(predictions(result.laws, result.scene, self.slow))
+        facts: dict[str, Any] = {"kind": result.kind, "said": result.said}
         facts |= {name: getattr(run, name, 0) for name in ("periods", "paths", "impacts")}
-        facts |= {"burn_in": run.burn_in.periods if run else 0}
-        parts = [found.table.reset_index().assign(closure=""), predicted]
+        facts["burn_in"] = run.burn_in.periods if run else 0
         return pd.concat([part for part in parts if len(part)], ignore_index=True), facts
 
     def restore(self, content: Content) -> LongResult:
         """Turn a stored result back into tables."""
-        own = content.table["closure"] == ""
-        names = [c for c in PREDICTED if c in content.table]
-        table = content.table[own].set_index("quantity")[ESTIMATE_COLUMNS]
-        return LongResult(
-            table, content.table.loc[~own, names], {name: content.facts[name] for name in FACTS}
-        )
+        simulated = content.table["closure"] == ""
+        names = [name for name in PREDICTED if name in content.table]
+        table = content.table[simulated].set_index("quantity")[ESTIMATE_COLUMNS]
+        facts = {name: content.facts[name] for name in FACTS}
+        return LongResult(table, content.table.loc[~simulated, names], facts)
 
 
 @dataclass(frozen=True)
@@ -159,10 +159,10 @@ class LongTables:
         """
         for fixed, part in panels(self.study, self.quantities, len(self.quantities)):
             if at.items() <= fixed.items():
-                own = self.verdicts
-                for name, value in fixed.items() if len(own) else ():
-                    own = own[own[name] == value]
-                return study_figure(self.study.along, part, own)
+                verdicts = self.verdicts
+                for name, value in fixed.items() if len(verdicts) else ():
+                    verdicts = verdicts[verdicts[name] == value]
+                return study_figure(self.study.along, part, verdicts)
         raise InputError(
             "study", self.study.title, "no field varies over numbers, or nothing could be computed"
         )
@@ -209,8 +209,11 @@ def read(given: Mapping[str, Any], varying: set[str]) -> dict[str, Any]:
         raise InputError(
             f"study.{name}", name, "cannot vary in a study of the long run, or varies twice"
         )
+    closures = given.get("closures", tuple(CLOSURES_JUDGED))
+    if isinstance(closures, str | Mapping) or not hasattr(closures, "__iter__"):
+        raise InputError("study.closures", closures, "give a list of " + ", ".join(CLOSURES_JUDGED))
     return {
-        "closures": _closures(given.get("closures", tuple(CLOSURES_JUDGED))),
+        "closures": choose_closures("study.closures", closures),
         "impacts": 1,
         "order": 2,
         "settings": settings,
@@ -229,12 +232,6 @@ def cells(
     except InputError as error:
         return None, (), {"sample": str(error)}
     return cell, (), {}
-
-
-def _closures(given: Any) -> tuple[str, ...]:
-    if isinstance(given, str | Mapping) or not hasattr(given, "__iter__"):
-        raise InputError("study.closures", given, "give a list of " + ", ".join(CLOSURES_JUDGED))
-    return tuple(dict.fromkeys(choice("study.closures", name, CLOSURES_JUDGED) for name in given))
 
 
 ALL_AND_MESHES = ("{}", "{}_mesh1", "{}_mesh2")
@@ -262,28 +259,25 @@ def study_figure(along: str, quantities: pd.DataFrame, verdicts: pd.DataFrame) -
     """Draw rates, losses, speeds, slow shares and the closures' verdicts over the first field that
     varies."""
     figure, axes = new_figure(10.0, 6.0, 2, 3)
-    of = dict(iter(quantities.groupby("quantity")))
+    of: dict[Any, Any] = dict(iter(quantities.groupby("quantity")))
     for ax, (title, unit, quantity, forms) in zip(axes, PANELS, strict=False):
         for form, style in zip(forms, STYLES, strict=True):
             if (name := form.format(quantity)) in of:
                 rows = of[name].sort_values(along)
-                ax.fill_between(
-                    rows[along], rows["low"], rows["high"], color=style["color"], alpha=0.25, lw=0
-                )
-                ax.plot(rows[along], rows["value"], label=name, **style)
+                band = {"color": style["color"], "alpha": 0.25, "lw": 0}
+                ax.fill_between(along, "low", "high", data=rows, **band)
+                ax.plot(along, "value", data=rows, label=name, **style)
         ax.set_title(title, loc="left")
         ax.set_ylabel(unit)
     memory, shown = axes[4:]
     averages = [name for name in quantities["quantity"].unique() if name in AVERAGES]
     for name, style in zip(averages, STYLES, strict=False):
-        memory.plot(of[name][along], of[name]["autocorrelation"], label=name, **style)
+        memory.plot(along, "autocorrelation", data=of[name], label=name, **style)
     memory.set(yscale="log", ylabel="impacts")
     memory.set_title("autocorrelation time", loc="left")
     good = shares(verdicts, along).dropna(axis="columns", how="all")
-    for closure in good:
-        shown.plot(
-            good.index, good[closure], lw=1.2, ms=4, label=str(closure), **STYLE[str(closure)]
-        )
+    for closure, accurate in good.items():
+        shown.plot(accurate, lw=1.2, ms=4, label=closure, **STYLE[str(closure)])
     shown.set(ylabel="share", ylim=(-0.05, 1.05), visible=not good.empty)
     shown.set_title("accurate quantities", loc="left")
     for ax in axes:
@@ -315,85 +309,55 @@ def answer(r: LongTables) -> list[str]:
     """Summarise a study of the long run in a few sentences."""
     if r.empty:
         return ["No point could be computed; the command says why."]
-    name = r.study.along or "the points"
-    said = []
-    for quantity, words in (
-        ("rate", "impacts per unit of time"),
-        ("energy_per_period", "energy lost per period"),
-    ):
-        rows = r.quantities[r.quantities["quantity"] == quantity].sort_values("value").iloc[[0, -1]]
-        ends = [f"{value:.4g}" for value in rows["value"]]
-        if ends[0] != ends[1] and r.study.along:
-            ends = [
-                f"{e} (at {name} = {value:.4g})" for e, value in zip(ends, rows[name], strict=True)
-            ]
-        said.append(
-            f"{words}: {ends[0]}" if ends[0] == ends[1] else f"{words}: from {' to '.join(ends)}"
-        )
-    sentences = [f"In the long run, {said[0]}.", f"{said[1][0].upper()}{said[1][1:]}."]
+    values = {
+        name: r.quantities[r.quantities["quantity"] == name].sort_values("value")
+        for name in ("rate", "energy_per_period")
+    }
+    reach = []
     if r.study.along and not r.verdicts.empty:
-        good = shares(r.verdicts, r.study.along)
-        for closure in r.study.closures:
-            own = good[closure].dropna() if closure in good else pd.Series(dtype=float)
-            if own.empty:
-                why = r.verdicts[r.verdicts["closure"] == closure]["reason"].iloc[0]
-                sentences.append(
-                    f"`{closure}` predicts nothing of the long run at any value: {why}."
-                )
-            else:
-                full = f"is fully accurate at {(own == 1.0).sum() or 'none'} of them"
-                reach = (
-                    f"predicts the long run at {len(own)} of {len(good)} values of {name}, and"
-                    f" {full}"
-                )
-                sentences.append(
-                    f"`{closure}` {reach}; {span(own, '.0%')} of its quantities are accurate."
-                )
-    other = r.cost[r.cost["kind"] != "simulated"]
-    if len(other):
-        sentences.append(
-            f"At {len(other)} of {len(r.cost)} points nothing is random and the values are exact."
-        )
-    return sentences
+        accurate = shares(r.verdicts, r.study.along)
+        reasons = r.verdicts.groupby("closure")["reason"].first()
+        nothing = pd.Series(dtype=float)
+        reach = [
+            (closure, accurate.get(closure, nothing).dropna(), reasons[closure])
+            for closure in map(str, r.study.closures)
+        ]
+    return render_sentences(
+        "stationary/study_answer.j2",
+        r=r,
+        ends={name: rows.iloc[[0, -1]].to_dict("records") for name, rows in values.items()},
+        reach=reach,
+        span=span,
+        exact=(r.cost["kind"] != "simulated").sum(),
+    )
 
 
 def draw(r: LongTables) -> list[Drawing]:
     """Draw the figure, where a field varies, once for all values of the others."""
     drawn = []
     for number, (fixed, _) in enumerate(panels(r.study, r.quantities), 1):
-        own = f"figures/long-run-{number}" if fixed else "figures/long-run"
+        name = f"figures/long-run-{number}" if fixed else "figures/long-run"
         at = "".join(f" {field} = {v}." for field, v in fixed.items())
-        drawn.append(Drawing(own, r.plot(**fixed), STATIONARY_TEXTS["study"] + at))
+        drawn.append(Drawing(name, r.plot(**fixed), STATIONARY_TEXTS["study"] + at))
     return drawn
 
 
 def content(r: LongTables, seconds: Mapping[str, float]) -> dict[str, Any]:
-    """What the template of the page shows: the main quantities at every point."""
-    return {"main": _main(r), "tolerances": TOLERANCES}
-
-
-def _main(r: LongTables) -> Table:
-    """The main quantities at every point, with half widths of their intervals."""
+    """What the template of the page shows: the main quantities at every point, with half widths of
+    their intervals."""
     names = r.study.names
-    shown = ("rate", "speed", "energy_per_period", "slow_share")
-    numbers = [head for name in shown for head in (name, "±")]
-    heads: list[Column | str] = [
-        *names,
-        *map(of_numbers, [*numbers, "burn-in", "periods"]),
-    ]
-    rows = []
-    for _, point in r.cost.iterrows():
-        own = r.quantities[(r.quantities[names] == point[names]).all(axis="columns")].set_index(
-            "quantity"
-        )
-        half = 0.5 * (own["high"] - own["low"])
-        main = (column.get(name, np.nan) for name in shown for column in (own["value"], half))
-        rows.append(
-            [
-                *(f"{point[n]}" for n in names),
-                *main,
-                float(point["burn_in"]),
-                float(point["periods"]),
-            ]
-        )
-    return Table.of(heads, rows)
+    point = ["study", *names]  # an index even where no field varies
+    half = 0.5 * (r.quantities["high"] - r.quantities["low"])
+    main = [(kind, name) for name in MAIN_QUANTITIES for kind in ("value", "half")]
+    columns = (
+        r.quantities.assign(half=half, study=0)
+        .pivot(index=point, columns="quantity", values=["value", "half"])
+        .reindex(columns=main)
+        .set_axis([" ".join(head) for head in main], axis="columns")
+    )
+    rows = r.cost.assign(study=0).join(columns, on=point)
+    heads = [of_numbers(name if kind == "value" else "±", f"{kind} {name}") for kind, name in main]
+    table = Table.of_frame(
+        rows, *names, *heads, of_numbers("burn-in", "burn_in"), of_numbers("periods")
+    )
+    return {"main": table, "tolerances": TOLERANCES}

@@ -4,8 +4,7 @@ A law is a mixture of normal distributions over impacts.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from rattle.compare.report.texts import read_texts
 from rattle.compare.validation.verdict import judge
 from rattle.montecarlo.long_run.estimates import QUANTILES, all_names, groups
 from rattle.montecarlo.statistics.intervals import half_width, widest
-from rattle.scene import Floats, Scene
+from rattle.scene import Floats, Scene, choice
 from rattle.scene.long_orbit import Attractor, attractor
 
 CLOSURES_JUDGED = {
@@ -47,24 +46,33 @@ VERDICT_COLUMNS = [
     "high",
     "tolerance",
     "verdict",
+    "periods_needed",
+    "reason",
 ]
-VERDICT_COLUMNS += ["periods_needed", "reason"]
 HALVINGS = 80  # of an interval that holds a quantile
+
+
+def choose_closures(field: str, names: Iterable[Any]) -> tuple[str, ...]:
+    """Check names of closures that have a stationary law, each taken once."""
+    return tuple(dict.fromkeys(choice(field, name, CLOSURES_JUDGED) for name in names))
 
 
 def laws(
     scene: Scene, closures: tuple[str, ...], a: Attractor | None = None
 ) -> dict[str, Law | str]:
     """The stationary law of each closure, or the reason why it has none."""
-    linear = partial(linear_law, a=attractor(scene) if a is None else a)
-    by: dict[str, Callable[[Scene], Law]] = {"saltation": linear, "branching": branching_law}
-    found: dict[str, Law | str] = {}
+    law_by_closure: dict[str, Law | str] = {}
     for closure in closures:
         try:
-            found[closure] = by.get(closure, partial(orbit_average, closure=closure))(scene)
+            if closure == "saltation":
+                law_by_closure[closure] = linear_law(scene, a or attractor(scene))
+            elif closure == "branching":
+                law_by_closure[closure] = branching_law(scene)
+            else:
+                law_by_closure[closure] = orbit_average(scene, closure=closure)
         except NotPredicted as why:
-            found[closure] = str(why)
-    return found
+            law_by_closure[closure] = str(why)
+    return law_by_closure
 
 
 def tolerance_of(name: str, values: Mapping[Any, float]) -> float:
@@ -81,27 +89,31 @@ def tolerance_of(name: str, values: Mapping[Any, float]) -> float:
     )
 
 
-def predictions(found: dict[str, Law | str], scene: Scene, slow: float) -> pd.DataFrame:
+def predictions(law_by_closure: dict[str, Law | str], scene: Scene, slow: float) -> pd.DataFrame:
     """What each closure says of every quantity.
 
     Returns: Columns ``closure, kind, quantity, predicted, se_predicted, reason``; NaN and a reason
     where it says nothing.
     """
     parts = []
-    for closure, law in found.items():
-        values = dict.fromkeys(all_names(scene.stages), np.nan)
+    for closure, law in law_by_closure.items():
+        values = pd.Series(np.nan, all_names(scene.stages))
         se = 0.0
         reason = str(law)
         if isinstance(law, Law):
-            values = values_of(law, scene, slow)
+            values = pd.Series(values_of(law, scene, slow))
             se = law.se
             reason = ""
-        part = pd.DataFrame({"quantity": list(values), "predicted": list(values.values())})
-        part = part.assign(closure=closure, kind=CLOSURES_JUDGED[closure], reason=reason)
-        parts.append(part.assign(se_predicted=se * part["predicted"].abs()))
-    return (
-        pd.concat(parts, ignore_index=True)[PREDICTED] if parts else pd.DataFrame(columns=PREDICTED)
-    )
+        columns = {
+            "closure": closure,
+            "kind": CLOSURES_JUDGED[closure],
+            "quantity": values.index,
+            "predicted": values.to_numpy(),
+            "se_predicted": se * np.abs(values.to_numpy()),
+            "reason": reason,
+        }
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=PREDICTED)
 
 
 def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame) -> pd.DataFrame:
@@ -112,9 +124,8 @@ def judge_predictions(table: pd.DataFrame, periods: int, predicted: pd.DataFrame
     sides.
     """
     rows = predicted[predicted["quantity"].isin(table.index)].reset_index(drop=True)
-    return judge_rows(rows, table, widest(int(rows["predicted"].notna().sum())), periods)[
-        VERDICT_COLUMNS
-    ]
+    z = widest(int(rows["predicted"].notna().sum()))
+    return judge_rows(rows, table, z, periods)[VERDICT_COLUMNS]
 
 
 def judge_rows(
@@ -127,26 +138,32 @@ def judge_rows(
     ``effective_paths`` and ``widened``: how many paths carry the error, and the half width of the
     interval in standard errors for that.
     """
-    rows = predicted.copy()
     values = table["value"].to_dict()
-    rows["tolerance"] = [tolerance_of(str(name), values) for name in rows["quantity"]]
-    own = table.reindex(rows["quantity"]).set_index(rows.index)
-    rows["simulated"] = own["value"]
-    rows["se"] = own["se"]
-    rows["error"] = rows["predicted"].astype(float) - rows["simulated"]
-    rows["effective_paths"] = own["effective_paths"]
-    rows["widened"] = _width(rows["effective_paths"], z)
-    se = (rows["se"] ** 2 + rows["se_predicted"].astype(float) ** 2) ** 0.5
-    rows["noise"] = rows["widened"] * se
-    rows["low"], rows["high"] = rows["error"] - rows["noise"], rows["error"] + rows["noise"]
-    found = judge(rows.assign(paths=float(periods))).rename(
-        columns={"paths_needed": "periods_needed"}
+    estimates = table.reindex(predicted["quantity"]).set_index(predicted.index)
+    effective = estimates["effective_paths"]
+    widened = _width(effective, z)
+    error = predicted["predicted"].astype(float) - estimates["value"]
+    se = (estimates["se"] ** 2 + predicted["se_predicted"].astype(float) ** 2) ** 0.5
+    noise = widened * se
+    tolerance = [tolerance_of(str(name), values) for name in predicted["quantity"]]
+    judged = judge(
+        predicted.assign(
+            tolerance=tolerance,
+            simulated=estimates["value"],
+            se=estimates["se"],
+            error=error,
+            effective_paths=effective,
+            widened=widened,
+            noise=noise,
+            low=error - noise,
+            high=error + noise,
+            paths=float(periods),
+        )
     )
-    margin = (rows["error"].abs() - rows["tolerance"]).abs()
-    needed = np.ceil(periods * _times_longer(rows["effective_paths"], se, margin, z))
-    return found.assign(
-        periods_needed=found["periods_needed"].where(found["periods_needed"].isna(), needed)
-    )
+    margin = (error.abs() - tolerance).abs()
+    needed = np.ceil(periods * _times_longer(effective, se, margin, z))
+    undecidable = judged.pop("paths_needed").isna()
+    return judged.assign(periods_needed=np.where(undecidable, np.nan, needed))
 
 
 def _width(effective: pd.Series, z: float) -> Any:
@@ -173,82 +190,81 @@ def _times_longer(effective: pd.Series, se: pd.Series, margin: pd.Series, z: flo
 def law_of(a: Attractor) -> Law:
     """The law of a periodic orbit itself: a point mass at each impact of its cycle."""
     n = a.impacts
-    zero = np.zeros(a.impacts)
-    back = np.empty(a.impacts)
+    zero = np.zeros(n)
+    back = np.empty(n)
     turn = 2.0 * math.pi * a.periods
     mesh = a.mesh[1:]
-    tau = a.tau[1:]
     for struck in (1, 2):
-        own = mesh == struck
-        back[own] = (tau[own] - np.roll(tau[own], 1)) % turn if own.sum() > 1 else turn
+        tau = a.tau[1:][mesh == struck]
+        back[mesh == struck] = (tau - np.roll(tau, 1)) % turn if tau.size > 1 else turn
     speed = np.abs(np.where(mesh == 1, a.before[1:, 1], a.before[1:, 3]))
     return Law(n / turn, np.full(n, 1.0 / n), mesh, speed, zero, np.diff(a.tau), zero, back, zero)
 
 
-def _cdf(x: float, weight: Floats, mean: Floats, sd: Floats) -> float:
+def _cdf(x: Floats, weight: Floats, mean: Floats, sd: Floats) -> Floats:
+    """Distribution function of a mixture of normal distributions and point masses.
+
+    Shapes: `x` and result (...,); the others (parts,).
+    """
+    x = x[..., None]
     with np.errstate(invalid="ignore", divide="ignore"):
         below = np.where(sd > 0.0, ndtr((x - mean) / sd), mean <= x)
-    return float((weight * below).sum())
+    return np.asarray((weight * below).sum(axis=-1))
 
 
-def _quantile(p: float, weight: Floats, mean: Floats, sd: Floats) -> float:
-    """Quantile of a mixture of normal distributions and point masses, by bisection."""
-    low = float((mean - 9.0 * sd).min())
-    high = float((mean + 9.0 * sd).max())
+def _quantiles(p: Floats, weight: Floats, mean: Floats, sd: Floats) -> Floats:
+    """Quantiles of a mixture of normal distributions and point masses, by bisection."""
+    low = np.full(p.shape, (mean - 9.0 * sd).min())
+    high = np.full(p.shape, (mean + 9.0 * sd).max())
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _cdf(middle, weight, mean, sd) < p:
-            low = middle
-        else:
-            high = middle
+        below = _cdf(middle, weight, mean, sd) < p
+        low = np.where(below, middle, low)
+        high = np.where(below, high, middle)
     return high
 
 
-def _spread(weight: Floats, mean: Floats, sd: Floats) -> tuple[float, float, float]:
-    """Mean, sd and skewness of a mixture; NaN where a part is not predicted."""
-    centre = float((weight * mean).sum())
-    off = mean - centre
-    variance = float((weight * (off**2 + sd**2)).sum())
-    third = float((weight * (off**3 + 3.0 * off * sd**2)).sum())
-    return centre, math.sqrt(variance), third / variance**1.5 if variance > 0.0 else math.nan
-
-
-def _by_speed(
-    slow: float, rate: float, weight: Floats, mean: Floats, sd: Floats
+def _describe(
+    name: str, weight: Floats, mean: Floats, sd: Floats, above: float = -math.inf
 ) -> dict[str, float]:
-    """Share of slow impacts; rate of the others, and moments and quantiles of their speed, which is
-    a cut mixture."""
-    share = _cdf(slow, weight, mean, sd)
-    found = {"slow_share": share, "rate_above": rate * (1.0 - share)}
-    if not share < 1.0:
-        return found
+    """Mean, sd, skewness, root mean square and quantiles of the part of a mixture above a value, by
+    name.
+
+    Nothing where no part is above; NaN where an sd is not predicted.
+    """
+    share = float(_cdf(np.array(above), weight, mean, sd))
+    if not (share < 1.0 and np.isfinite(mean).all()):
+        return {}
+    # the standardised value, above which a part counts; the density there, zero at infinity
     with np.errstate(invalid="ignore", divide="ignore"):
-        z = np.where(sd > 0.0, (slow - mean) / sd, np.where(mean <= slow, np.inf, -np.inf))
-    edge = np.where(sd > 0.0, z, 0.0)
-    density = np.where(sd > 0.0, np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi), 0.0)
-    # of a normal variable above z
-    powers = [ndtr(-z), density, ndtr(-z) + edge * density, (edge**2 + 2.0) * density]
-    whole = float((weight * powers[0]).sum())
-    one = float((weight * (mean * powers[0] + sd * powers[1])).sum()) / whole
-    off = mean - one
-    two = (
-        float(
-            (weight * (off**2 * powers[0] + 2.0 * off * sd * powers[1] + sd**2 * powers[2])).sum()
-        )
-        / whole
+        z = np.where(sd > 0.0, (above - mean) / sd, np.where(mean <= above, np.inf, -np.inf))
+    edge = np.where(np.isfinite(z), z, 0.0)
+    density = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+    # integrals over a standard normal variable above z: of 1 and of its square and cube; that of
+    # the variable itself is the density, here in units of the mixture
+    zeroth = ndtr(-z)
+    first = np.where(density > 0.0, sd * density, 0.0)
+    second = sd**2 * (zeroth + edge * density)
+    third = sd**3 * (edge**2 + 2.0) * density
+    weight_above = float((weight * zeroth).sum())
+    centre = float((weight * (mean * zeroth + first)).sum()) / weight_above
+    off = mean - centre
+    square = off**2 * zeroth + 2.0 * off * first + second
+    cube = off**3 * zeroth + 3.0 * off**2 * first + 3.0 * off * second + third
+    variance = float((weight * square).sum()) / weight_above
+    spread = math.sqrt(variance)
+    skewness = (
+        float((weight * cube).sum()) / weight_above / variance**1.5 if variance > 0.0 else math.nan
     )
-    three = (
-        off**3 * powers[0]
-        + 3.0 * off**2 * sd * powers[1]
-        + 3.0 * off * sd**2 * powers[2]
-        + sd**3 * powers[3]
-    )
-    third = float((weight * three).sum()) / whole
-    spread = (one, math.sqrt(two), third / two**1.5 if two > 0.0 else math.nan)
-    found |= dict(zip(("speed_above", "sd_speed_above", "skew_speed_above"), spread, strict=True))
-    found["rms_speed_above"] = math.hypot(one, spread[1])
-    cut = (_quantile(share + 0.01 * q * (1.0 - share), weight, mean, sd) for q in QUANTILES)
-    return found | {f"q{q:02d}_speed_above": value for q, value in zip(QUANTILES, cut, strict=True)}
+    p = share + 0.01 * np.array(QUANTILES) * (1.0 - share)
+    quantiles = _quantiles(p, weight, mean, sd).tolist()
+    return {
+        name: centre,
+        f"sd_{name}": spread,
+        f"skew_{name}": skewness,
+        f"rms_{name}": math.hypot(centre, spread),
+        **{f"q{q:02d}_{name}": value for q, value in zip(QUANTILES, quantiles, strict=True)},
+    }
 
 
 def values_of(
@@ -264,27 +280,23 @@ def values_of(
         if share == 0.0:
             continue
         weight = law.weight[part] / share
+        speed = (weight, law.speed[part], law.sd_speed[part])
+        flight, sd_flight = (law.flight, law.sd_flight) if g == 0 else (law.back, law.sd_back)
         rate = law.rate * share
-        flight = (law.flight, law.sd_flight) if g == 0 else (law.back, law.sd_back)
         energy = float((weight * lost[part]).sum())
-        found = {"rate": rate, "energy": energy, "energy_per_period": 2.0 * math.pi * rate * energy}
-        found |= {"power": rate * energy} | _by_speed(
-            slow, rate, weight, law.speed[part], law.sd_speed[part]
-        )
-        for name, (mean, sd) in {"flight": flight, "speed": (law.speed, law.sd_speed)}.items():
-            mean = mean[part]
-            sd = sd[part]
-            if not np.isfinite(mean).all():
-                found[name] = 1.0 / rate if name == "flight" else math.nan
-                continue
-            found |= dict(
-                zip((name, f"sd_{name}", f"skew_{name}"), _spread(weight, mean, sd), strict=True)
-            )
-            found |= {f"q{q:02d}_{name}": _quantile(0.01 * q, weight, mean, sd) for q in QUANTILES}
-        found["rms_speed"] = math.hypot(
-            found.get("speed", math.nan), found.get("sd_speed", math.nan)
-        )
-        out |= {name + suffix: value for name, value in found.items()}
+        slow_share = float(_cdf(np.array(slow), *speed))
+        values = {
+            "rate": rate,
+            "rate_above": rate * (1.0 - slow_share),
+            "slow_share": slow_share,
+            "energy": energy,
+            "energy_per_period": 2.0 * math.pi * rate * energy,
+            "power": rate * energy,
+            "flight": 1.0 / rate,  # where no distribution of it is predicted
+        }
+        values |= _describe("flight", weight, flight[part], sd_flight[part])
+        values |= _describe("speed", *speed) | _describe("speed_above", *speed, above=slow)
+        out |= {name + suffix: value for name, value in values.items() if name + suffix in out}
     return out | {
         f"contact_share_mesh{mesh}": contact[mesh - 1] for mesh in range(1, scene.stages + 1)
     }

@@ -4,7 +4,7 @@ the orbit."""
 from rattle.compare.validation.verdict import join_words
 from rattle.scene import Scene
 from rattle.scene.long_orbit import REST_FOR_GOOD, attractor
-from rattle.scene.text import percent
+from rattle.scene.text import number_text, percent
 from rattle.scene.threshold import RattleThreshold, rattle_threshold
 
 ALWAYS = 0.9995  # share of the time from which on a mesh is called closed throughout
@@ -52,7 +52,7 @@ def _compare(wheel: RattleThreshold, scene: Scene) -> str:
 
 def drag_text(value: float, unit: str) -> str:
     """A drag to four digits, without an exponent where it is not needed."""
-    return f"{float(f'{value:.4g}'):,.6g} {unit}".rstrip()
+    return f"{number_text(value, 4)} {unit}".rstrip()
 
 
 def _share(share: float) -> str:

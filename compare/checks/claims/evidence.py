@@ -120,7 +120,7 @@ def gather(
         "orbit": lyapunov(single, width=0.02),
         "noisy": drift_exponents(single, width=0.02, seed=seed),
     }
-    noisy = (s for s, _ in noisy_record(scene, PATH_STEPS, seed, Regime(), tangent=False))
+    noisy = (s for s, _ in noisy_record(scene, seed, Regime(), steps=PATH_STEPS, tangent=False))
     records = {"orbit": orbit_record(scene, ORBIT_IMPACTS, Regime(), tangent=False), "noisy": noisy}
     repeats = {of: _repeats(record) for of, record in records.items()}
     mean = mean_motion(scene, max(paths // 5, FEWEST_FOLLOWED), seed, workers)

@@ -150,7 +150,7 @@ def test_exponents_whose_sum_is_off_are_not_reported():
     time = 0.0
     impacts = 0
     scene = Scene.from_gears(gears, sigma=0.2)
-    for s, _ in noisy_record(scene, 2000, 0, regime):
+    for s, _ in noisy_record(scene, 0, regime, steps=2000):
         sums = sums + s.growth.sum()
         time = time + s.flight.sum()
         impacts = impacts + s.flight.size
